@@ -1,0 +1,1 @@
+"""Two panoramas of one bore: aligned, segmented and scored."""

@@ -1,0 +1,102 @@
+"""The sidecar ``acquisition.toml``: what the files themselves do not say about a recording."""
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from endoct.stitching.errors import EndoctError
+
+SIDECAR_NAME = "acquisition.toml"
+
+Travel = Literal["in", "out", "unknown"]
+Handedness = Literal["same", "mirrored", "unknown"]
+
+
+class Acquisition(BaseModel):
+    """Keys that every modality's sidecar has; a plug-in derives its own model and adds keys.
+
+    Each field's ``description`` says what it is and why it matters; ``endoct info --write-sidecar`` prints
+    it. A key that is not known is left out, never set to zero.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, allow_inf_nan=False)
+
+    modality: str = Field(description="the plug-in that reads this recording")
+    bore_diameter_mm: float = Field(gt=0, description="nominal diameter of the drill hole; sets mm along θ")
+    travel: Travel = Field(default="unknown", description="which way the instrument moved: in, out or unknown")
+    positions_mm: tuple[float, ...] | None = Field(
+        default=None, description="travel position of every frame, beats the nominal pitch"
+    )
+    theta_origin_rad: float = Field(default=0.0, description="θ of the first A-scan or of the image's +x axis")
+    calibration: str | None = Field(default=None, description="a TOML file beside this one with further keys")
+
+
+AnyAcquisition = TypeVar("AnyAcquisition", bound=Acquisition)
+
+
+def sidecar_path(recording: Path) -> Path:
+    """Return where the sidecar of ``recording`` (a folder or a file) lies: inside it, or beside it."""
+    return (recording if recording.is_dir() else recording.parent) / SIDECAR_NAME
+
+
+def read_keys(recording: Path) -> dict[str, Any]:
+    """Return the keys of the recording's sidecar, its ``calibration`` file merged in; {} where there is none.
+
+    Raises :class:`EndoctError` where a file is not TOML or the calibration file is missing.
+    """
+    path = sidecar_path(recording)
+    if not path.is_file():
+        return {}
+    keys = _read_toml(path)
+    if isinstance(name := keys.get("calibration"), str):
+        extra = _read_toml(path.parent / name)
+        if both := sorted(keys.keys() & extra.keys()):
+            raise EndoctError(f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them")
+        keys |= extra
+    return keys
+
+
+def validate(model: type[AnyAcquisition], keys: Mapping[str, Any], where: str) -> AnyAcquisition:
+    """Return ``keys`` as a checked ``model``.
+
+    ``where`` names the source for the message. Raises :class:`EndoctError` for the first key that is
+    unknown (suggesting the nearest), missing, or has an impossible value.
+    """
+    known = list(model.model_fields)
+    for key in keys:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+            raise EndoctError(
+                f"unknown key '{key}' in {where}",
+                expected=f"'{near[0]}'" if near else f"one of {', '.join(known)}",
+                remedy="correct the spelling or remove the key",
+            )
+    try:
+        return model.model_validate(dict(keys))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the sidecar"
+        if first["type"] == "missing":
+            about = model.model_fields[key].description if key in model.model_fields else None
+            raise EndoctError(
+                f"{where} lacks '{key}'" + (f" ({about})" if about else ""),
+                remedy=f"add it to {SIDECAR_NAME}, or give it with --set {key}=VALUE",
+            ) from None
+        raise EndoctError(
+            f"'{key}' in {where} cannot be used",
+            found=repr(first["input"]),
+            expected=first["msg"].removeprefix("Value error, ").lower().removeprefix("input should be "),
+        ) from None
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise EndoctError(f"{path} is not valid TOML", found=str(error)) from error
+    except OSError as error:
+        raise EndoctError(f"{path} cannot be read", found=error.strerror or str(error)) from error

@@ -1,0 +1,193 @@
+"""What an instrument's plug-in must offer.
+
+A plug-in is a :class:`Manifest`, registered as an entry point of the group ``endoct.modalities``, and the
+:class:`Modality` it names. The manifest must be importable without torch or OpenCV; the modality is loaded
+when a recording is opened.
+
+A plug-in
+
+- **sniffs** a path cheaply, by content, and says why it declines;
+- **opens** it without reading samples, as a sized, indexable, picklable stream of frames;
+- **surveys** it in one pass: everything that needs the whole recording; the answer must not depend on how
+  the pass is split among workers;
+- **unrolls** one frame, purely;
+- may **settle** the assembled panorama;
+- marks unknown samples invalid, changes no input, raises only :class:`EndoctError`.
+
+The conformance suite (:mod:`endoct.modalities.conformance`) checks all of this on any plug-in.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.acquisition import Acquisition
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.strip import Strip
+
+Channel = Literal["intensity", "depth"]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One endoscope frame or B-scan.
+
+    Attributes: ``index`` in the recording's own order; ``samples``, read-only, for a B-scan (θ, depth), for
+    an image (row, column) or (row, column, channel), in the file's dtype; ``z_mm`` nominal, inward, before
+    any feed correction; ``metadata``.
+    """
+
+    index: int
+    samples: NDArray[Any]
+    z_mm: float
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Sniff:
+    """Whether a plug-in claims a path, and why (not)."""
+
+    claims: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What is known of a plug-in without loading it.
+
+    Attributes: ``name`` as in the sidecar's ``modality``; ``title`` for people; ``suffixes`` of the files it
+    reads; ``acquisition``, the model of its sidecar; ``provides``; ``frame_dim``, what a frame is called in
+    its panoramas; ``implementation``, "module:name" of the :class:`Modality`.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    acquisition: type[Acquisition]
+    provides: frozenset[Channel]
+    frame_dim: str
+    implementation: str
+
+    def load(self) -> "Modality":
+        """Import the implementation. Raises :class:`EndoctError` naming what is missing."""
+        module, _, name = self.implementation.partition(":")
+        try:
+            modality: Modality = getattr(import_module(module), name)
+        except (ImportError, AttributeError) as error:
+            raise EndoctError(f"the modality '{self.name}' cannot be loaded", found=str(error)) from error
+        return modality
+
+
+class FrameStream(Protocol):
+    """A recording, opened. Sized, indexable from 0, picklable; reads one frame's samples when indexed."""
+
+    @property
+    def acquisition(self) -> Acquisition:
+        """The checked sidecar, overrides included."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Frame: ...
+
+
+class Calibration(Protocol):
+    """What a survey found: everything ``unroll`` needs beside the frame, picklable.
+
+    ``grid`` and ``row_z_mm`` (float64 (n_z,), ascending) are the rows and columns of the panorama, on which
+    every strip must lie. ``per_frame`` is geometry and quality per frame, in the recording's own order, with
+    ``"z_mm"`` among them; ``notes`` says, in full sentences, what was not trusted.
+    """
+
+    @property
+    def grid(self) -> SurfaceGrid: ...
+
+    @property
+    def row_z_mm(self) -> Coordinates: ...
+
+    @property
+    def per_frame(self) -> Mapping[str, NDArray[Any]]: ...
+
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+    @property
+    def handedness_known(self) -> bool: ...
+
+    @property
+    def travel_known(self) -> bool: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One picture that shows a reader what was done to a frame.
+
+    Attributes: ``name`` (short, used in file names); ``title``; ``image`` (row, column) or (row, column, 3),
+    at most about 1000 samples a side; ``x_label`` and ``y_label`` with units; ``x_extent`` and ``y_extent``,
+    the coordinates of the first and the last pixel centre along columns and rows; ``curves``: label to
+    float64 (n, 2) of x and y in those coordinates, NaN where a curve is interrupted.
+    """
+
+    name: str
+    title: str
+    image: NDArray[Any]
+    x_label: str
+    y_label: str
+    x_extent: tuple[float, float]
+    y_extent: tuple[float, float]
+    curves: Mapping[str, Coordinates] = field(default_factory=dict)
+
+
+class Modality(Protocol):
+    """The implementation of a plug-in: a class with no state, or a module-level instance of one."""
+
+    @property
+    def parameters(self) -> type[Any]:
+        """A frozen pydantic model of the processing parameters, all with defaults, names with units."""
+
+    def sniff(self, path: Path) -> Sniff:
+        """Say whether this plug-in reads ``path`` (a file or a folder), looking at content, not at names."""
+
+    def open(self, path: Path, acquisition: Acquisition) -> FrameStream:
+        """Open the recording without reading samples. Raises :class:`EndoctError` where it is unusable."""
+
+    def survey(self, stream: FrameStream, parameters: Any) -> Calibration:
+        """Find everything that needs the whole recording, in one pass over its frames."""
+
+    def unroll(self, frame: Frame, calibration: Any) -> Strip:
+        """Turn one frame into a strip on the calibration's grid. Pure."""
+
+    def settle(self, panorama: Panorama, calibration: Any) -> Panorama:
+        """Finish the assembled panorama (continuity of the wall in θ and z); may return it as it is."""
+
+    def illustrate(self, frame: Frame, calibration: Any) -> tuple[Picture, ...]:
+        """Show for a report how one frame was understood: as recorded, with what was found, and unrolled."""
+
+
+def inward_positions_mm(
+    n_frames: int, *, pitch_mm: float, travel: str, positions_mm: tuple[float, ...] | None
+) -> Coordinates:
+    """Return the nominal z of every frame in recording order, float64 (n_frames,), 0 nearest the mouth.
+
+    Frames travel inward unless ``travel`` is "out". ``positions_mm`` (along the travel) beats the pitch.
+    Raises :class:`EndoctError` where there is not one finite position for each frame.
+    """
+    if positions_mm is None:
+        along = pitch_mm * np.arange(n_frames)
+    else:
+        along = np.asarray(positions_mm, dtype=np.float64)
+        if along.shape != (n_frames,) or not np.all(np.isfinite(along)):
+            raise EndoctError(
+                "positions_mm must hold one finite position for each frame",
+                found=f"{along.size} positions",
+                expected=f"{n_frames}",
+            )
+    z_mm = -along if travel == "out" else along
+    return z_mm - z_mm.min()

@@ -1,0 +1,84 @@
+"""Which plug-ins are installed, and which of them reads a path."""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from endoct.modalities.acquisition import SIDECAR_NAME, read_keys, sidecar_path, validate
+from endoct.modalities.contract import FrameStream, Manifest
+from endoct.stitching.errors import EndoctError
+
+GROUP = "endoct.modalities"
+
+
+@cache
+def manifests() -> Mapping[str, Manifest]:
+    """Return every installed plug-in's manifest by name. Raises :class:`EndoctError` for a broken one."""
+    found: dict[str, Manifest] = {}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        try:
+            manifest = entry.load()
+        except (ImportError, AttributeError) as error:
+            raise EndoctError(
+                f"the modality '{entry.name}' cannot be imported",
+                found=str(error),
+                remedy=f"reinstall or remove the package that registers {entry.value}",
+            ) from error
+        if not isinstance(manifest, Manifest) or manifest.name != entry.name or manifest.name in found:
+            raise EndoctError(
+                f"the entry point '{entry.name}' ({entry.value}) is no modality",
+                expected=f"one Manifest of the name '{entry.name}'",
+                remedy="correct or remove the package that registers it",
+            )
+        found[manifest.name] = manifest
+    return found
+
+
+def manifest_for(path: Path, modality: str | None = None) -> Manifest:
+    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else the one that claims it.
+
+    Raises :class:`EndoctError` where there is none, or two claim it.
+    """
+    if not path.exists():
+        raise EndoctError(f"{path} does not exist", remedy="check the path")
+    name = modality or read_keys(path).get("modality")
+    if name is not None:
+        if name not in manifests():
+            raise EndoctError(f"unknown modality '{name}'", expected=f"one of {', '.join(manifests())}")
+        return manifests()[name]
+    verdicts = {name: manifest.load().sniff(path) for name, manifest in manifests().items()}
+    claims = [name for name, verdict in verdicts.items() if verdict.claims]
+    if len(claims) == 1:
+        return manifests()[claims[0]]
+    if claims:
+        raise EndoctError(
+            f"{path} could be {' or '.join(claims)}",
+            remedy=f"say which with --modality, or with 'modality' in {sidecar_path(path)}",
+        )
+    raise EndoctError(
+        f"no modality reads {path}",
+        found=", ".join(f"{name}: {verdict.reason}" for name, verdict in verdicts.items()),
+        remedy="see `endoct modalities` for what can be read",
+    )
+
+
+def open_recording(
+    path: Path, *, modality: str | None = None, overrides: Mapping[str, Any] | None = None
+) -> tuple[Manifest, FrameStream]:
+    """Open ``path`` with its plug-in; ``overrides`` replace keys of the sidecar.
+
+    Raises :class:`EndoctError` where the recording or its sidecar cannot be used.
+    """
+    manifest = manifest_for(path, modality)
+    overrides = dict(overrides or {})
+    keys = read_keys(path) | {"modality": manifest.name} | overrides
+    sidecar = sidecar_path(path)
+    if not sidecar.is_file() and not overrides:
+        raise EndoctError(
+            f"{path} has no {SIDECAR_NAME}",
+            expected=f"it at {sidecar}",
+            remedy=f"write one to fill in with `endoct info {path} --write-sidecar`",
+        )
+    return manifest, manifest.load().open(path, validate(manifest.acquisition, keys, str(sidecar)))

@@ -1,0 +1,10 @@
+"""Lists every package below the top-level folders, so that none is missing from a wheel."""
+
+from setuptools import find_packages, setup
+
+FOLDERS = ("modalities", "stitching", "fusion", "synthetic", "workbench")
+
+setup(
+    packages=[f"endoct.{folder}" for folder in FOLDERS]
+    + [f"endoct.{folder}.{package}" for folder in FOLDERS for package in find_packages(folder)]
+)

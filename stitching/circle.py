@@ -1,0 +1,35 @@
+"""Arithmetic and filters on the bore wall, where axis −1 (θ) is a circle and axis −2 (z) ends."""
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+from endoct.stitching.arrays import Coordinates, Image
+
+
+def wrap_rad(angle_rad: ArrayLike) -> Coordinates:
+    """Return ``angle_rad`` (any shape) wrapped to [−π, π)."""
+    return np.mod(np.asarray(angle_rad, dtype=np.float64) + np.pi, 2 * np.pi) - np.pi
+
+
+def gaussian(image: Image, sigma_rows_px: float, sigma_columns_px: float) -> Image:
+    """Blur a float32 (n_z, n_theta) image: cyclic along θ, replicated at the ends of z.
+
+    A sigma of 0 leaves its axis alone. Callers convert from mm or rad with their grid.
+    """
+    pad = min(int(np.ceil(4 * sigma_columns_px)), image.shape[1]) if sigma_columns_px > 0 else 0
+    padded = np.pad(image, ((0, 0), (pad, pad)), mode="wrap")
+    out = padded
+    if sigma_columns_px > 0:
+        out = cv2.sepFilter2D(out, cv2.CV_32F, _kernel(sigma_columns_px), np.ones(1, np.float32))
+    if sigma_rows_px > 0:
+        out = cv2.sepFilter2D(
+            out, cv2.CV_32F, np.ones(1, np.float32), _kernel(sigma_rows_px), borderType=cv2.BORDER_REPLICATE
+        )
+    return np.ascontiguousarray(out[:, pad : pad + image.shape[1]], dtype=np.float32)
+
+
+def _kernel(sigma_px: float) -> Image:
+    reach = max(1, int(np.ceil(4 * sigma_px)))
+    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma_px) ** 2)
+    return (taps / taps.sum()).astype(np.float32)

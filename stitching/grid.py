@@ -1,0 +1,91 @@
+"""The cylinder surface grid, the only converter between array index and place on the bore wall.
+
+::
+
+    column      0        1        2             n−1      0 again
+    centre      θ0      θ0+Δθ    θ0+2Δθ          …       θ is a circle: column n is column 0
+    edges    |    .   |    .   |    .   |   …  |   .   |
+
+Integer index = pixel centre. Rows are z (mm, inward), columns are θ (rad).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+
+
+@dataclass(frozen=True)
+class SurfaceGrid:
+    """A regular grid over the full circle of a bore wall.
+
+    Attributes: ``n_z`` rows and ``n_theta`` columns; ``z0_mm`` and ``theta0_rad`` the centre of row 0 and
+    column 0; ``dz_mm`` > 0 and ``dtheta_rad`` the steps; ``radius_mm`` the nominal bore radius.
+
+    Raises :class:`EndoctError` where a step is not positive or the columns do not close the circle.
+    """
+
+    n_z: int
+    n_theta: int
+    z0_mm: float
+    dz_mm: float
+    theta0_rad: float
+    dtheta_rad: float
+    radius_mm: float
+
+    def __post_init__(self) -> None:
+        if self.n_z < 1 or self.n_theta < 1:
+            raise EndoctError(
+                "a surface grid needs rows and columns", found=f"{self.n_z} × {self.n_theta}", expected="at least 1 × 1"
+            )
+        for name in ("dz_mm", "dtheta_rad", "radius_mm"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise EndoctError(f"{name} of a surface grid must be positive", found=f"{value}")
+        if abs(self.n_theta * self.dtheta_rad - 2 * np.pi) > 1e-9 * self.n_theta:
+            raise EndoctError(
+                "the columns of a surface grid must close the circle",
+                found=f"{self.n_theta} × {self.dtheta_rad} rad",
+                expected="2π rad in all",
+            )
+
+    @classmethod
+    def full_circle(
+        cls, n_z: int, n_theta: int, *, z0_mm: float, dz_mm: float, radius_mm: float, theta0_rad: float = 0.0
+    ) -> "SurfaceGrid":
+        """Return the grid whose ``n_theta`` columns share the circle evenly."""
+        return cls(n_z, n_theta, z0_mm, dz_mm, theta0_rad, 2 * np.pi / n_theta, radius_mm)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n_z, n_theta)."""
+        return self.n_z, self.n_theta
+
+    @property
+    def z_mm(self) -> Coordinates:
+        """Centre of every row, float64 (n_z,), mm, ascending."""
+        return self.z0_mm + self.dz_mm * np.arange(self.n_z)
+
+    @property
+    def theta_rad(self) -> Coordinates:
+        """Centre of every column, float64 (n_theta,), rad, ascending from ``theta0_rad``."""
+        return self.theta0_rad + self.dtheta_rad * np.arange(self.n_theta)
+
+    @property
+    def dtheta_mm(self) -> float:
+        """Arc length of one column on the nominal wall, mm."""
+        return self.dtheta_rad * self.radius_mm
+
+    def row_of(self, z_mm: ArrayLike) -> Coordinates:
+        """Return the fractional row index of ``z_mm`` (any shape), not limited to the grid."""
+        return (np.asarray(z_mm, dtype=np.float64) - self.z0_mm) / self.dz_mm
+
+    def column_of(self, theta_rad: ArrayLike) -> Coordinates:
+        """Return the fractional column index of ``theta_rad`` (any shape), in [0, n_theta)."""
+        columns = (np.asarray(theta_rad, dtype=np.float64) - self.theta0_rad) / self.dtheta_rad
+        wrapped = np.mod(columns, self.n_theta)
+        # a hair below 0 rounds up to n_theta itself, which is column 0
+        return np.where(wrapped >= self.n_theta, 0.0, wrapped)

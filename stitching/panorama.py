@@ -1,0 +1,66 @@
+"""The unrolled wall of one bore as one instrument saw it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates, Image, Mask, readonly
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+
+
+@dataclass(frozen=True, eq=False)
+class Panorama:
+    """An unrolled bore wall, rows ascending in z.
+
+    Attributes
+    ----------
+    grid: the surface grid; where rows are uneven its ``dz_mm`` is the median step.
+    z_mm: float64 (n_z,), ascending, the rows' true places (equal to ``grid.z_mm`` where rows are even).
+    intensity, depth_mm, valid, weight: as in :class:`~endoct.stitching.strip.Strip`, on (n_z, n_theta).
+    modality: name of the plug-in that made it ("mask" for a mask drawn by hand).
+    handedness_known, travel_known: whether θ's sense of rotation and z's direction are known; an alignment
+        searches what is not.
+    frame_dim: "slice", "frame", …: the dimension of ``per_frame``.
+    per_frame: quality and geometry per frame, each (n_frames, …), in the order of ascending z; always with
+        ``{frame_dim}_z_mm``.
+    provenance: parameters, versions, input digests, notes on what was not trusted. JSON-serialisable.
+
+    Arrays are read-only. Raises :class:`EndoctError` where shapes disagree.
+    """
+
+    grid: SurfaceGrid
+    z_mm: Coordinates
+    intensity: Image
+    depth_mm: Image | None
+    valid: Mask
+    weight: Image
+    modality: str
+    handedness_known: bool
+    travel_known: bool
+    frame_dim: str = "frame"
+    per_frame: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        set_array = object.__setattr__
+        set_array(self, "z_mm", readonly(self.z_mm, np.float64))
+        set_array(self, "intensity", readonly(self.intensity, np.float32))
+        set_array(self, "valid", readonly(self.valid, np.bool_))
+        set_array(self, "weight", readonly(self.weight, np.float32))
+        if self.depth_mm is not None:
+            set_array(self, "depth_mm", readonly(self.depth_mm, np.float32))
+        set_array(self, "per_frame", {k: readonly(v, np.asarray(v).dtype) for k, v in self.per_frame.items()})
+        for name in ("intensity", "depth_mm", "valid", "weight"):
+            array = getattr(self, name)
+            if array is not None and array.shape != self.grid.shape:
+                raise EndoctError(
+                    f"{name} of a panorama has the wrong shape",
+                    found=f"{array.shape}",
+                    expected=f"{self.grid.shape} (z, θ)",
+                )
+        if self.z_mm.shape != (self.grid.n_z,) or np.any(np.diff(self.z_mm) <= 0):
+            raise EndoctError("the rows of a panorama must have one ascending z each")

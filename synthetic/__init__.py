@@ -1,0 +1,1 @@
+"""A renderer of bores, air cells and the recordings that both instruments make of them, with truth."""

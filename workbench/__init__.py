@@ -1,0 +1,1 @@
+"""The public Python interface, the command line, the pipeline and the report."""
