@@ -27,11 +27,15 @@ class Acquisition(BaseModel):
 
     modality: str = Field(description="the plug-in that reads this recording")
     bore_diameter_mm: float = Field(gt=0, description="nominal diameter of the drill hole; sets mm along θ")
-    travel: Travel = Field(default="unknown", description="which way the instrument moved: in, out or unknown")
+    travel: Travel = Field(
+        default="unknown", description="which way the instrument moved: in, out or unknown"
+    )
     positions_mm: tuple[float, ...] | None = Field(
         default=None, description="travel position of every frame, beats the nominal pitch"
     )
-    theta_origin_rad: float = Field(default=0.0, description="θ of the first A-scan or of the image's +x axis")
+    theta_origin_rad: float = Field(
+        default=0.0, description="θ of the first A-scan or of the image's +x axis"
+    )
     calibration: str | None = Field(default=None, description="a TOML file beside this one with further keys")
 
 
@@ -55,7 +59,9 @@ def read_keys(recording: Path) -> dict[str, Any]:
     if isinstance(name := keys.get("calibration"), str):
         extra = _read_toml(path.parent / name)
         if both := sorted(keys.keys() & extra.keys()):
-            raise EndoctError(f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them")
+            raise EndoctError(
+                f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them"
+            )
         keys |= extra
     return keys
 

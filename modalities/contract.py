@@ -190,4 +190,4 @@ def inward_positions_mm(
                 expected=f"{n_frames}",
             )
     z_mm = -along if travel == "out" else along
-    return z_mm - z_mm.min()
+    return np.asarray(z_mm - z_mm.min(), dtype=np.float64)

@@ -47,7 +47,9 @@ class ImageStack:
         self.dtype: np.dtype[Any] = first.dtype
         if first.dtype.kind not in "uif" or 0 in first.shape:
             raise EndoctError(
-                f"{path} holds no images", found=f"{first.dtype} {first.shape}", expected="u8, u16 or f32 samples"
+                f"{path} holds no images",
+                found=f"{first.dtype} {first.shape}",
+                expected="u8, u16 or f32 samples",
             )
 
     def __len__(self) -> int:
@@ -105,10 +107,14 @@ def is_tiff(path: Path) -> bool:
 def image_files(folder: Path) -> list[Path]:
     """Return the images in ``folder`` in the order of the numbers in their names."""
     files = [f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not f.name.startswith(".")]
-    return sorted(files, key=lambda f: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", f.name.lower())])
+    return sorted(
+        files, key=lambda f: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", f.name.lower())]
+    )
 
 
-def map_frames(function: Callable[[In_co], Out], frames: Stream[In_co], workers: int | None = None) -> Iterator[Out]:
+def map_frames(
+    function: Callable[[In_co], Out], frames: Stream[In_co], workers: int | None = None
+) -> Iterator[Out]:
     """Yield ``function(frame)`` in order, computed by threads, with at most ``workers`` + 1 frames in memory.
 
     The result does not depend on ``workers`` (default: one for each processor).
@@ -126,7 +132,6 @@ def map_frames(function: Callable[[In_co], Out], frames: Stream[In_co], workers:
                 yield done
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-
 
 
 class _ReadImages:
@@ -171,7 +176,9 @@ class _ReadBlocks:
         except OSError as error:
             raise EndoctError(f"{self.path} cannot be read", found=error.strerror or str(error)) from error
         if samples.size != count:
-            raise EndoctError(f"{self.path} is truncated", found=f"frame {index} incomplete", remedy="copy it again")
+            raise EndoctError(
+                f"{self.path} is truncated", found=f"frame {index} incomplete", remedy="copy it again"
+            )
         return samples.reshape(self.frame_shape).astype(self.dtype.newbyteorder("="), copy=False)
 
 
@@ -187,7 +194,9 @@ class _ReadTiffPages:
                 return np.asarray(tiff.pages[index].asarray())
         except (OSError, ValueError, IndexError, RuntimeError, tifffile.TiffFileError) as error:
             raise EndoctError(
-                f"page {index} of {self.path} cannot be read", found=str(error), remedy="copy or export it again"
+                f"page {index} of {self.path} cannot be read",
+                found=str(error),
+                remedy="copy or export it again",
             ) from error
 
 
@@ -198,16 +207,22 @@ def _open_tiff(path: Path) -> ImageStack:
             shape, axes, offset, n_pages = series.shape, series.axes, series.dataoffset, len(tiff.pages)
             dtype = np.dtype(tiff.byteorder + series.dtype.char)
     except (OSError, ValueError, IndexError, tifffile.TiffFileError) as error:
-        raise EndoctError(f"{path} is no readable TIFF", found=str(error), remedy="copy or export it again") from error
+        raise EndoctError(
+            f"{path} is no readable TIFF", found=str(error), remedy="copy or export it again"
+        ) from error
     inner = 3 if axes.endswith("S") else 2
     if len(shape) not in (inner, inner + 1):
         raise EndoctError(
-            f"{path} has the wrong dimensions", found=f"{axes} {shape}", expected="a stack of images, one page a frame"
+            f"{path} has the wrong dimensions",
+            found=f"{axes} {shape}",
+            expected="a stack of images, one page a frame",
         )
     n_frames = shape[0] if len(shape) == inner + 1 else 1
     if offset is None:
         if n_pages != n_frames:
-            raise EndoctError(f"{path} mixes pages", found=f"{n_pages} pages", expected=f"{n_frames} of one kind")
+            raise EndoctError(
+                f"{path} mixes pages", found=f"{n_pages} pages", expected=f"{n_frames} of one kind"
+            )
         return ImageStack(path, n_frames, _ReadTiffPages(path))
     _check_size(path, offset + int(np.prod(shape)) * dtype.itemsize)
     return ImageStack(path, n_frames, _ReadBlocks(path, offset, dtype, tuple(shape[-inner:])))
@@ -221,7 +236,9 @@ def _open_npy(path: Path) -> ImageStack:
     shape = array.shape if array.ndim > 2 else (1, *array.shape)
     if len(shape) not in (3, 4) or not array.flags.c_contiguous or not isinstance(array, np.memmap):
         raise EndoctError(
-            f"{path} has the wrong dimensions", found=f"{array.shape}", expected="(frame, row, column), C order"
+            f"{path} has the wrong dimensions",
+            found=f"{array.shape}",
+            expected="(frame, row, column), C order",
         )
     return ImageStack(path, shape[0], _ReadBlocks(path, array.offset, array.dtype, shape[1:]))
 
@@ -245,5 +262,8 @@ def _open_folder(folder: Path) -> ImageStack:
 def _check_size(path: Path, needed: int) -> None:
     if (size := path.stat().st_size) < needed:
         raise EndoctError(
-            f"{path} is truncated", found=f"{size} bytes", expected=f"{needed}", remedy="copy or export it again"
+            f"{path} is truncated",
+            found=f"{size} bytes",
+            expected=f"{needed}",
+            remedy="copy or export it again",
         )

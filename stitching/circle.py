@@ -19,17 +19,15 @@ def gaussian(image: Image, sigma_rows_px: float, sigma_columns_px: float) -> Ima
     """
     pad = min(int(np.ceil(4 * sigma_columns_px)), image.shape[1]) if sigma_columns_px > 0 else 0
     padded = np.pad(image, ((0, 0), (pad, pad)), mode="wrap")
-    out = padded
-    if sigma_columns_px > 0:
-        out = cv2.sepFilter2D(out, cv2.CV_32F, _kernel(sigma_columns_px), np.ones(1, np.float32))
-    if sigma_rows_px > 0:
-        out = cv2.sepFilter2D(
-            out, cv2.CV_32F, np.ones(1, np.float32), _kernel(sigma_rows_px), borderType=cv2.BORDER_REPLICATE
-        )
-    return np.ascontiguousarray(out[:, pad : pad + image.shape[1]], dtype=np.float32)
+    blurred = cv2.sepFilter2D(
+        padded, cv2.CV_32F, _kernel(sigma_columns_px), _kernel(sigma_rows_px), borderType=cv2.BORDER_REPLICATE
+    )
+    return np.ascontiguousarray(blurred[:, pad : pad + image.shape[1]], dtype=np.float32)
 
 
 def _kernel(sigma_px: float) -> Image:
+    if sigma_px <= 0:
+        return np.ones(1, np.float32)
     reach = max(1, int(np.ceil(4 * sigma_px)))
     taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma_px) ** 2)
-    return (taps / taps.sum()).astype(np.float32)
+    return np.asarray(taps / taps.sum(), dtype=np.float32)

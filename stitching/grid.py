@@ -39,7 +39,9 @@ class SurfaceGrid:
     def __post_init__(self) -> None:
         if self.n_z < 1 or self.n_theta < 1:
             raise EndoctError(
-                "a surface grid needs rows and columns", found=f"{self.n_z} × {self.n_theta}", expected="at least 1 × 1"
+                "a surface grid needs rows and columns",
+                found=f"{self.n_z} × {self.n_theta}",
+                expected="at least 1 × 1",
             )
         for name in ("dz_mm", "dtheta_rad", "radius_mm"):
             value = getattr(self, name)
@@ -67,12 +69,12 @@ class SurfaceGrid:
     @property
     def z_mm(self) -> Coordinates:
         """Centre of every row, float64 (n_z,), mm, ascending."""
-        return self.z0_mm + self.dz_mm * np.arange(self.n_z)
+        return self.z0_mm + self.dz_mm * np.arange(self.n_z, dtype=np.float64)
 
     @property
     def theta_rad(self) -> Coordinates:
         """Centre of every column, float64 (n_theta,), rad, ascending from ``theta0_rad``."""
-        return self.theta0_rad + self.dtheta_rad * np.arange(self.n_theta)
+        return self.theta0_rad + self.dtheta_rad * np.arange(self.n_theta, dtype=np.float64)
 
     @property
     def dtheta_mm(self) -> float:

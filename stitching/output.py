@@ -25,7 +25,9 @@ def new_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
         scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     except OSError as error:
         raise EndoctError(
-            f"{path} cannot be written", found=error.strerror or str(error), remedy="choose a folder you may write to"
+            f"{path} cannot be written",
+            found=error.strerror or str(error),
+            remedy="choose a folder you may write to",
         ) from error
     try:
         try:

@@ -48,5 +48,7 @@ class Strip:
             array = getattr(self, name)
             if array is not None and array.shape != shape:
                 raise EndoctError(
-                    f"{name} of a strip has the wrong shape", found=f"{array.shape}", expected=f"{shape} (rows, θ)"
+                    f"{name} of a strip has the wrong shape",
+                    found=f"{array.shape}",
+                    expected=f"{shape} (rows, θ)",
                 )
