@@ -27,19 +27,15 @@ class Acquisition(BaseModel):
 
     modality: str = Field(description="the plug-in that reads this recording")
     bore_diameter_mm: float = Field(gt=0, description="nominal diameter of the drill hole; sets mm along θ")
-    travel: Travel = Field(
-        default="unknown", description="which way the instrument moved: in, out or unknown"
-    )
+    travel: Travel = Field(default="unknown", description="which way the instrument moved: in, out or unknown")
     positions_mm: tuple[float, ...] | None = Field(
         default=None, description="travel position of every frame, beats the nominal pitch"
     )
-    theta_origin_rad: float = Field(
-        default=0.0, description="θ of the first A-scan or of the image's +x axis"
-    )
+    theta_origin_rad: float = Field(default=0.0, description="θ of the first A-scan or of the image's +x axis")
     calibration: str | None = Field(default=None, description="a TOML file beside this one with further keys")
 
 
-AnyAcquisition = TypeVar("AnyAcquisition", bound=Acquisition)
+AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def sidecar_path(recording: Path) -> Path:
@@ -59,22 +55,21 @@ def read_keys(recording: Path) -> dict[str, Any]:
     if isinstance(name := keys.get("calibration"), str):
         extra = _read_toml(path.parent / name)
         if both := sorted(keys.keys() & extra.keys()):
-            raise EndoctError(
-                f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them"
-            )
+            raise EndoctError(f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them")
         keys |= extra
     return keys
 
 
-def validate(model: type[AnyAcquisition], keys: Mapping[str, Any], where: str) -> AnyAcquisition:
+def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also: tuple[str, ...] = ()) -> AnyModel:
     """Return ``keys`` as a checked ``model``.
 
-    ``where`` names the source for the message. Raises :class:`EndoctError` for the first key that is
-    unknown (suggesting the nearest), missing, or has an impossible value.
+    ``where`` names the source for the message, ``also`` further keys to suggest from. Raises
+    :class:`EndoctError` for the first key that is unknown (suggesting the nearest), missing, or has an
+    impossible value.
     """
-    known = list(model.model_fields)
+    known = [*model.model_fields, *also]
     for key in keys:
-        if key not in known:
+        if key not in model.model_fields:
             near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
             raise EndoctError(
                 f"unknown key '{key}' in {where}",

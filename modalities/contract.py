@@ -33,7 +33,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 
-Channel = Literal["intensity", "depth"]
+Channel = Literal["intensity", "depth", "volume"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,22 +107,28 @@ class Calibration(Protocol):
     """
 
     @property
-    def grid(self) -> SurfaceGrid: ...
+    def grid(self) -> SurfaceGrid:
+        """The panorama's grid."""
 
     @property
-    def row_z_mm(self) -> Coordinates: ...
+    def row_z_mm(self) -> Coordinates:
+        """float64 (n_z,), ascending, mm: the panorama's rows."""
 
     @property
-    def per_frame(self) -> Mapping[str, NDArray[Any]]: ...
+    def per_frame(self) -> Mapping[str, NDArray[Any]]:
+        """Geometry and quality per frame, in recording order."""
 
     @property
-    def notes(self) -> tuple[str, ...]: ...
+    def notes(self) -> tuple[str, ...]:
+        """What was not trusted, in full sentences."""
 
     @property
-    def handedness_known(self) -> bool: ...
+    def handedness_known(self) -> bool:
+        """Whether θ's sense of rotation is known."""
 
     @property
-    def travel_known(self) -> bool: ...
+    def travel_known(self) -> bool:
+        """Whether z's direction is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +175,13 @@ class Modality(Protocol):
 
     def illustrate(self, frame: Frame, calibration: Any) -> tuple[Picture, ...]:
         """Show for a report how one frame was understood: as recorded, with what was found, and unrolled."""
+
+
+class VolumetricModality(Modality, Protocol):
+    """A plug-in that provides "volume": what lies below the surface too."""
+
+    def write_volume(self, stream: FrameStream, calibration: Any, store: Path) -> None:
+        """Write the group ``volume`` (z, theta, depth) into the Zarr ``store``, one frame at a time."""
 
 
 def inward_positions_mm(

@@ -1,0 +1,118 @@
+"""Two sides to one comparison folder."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endoct.fusion.comparison import Comparison, CompareParameters, compare_panoramas, save_comparison
+from endoct.fusion.masks import read_mask, score_against
+from endoct.modalities.acquisition import sidecar_path
+from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import is_panorama, load_panorama, save_panorama
+from endoct.workbench.inputs import digests, versions
+from endoct.workbench.pictures import save_pictures
+from endoct.workbench.progress import Stages
+from endoct.workbench.report import write_report
+from endoct.workbench.unrolling import Unrolled, unroll_recording
+
+PICTURED_PLACES = (1 / 6, 1 / 2, 5 / 6)
+"""Where along the recording frames are shown in the report."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of a comparison, as named on the command line."""
+
+    path: Path
+    modality: str | None
+    settings: Mapping[str, Any]
+
+
+def write_comparison(
+    sides: tuple[Side, Side], folder: Path, *, parameters: CompareParameters, truth: tuple[Path, ...], stages: Stages
+) -> Comparison:
+    """Compare the two sides and write everything `endoct compare` promises into ``folder``.
+
+    Raises :class:`EndoctError` where a side cannot be used.
+    """
+    masks = [is_mask_image(side.path) for side in sides]
+    loaded: list[Panorama | None] = [None, None]
+    unrolled: list[Unrolled | None] = [None, None]
+    for k, side in enumerate(sides):
+        if masks[k]:
+            continue
+        if is_panorama(side.path):
+            loaded[k] = load_panorama(side.path)
+        else:
+            made = unroll_recording(
+                side.path, modality=side.modality, settings=side.settings, stages=stages, name=_stage_name(sides, k)
+            )
+            unrolled[k], loaded[k] = made, made.panorama
+    for k, side in enumerate(sides):
+        if masks[k]:
+            loaded[k] = read_mask(side.path, like=loaded[1 - k])
+    a, b = loaded
+    assert a is not None and b is not None  # noqa: S101  (each side was loaded by one of the two loops)
+    with stages.stage("align, segment, score"):
+        comparison = compare_panoramas(a, b, parameters)
+        against = {str(path): score_against(comparison, read_mask(path, like=a)) for path in truth}
+    folder.mkdir()
+    with stages.stage("write"):
+        save_comparison(comparison, folder / "comparison.zarr")
+        for name, panorama in zip(comparison.sides, (a, b), strict=True):
+            save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
+        for name, made in zip(comparison.sides, unrolled, strict=True):
+            if made is not None:
+                _picture(folder, name, made)
+    result = {
+        **comparison.result,
+        **({"truth": against} if against else {}),
+        "notes": {n: list(p.provenance.get("notes", ())) for n, p in zip(comparison.sides, (a, b), strict=True)},
+        "versions": versions(),
+        "inputs": _inputs(sides, (a, b), truth),
+        "parameters": {
+            "compare": parameters.model_dump(mode="json"),
+            **{n: p.provenance.get("parameters", {}) for n, p in zip(comparison.sides, (a, b), strict=True)},
+        },
+        "seconds": {title: round(seconds, 3) for title, seconds in stages.seconds.items()},
+    }
+    (folder / "result.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    with stages.stage("report"):
+        write_report(folder)
+    return comparison
+
+
+def is_mask_image(path: Path) -> bool:
+    """Say whether ``path`` is one image of at most two values: a mask drawn by hand, not a recording."""
+    if not path.is_file() or path.suffix.lower() not in IMAGE_SUFFIXES or sidecar_path(path).is_file():
+        return False
+    stack = open_stack(path)
+    return len(stack) == 1 and np.unique(stack[0]).size <= 2
+
+
+def _stage_name(sides: tuple[Side, Side], k: int) -> str:
+    del sides
+    return "AB"[k]
+
+
+def _picture(folder: Path, name: str, made: Unrolled) -> None:
+    order = np.argsort(made.calibration.per_frame["z_mm"], kind="stable")
+    places = sorted({round(share * (len(order) - 1)) for share in PICTURED_PLACES})
+    for place in places:
+        index = int(order[place])
+        pictures = made.manifest.load().illustrate(made.stream[index], made.calibration)
+        save_pictures(folder / "pictures", name, f"{place:04d}", pictures)
+
+
+def _inputs(sides: tuple[Side, Side], panoramas: tuple[Panorama, Panorama], truth: tuple[Path, ...]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for side, panorama in zip(sides, panoramas, strict=True):
+        found |= panorama.provenance.get("inputs") or digests(side.path)
+    for path in truth:
+        found |= digests(path)
+    return found

@@ -1,0 +1,83 @@
+"""What the user sees while something takes longer than two seconds."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+Advance = Callable[[float], None]
+"""Called with the share done, 0 to 1."""
+
+
+class Stages(Protocol):
+    """Told which stage begins; times it and shows how far it is."""
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall time of every finished stage by title, in the order they finished."""
+
+    def stage(self, title: str) -> AbstractContextManager[Advance]:
+        """Open a stage; the value it yields is called with the share done."""
+
+
+class SilentStages:
+    """Times the stages and shows nothing; the default of the Python interface."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, title: str) -> Iterator[Advance]:
+        """Open a stage."""
+        start = time.perf_counter()
+        with self._shown(title) as advance:
+            yield advance
+        self.seconds[title] = self.seconds.get(title, 0.0) + time.perf_counter() - start
+
+    @contextmanager
+    def _shown(self, title: str) -> Iterator[Advance]:
+        del title
+        yield lambda share: None
+
+
+class ConsoleStages(SilentStages):
+    """Shows a bar for each stage on a terminal; elsewhere a line now and then, for a log file."""
+
+    LINE_EVERY_S = 5.0
+
+    def __init__(self, console: Console) -> None:
+        super().__init__()
+        self._console = console
+
+    @contextmanager
+    def _shown(self, title: str) -> Iterator[Advance]:
+        if not self._console.is_terminal:
+            yield self._lines(title)
+            return
+        columns = (
+            TextColumn("{task.description:<28}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=self._console) as bars:
+            task = bars.add_task(title, total=1.0)
+            yield lambda share: bars.update(task, completed=share)
+            bars.update(task, completed=1.0)
+
+    def _lines(self, title: str) -> Advance:
+        start = time.monotonic()
+        said = start
+        self._console.print(title, highlight=False)
+
+        def advance(share: float) -> None:
+            nonlocal said
+            if (now := time.monotonic()) - said >= self.LINE_EVERY_S:
+                said = now
+                self._console.print(f"{title}: {share:.0%} after {now - start:.0f} s", highlight=False)
+
+        return advance

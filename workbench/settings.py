@@ -1,0 +1,37 @@
+"""KEY=VALUE settings of a side: keys of its sidecar and of its processing parameters, by one list of names."""
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from endoct.modalities.acquisition import validate
+from endoct.modalities.contract import Manifest
+from endoct.stitching.errors import EndoctError
+
+
+def parse(settings: tuple[str, ...]) -> dict[str, Any]:
+    """Read ``("undistort=sine", "axial_pixel_mm=0.005")``; values are TOML, or else plain words."""
+    values: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals or not key.strip():
+            raise EndoctError("a setting cannot be read", found=f"'{setting}'", expected="KEY=VALUE")
+        try:
+            values[key.strip()] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[key.strip()] = text
+    return values
+
+
+def split(settings: Mapping[str, Any], manifest: Manifest) -> tuple[dict[str, Any], Any]:
+    """Return (keys that override the sidecar, the plug-in's parameters).
+
+    Raises :class:`EndoctError` for a key that neither has (suggesting the nearest) or an impossible value.
+    """
+    sidecar_keys = manifest.acquisition.model_fields
+    model: type[BaseModel] = manifest.load().parameters
+    overrides = {key: value for key, value in settings.items() if key in sidecar_keys}
+    chosen = {key: value for key, value in settings.items() if key not in sidecar_keys}
+    return overrides, validate(model, chosen, f"the settings of '{manifest.name}'", also=tuple(sidecar_keys))

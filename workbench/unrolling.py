@@ -1,0 +1,124 @@
+"""One recording to one panorama, whatever its modality."""
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from endoct.modalities.acquisition import Acquisition
+from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality, VolumetricModality
+from endoct.modalities.recording import map_frames
+from endoct.modalities.registry import manifest_for, open_recording
+from endoct.stitching.blend import blend
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.inputs import digests, versions
+from endoct.workbench.progress import Advance, Stages
+from endoct.workbench.settings import split
+
+
+@dataclass(frozen=True)
+class Unrolled:
+    """A panorama with what it was made from, for pictures of single frames and for volumes."""
+
+    panorama: Panorama
+    manifest: Manifest
+    stream: FrameStream
+    calibration: Calibration
+
+
+class _Watched:
+    """A stream that reports how much of it has been read."""
+
+    def __init__(self, stream: FrameStream, advance: Advance) -> None:
+        self._stream, self._advance, self._read = stream, advance, 0
+
+    @property
+    def acquisition(self) -> Acquisition:
+        return self._stream.acquisition
+
+    def __len__(self) -> int:
+        return len(self._stream)
+
+    def __getitem__(self, index: int) -> Frame:
+        frame = self._stream[index]
+        self._read += 1
+        self._advance(min(1.0, self._read / len(self._stream)))
+        return frame
+
+
+def unroll_recording(
+    path: Path, *, modality: str | None, settings: Mapping[str, Any], stages: Stages, name: str = ""
+) -> Unrolled:
+    """Survey and unroll the recording at ``path``.
+
+    ``settings`` holds keys of its sidecar and of its plug-in's parameters; ``name`` distinguishes the stages of
+    two recordings. Raises :class:`EndoctError` where the recording cannot be used.
+    """
+    overrides, parameters = split(settings, manifest_for(path, modality))
+    manifest, stream = open_recording(path, modality=modality, overrides=overrides)
+    implementation = manifest.load()
+    title = name or manifest.name
+    with ThreadPoolExecutor(1) as pool:
+        inputs = pool.submit(digests, path)
+        with stages.stage(f"survey {title}") as advance:
+            calibration = implementation.survey(_Watched(stream, advance), parameters)
+        with stages.stage(f"unroll {title}") as advance:
+            strips = map_frames(partial(implementation.unroll, calibration=calibration), _Watched(stream, advance))
+            intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
+        with stages.stage(f"settle {title}"):
+            blended = Panorama(
+                grid=calibration.grid,
+                z_mm=calibration.row_z_mm,
+                intensity=intensity,
+                depth_mm=depth_mm,
+                valid=valid,
+                weight=weight,
+                modality=manifest.name,
+                handedness_known=calibration.handedness_known,
+                travel_known=calibration.travel_known,
+                frame_dim=manifest.frame_dim,
+                per_frame=_by_depth(calibration, manifest.frame_dim),
+                provenance={
+                    "notes": list(calibration.notes),
+                    "parameters": parameters.model_dump(mode="json"),
+                    "acquisition": stream.acquisition.model_dump(mode="json", exclude_none=True),
+                    "versions": versions(),
+                },
+            )
+            settled = implementation.settle(blended, calibration)
+        panorama = replace(settled, provenance={**settled.provenance, "inputs": inputs.result()})
+    if not panorama.valid.any():
+        raise EndoctError(
+            f"nothing of the wall could be seen in {path}",
+            found="no valid sample in the panorama",
+            expected="a recording of a bore wall",
+            remedy=" ".join(panorama.provenance.get("notes", ())) or "look at the frames",
+        )
+    return Unrolled(panorama, manifest, stream, calibration)
+
+
+def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
+    """Write the group ``volume`` into ``store``. Raises :class:`EndoctError` where the modality has none."""
+    if "volume" not in unrolled.manifest.provides:
+        raise EndoctError(
+            f"the modality '{unrolled.manifest.name}' has no volume", remedy="leave out --volume for this recording"
+        )
+    implementation = cast(VolumetricModality, _implementation(unrolled))
+    with stages.stage("volume") as advance:
+        implementation.write_volume(_Watched(unrolled.stream, advance), unrolled.calibration, store)
+
+
+def _implementation(unrolled: Unrolled) -> Modality:
+    return unrolled.manifest.load()
+
+
+def _by_depth(calibration: Calibration, frame_dim: str) -> dict[str, np.ndarray[Any, Any]]:
+    z_mm = np.asarray(calibration.per_frame["z_mm"])
+    order = np.argsort(z_mm, kind="stable")
+    values = {key: np.asarray(value)[order] for key, value in calibration.per_frame.items() if key != "z_mm"}
+    return {f"{frame_dim}_z_mm": z_mm[order], f"{frame_dim}_index": order, **values}
