@@ -1,0 +1,73 @@
+# Everything runs in .venv, set up on first use with Python ≥ 3.11, make and git only:  make demo | make test
+# Another interpreter: make PYTHON=python3.12 …
+
+PYTHON ?= python3
+VENV   := .venv
+RUN    := $(VENV)/bin/python -m
+
+# An environment that was moved, lost its interpreter or lacks a package is thrown away and set up anew.
+ifneq ($(wildcard $(VENV)/.ready-*),)
+SOUND := $(shell ($(RUN) pip check && $(VENV)/bin/python -c "import endoct.stitching as s, os; \
+           raise SystemExit(not os.path.samefile(s.__path__[0], 'stitching'))") >/dev/null 2>&1 && echo yes)
+ifneq ($(SOUND),yes)
+$(shell rm -rf $(VENV))
+endif
+endif
+
+.PHONY: help demo test test-all lint types layers bench wheel-test clean
+
+help:
+	@echo "make demo        simulate a bore, compare both recordings, write demo/report.html"
+	@echo "make test        the tests (test-all: the slow ones too)"
+	@echo "make lint        ruff: rules and format"
+	@echo "make types       mypy, strict"
+	@echo "make layers      import-linter: who may import whom"
+	@echo "make bench       benchmarks against scikit-image"
+	@echo "make wheel-test  build the wheel, install it into a clean environment, run it there"
+	@echo "make clean       remove the environment and everything built"
+
+demo: $(VENV)/.ready-run
+	$(VENV)/bin/endoct demo -o demo --overwrite
+	@echo "The report is at $(CURDIR)/demo/report.html - open it in a browser."
+
+test: $(VENV)/.ready-dev
+	$(RUN) pytest -m "not slow"
+
+test-all: $(VENV)/.ready-dev
+	$(RUN) pytest
+
+lint: $(VENV)/.ready-dev
+	$(RUN) ruff check
+	$(RUN) ruff format --check
+
+types: $(VENV)/.ready-dev
+	$(RUN) mypy
+
+layers: $(VENV)/.ready-dev
+	$(VENV)/bin/lint-imports --no-logo
+
+bench: $(VENV)/.ready-dev
+	$(RUN) pytest benchmarks
+
+wheel-test: $(VENV)/.ready-dev
+	.ci/wheel-test $(VENV)/bin/python
+
+clean:
+	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+
+$(VENV)/.ready-run: constraints.txt pyproject.toml setup.py
+	$(call set-up,.)
+	touch $@
+
+$(VENV)/.ready-dev: constraints.txt pyproject.toml setup.py
+	$(call set-up,.[dev])
+	touch $(VENV)/.ready-run $@
+
+# setuptools comes first and from the constraints, so that the build is as pinned as what is built
+define set-up
+	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11))" \
+	  || { echo "endoct needs Python 3.11 or newer; $(PYTHON) is not. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@$(RUN) pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	$(RUN) pip install --quiet --disable-pip-version-check --constraint constraints.txt setuptools
+	$(RUN) pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable "$(1)"
+endef
