@@ -1,1 +1,19 @@
-"""The public Python interface, the command line, the pipeline and the report."""
+"""The public Python interface, the command line, the pipeline and the report.
+
+``from endoct.workbench import unroll, compare, simulate``; they load on first use, so that the command line
+starts at once.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from endoct.workbench.api import compare, simulate, unroll
+
+__all__ = ["compare", "simulate", "unroll"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        return getattr(import_module("endoct.workbench.api"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.comparison import Comparison, CompareParameters, compare_panoramas, save_comparison
+from endoct.fusion.comparison import CompareParameters, Comparison, compare_panoramas, save_comparison
 from endoct.fusion.masks import read_mask, score_against
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
@@ -40,24 +40,13 @@ def write_comparison(
 
     Raises :class:`EndoctError` where a side cannot be used.
     """
-    masks = [is_mask_image(side.path) for side in sides]
-    loaded: list[Panorama | None] = [None, None]
-    unrolled: list[Unrolled | None] = [None, None]
-    for k, side in enumerate(sides):
-        if masks[k]:
-            continue
-        if is_panorama(side.path):
-            loaded[k] = load_panorama(side.path)
-        else:
-            made = unroll_recording(
-                side.path, modality=side.modality, settings=side.settings, stages=stages, name=_stage_name(sides, k)
-            )
-            unrolled[k], loaded[k] = made, made.panorama
-    for k, side in enumerate(sides):
-        if masks[k]:
-            loaded[k] = read_mask(side.path, like=loaded[1 - k])
-    a, b = loaded
-    assert a is not None and b is not None  # noqa: S101  (each side was loaded by one of the two loops)
+    recorded = {k: _load(side, "AB"[k], stages) for k, side in enumerate(sides) if not is_mask_image(side.path)}
+    a, b = (
+        recorded[k][0]
+        if k in recorded
+        else read_mask(side.path, like=recorded[1 - k][0] if 1 - k in recorded else None)
+        for k, side in enumerate(sides)
+    )
     with stages.stage("align, segment, score"):
         comparison = compare_panoramas(a, b, parameters)
         against = {str(path): score_against(comparison, read_mask(path, like=a)) for path in truth}
@@ -66,8 +55,8 @@ def write_comparison(
         save_comparison(comparison, folder / "comparison.zarr")
         for name, panorama in zip(comparison.sides, (a, b), strict=True):
             save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
-        for name, made in zip(comparison.sides, unrolled, strict=True):
-            if made is not None:
+        for k, name in enumerate(comparison.sides):
+            if k in recorded and (made := recorded[k][1]) is not None:
                 _picture(folder, name, made)
     result = {
         **comparison.result,
@@ -95,9 +84,11 @@ def is_mask_image(path: Path) -> bool:
     return len(stack) == 1 and np.unique(stack[0]).size <= 2
 
 
-def _stage_name(sides: tuple[Side, Side], k: int) -> str:
-    del sides
-    return "AB"[k]
+def _load(side: Side, label: str, stages: Stages) -> tuple[Panorama, Unrolled | None]:
+    if is_panorama(side.path):
+        return load_panorama(side.path), None
+    made = unroll_recording(side.path, modality=side.modality, settings=side.settings, stages=stages, label=label)
+    return made.panorama, made
 
 
 def _picture(folder: Path, name: str, made: Unrolled) -> None:

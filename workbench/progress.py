@@ -40,7 +40,7 @@ class SilentStages:
     @contextmanager
     def _shown(self, title: str) -> Iterator[Advance]:
         del title
-        yield lambda share: None
+        yield lambda _: None
 
 
 class ConsoleStages(SilentStages):

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality, VolumetricModality
+from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, VolumetricModality
 from endoct.modalities.recording import map_frames
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.blend import blend
@@ -52,17 +52,17 @@ class _Watched:
 
 
 def unroll_recording(
-    path: Path, *, modality: str | None, settings: Mapping[str, Any], stages: Stages, name: str = ""
+    path: Path, *, modality: str | None, settings: Mapping[str, Any], stages: Stages, label: str = ""
 ) -> Unrolled:
     """Survey and unroll the recording at ``path``.
 
-    ``settings`` holds keys of its sidecar and of its plug-in's parameters; ``name`` distinguishes the stages of
+    ``settings`` holds keys of its sidecar and of its plug-in's parameters; ``label`` tells apart the stages of
     two recordings. Raises :class:`EndoctError` where the recording cannot be used.
     """
     overrides, parameters = split(settings, manifest_for(path, modality))
     manifest, stream = open_recording(path, modality=modality, overrides=overrides)
     implementation = manifest.load()
-    title = name or manifest.name
+    title = f"{label} {manifest.name}".strip()
     with ThreadPoolExecutor(1) as pool:
         inputs = pool.submit(digests, path)
         with stages.stage(f"survey {title}") as advance:
@@ -108,13 +108,9 @@ def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
         raise EndoctError(
             f"the modality '{unrolled.manifest.name}' has no volume", remedy="leave out --volume for this recording"
         )
-    implementation = cast(VolumetricModality, _implementation(unrolled))
+    implementation = cast(VolumetricModality, unrolled.manifest.load())
     with stages.stage("volume") as advance:
         implementation.write_volume(_Watched(unrolled.stream, advance), unrolled.calibration, store)
-
-
-def _implementation(unrolled: Unrolled) -> Modality:
-    return unrolled.manifest.load()
 
 
 def _by_depth(calibration: Calibration, frame_dim: str) -> dict[str, np.ndarray[Any, Any]]:

@@ -1,0 +1,108 @@
+"""The public Python interface: what the command line does, as functions."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from endoct.fusion.comparison import CompareParameters, Comparison
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import new_output
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import save_panorama
+from endoct.workbench.comparing import Side, write_comparison
+from endoct.workbench.progress import SilentStages, Stages
+from endoct.workbench.unrolling import unroll_recording, write_volume
+
+Preset = Literal["quick", "paper"]
+
+
+def unroll(
+    path: Path | str,
+    output: Path | str | None = None,
+    *,
+    modality: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    volume: bool = False,
+    overwrite: bool = False,
+    stages: Stages | None = None,
+) -> Panorama:
+    """Unroll the recording at ``path`` into a panorama of the wall, written to ``output`` where one is given.
+
+    ``settings`` replaces keys of the sidecar and parameters of the plug-in; ``volume`` adds the dense hollow
+    cylinder to the output. Raises :class:`EndoctError` where the recording cannot be used or ``output`` exists.
+    """
+    stages = stages or SilentStages()
+    path = Path(path)
+    if output is None:
+        if volume:
+            raise EndoctError("a volume needs an output", remedy="name one")
+        return unroll_recording(path, modality=modality, settings=settings or {}, stages=stages).panorama
+    with new_output(Path(output), overwrite=overwrite) as scratch:
+        made = unroll_recording(path, modality=modality, settings=settings or {}, stages=stages)
+        save_panorama(made.panorama, scratch)
+        if volume:
+            write_volume(made, scratch, stages)
+    return made.panorama
+
+
+def compare(
+    a: Path | str,
+    b: Path | str,
+    output: Path | str,
+    *,
+    modality_a: str | None = None,
+    modality_b: str | None = None,
+    settings_a: Mapping[str, Any] | None = None,
+    settings_b: Mapping[str, Any] | None = None,
+    parameters: CompareParameters | None = None,
+    truth: Sequence[Path | str] = (),
+    overwrite: bool = False,
+    stages: Stages | None = None,
+) -> Comparison:
+    """Compare two sides, each a recording, a panorama or a mask image, and write the folder ``output``.
+
+    Whether the two could be aligned is in the comparison's ``alignment`` (None) and ``reason``. Raises
+    :class:`EndoctError` where a side cannot be used or ``output`` exists.
+    """
+    sides = (Side(Path(a), modality_a, settings_a or {}), Side(Path(b), modality_b, settings_b or {}))
+    with new_output(Path(output), overwrite=overwrite) as scratch:
+        return write_comparison(
+            sides,
+            scratch,
+            parameters=parameters or CompareParameters(),
+            truth=tuple(Path(path) for path in truth),
+            stages=stages or SilentStages(),
+        )
+
+
+def simulate(
+    output: Path | str,
+    *,
+    preset: Preset = "quick",
+    seed: int = 0,
+    replay: Path | str | None = None,
+    overwrite: bool = False,
+    stages: Stages | None = None,
+) -> None:
+    """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
+
+    ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. Raises
+    :class:`EndoctError` where it cannot be read or ``output`` exists.
+    """
+    from endoct.synthetic.specimen import simulate as render  # torch loads in seconds: only who simulates waits
+
+    stages = stages or SilentStages()
+    sample = _read_json(Path(replay)) if replay is not None else None
+    with new_output(Path(output), overwrite=overwrite) as scratch, stages.stage(f"simulate {preset}") as advance:
+        render(scratch, preset=preset, seed=seed, sample=sample, on_progress=lambda _, share: advance(share))
+
+
+def _read_json(path: Path) -> Mapping[str, Any]:
+    try:
+        sample = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise EndoctError(f"{path} cannot be read", found=str(error), expected="a truth/sample.json") from error
+    if not isinstance(sample, dict):
+        raise EndoctError(f"{path} is no sample", expected="a truth/sample.json")
+    return sample

@@ -1,0 +1,287 @@
+"""The commands of `endoct`, as tyro reads them from their signatures and docstrings."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+from tyro.conf import Positional, UseAppendAction, arg
+
+from endoct.workbench.cli import DONE, NOT_ALIGNED
+from endoct.workbench.progress import ConsoleStages, SilentStages, Stages
+
+Output = Annotated[Path, arg(name="output", aliases=["-o"])]
+Settings = UseAppendAction[tuple[str, ...]]
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit status."""
+    commands: dict[str, Any] = {
+        "demo": demo,
+        "simulate": simulate,
+        "unroll": unroll,
+        "compare": compare,
+        "report": report,
+        "info": info,
+        "modalities": modalities,
+    }
+    status: int = tyro.extras.subcommand_cli_from_dict(
+        commands,
+        prog="endoct",
+        description="Compare what a cone-mirror endoscope and a catheter OCT see of one drill hole in bone.",
+        args=list(arguments),
+        config=(tyro.conf.FlagCreatePairsOff,),
+    )
+    return status
+
+
+def demo(
+    output: Output = Path("demo"),
+    preset: Literal["quick", "paper"] = "quick",
+    seed: int = 1,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Simulate a specimen, unroll both recordings, compare them and write the report.
+
+    Args:
+        output: folder for the specimen and the comparison
+        preset: size of the recordings
+        seed: which specimen
+        overwrite: replace the folder if it exists
+        json: print the result as JSON
+    """
+    from endoct.stitching.output import new_output
+    from endoct.workbench import api
+
+    stages = _stages(json)
+    with new_output(output, overwrite=overwrite) as scratch:
+        specimen = scratch / "specimen"
+        api.simulate(specimen, preset=preset, seed=seed, stages=stages)
+        api.compare(specimen / "endoscope", specimen / "oct", scratch / "comparison", stages=stages)
+    return _tell_result(output / "comparison", as_json=json)
+
+
+def simulate(
+    output: Output,
+    preset: Literal["quick", "paper"] = "quick",
+    seed: int = 0,
+    replay: Path | None = None,
+    overwrite: bool = False,
+) -> int:
+    """Simulate the two recordings of one bore, with truth.
+
+    Args:
+        output: folder for the specimen
+        preset: size of the recordings
+        seed: which specimen; the same seed gives the same bytes
+        replay: truth/sample.json of a specimen to make again
+        overwrite: replace the folder if it exists
+    """
+    from endoct.workbench import api
+
+    api.simulate(output, preset=preset, seed=seed, replay=replay, overwrite=overwrite, stages=_stages(False))
+    _say(f"specimen: {output}")
+    return DONE
+
+
+def unroll(
+    path: Positional[Path],
+    output: Output,
+    modality: str | None = None,
+    set: Settings = (),
+    volume: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Unroll one recording into a panorama of the bore wall.
+
+    Args:
+        path: folder or file of the recording
+        output: Zarr store to write
+        modality: plug-in to read it with, where the sidecar does not say
+        set: KEY=VALUE for a key of the sidecar or a processing parameter; repeat for more
+        volume: add the dense hollow cylinder, sub-surface included
+        overwrite: replace the output if it exists
+        json: print what was found as JSON
+    """
+    from endoct.workbench import api
+    from endoct.workbench.settings import parse
+
+    panorama = api.unroll(
+        path,
+        output,
+        modality=modality,
+        settings=parse(set),
+        volume=volume,
+        overwrite=overwrite,
+        stages=_stages(json),
+    )
+    facts = {
+        "output": str(output),
+        "modality": panorama.modality,
+        "rows": panorama.grid.n_z,
+        "columns": panorama.grid.n_theta,
+        "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
+        "valid_fraction": float(panorama.valid.mean()),
+        "notes": list(panorama.provenance.get("notes", ())),
+    }
+    if json:
+        _print_json(facts)
+    else:
+        _say(
+            f"panorama: {output} ({facts['rows']} rows × {facts['columns']} columns, "
+            f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
+        )
+        for note in panorama.provenance.get("notes", ()):
+            _say(f"not trusted: {note}")
+    return DONE
+
+
+def compare(
+    a: Positional[Path],
+    b: Positional[Path],
+    output: Output,
+    truth: UseAppendAction[tuple[Path, ...]] = (),
+    modality_a: str | None = None,
+    modality_b: str | None = None,
+    set: Settings = (),
+    set_a: Settings = (),
+    set_b: Settings = (),
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Compare two sides of one bore: recordings, panoramas, or mask images drawn by hand.
+
+    Args:
+        a: first side; the comparison is in its frame
+        b: second side
+        output: folder to write
+        truth: mask image drawn over side A's panorama to score both against; repeat for more
+        modality_a: plug-in to read side A with
+        modality_b: plug-in to read side B with
+        set: KEY=VALUE for a parameter of the comparison; repeat for more
+        set_a: KEY=VALUE for a key of side A's sidecar or a parameter of its processing
+        set_b: KEY=VALUE for a key of side B's sidecar or a parameter of its processing
+        overwrite: replace the output if it exists
+        json: print the result as JSON
+    """
+    from endoct.fusion.comparison import CompareParameters
+    from endoct.modalities.acquisition import validate
+    from endoct.workbench import api
+    from endoct.workbench.settings import parse
+
+    api.compare(
+        a,
+        b,
+        output,
+        modality_a=modality_a,
+        modality_b=modality_b,
+        settings_a=parse(set_a),
+        settings_b=parse(set_b),
+        parameters=validate(CompareParameters, parse(set), "the settings of the comparison"),
+        truth=truth,
+        overwrite=overwrite,
+        stages=_stages(json),
+    )
+    return _tell_result(output, as_json=json)
+
+
+def report(folder: Positional[Path]) -> int:
+    """Write the report of a comparison again.
+
+    Args:
+        folder: what `endoct compare` wrote
+    """
+    from endoct.workbench.report import write_report
+
+    with _stages(False).stage("report"):
+        path = write_report(folder)
+    _say(f"report: {path}")
+    return DONE
+
+
+def info(
+    path: Positional[Path],
+    modality: str | None = None,
+    write_sidecar: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Say what a recording, a panorama or a comparison is, and what its sidecar lacks.
+
+    Args:
+        path: folder or file
+        modality: plug-in to read it with
+        write_sidecar: write an acquisition.toml to fill in
+        overwrite: replace the acquisition.toml if it exists
+        json: print as JSON
+    """
+    from endoct.workbench.information import describe, write_sidecar_template
+
+    if write_sidecar:
+        sidecar, missing = write_sidecar_template(path, modality, overwrite=overwrite)
+        _say(f"sidecar: {sidecar}")
+        for key, why in missing.items():
+            _say(f"to fill in: {key} – {why}")
+        return DONE
+    facts = describe(path, modality)
+    if json:
+        _print_json(facts)
+    else:
+        table = Table(show_header=False, box=None)
+        for key, value in facts.items():
+            table.add_row(key, str(value))
+        Console().print(table)
+    return DONE
+
+
+def modalities(json: bool = False) -> int:
+    """List the installed modalities.
+
+    Args:
+        json: print as JSON
+    """
+    from endoct.workbench.information import installed_modalities
+
+    rows = installed_modalities()
+    if json:
+        _print_json(rows)
+        return DONE
+    table = Table("name", "title", "provides", "reads", box=None)
+    for row in rows:
+        table.add_row(row["name"], row["title"], ", ".join(row["provides"]), " ".join(row["suffixes"]))
+    Console().print(table)
+    return DONE
+
+
+def _tell_result(folder: Path, *, as_json: bool) -> int:
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    if as_json:
+        _print_json(result)
+    elif result["aligned"]:
+        _say(f"Jaccard index {result['jaccard']:.3f}, Dice {result['dice']:.3f} ({' and '.join(result['sides'])})")
+    else:
+        _say(f"not aligned: {result['reason']}")
+    if not as_json:
+        for side, notes in result["notes"].items():
+            for note in notes:
+                _say(f"not trusted ({side}): {note}")
+        _say(f"report: {folder / 'report.html'}")
+    return DONE if result["aligned"] else NOT_ALIGNED
+
+
+def _stages(as_json: bool) -> Stages:
+    # progress goes to stderr, so that stdout can be piped
+    return SilentStages() if as_json and not Console(stderr=True).is_terminal else ConsoleStages(Console(stderr=True))
+
+
+def _say(line: str) -> None:
+    Console().print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _print_json(value: object) -> None:
+    print(json.dumps(value, indent=1, ensure_ascii=False))  # noqa: T201

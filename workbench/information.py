@@ -1,0 +1,106 @@
+"""What a path is, what its sidecar lacks, and which modalities are installed."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from endoct.modalities.acquisition import read_keys, sidecar_path, validate
+from endoct.modalities.contract import Manifest
+from endoct.modalities.registry import manifest_for, manifests, open_recording
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import new_output
+from endoct.stitching.store import is_panorama, load_panorama
+
+
+def installed_modalities() -> list[dict[str, Any]]:
+    """Return name, title, what it provides and reads, of every installed modality."""
+    return [
+        {
+            "name": manifest.name,
+            "title": manifest.title,
+            "provides": sorted(manifest.provides),
+            "suffixes": list(manifest.suffixes),
+            "sidecar_keys": list(manifest.acquisition.model_fields),
+        }
+        for manifest in manifests().values()
+    ]
+
+
+def describe(path: Path, modality: str | None = None) -> dict[str, Any]:
+    """Return what ``path`` is: a comparison, a panorama or a recording with its sidecar's state.
+
+    Raises :class:`EndoctError` where it is none of them.
+    """
+    if (path / "result.json").is_file():
+        result = json.loads((path / "result.json").read_text(encoding="utf-8"))
+        return {"kind": "comparison", **{key: result[key] for key in ("sides", "aligned", "reason", "jaccard", "dice")}}
+    if is_panorama(path):
+        panorama = load_panorama(path)
+        return {
+            "kind": "panorama",
+            "modality": panorama.modality,
+            "rows": panorama.grid.n_z,
+            "columns": panorama.grid.n_theta,
+            "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
+            "depth": panorama.depth_mm is not None,
+            "valid_fraction": float(panorama.valid.mean()),
+            "notes": list(panorama.provenance.get("notes", ())),
+        }
+    manifest = manifest_for(path, modality)
+    keys = read_keys(path) | {"modality": manifest.name}
+    if missing := _missing(manifest, keys):
+        return {
+            "kind": "recording",
+            "modality": manifest.name,
+            "missing": missing,
+            "remedy": f"endoct info {path} --write-sidecar",
+        }
+    validate(manifest.acquisition, keys, str(sidecar_path(path)))
+    _, stream = open_recording(path, modality=manifest.name)
+    first = stream[0].samples
+    return {
+        "kind": "recording",
+        "modality": manifest.name,
+        "title": manifest.title,
+        "frames": len(stream),
+        "frame_shape": list(first.shape),
+        "dtype": str(first.dtype),
+        "sidecar": stream.acquisition.model_dump(mode="json", exclude_none=True),
+    }
+
+
+def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool) -> tuple[Path, dict[str, str]]:
+    """Write an ``acquisition.toml`` to fill in; return its path and the keys still missing, with why they matter.
+
+    Keys that an existing sidecar has are kept. Raises :class:`EndoctError` where one exists and ``overwrite`` is
+    not set, or the modality cannot be told.
+    """
+    manifest = manifest_for(path, modality)
+    sidecar = sidecar_path(path)
+    kept = read_keys(path) | {"modality": manifest.name}
+    lines = [f"# What the files of {path.name} do not say themselves. Leave out what is not known.", ""]
+    for key, field in manifest.acquisition.model_fields.items():
+        lines += [
+            f"# {field.description}" + (" (required)" if field.is_required() else ""),
+            _line(key, field, kept),
+            "",
+        ]
+    with new_output(sidecar, overwrite=overwrite) as scratch:
+        scratch.write_text("\n".join(lines), encoding="utf-8")
+    return sidecar, _missing(manifest, kept)
+
+
+def _missing(manifest: Manifest, keys: dict[str, Any]) -> dict[str, str]:
+    fields = manifest.acquisition.model_fields
+    return {k: f.description or "required" for k, f in fields.items() if f.is_required() and k not in keys}
+
+
+def _line(key: str, field: FieldInfo, kept: dict[str, Any]) -> str:
+    if key in kept and isinstance(kept[key], str | int | float | bool | list):
+        return f"{key} = {json.dumps(kept[key])}"
+    if key in kept:
+        raise EndoctError(f"the sidecar's '{key}' cannot be carried over", remedy="edit the sidecar by hand")
+    default = field.get_default()
+    return f"# {key} = " + ("" if field.is_required() or default is None else json.dumps(default))
