@@ -63,11 +63,11 @@ $(VENV)/.ready-dev: constraints.txt pyproject.toml setup.py
 	$(call set-up,.[dev])
 	touch $(VENV)/.ready-run $@
 
-# setuptools comes first and from the constraints, so that the build is as pinned as what is built
+# pip and setuptools come first and from the constraints, so that the build is as pinned as what is built
 define set-up
 	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11))" \
 	  || { echo "endoct needs Python 3.11 or newer; $(PYTHON) is not. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	@$(RUN) pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
-	$(RUN) pip install --quiet --disable-pip-version-check --constraint constraints.txt setuptools
+	$(RUN) pip install --quiet --disable-pip-version-check --constraint constraints.txt pip setuptools
 	$(RUN) pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable "$(1)"
 endef

@@ -1,0 +1,33 @@
+"""Fixtures that tests of several folders share."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# No test may depend on the machine's speed.
+settings.register_profile("endoct", deadline=None, derandomize=True)
+settings.load_profile("endoct")
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """The folder of real recordings; without it the test is skipped."""
+    folder = os.environ.get("ENDOCT_RECORDINGS")
+    if not folder:
+        pytest.skip("ENDOCT_RECORDINGS does not name a folder of real recordings")
+    path = Path(folder)
+    if not path.is_dir():
+        pytest.fail(f"ENDOCT_RECORDINGS names {path}, which is no folder")
+    return path
+
+
+@pytest.fixture(scope="session")
+def quick_specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One simulated specimen of the preset `quick`: oct/, endoscope/ and truth/. Tests must not change it."""
+    from endoct.synthetic.specimen import simulate  # torch loads in seconds: only who needs a specimen waits
+
+    specimen = tmp_path_factory.mktemp("quick") / "specimen"
+    simulate(specimen, preset="quick", seed=1000)
+    return specimen
