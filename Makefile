@@ -17,7 +17,7 @@ endif
 .PHONY: help demo test test-all lint types layers bench wheel-test clean
 
 help:
-	@echo "make demo        simulate a bore, compare both recordings, write demo/report.html"
+	@echo "make demo        simulate a bore, compare both recordings, write demo/comparison/report.html"
 	@echo "make test        the tests (test-all: the slow ones too)"
 	@echo "make lint        ruff: rules and format"
 	@echo "make types       mypy, strict"
@@ -28,7 +28,7 @@ help:
 
 demo: $(VENV)/.ready-run
 	$(VENV)/bin/endoct demo -o demo --overwrite
-	@echo "The report is at $(CURDIR)/demo/report.html - open it in a browser."
+	@echo "The report is at $(CURDIR)/demo/comparison/report.html - open it in a browser."
 
 test: $(VENV)/.ready-dev
 	$(RUN) pytest -m "not slow"

@@ -1,6 +1,7 @@
 """The public Python interface: what the command line does, as functions."""
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -96,6 +97,34 @@ def simulate(
     sample = _read_json(Path(replay)) if replay is not None else None
     with new_output(Path(output), overwrite=overwrite) as scratch, stages.stage(f"simulate {preset}") as advance:
         render(scratch, preset=preset, seed=seed, sample=sample, on_progress=lambda _, share: advance(share))
+
+
+def demo(
+    output: Path | str,
+    *,
+    preset: Preset = "quick",
+    seed: int = 1,
+    overwrite: bool = False,
+    stages: Stages | None = None,
+) -> Comparison:
+    """Simulate a specimen in ``output``/specimen and compare its recordings in ``output``/comparison.
+
+    Raises :class:`EndoctError` where ``output`` exists and ``overwrite`` is not set, or cannot be written.
+    """
+    output = Path(output)
+    existed = output.exists()
+    if existed and not overwrite:
+        raise EndoctError(f"{output} exists already", remedy="choose another output, or say --overwrite")
+    specimen = output / "specimen"
+    try:
+        simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, stages=stages)
+        return compare(
+            specimen / "endoscope", specimen / "oct", output / "comparison", overwrite=overwrite, stages=stages
+        )
+    except BaseException:
+        if not existed:
+            shutil.rmtree(output, ignore_errors=True)
+        raise
 
 
 def _read_json(path: Path) -> Mapping[str, Any]:

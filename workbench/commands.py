@@ -54,14 +54,9 @@ def demo(
         overwrite: replace the folder if it exists
         json: print the result as JSON
     """
-    from endoct.stitching.output import new_output
     from endoct.workbench import api
 
-    stages = _stages(json)
-    with new_output(output, overwrite=overwrite) as scratch:
-        specimen = scratch / "specimen"
-        api.simulate(specimen, preset=preset, seed=seed, stages=stages)
-        api.compare(specimen / "endoscope", specimen / "oct", scratch / "comparison", stages=stages)
+    api.demo(output, preset=preset, seed=seed, overwrite=overwrite, stages=_stages(json))
     return _tell_result(output / "comparison", as_json=json)
 
 
