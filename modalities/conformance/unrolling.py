@@ -1,0 +1,176 @@
+"""Checks of a plug-in's survey, of the strips it makes, and of the panorama they become."""
+
+import re
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from endoct.modalities.conformance.subject import (
+    NotConforming,
+    Replaced,
+    Subject,
+    demand,
+    only_endoct_errors,
+    pickled,
+    refusal_allowed,
+    same,
+    same_strip,
+)
+from endoct.stitching.blend import blend
+from endoct.stitching.panorama import Panorama
+
+
+def calibration_is_complete(subject: Subject) -> None:
+    """The calibration can be pickled and has a row for every z and a value for every frame."""
+    calibration = subject.calibration
+    pickled(calibration, "the calibration")
+    rows = np.asarray(calibration.row_z_mm)
+    demand(rows.shape == (calibration.grid.n_z,), f"row_z_mm is {rows.shape} for {calibration.grid.n_z} rows")
+    demand(np.isfinite(rows).all() and (np.diff(rows) > 0).all(), "row_z_mm does not ascend")
+    demand("z_mm" in calibration.per_frame, "per_frame lacks 'z_mm'")
+    for key, values in calibration.per_frame.items():
+        demand(np.shape(values)[:1] == (len(subject.stream),), f"per_frame['{key}'] is not one value a frame")
+    demand(np.isfinite(calibration.per_frame["z_mm"]).all(), "per_frame['z_mm'] is not finite")
+    for note in calibration.notes:
+        demand(re.fullmatch(r"[A-Z0-9].*\.", note, re.DOTALL), f"the note {note!r} is no full sentence")
+
+
+def survey_does_not_depend_on_workers(subject: Subject) -> None:
+    """The survey's answer is the same to the last bit, whatever the number of processors."""
+    for processors in (1, 3):
+        with patch("os.cpu_count", return_value=processors):
+            other = subject.survey(subject.open())
+        demand(other.grid == subject.calibration.grid, f"the grid is another with {processors} processors")
+        demand(other.notes == subject.calibration.notes, f"the notes are others with {processors} processors")
+        for key, values in subject.calibration.per_frame.items():
+            unchanged = key in other.per_frame and same(values, other.per_frame[key])
+            demand(unchanged, f"per_frame['{key}'] is another with {processors} processors")
+        for index, strip in subject.strips.items():
+            again = subject.modality.unroll(subject.stream[index], other)
+            demand(same_strip(strip, again), f"frame {index} unrolls otherwise with {processors} processors")
+
+
+def unrolling_is_pure(subject: Subject) -> None:
+    """A frame unrolls to the same bytes every time, and stays as it was."""
+    calibration = pickled(subject.calibration, "the calibration")
+    for index, strip in subject.strips.items():
+        frame = subject.stream[index]
+        before = frame.samples.copy()
+        demand(same_strip(strip, subject.modality.unroll(frame, calibration)), f"frame {index} unrolls otherwise again")
+        demand(same(before, frame.samples), f"unrolling changes frame {index}")
+
+
+def strips_lie_on_the_grid(subject: Subject) -> None:
+    """Every strip has all columns and consecutive rows of the panorama."""
+    for strip in subject.strips.values():
+        blend([strip], subject.calibration.grid, subject.calibration.row_z_mm)
+
+
+def strips_are_sound(subject: Subject) -> None:
+    """What is valid is finite, weights are not negative, depth is there where promised, and something was seen."""
+    promised = "depth" in subject.manifest.provides
+    for index, strip in subject.strips.items():
+        demand(
+            (strip.depth_mm is not None) == promised, f"frame {index}: depth is {'' if promised else 'not '}promised"
+        )
+        demand(np.isfinite(strip.weight).all() and (strip.weight >= 0).all(), f"frame {index} has impossible weights")
+        demand(
+            np.isfinite(strip.intensity[strip.valid]).all(), f"frame {index} has a valid intensity that is not finite"
+        )
+        if strip.depth_mm is not None:
+            demand(
+                np.isfinite(strip.depth_mm[strip.valid]).all(), f"frame {index} has a valid depth that is not finite"
+            )
+    demand(any(strip.valid.any() for strip in subject.strips.values()), "no strip has a valid sample")
+
+
+def theta_is_a_circle(subject: Subject) -> None:
+    """Turning the recording's θ origin by a quarter turns the panorama by a quarter, over the seam too."""
+    grid = subject.calibration.grid
+    quarter = grid.n_theta // 4
+    origin_rad = subject.stream.acquisition.theta_origin_rad + quarter * grid.dtheta_rad
+    stream = subject.open(theta_origin_rad=origin_rad)
+    calibration = subject.survey(stream)
+    demand(calibration.grid.n_theta == grid.n_theta, "another θ origin changes the number of columns")
+    columns = quarter - round((calibration.grid.theta0_rad - grid.theta0_rad) / grid.dtheta_rad)
+    for index, strip in subject.strips.items():
+        turned = subject.modality.unroll(stream[index], calibration)
+        expected = np.roll(strip.intensity, columns, axis=1)
+        seen = np.roll(strip.valid, columns, axis=1)
+        if turned.valid.shape != seen.shape:
+            raise NotConforming(f"frame {index} has other rows with another θ origin")
+        both = turned.valid & seen
+        demand(np.mean(turned.valid == seen) > 0.95, f"frame {index}: other samples are valid with another θ origin")
+        if both.any():
+            error = np.median(np.abs(turned.intensity - expected)[both])
+            spread = np.std(expected[both])
+            demand(
+                error <= 0.05 * spread, f"frame {index} is not the same wall, turned: differs by {error / spread:.0%}"
+            )
+
+
+def settling_keeps_the_grid(subject: Subject) -> None:
+    """The finished panorama has the grid of the assembled one, and is finite where valid."""
+    calibration, manifest = subject.calibration, subject.manifest
+    strips = (subject.modality.unroll(subject.stream[index], calibration) for index in range(len(subject.stream)))
+    intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
+    assembled = Panorama(
+        grid=calibration.grid,
+        z_mm=calibration.row_z_mm,
+        intensity=intensity,
+        depth_mm=depth_mm,
+        valid=valid,
+        weight=weight,
+        modality=manifest.name,
+        handedness_known=calibration.handedness_known,
+        travel_known=calibration.travel_known,
+        frame_dim=manifest.frame_dim,
+    )
+    settled = subject.modality.settle(assembled, calibration)
+    demand(settled.grid == assembled.grid and same(settled.z_mm, assembled.z_mm), "settling changes the grid")
+    demand(settled.modality == manifest.name, "settling changes the modality's name")
+    for name in ("intensity", "depth_mm"):
+        image = getattr(settled, name)
+        demand(image is None or np.isfinite(image[settled.valid]).all(), f"{name} is not finite where it is valid")
+
+
+def illustrations_can_be_drawn(subject: Subject) -> None:
+    """The pictures for a report have names of their own, labels with units, and places on their axes."""
+    frame = subject.stream[len(subject.stream) // 2]
+    pictures = subject.modality.illustrate(frame, subject.calibration)
+    names = [picture.name for picture in pictures]
+    demand(len(set(names)) == len(names), f"two pictures have one name: {names}")
+    for picture in pictures:
+        demand(re.fullmatch(r"[A-Za-z0-9_-]+", picture.name), f"the picture name {picture.name!r} fits no file name")
+        shape = np.shape(picture.image)
+        demand(len(shape) == 2 or (len(shape) == 3 and shape[2] == 3), f"the picture {picture.name} is {shape}")
+        demand(picture.x_label and picture.y_label, f"the picture {picture.name} has an axis without a label")
+        demand(np.isfinite([*picture.x_extent, *picture.y_extent]).all(), f"the picture {picture.name} has no place")
+        for label, curve in picture.curves.items():
+            demand(
+                np.ndim(curve) == 2 and np.shape(curve)[1] == 2, f"the curve {label} of {picture.name} is not (n, 2)"
+            )
+
+
+def one_frame_is_a_recording(subject: Subject) -> None:
+    """A recording of a single frame can be surveyed and unrolled."""
+    one = Replaced(subject.stream, (len(subject.stream) // 2,))
+    calibration = subject.survey(one)
+    blend([subject.modality.unroll(one[0], calibration)], calibration.grid, calibration.row_z_mm)
+
+
+def bad_frames_raise_endoct_errors(subject: Subject) -> None:
+    """A black, a saturated and a noise-only recording is refused with an EndoctError, or unrolled; nothing else."""
+    for what, make in (("black", np.zeros_like), ("constant", _constant), ("noise", _shuffled)):
+        changed = Replaced(subject.stream, tuple(range(min(4, len(subject.stream)))), make)
+        with only_endoct_errors(f"a recording that is {what}"), refusal_allowed():
+            subject.modality.unroll(changed[0], subject.survey(changed))
+
+
+def _constant(samples: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    return np.full_like(samples, samples.max())
+
+
+def _shuffled(samples: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    return np.random.default_rng(0).permuted(samples.ravel()).reshape(samples.shape)
