@@ -1,0 +1,143 @@
+"""Simulates one specimen and writes its recordings and its truth."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from endoct.stitching.errors import EndoctError
+from endoct.synthetic.bscan import build_appearance, render_bscan
+from endoct.synthetic.camera import render_frame
+from endoct.synthetic.draw import draw
+from endoct.synthetic.parameters import Sample
+from endoct.synthetic.presets import PRESETS, PresetName
+from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, toml
+from endoct.synthetic.truth import write_truth
+from endoct.synthetic.wall import Wall, build_wall
+
+Progress = Callable[[str, float], None]
+Out = TypeVar("Out")
+
+
+def simulate(
+    folder: Path,
+    *,
+    preset: PresetName = "quick",
+    seed: int = 0,
+    sample: Mapping[str, Any] | None = None,
+    on_progress: Progress | None = None,
+    workers: int | None = None,
+) -> None:
+    """Write a specimen into ``folder``, which must not exist; the same arguments give the same bytes.
+
+    Files: ``oct/pullback.tif`` u8 (slice, depth, A-scan) and ``endoscope/frame_0000.png`` …, each with its
+    ``acquisition.toml``; ``truth/wall.zarr``, ``truth/recording.json`` (see
+    :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``sample``, the content of such a
+    ``sample.json``, replays it; ``preset`` and ``seed`` then do not matter. ``on_progress(stage, fraction)``
+    is called from this thread. ``workers`` threads render (default: one for each processor, at most four).
+
+    Raises :class:`EndoctError` for an unknown preset, a bad seed or a sample that does not hold together.
+    """
+    drawn = _checked(sample) if sample is not None else _draw(preset, seed)
+    tell = on_progress or (lambda _stage, _fraction: None)
+    workers = workers or min(4, os.cpu_count() or 1)
+    tell("wall", 0.0)
+    wall = build_wall(drawn)
+    folder.mkdir()
+    tell("wall", 1.0)
+    write_truth(folder / "truth", drawn, wall)
+    _write_oct(folder / "oct", drawn, wall, tell, workers)
+    _write_endoscope(folder / "endoscope", drawn, wall, tell, workers)
+
+
+def _draw(preset: PresetName, seed: int) -> Sample:
+    if preset not in PRESETS:
+        raise EndoctError(f"unknown preset '{preset}'", expected=f"one of {', '.join(PRESETS)}")
+    if seed < 0:
+        raise EndoctError("the seed cannot be negative", found=str(seed))
+    return draw(preset, seed)
+
+
+def _checked(sample: Mapping[str, Any]) -> Sample:
+    try:
+        drawn = Sample.model_validate(sample)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the sample"
+        raise EndoctError(
+            f"'{where}' of the sample to replay cannot be used",
+            found=repr(first["input"])[:80],
+            expected=first["msg"].lower(),
+            remedy="replay a sample.json as the simulator wrote it",
+        ) from None
+    size = PRESETS[drawn.preset]
+    for part, values, expected in (
+        ("oct", ("z_mm", "offset_mm", "offset_direction_rad", "start_angle_rad"), size.n_slices),
+        ("oct", ("rotation_error_cos_rad", "rotation_error_sin_rad"), size.n_slices),
+        ("endoscope", ("z_mm", "roll_rad", "centre_px", "offset_mm"), size.n_frames),
+    ):
+        for name in values:
+            if (found := len(getattr(getattr(drawn, part), name))) != expected:
+                raise EndoctError(
+                    f"'{part}.{name}' of the sample to replay has the wrong length",
+                    found=str(found),
+                    expected=f"{expected}, as the preset '{drawn.preset}' has",
+                )
+    return drawn
+
+
+def _write_oct(folder: Path, sample: Sample, wall: Wall, tell: Progress, workers: int) -> None:
+    folder.mkdir()
+    size = PRESETS[sample.preset]
+    appearance = build_appearance(sample, wall)
+
+    def pages() -> Iterator[NDArray[np.uint8]]:
+        for i, page in enumerate(
+            _in_order(lambda i: render_bscan(sample, wall, appearance, i), size.n_slices, workers), 1
+        ):
+            yield page
+            tell("oct", i / size.n_slices)
+
+    shape = size.n_slices, size.n_depth, size.n_ascans
+    with tifffile.TiffWriter(folder / "pullback.tif", bigtiff=np.prod(shape) > 2**32 - 2**25) as tiff:
+        tiff.write(pages(), shape=shape, dtype=np.uint8, photometric="minisblack", metadata={"axes": "ZYX"})
+    (folder / "acquisition.toml").write_text(toml(oct_sidecar(sample)), encoding="utf-8")
+
+
+def _write_endoscope(folder: Path, sample: Sample, wall: Wall, tell: Progress, workers: int) -> None:
+    folder.mkdir()
+    n_frames = PRESETS[sample.preset].n_frames
+
+    def png(index: int) -> NDArray[np.uint8]:
+        frame = render_frame(sample, wall, index)
+        done, data = cv2.imencode(".png", frame[:, :, ::-1] if frame.ndim == 3 else frame)
+        if not done:
+            raise EndoctError(f"frame {index} could not be encoded as PNG")
+        return np.asarray(data, dtype=np.uint8)
+
+    for i, data in enumerate(_in_order(png, n_frames, workers)):
+        (folder / f"frame_{i:04d}.png").write_bytes(data.tobytes())
+        tell("endoscope", (i + 1) / n_frames)
+    (folder / "acquisition.toml").write_text(toml(endoscope_sidecar(sample)), encoding="utf-8")
+
+
+def _in_order(render: Callable[[int], Out], n: int, workers: int) -> Iterator[Out]:
+    """Yield ``render(0)``, ``render(1)``, … from threads, with at most ``workers`` + 1 results waiting."""
+    with ThreadPoolExecutor(workers) as pool:
+        indices = iter(range(n))
+        pending = [pool.submit(render, i) for i in islice(indices, workers + 1)]
+        try:
+            while pending:
+                result = pending.pop(0).result()
+                pending.extend(pool.submit(render, i) for i in islice(indices, 1))
+                yield result
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)

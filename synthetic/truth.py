@@ -1,0 +1,98 @@
+"""What the recordings of a specimen cannot know of themselves, written beside them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from endoct.synthetic.camera import band_centre_mm
+from endoct.synthetic.parameters import Sample
+from endoct.synthetic.wall import Wall
+
+THETA_OF_ASCANS = (
+    "turn = 2 pi k / n_ascans; theta_beam = theta_origin_rad + theta_sense * (turn + start_angle_rad[i] "
+    "+ sum over h >= 1 of rotation_error_cos_rad[i][h-1] cos(h turn) + rotation_error_sin_rad[i][h-1] sin(h turn)); "
+    "the beam leaves from offset_mm[i] in the direction offset_direction_rad[i]"
+)
+THETA_OF_PIXELS = "theta_wall = atan2(row - centre_row, column - centre_column) + roll_rad[i]"
+
+
+def write_truth(folder: Path, sample: Sample, wall: Wall) -> None:
+    """Write ``wall.zarr``, ``recording.json`` and ``sample.json`` into ``folder``."""
+    folder.mkdir()
+    _write_wall(folder / "wall.zarr", wall)
+    (folder / "recording.json").write_text(json.dumps(recording(sample), indent=1) + "\n", encoding="utf-8")
+    (folder / "sample.json").write_text(sample.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def recording(sample: Sample) -> dict[str, Any]:
+    """Return per modality the transform to the bore frame, and what moved, per frame in the order recorded.
+
+    ``z_mm``: place in the bore frame of every slice, and of the middle of the band every image shows.
+    ``travel``, and for the OCT ``theta_sense`` (+1: A-scans run with θ, −1: against it) and
+    ``theta_origin_rad``: so a panorama with θ = 2πk/n and z = 0 at the frame nearest the mouth lies at
+    θ_bore = theta_origin_rad + theta_sense·θ, z_bore = z_origin_mm + z. For the endoscope θ_bore = θ_image +
+    roll of the frame; its ``theta_origin_rad`` is the roll of the frame nearest the mouth. ``theta_formula``
+    says in full how beams and pixels lie. Catheter offset (mm) and its direction (rad) are in the bore frame;
+    ``offset_mm`` of the endoscope is the probe's (x, y).
+    """
+    oct_, camera = sample.oct, sample.endoscope
+    oct_span = min(oct_.z_mm), max(oct_.z_mm)
+    half = camera.visible_length_mm / 2
+    image_span = min(camera.z_mm) - half, max(camera.z_mm) + half
+    shared = min(oct_span[1], image_span[1]) - max(oct_span[0], image_span[0])
+    return {
+        "bore_radius_mm": sample.bore.diameter_mm / 2,
+        "overlap_mm": shared,
+        "overlap_fraction_of_shorter": shared / min(oct_span[1] - oct_span[0], image_span[1] - image_span[0]),
+        "oct": {
+            "theta_formula": THETA_OF_ASCANS,
+            "theta_origin_rad": oct_.theta_origin_rad,
+            "theta_sense": oct_.sense,
+            "handedness": "same" if oct_.sense > 0 else "mirrored",
+            "travel": oct_.travel,
+            "z_origin_mm": oct_span[0],
+            "first_sample_mm": oct_.first_sample_mm,
+            "glass_mm": oct_.glass_mm,
+            "glass_index": oct_.glass_index,
+            "z_mm": oct_.z_mm,
+            "offset_mm": oct_.offset_mm,
+            "offset_direction_rad": oct_.offset_direction_rad,
+            "start_angle_rad": oct_.start_angle_rad,
+            "rotation_error_cos_rad": oct_.rotation_error_cos_rad,
+            "rotation_error_sin_rad": oct_.rotation_error_sin_rad,
+        },
+        "endoscope": {
+            "theta_formula": THETA_OF_PIXELS,
+            "theta_origin_rad": camera.roll_rad[int(np.argmin(camera.z_mm))],
+            "theta_sense": 1,
+            "travel": camera.travel,
+            "z_origin_mm": min(camera.z_mm),
+            "apex_to_band_centre_mm": band_centre_mm(camera, sample.bore.diameter_mm / 2),
+            "z_mm": camera.z_mm,
+            "roll_rad": camera.roll_rad,
+            "centre_px": camera.centre_px,
+            "inner_px": camera.inner_px,
+            "outer_px": camera.outer_px,
+            "offset_mm": camera.offset_mm,
+        },
+    }
+
+
+def _write_wall(path: Path, wall: Wall) -> None:
+    n_z, n_theta = wall.relief_mm.shape
+    maps = {"relief_mm": wall.relief_mm, "cell": wall.cell, "cell_id": wall.cell_id}
+    truth = xr.Dataset(
+        {name: (("z", "theta"), values) for name, values in maps.items()},
+        coords={
+            "z": ("z", wall.dz_mm * np.arange(n_z), {"units": "mm", "long_name": "along the bore, from its mouth"}),
+            "theta": ("theta", wall.dtheta_rad * np.arange(n_theta), {"units": "rad"}),
+        },
+        attrs={"bore_radius_mm": wall.radius_mm},
+    )
+    truth["relief_mm"].attrs = {"units": "mm", "long_name": "wall radius minus bore radius"}
+    truth["cell"].attrs = {"long_name": "the surface at the bore's radius is missing"}
+    truth["cell_id"].attrs = {"long_name": "1 + the cell's index in sample.json, 0 where there is none"}
+    truth.to_zarr(path, mode="w-", zarr_format=3, consolidated=False)
