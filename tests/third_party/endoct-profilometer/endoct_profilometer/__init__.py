@@ -1,0 +1,1 @@
+"""A rotating laser line profilometer as a modality of endoct."""
