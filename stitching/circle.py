@@ -17,7 +17,7 @@ def gaussian(image: Image, sigma_rows_px: float, sigma_columns_px: float) -> Ima
 
     A sigma of 0 leaves its axis alone. Callers convert from mm or rad with their grid.
     """
-    pad = min(int(np.ceil(4 * sigma_columns_px)), image.shape[1]) if sigma_columns_px > 0 else 0
+    pad = int(np.ceil(4 * sigma_columns_px))  # more than one turn where the blur is wider than the circle
     padded = np.pad(image, ((0, 0), (pad, pad)), mode="wrap")
     blurred = cv2.sepFilter2D(
         padded, cv2.CV_32F, _kernel(sigma_columns_px), _kernel(sigma_rows_px), borderType=cv2.BORDER_REPLICATE
