@@ -1,0 +1,58 @@
+"""Filters on the wall: θ has no seam."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tolerances import COORDINATE_ATOL, IMAGE_ATOL
+
+from endoct.stitching.circle import gaussian, wrap_rad
+
+
+def noise(rows: int = 12, columns: int = 64) -> np.ndarray:
+    return np.random.default_rng(3).normal(size=(rows, columns)).astype(np.float32)
+
+
+@pytest.mark.parametrize(("angle", "wrapped"), [(0, 0), (np.pi, -np.pi), (1.5 * np.pi, -0.5 * np.pi), (-4 * np.pi, 0)])
+def test_wrap_by_hand(angle: float, wrapped: float) -> None:
+    assert wrap_rad(angle) == pytest.approx(wrapped, abs=COORDINATE_ATOL)
+
+
+@given(st.floats(-100, 100))
+def test_wrapping_keeps_the_direction(angle: float) -> None:
+    wrapped = float(wrap_rad(angle))
+    assert -np.pi <= wrapped < np.pi
+    assert np.cos(wrapped) == pytest.approx(np.cos(angle), abs=1e-9)
+    assert np.sin(wrapped) == pytest.approx(np.sin(angle), abs=1e-9)
+
+
+@given(st.integers(-200, 200), st.floats(0.3, 20))
+def test_blurring_and_turning_commute(columns: int, sigma_px: float) -> None:
+    image = noise()
+    turned_then_blurred = gaussian(np.roll(image, columns, axis=1), 1.0, sigma_px)
+    blurred_then_turned = np.roll(gaussian(image, 1.0, sigma_px), columns, axis=1)
+    np.testing.assert_allclose(turned_then_blurred, blurred_then_turned, atol=IMAGE_ATOL)
+
+
+def test_an_impulse_at_the_seam_spreads_over_it() -> None:
+    image = np.zeros((1, 32), np.float32)
+    image[0, 0] = 1.0
+    blurred = gaussian(image, 0.0, 2.0)[0]
+    np.testing.assert_allclose(blurred[1:], blurred[:0:-1], atol=IMAGE_ATOL)
+    assert blurred[31] == pytest.approx(np.exp(-1 / 8) / (2 * np.sqrt(2 * np.pi)), rel=1e-3)
+
+
+@given(st.just(0.0) | st.floats(0.1, 5), st.just(0.0) | st.floats(0.1, 40))
+def test_a_constant_stays_and_the_mean_over_theta_is_kept(sigma_rows_px: float, sigma_columns_px: float) -> None:
+    constant = np.full((5, 16), 3.0, np.float32)
+    np.testing.assert_allclose(gaussian(constant, sigma_rows_px, sigma_columns_px), constant, atol=1e-5)
+    image = noise(1)
+    assert gaussian(image, 0, sigma_columns_px).mean() == pytest.approx(image.mean(), abs=1e-4)
+
+
+def test_the_input_is_not_changed_and_zero_sigma_changes_nothing() -> None:
+    image = noise()
+    before = image.copy()
+    np.testing.assert_array_equal(gaussian(image, 0, 0), before)
+    gaussian(image, 2, 2)
+    np.testing.assert_array_equal(image, before)
