@@ -9,6 +9,7 @@ also bends an oblique beam, by up to about 1.5°, is left to a more physical ver
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.parameters import Oct
@@ -106,7 +107,7 @@ def _march(
     x0, y0 = offset_mm * np.cos(direction_rad), offset_mm * np.sin(direction_rad)
     cos, sin = np.cos(alpha_rad), np.sin(alpha_rad)
 
-    def behind(beam: Coordinates, rho: Coordinates) -> Coordinates:
+    def behind(beam: NDArray[np.intp], rho: Coordinates) -> Coordinates:
         x, y = x0 + rho * cos[beam], y0 + rho * sin[beam]
         relief = wall.at(wall.relief_mm, np.full(beam.size, z_mm), np.arctan2(y, x))
         excess: Coordinates = np.hypot(x, y) - wall.radius_mm - relief

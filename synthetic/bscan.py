@@ -5,6 +5,7 @@ faces and sheath (coherent reflections with a slowly turning phase) and the dete
 magnitude in dB, with σ 5.57 dB where there is speckle alone. Arrays are (depth, beam).
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -21,16 +22,28 @@ from endoct.synthetic.randomness import Stage, generator, smooth_field
 from endoct.synthetic.wall import Wall
 
 Field = NDArray[np.complex64]
-FWHM = 2 * np.sqrt(2 * np.log(2))
+FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
 BLOCK = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """How brightly the wall scatters, dB, on the wall's grid coarsened by ``coarser`` in z and θ."""
+    """How the wall returns light, on the wall's grid coarsened by ``coarser`` in z and θ.
+
+    ``wall_db``: its scattering against the mean, dB. ``glint``: amplitude of specular spots, 0 elsewhere.
+    """
 
     wall_db: Image
+    glint: Image
     coarser: int
+
+    def along(self, image: Image, wall: Wall, echoes: Echoes) -> Coordinates:
+        """Return one of the maps where the beams hit the wall, float64 (n,)."""
+        row = min(round(echoes.wall_z_mm / wall.dz_mm / self.coarser), image.shape[0] - 1)
+        period = image.shape[1]
+        column = echoes.wall_theta_rad / (2 * np.pi) * period
+        found: Coordinates = np.interp(column, np.arange(period), image[row], period=period)
+        return found
 
 
 def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance:
@@ -46,9 +59,10 @@ def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance
         along, around = (z_mm - z) / sigma_z, wrap_rad(theta_rad - theta) / sigma_theta
         # flat inside and soft outside, as a speck is
         wall_db -= loss_db * np.exp(-((0.5 * (along**2 + around**2)) ** 2))
-    for row, column in zip(rng.integers(0, n_z, oct_.n_glints), rng.integers(0, n_theta, oct_.n_glints), strict=True):
-        wall_db[row, np.arange(column - 1, column + 2) % n_theta] += rng.uniform(6, 16)
-    return Appearance(wall_db.astype(np.float32), coarser)
+    glint = np.zeros((n_z, n_theta), np.float32)
+    spots = rng.integers(0, n_z, oct_.n_glints), rng.integers(0, n_theta, oct_.n_glints)
+    glint[spots] = 10 ** ((oct_.wall_db + rng.uniform(4, 16, oct_.n_glints)) / 20)
+    return Appearance(wall_db.astype(np.float32), np.asarray(cv2.dilate(glint, np.ones((2, 3))), np.float32), coarser)
 
 
 def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
@@ -58,7 +72,7 @@ def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index
     every, n_ascans, n_depth = preset.ascans_per_column, preset.n_ascans, preset.n_depth
     n_columns = n_ascans // every
     # the centre of a column of `every` A-scans
-    turn = 2 * np.pi / n_ascans * ((np.arange(n_columns) + 0.5) * every - 0.5)
+    turn = 2 * math.pi / n_ascans * ((np.arange(n_columns, dtype=np.float64) + 0.5) * every - 0.5)
     reach = oct_.first_sample_mm + n_depth * oct_.axial_pixel_mm + 0.05
     echoes = trace(oct_, wall, slice_index, turn, reach)
     field = noise_free_field(oct_, echoes, wall, appearance, n_depth, rng)
@@ -78,8 +92,8 @@ def noise_free_field(
     """Return the complex field without the detector's noise, (n_depth, beam); noise has a mean square of 1."""
     n = echoes.alpha_rad.size
     lateral_px = oct_.lateral_resolution_mm / FWHM / (2 * np.pi * wall.radius_mm / n)
-    field = _bone(oct_, echoes, wall, appearance, n_depth, lateral_px)
-    field = field * _speckle(rng, (n_depth, n), oct_.axial_resolution_mm / FWHM / oct_.axial_pixel_mm, lateral_px)
+    bone = _bone(oct_, echoes, wall, appearance, n_depth, lateral_px)
+    field = bone * _speckle(rng, (n_depth, n), oct_.axial_resolution_mm / FWHM / oct_.axial_pixel_mm, lateral_px)
 
     oblique_db = np.maximum(-8.7 * (echoes.face_incidence_rad / oct_.glint_rad) ** 2, oct_.matt_db)
     for path, level_db in (
@@ -92,6 +106,9 @@ def noise_free_field(
     ):
         path = radius + wobble * np.sin(echoes.alpha_rad + phase)
         _add_reflection(field, oct_, path, level + 1.5 * _around(rng, n, 0.08), rng)
+
+    glint_db = 20 * np.log10(np.maximum(appearance.along(appearance.glint, wall, echoes), 1e-3))
+    _add_reflection(field, oct_, np.nan_to_num(echoes.wall_path_mm, nan=np.inf), glint_db, rng)
 
     row = np.arange(n_depth)[:, None]
     fraction = row / n_depth
@@ -111,10 +128,7 @@ def _bone(oct_: Oct, echoes: Echoes, wall: Wall, appearance: Appearance, n_depth
     tail = 10 ** (oct_.tail_db / 10)
     profile = (1 - tail) * np.exp(-below / oct_.attenuation_mm) + tail * np.exp(-below / oct_.tail_mm)
 
-    columns = echoes.wall_theta_rad / (2 * np.pi) * appearance.wall_db.shape[1]
-    row = min(round(echoes.wall_z_mm / wall.dz_mm / appearance.coarser), appearance.wall_db.shape[0] - 1)
-    period = appearance.wall_db.shape[1]
-    level_db = oct_.wall_db + np.interp(columns, np.arange(period), appearance.wall_db[row], period=period)
+    level_db = oct_.wall_db + appearance.along(appearance.wall_db, wall, echoes)
     # the beam diverges beyond the nominal wall, and little comes back from a steep one
     level_db -= 3.0 * np.clip((np.nan_to_num(echoes.wall_radius_mm) - wall.radius_mm) / 0.5, 0, None)
     level = 10 ** (level_db / 10) * (0.06 + 0.94 * echoes.wall_cosine**1.5)
@@ -142,7 +156,7 @@ def _taps(sigma: float) -> Coordinates:
 def _speckle(rng: Generator, shape: tuple[int, int], axial_px: float, lateral_px: float) -> Field:
     """Return a circular Gaussian field of mean square 1, correlated over the resolution."""
     # the field's point spread is √2 wider than that of the intensity
-    axial_px, lateral_px = np.sqrt(2) * axial_px, np.sqrt(2) * lateral_px
+    axial_px, lateral_px = math.sqrt(2) * axial_px, math.sqrt(2) * lateral_px
     gain = 1 / np.sqrt(2 * np.sum(_taps(axial_px) ** 2) * np.sum(_taps(lateral_px) ** 2))
     real, imaginary = (
         _blurred(rng.standard_normal(shape, dtype=np.float32), axial_px, lateral_px) * np.float32(gain)
@@ -153,14 +167,14 @@ def _speckle(rng: Generator, shape: tuple[int, int], axial_px: float, lateral_px
 
 def _around(rng: Generator, n: int, sigma_turns: float) -> Coordinates:
     """Return a smooth random course around a turn, rms 1."""
-    return smooth_field(rng, (1, n), 0.0, sigma_turns * n)[0].astype(np.float64)
+    return np.asarray(smooth_field(rng, (1, n), 0.0, sigma_turns * n)[0], dtype=np.float64)
 
 
 def _add_reflection(field: Field, oct_: Oct, path_mm: Coordinates, level_db: Coordinates, rng: Generator) -> None:
     """Add a thin reflector at ``path_mm`` to the field, in place."""
-    sigma_px = np.sqrt(2) * oct_.axial_resolution_mm / FWHM / oct_.axial_pixel_mm
+    sigma_px = math.sqrt(2) * oct_.axial_resolution_mm / FWHM / oct_.axial_pixel_mm
     phase = 4.0 * _around(rng, path_mm.size, 0.01)
-    peak = (path_mm - oct_.first_sample_mm) / oct_.axial_pixel_mm
+    peak = np.minimum((path_mm - oct_.first_sample_mm) / oct_.axial_pixel_mm, 2.0 * field.shape[0])
     amplitude = 10 ** (level_db / 20) * np.exp(1j * phase)
     nearest = np.round(peak).astype(np.intp)
     beam = np.arange(path_mm.size)
@@ -196,4 +210,4 @@ def _counts(oct_: Oct, field: Field) -> NDArray[np.uint8]:
     level_db = 10 * np.log10(np.maximum(intensity, 1e-12))
     # the mean of a logarithmic exponential is 2.51 dB under the logarithm of its mean
     counts = oct_.floor_count + (level_db + 2.51) / oct_.db_per_count
-    return np.clip(np.rint(counts), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(counts), 0, 255), dtype=np.uint8)

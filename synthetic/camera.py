@@ -34,12 +34,12 @@ def render_frame(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uin
     camera = sample.endoscope
     rng = generator(sample.seed, Stage.ENDOSCOPE, 1 + frame_index)
     sight = _sight(camera, frame_index)
-    light = _light(sample, wall, camera, frame_index, sight)
+    light = _light(wall, camera, frame_index, sight)
     image = np.zeros((camera.height_px, camera.width_px, light.shape[1]), np.float32)
     image[sight.rows, sight.columns] = light
     image += _surround(sample, frame_index)[:, :, None]
-    image = cv2.GaussianBlur(image, (0, 0), camera.defocus_px).reshape(image.shape)
-    return _exposed(camera, image, rng)
+    blurred = cv2.GaussianBlur(image, (0, 0), camera.defocus_px).reshape(image.shape)
+    return _exposed(camera, np.asarray(blurred, dtype=np.float32), rng)
 
 
 def _sight(camera: Endoscope, frame_index: int) -> Sight:
@@ -59,7 +59,7 @@ def band_centre_mm(camera: Endoscope, radius_mm: float) -> float:
     return float(wall_z_mm(edges, camera.focal_px, camera.mirror_distance_mm, half_angle, radius_mm).mean())
 
 
-def _light(sample: Sample, wall: Wall, camera: Endoscope, frame_index: int, sight: Sight) -> Image:
+def _light(wall: Wall, camera: Endoscope, frame_index: int, sight: Sight) -> Image:
     """Return the light that arrives at each pixel, (n, 1 or 3), 1 is saturation."""
     rays = cone_rays(sight.r_px, camera.focal_px, camera.mirror_distance_mm, np.deg2rad(camera.half_angle_deg))
     theta_ray = sight.angle_rad + camera.roll_rad[frame_index]
@@ -88,10 +88,10 @@ def _light(sample: Sample, wall: Wall, camera: Endoscope, frame_index: int, sigh
     for x_px, y_px, sigma_px, loss in camera.dirt:
         light *= 1 - loss * np.exp(-0.5 * ((dx - x_px) ** 2 + (dy - y_px) ** 2) / sigma_px**2)
     if not camera.colour:
-        return light.astype(np.float32)[:, None]
+        return np.asarray(light[:, None], dtype=np.float32)
     lined = np.clip(deep_mm / 0.1, 0, 1)[:, None]
     tint = (1 - lined) * np.array(BONE_RGB) + lined * np.array(LINING_RGB)
-    return (light[:, None] * tint).astype(np.float32)
+    return np.asarray(light[:, None] * tint, dtype=np.float32)
 
 
 def _march(
@@ -147,5 +147,5 @@ def _exposed(camera: Endoscope, image: Image, rng: Generator) -> NDArray[np.uint
     image = np.clip(image, 0, None)
     electrons = image * camera.full_well + noise * np.sqrt(image * camera.full_well + camera.read_noise**2)
     display = np.clip(electrons / camera.full_well, 0, 1) ** (1 / 1.8)
-    frame = np.rint(255 * display).astype(np.uint8)
+    frame: NDArray[np.uint8] = np.rint(255 * display).astype(np.uint8)
     return frame if camera.colour else frame[:, :, 0]

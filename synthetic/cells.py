@@ -1,5 +1,7 @@
 """The shape of one air cell."""
 
+import math
+
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates
@@ -12,7 +14,7 @@ FIRST_HARMONIC = 2
 def reach_mm(cell: Cell) -> float:
     """Return a distance from the centre beyond which the cell surely does not extend."""
     outline = 1 + sum(abs(a) for a in cell.outline_amplitude)
-    return outline * cell.diameter_mm / 2 / np.sqrt(cell.aspect)
+    return outline * cell.diameter_mm / 2 / math.sqrt(cell.aspect)
 
 
 def pit_mm(cell: Cell, z_mm: Coordinates, theta_rad: Coordinates, radius_mm: float) -> Coordinates:

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.cells import pit_mm, reach_mm
 from endoct.synthetic.cone import wall_z_mm
-from endoct.synthetic.parameters import Bore, Cell, Endoscope, Oct, Sample
+from endoct.synthetic.parameters import Bore, Cell, Endoscope, Oct, Sample, Travel
 from endoct.synthetic.presets import PRESETS, Preset, PresetName
 from endoct.synthetic.randomness import Stage, generator
 
@@ -84,7 +84,8 @@ def _positions(rng: Generator, size: Preset, visible_mm: float) -> tuple[Coordin
 
 
 def _bore(rng: Generator, length_mm: float) -> Bore:
-    bore = Bore(**_ranged(rng, Bore), length_mm=length_mm)
+    drawn = _ranged(rng, Bore)
+    bore = Bore(**drawn | {"diameter_mm": round(drawn["diameter_mm"], 2)}, length_mm=length_mm)
     return bore.model_copy(update={"cells": _cells(rng, bore)})
 
 
@@ -147,7 +148,7 @@ def _oct(rng: Generator, size: Preset, z_mm: Coordinates, length_mm: float) -> O
     peak = np.abs(error[0].T @ waves[0] + error[1].T @ waves[1]).max()
     error *= np.deg2rad(rng.uniform(0.5, 2.5)) / peak
 
-    travel = "out" if rng.random() < 0.75 else "in"
+    travel: Travel = "out" if rng.random() < 0.75 else "in"
     order = slice(None, None, -1) if travel == "out" else slice(None)
     dirt = [
         (
@@ -191,7 +192,7 @@ def _endoscope(rng: Generator, z_mm: Coordinates, visible_mm: float, radius_mm: 
     centre = np.array([width / 2, height / 2]) + rng.uniform(-0.015, 0.015, 2) * height + wander
     roll = rng.uniform(0, 2 * np.pi) + np.deg2rad(rng.uniform(1, 8) * _drift(rng, n) + 0.7 * rng.normal(size=n))
     probe = 0.02 * np.stack([_drift(rng, n), _drift(rng, n)], axis=1) + rng.uniform(-0.03, 0.03, 2)
-    travel = "in" if rng.random() < 0.75 else "out"
+    travel: Travel = "in" if rng.random() < 0.75 else "out"
     order = slice(None, None, -1) if travel == "out" else slice(None)
     dirt = [
         (

@@ -5,14 +5,15 @@ is what :mod:`endoct.synthetic.draw` draws from, uniformly unless it says otherw
 are those of the project's design, "rig" is the measured OCT rig, "chosen" has no source but plausibility.
 """
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from endoct.synthetic.presets import PresetName
+from endoct.synthetic.presets import PRESETS, PresetName
 
 Travel = Literal["in", "out"]
 Stated = Literal["in", "out", "unknown"]
+Offset = Annotated[float, Field(ge=0.06, le=0.30)]
 
 
 def _range(low: float, high: float, about: str) -> Any:
@@ -43,12 +44,14 @@ class Bore(_Parameters):
     """The drill hole and its cells."""
 
     diameter_mm: float = _range(2.4, 2.6, "nominal, stands in both sidecars, mm (paper: 2.5)")
-    length_mm: float = Field(gt=0, description="of the simulated wall, from the mouth, mm")
+    length_mm: float = Field(gt=0, lt=100, description="of the simulated wall, from the mouth, mm")
     taper_mm: float = _range(-0.015, 0.015, "change of radius from mouth to end, mm (chosen)")
     wander_mm: float = _range(0.004, 0.015, "rms of the smooth departures from a cylinder, mm (chosen)")
     roughness_mm: float = _range(0.001, 0.004, "rms of cut bone, mm (chosen)")
     drill_mark_depth_mm: float = _range(0.001, 0.006, "amplitude of the drill's helical mark, mm (chosen)")
     drill_mark_pitch_mm: float = _range(0.08, 0.25, "feed of the drill a turn, mm (chosen)")
+    texture: float = _range(0.08, 0.16, "rms of the albedo of bone, relative (chosen)")
+    smear: float = _range(0.10, 0.30, "albedo lost under smears of bone dust and blood, 6 % of it (chosen)")
     cell_fraction: float = _range(0.10, 0.27, "wall to be cut away by cells; lands within 0.08–0.30 (§9)")
     cells: tuple[Cell, ...] = ()
 
@@ -85,7 +88,7 @@ class Oct(_Parameters):
     shadows: tuple[tuple[float, float, float, float, float], ...] = Field(
         description="dirt on the capillary: centre z mm, centre θ rad, σ_z mm, σ_θ rad, loss dB"
     )
-    n_glints: int = Field(ge=0, description="specular spots on the wall")
+    n_glints: int = Field(ge=0, description="specular spots on the wall, six for each mm of bore")
     db_per_count: float = _range(0.25, 0.35, "of the logarithmic u8 samples, dB")
     floor_count: float = _range(45, 70, "count of the mean noise floor")
     # motion
@@ -93,7 +96,7 @@ class Oct(_Parameters):
     sense: Literal[-1, 1] = Field(description="+1: A-scans run with θ, −1: against it")
     theta_origin_rad: float = _range(0, 6.2832, "θ of A-scan 0 of a perfect turn, rad")
     z_mm: tuple[float, ...] = Field(description="of every slice in the order recorded, mm from the mouth")
-    offset_mm: tuple[float, ...] = Field(description="of the catheter from the axis, every slice, 0.06–0.3 mm (§9)")
+    offset_mm: tuple[Offset, ...] = Field(description="of the catheter from the axis, every slice, 0.06–0.3 mm (§9)")
     offset_direction_rad: tuple[float, ...] = Field(description="of that offset, θ in the bore frame, rad")
     start_angle_rad: tuple[float, ...] = Field(description="jitter of where a turn starts, σ 0.3°, rad")
     rotation_error_cos_rad: tuple[tuple[float, ...], ...] = Field(description="every slice, harmonics 1, 2, …, rad")
@@ -120,12 +123,11 @@ class Endoscope(_Parameters):
     inner_shift_px: tuple[float, float] = Field(description="centre of the inner boundary off the annulus', pixels")
     defocus_px: float = _range(0.6, 1.2, "σ of the blur, pixels (chosen)")
     # light, as a fraction of saturation
-    exposure: float = _range(0.55, 0.8, "of bone seen squarely (chosen)")
+    exposure: float = _range(0.6, 0.9, "of bone seen squarely (chosen)")
     bright_side: float = _range(0.15, 0.4, "first harmonic of the light around the probe, relative (§9)")
     bright_side_rad: float = _range(0, 6.2832, "where it is brightest, image angle, rad")
     vignetting: float = _range(0.2, 0.5, "loss from the middle of the annulus to its rims (§9)")
     fall_off_mm: float = _range(0.25, 0.5, "depth in a cell at which the light falls to 1/e, mm (chosen)")
-    texture: float = _range(0.08, 0.16, "rms of the albedo of bone, relative (chosen)")
     stray: float = _range(0.02, 0.05, "light scattered into dark places (chosen)")
     ring_px: float = Field(gt=0, description="radius of the probe's specular ring, pixels")
     ring_gain: float = _range(0.1, 0.35, "of that ring, added (chosen)")
@@ -154,3 +156,19 @@ class Sample(_Parameters):
     bore: Bore
     oct: Oct
     endoscope: Endoscope
+
+    @model_validator(mode="after")
+    def _holds_together(self) -> Self:
+        size = PRESETS[self.preset]
+        every_slice = ("z_mm", "offset_mm", "offset_direction_rad", "start_angle_rad")
+        error = ("rotation_error_cos_rad", "rotation_error_sin_rad")
+        for part, names, expected in (
+            (self.oct, every_slice + error, size.n_slices),
+            (self.endoscope, ("z_mm", "roll_rad", "centre_px", "offset_mm"), size.n_frames),
+        ):
+            for name in names:
+                if (found := len(getattr(part, name))) != expected:
+                    raise ValueError(f"{name} for each of the {expected} frames of '{self.preset}', not {found}")
+            if not all(0 <= z <= self.bore.length_mm for z in part.z_mm):
+                raise ValueError("every z_mm to lie within the bore")
+        return self

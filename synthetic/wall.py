@@ -1,5 +1,6 @@
 """The bore's wall: its relief, its cells, and what both instruments need to know of its surface."""
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -22,7 +23,8 @@ class Wall:
     Row k is z = k·``dz_mm`` from the mouth, column j is θ = j·2π/n. ``relief_mm``: wall radius minus
     ``radius_mm``, the first surface along the radial ray. ``cell``: the surface at the nominal radius is
     missing; ``cell_id``: 1 + the cell's index in the sample, of the deepest where cells meet, 0 elsewhere.
-    ``albedo``: relative reflectance. ``slope_z``, ``slope_theta``: ∂r/∂z and ∂r/(r ∂θ).
+    ``albedo``: relative reflectance; ``rim``: light added on bright rims of cells. ``slope_z``,
+    ``slope_theta``: ∂r/∂z and ∂r/(r ∂θ).
     """
 
     radius_mm: float
@@ -38,7 +40,7 @@ class Wall:
     @property
     def dtheta_rad(self) -> float:
         """Step of the columns, rad."""
-        return 2 * np.pi / self.relief_mm.shape[1]
+        return 2 * math.pi / int(self.relief_mm.shape[1])
 
     def at(self, image: Image, z_mm: Coordinates, theta_rad: Coordinates) -> Image:
         """Return one of the maps at scattered places (1-D arrays of one length), bilinear, cyclic in θ."""
@@ -59,7 +61,7 @@ def build_wall(sample: Sample) -> Wall:
     bore, preset = sample.bore, PRESETS[sample.preset]
     radius_mm, dz_mm, n_theta = bore.diameter_mm / 2, preset.wall_dz_mm, preset.wall_n_theta
     z_mm = np.arange(0, bore.length_mm, dz_mm)[:, None]
-    theta_rad = 2 * np.pi / n_theta * np.arange(n_theta)[None, :]
+    theta_rad = 2 * math.pi / n_theta * np.arange(n_theta, dtype=np.float64)[None, :]
     shape = z_mm.size, n_theta
     dtheta_mm = 2 * np.pi * radius_mm / n_theta
     rng = generator(sample.seed, Stage.WALL)
@@ -88,20 +90,22 @@ def build_wall(sample: Sample) -> Wall:
     floor = np.clip(1 + 0.12 * texture(0.08) + 0.04 * fine, 0.5, 1.4)
     grooves = np.sin(2 * np.pi * z_mm / bore.drill_mark_pitch_mm + theta_rad + 0.6 * texture(0.5))
     grooves *= bore.drill_mark_depth_mm * np.clip(0.6 + 0.5 * texture(0.9), 0, 1.5)
-    relief = bore.wander_mm * texture(1.1) + bore.taper_mm * (z_mm / bore.length_mm - 0.5)
-    cell = pit > 0
-    relief = relief + np.where(cell, pit * floor, grooves) + bore.roughness_mm * fine
-    relief = relief.astype(np.float32)
+    smooth = bore.wander_mm * texture(1.1) + bore.taper_mm * (z_mm / bore.length_mm - 0.5)
+    opened = pit > 0
+    surface = smooth + np.where(opened, pit * floor, grooves) + bore.roughness_mm * fine
+    relief = np.asarray(surface, dtype=np.float32)
 
+    smears = np.clip((texture(0.25) - 1.4) / 0.4, 0, 1)
     mottle = 0.6 * texture(0.15) + 0.6 * texture(0.04) + 0.5 * texture(0.015)
-    grain = 0.25 * grooves / max(bore.drill_mark_depth_mm, 1e-6)
-    albedo = np.clip(1 + sample.endoscope.texture * (mottle + np.where(cell, 0, grain)), 0.3, 1.6) * lining
+    grain = 0.5 * grooves / bore.drill_mark_depth_mm
+    albedo = np.clip(1 + bore.texture * (mottle + np.where(opened, 0, grain)), 0.3, 1.6)
+    albedo *= (1 - bore.smear * smears) * lining
     slope_theta = (np.roll(relief, -1, axis=1) - np.roll(relief, 1, axis=1)) / (2 * dtheta_mm)
     return Wall(
         radius_mm=radius_mm,
         dz_mm=dz_mm,
         relief_mm=relief,
-        cell=cell,
+        cell=opened,
         cell_id=cell_id,
         albedo=albedo.astype(np.float32),
         rim=rim,
