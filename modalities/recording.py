@@ -1,9 +1,13 @@
 """Stacks of equal frames, read one at a time: TIFF and BigTIFF, ``.npy``, or a folder of images."""
 
+import logging
 import os
 import re
+import struct
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -17,6 +21,11 @@ from endoct.stitching.errors import EndoctError
 
 TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
+TIFF_ERRORS = (OSError, ValueError, IndexError, RuntimeError, struct.error, tifffile.TiffFileError)
+
+# What a broken file is called is said once, by an EndoctError, not also by the libraries that read it.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 In_co = TypeVar("In_co", covariant=True)
 Out = TypeVar("Out")
@@ -34,15 +43,15 @@ class ImageStack:
     """A sized, indexable, picklable stack of frames; indexing reads one frame from disk.
 
     ``stack[i]`` is a read-only array in the file's dtype, (row, column) or (row, column, channel) with
-    channels as RGB. Raises :class:`EndoctError` where a file is truncated or unreadable, or a frame differs
-    in shape or dtype from the first, or is not finite.
+    channels as RGB; transparency is dropped. Raises :class:`EndoctError` where a file is truncated or
+    unreadable, or a frame differs in shape or dtype from the first, or is not finite.
     """
 
     def __init__(self, path: Path, n_frames: int, read: Callable[[int], NDArray[Any]]) -> None:
         self.path = path
         self._n_frames = n_frames
         self._read = read
-        first = read(0)
+        first = self._frame(0)
         self.frame_shape: tuple[int, ...] = first.shape
         self.dtype: np.dtype[Any] = first.dtype
         if first.dtype.kind not in "uif" or 0 in first.shape:
@@ -58,7 +67,7 @@ class ImageStack:
     def __getitem__(self, index: int) -> NDArray[Any]:
         if not 0 <= index < self._n_frames:
             raise IndexError(index)
-        frame = self._read(index)
+        frame = self._frame(index)
         if frame.shape != self.frame_shape or frame.dtype != self.dtype:
             raise EndoctError(
                 f"frame {index} of {self.path} differs from the first",
@@ -74,6 +83,12 @@ class ImageStack:
                 remedy="export the recording again, or replace the samples that are missing by 0",
             )
         frame.flags.writeable = False
+        return frame
+
+    def _frame(self, index: int) -> NDArray[Any]:
+        frame = self._read(index)
+        if frame.ndim == 3 and frame.shape[2] in (1, 2, 4):
+            frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
         return frame
 
 
@@ -107,14 +122,10 @@ def is_tiff(path: Path) -> bool:
 def image_files(folder: Path) -> list[Path]:
     """Return the images in ``folder`` in the order of the numbers in their names."""
     files = [f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not f.name.startswith(".")]
-    return sorted(
-        files, key=lambda f: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", f.name.lower())]
-    )
+    return sorted(files, key=lambda f: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", f.name.lower())])
 
 
-def map_frames(
-    function: Callable[[In_co], Out], frames: Stream[In_co], workers: int | None = None
-) -> Iterator[Out]:
+def map_frames(function: Callable[[In_co], Out], frames: Stream[In_co], workers: int | None = None) -> Iterator[Out]:
     """Yield ``function(frame)`` in order, computed by threads, with at most ``workers`` + 1 frames in memory.
 
     The result does not depend on ``workers`` (default: one for each processor).
@@ -143,12 +154,22 @@ class _ReadImages:
     def __call__(self, index: int) -> NDArray[Any]:
         path = self.files[index]
         if is_tiff(path):
-            return _open_tiff(path)[0].copy()
+            stack = _open_tiff(path)
+            if len(stack) > 1:
+                raise EndoctError(
+                    f"{path} is one of several images of a recording",
+                    found=f"{len(stack)} pages",
+                    expected="1",
+                    remedy="keep each recording in a folder of its own",
+                )
+            return stack[0].copy()
         try:
             data = np.fromfile(path, np.uint8)
         except OSError as error:
             raise EndoctError(f"{path} cannot be read", found=error.strerror or str(error)) from error
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        # the PNG library prints a line of its own about a file without its last chunk
+        cut = bytes(data[:4]) == b"\x89PNG" and b"IEND" not in bytes(data[-4096:])
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size and not cut else None
         if image is None:
             raise EndoctError(
                 f"{path} is no readable image",
@@ -176,9 +197,7 @@ class _ReadBlocks:
         except OSError as error:
             raise EndoctError(f"{self.path} cannot be read", found=error.strerror or str(error)) from error
         if samples.size != count:
-            raise EndoctError(
-                f"{self.path} is truncated", found=f"frame {index} incomplete", remedy="copy it again"
-            )
+            raise EndoctError(f"{self.path} is truncated", found=f"frame {index} incomplete", remedy="copy it again")
         return samples.reshape(self.frame_shape).astype(self.dtype.newbyteorder("="), copy=False)
 
 
@@ -191,8 +210,11 @@ class _ReadTiffPages:
     def __call__(self, index: int) -> NDArray[Any]:
         try:
             with tifffile.TiffFile(self.path) as tiff:
-                return np.asarray(tiff.pages[index].asarray())
-        except (OSError, ValueError, IndexError, RuntimeError, tifffile.TiffFileError) as error:
+                page = tiff.pages[index]
+                segments = zip(page.dataoffsets, page.databytecounts, strict=True)
+                _check_size(self.path, max(offset + count for offset, count in segments))
+                return np.asarray(page.asarray())
+        except TIFF_ERRORS as error:
             raise EndoctError(
                 f"page {index} of {self.path} cannot be read",
                 found=str(error),
@@ -202,30 +224,55 @@ class _ReadTiffPages:
 
 def _open_tiff(path: Path) -> ImageStack:
     try:
-        with tifffile.TiffFile(path) as tiff:
+        with _damage_reported(path), tifffile.TiffFile(path) as tiff:
             series = tiff.series[0]
             shape, axes, offset, n_pages = series.shape, series.axes, series.dataoffset, len(tiff.pages)
             dtype = np.dtype(tiff.byteorder + series.dtype.char)
-    except (OSError, ValueError, IndexError, tifffile.TiffFileError) as error:
-        raise EndoctError(
-            f"{path} is no readable TIFF", found=str(error), remedy="copy or export it again"
-        ) from error
+    except TIFF_ERRORS as error:
+        raise EndoctError(f"{path} is no readable TIFF", found=str(error), remedy="copy or export it again") from error
     inner = 3 if axes.endswith("S") else 2
-    if len(shape) not in (inner, inner + 1):
+    if len(shape) not in (inner, inner + 1) or "S" in axes[:-1]:
         raise EndoctError(
             f"{path} has the wrong dimensions",
             found=f"{axes} {shape}",
             expected="a stack of images, one page a frame",
         )
     n_frames = shape[0] if len(shape) == inner + 1 else 1
+    single_directory = n_pages == 1 and offset is not None  # as ImageJ writes large stacks
+    if n_pages != n_frames and not single_directory:
+        raise EndoctError(
+            f"{path} mixes pages",
+            found=f"{n_pages} pages",
+            expected=f"{n_frames} of one kind",
+            remedy="remove the others, or export the recording again",
+        )
     if offset is None:
-        if n_pages != n_frames:
-            raise EndoctError(
-                f"{path} mixes pages", found=f"{n_pages} pages", expected=f"{n_frames} of one kind"
-            )
         return ImageStack(path, n_frames, _ReadTiffPages(path))
     _check_size(path, offset + int(np.prod(shape)) * dtype.itemsize)
     return ImageStack(path, n_frames, _ReadBlocks(path, offset, dtype, tuple(shape[-inner:])))
+
+
+@contextmanager
+def _damage_reported(path: Path) -> Iterator[None]:
+    """Raise :class:`EndoctError` where tifffile leaves out pages that it cannot reach, and only logs so."""
+    damage: list[str] = []
+    signs = ("invalid page offset", "circular reference", "failed to reshape", "invalid value offset")
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            message = record.getMessage()
+            if record.thread == threading.get_ident() and any(sign in message for sign in signs):
+                damage.append(message)
+
+    listener = Listener()
+    logger = logging.getLogger("tifffile")
+    logger.addHandler(listener)
+    try:
+        yield
+    finally:
+        logger.removeHandler(listener)
+    if damage:
+        raise EndoctError(f"{path} is damaged or truncated", found=damage[0], remedy="copy or export it again")
 
 
 def _open_npy(path: Path) -> ImageStack:
