@@ -80,7 +80,7 @@ def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index
     columns_a_block = max(1, BLOCK // every)
     for first in range(0, n_columns, columns_a_block):
         last = min(n_columns, first + columns_a_block)
-        block = _oversampled(field, first, last, every)
+        block = oversampled(field, first, last, every)
         block += _noise(rng, n_depth, block.shape[1])
         samples[:, first * every : last * every] = _counts(oct_, block)
     return samples
@@ -93,7 +93,7 @@ def noise_free_field(
     n = echoes.alpha_rad.size
     lateral_px = oct_.lateral_resolution_mm / FWHM / (2 * np.pi * wall.radius_mm / n)
     bone = _bone(oct_, echoes, wall, appearance, n_depth, lateral_px)
-    field = bone * _speckle(rng, (n_depth, n), oct_.axial_resolution_mm / FWHM / oct_.axial_pixel_mm, lateral_px)
+    field = bone * speckle(rng, (n_depth, n), oct_.axial_resolution_mm / FWHM / oct_.axial_pixel_mm, lateral_px)
 
     oblique_db = np.maximum(-8.7 * (echoes.face_incidence_rad / oct_.glint_rad) ** 2, oct_.matt_db)
     for path, level_db in (
@@ -153,7 +153,7 @@ def _taps(sigma: float) -> Coordinates:
     return normalised
 
 
-def _speckle(rng: Generator, shape: tuple[int, int], axial_px: float, lateral_px: float) -> Field:
+def speckle(rng: Generator, shape: tuple[int, int], axial_px: float, lateral_px: float) -> Field:
     """Return a circular Gaussian field of mean square 1, correlated over the resolution."""
     # the field's point spread is √2 wider than that of the intensity
     axial_px, lateral_px = math.sqrt(2) * axial_px, math.sqrt(2) * lateral_px
@@ -185,7 +185,7 @@ def _add_reflection(field: Field, oct_: Oct, path_mm: Coordinates, level_db: Coo
         field[row[inside], beam[inside]] += (amplitude * point_spread)[inside].astype(np.complex64)
 
 
-def _oversampled(field: Field, first: int, last: int, times: int) -> Field:
+def oversampled(field: Field, first: int, last: int, times: int) -> Field:
     """Return columns ``first`` to ``last`` of a turn, each interpolated to ``times`` A-scans."""
     if times == 1:
         return field[:, first:last].copy()

@@ -73,7 +73,7 @@ class Oct(_Parameters):
     axial_resolution_mm: float = _range(0.0070, 0.0120, "full width at half maximum in air, mm (rig: 6.5–15 µm)")
     lateral_resolution_mm: float = _range(0.020, 0.030, "full width at half maximum, mm (Ilumien class)")
     roll_off_db: float = _range(6, 10, "loss at full depth, dB (rig)")
-    wall_db: float = _range(16, 24, "bone, mean at its surface seen squarely, dB (rig: barely seen in places)")
+    wall_db: float = _range(14, 22, "bone, mean at its surface seen squarely, dB (rig: barely seen in places)")
     outer_face_db: float = _range(30, 38, "capillary's outer face seen squarely, dB (chosen)")
     inner_face_db: float = _range(26, 36, "capillary's inner face seen squarely, dB (chosen)")
     glint_rad: float = _range(0.10, 0.20, "incidence at which a face has lost 8.7 dB, rad (chosen)")

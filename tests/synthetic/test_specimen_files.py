@@ -1,0 +1,117 @@
+"""What a simulated specimen leaves on disk, and that it can be had again."""
+
+import hashlib
+import json
+import tomllib
+from pathlib import Path
+
+import cv2
+import pytest
+import tifffile
+import xarray as xr
+
+from endoct.stitching.errors import EndoctError
+from endoct.synthetic.presets import PRESETS, Preset
+from endoct.synthetic.specimen import simulate
+
+OCT_KEYS = {
+    "modality", "axial_pixel_mm", "pullback_pitch_mm", "bore_diameter_mm", "capillary_outer_diameter_mm", "travel",
+    "handedness", "intensity", "db_per_count", "scan", "medium_index", "first_sample_mm",
+}  # fmt: skip
+ENDOSCOPE_KEYS = {
+    "modality", "bore_diameter_mm", "feed_pitch_mm", "visible_length_mm", "outer_rim", "travel", "annulus",
+    "cone_half_angle_deg", "focal_px", "mirror_distance_mm",
+}  # fmt: skip
+
+
+@pytest.fixture
+def tiny(monkeypatch: pytest.MonkeyPatch) -> Preset:
+    """A preset of a few frames in the place of `quick`, with an oversampled turn as `paper` has."""
+    preset = Preset(n_slices=4, n_ascans=1000, ascans_per_column=2, n_frames=3, n_depth=512)
+    monkeypatch.setitem(PRESETS, "quick", preset)  # type: ignore[index]
+    return preset
+
+
+def digests(folder: Path) -> dict[str, str]:
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_same_seed_gives_same_bytes_for_any_number_of_threads(tiny: Preset, tmp_path: Path) -> None:
+    simulate(tmp_path / "one", seed=3, workers=1)
+    simulate(tmp_path / "three", seed=3, workers=3)
+    assert digests(tmp_path / "one") == digests(tmp_path / "three")
+    simulate(tmp_path / "other", seed=4)
+    assert digests(tmp_path / "one")["oct/pullback.tif"] != digests(tmp_path / "other")["oct/pullback.tif"]
+
+
+def test_replaying_a_sample_gives_the_same_bytes(tiny: Preset, tmp_path: Path) -> None:
+    simulate(tmp_path / "drawn", seed=5)
+    sample = json.loads((tmp_path / "drawn/truth/sample.json").read_text(encoding="utf-8"))
+    simulate(tmp_path / "replayed", preset="paper", seed=99, sample=sample)
+    assert digests(tmp_path / "drawn") == digests(tmp_path / "replayed")
+
+
+def test_progress_of_every_stage_ends_at_one(tiny: Preset, tmp_path: Path) -> None:
+    told: list[tuple[str, float]] = []
+    simulate(tmp_path / "specimen", on_progress=lambda stage, fraction: told.append((stage, fraction)))
+    assert [stage for stage, fraction in told if fraction == 1.0] == ["wall", "oct", "endoscope"]
+    assert all(0 <= fraction <= 1 for _, fraction in told)
+
+
+def test_a_sample_that_does_not_hold_together_is_refused_before_anything_is_written(
+    tiny: Preset, tmp_path: Path
+) -> None:
+    simulate(tmp_path / "drawn")
+    good = json.loads((tmp_path / "drawn/truth/sample.json").read_text(encoding="utf-8"))
+    for bad, named in (
+        (good | {"oct": good["oct"] | {"offset_mm": [0.1]}}, "offset_mm"),
+        (good | {"oct": good["oct"] | {"glass_mm": 3.0}}, "glass_mm"),
+        (good | {"oct": good["oct"] | {"z_mm": [500.0] * 4}}, "z_mm"),
+        (good | {"spare": 1}, "spare"),
+        ({}, "preset"),
+    ):
+        with pytest.raises(EndoctError, match=named):
+            simulate(tmp_path / "replayed", sample=bad)
+        assert not (tmp_path / "replayed").exists()
+
+
+def test_unknown_preset_and_negative_seed_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match="quick, paper"):
+        simulate(tmp_path / "specimen", preset="huge")  # type: ignore[arg-type]
+    with pytest.raises(EndoctError, match="seed"):
+        simulate(tmp_path / "specimen", seed=-1)
+    assert not (tmp_path / "specimen").exists()
+
+
+def test_files_are_those_that_were_agreed(quick_specimen: Path) -> None:
+    preset = PRESETS["quick"]
+    with tifffile.TiffFile(quick_specimen / "oct/pullback.tif") as tiff:
+        series = tiff.series[0]
+        assert series.shape == (preset.n_slices, preset.n_depth, preset.n_ascans)
+        assert series.dtype == "uint8"
+        assert series.dataoffset is not None, "frames lie one behind the other, so that one can be read alone"
+    names = sorted(path.name for path in (quick_specimen / "endoscope").iterdir())
+    assert names == ["acquisition.toml", *(f"frame_{i:04d}.png" for i in range(preset.n_frames))]
+    shapes = {cv2.imread(str(path)).shape for path in (quick_specimen / "endoscope").glob("*.png")}
+    assert len(shapes) == 1
+    assert sorted(path.name for path in (quick_specimen / "truth").iterdir()) == [
+        "recording.json", "sample.json", "wall.zarr",
+    ]  # fmt: skip
+    wall = xr.open_zarr(quick_specimen / "truth/wall.zarr", consolidated=False)
+    assert wall.relief_mm.dims == wall.cell.dims == wall.cell_id.dims == ("z", "theta")
+    assert wall.cell.dtype == bool
+
+
+def test_sidecars_hold_known_keys_and_agree_with_the_truth(quick_specimen: Path) -> None:
+    truth = json.loads((quick_specimen / "truth/recording.json").read_text(encoding="utf-8"))
+    oct_ = tomllib.loads((quick_specimen / "oct/acquisition.toml").read_text(encoding="utf-8"))
+    endoscope = tomllib.loads((quick_specimen / "endoscope/acquisition.toml").read_text(encoding="utf-8"))
+    assert oct_.keys() <= OCT_KEYS
+    assert endoscope.keys() <= ENDOSCOPE_KEYS
+    assert oct_["bore_diameter_mm"] == endoscope["bore_diameter_mm"] == 2 * truth["bore_radius_mm"]
+    assert oct_["handedness"] in (truth["oct"]["handedness"], "unknown")
+    for name, keys in (("oct", oct_), ("endoscope", endoscope)):
+        assert keys["travel"] in (truth[name]["travel"], "unknown")
+        ascending = truth[name]["z_mm"][0] < truth[name]["z_mm"][-1]
+        assert ascending == (truth[name]["travel"] == "in")
