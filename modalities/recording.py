@@ -12,7 +12,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-import cv2
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
@@ -23,8 +22,7 @@ TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 TIFF_ERRORS = (OSError, ValueError, IndexError, RuntimeError, struct.error, tifffile.TiffFileError)
 
-# What a broken file is called is said once, by an EndoctError, not also by the libraries that read it.
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+# What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 In_co = TypeVar("In_co", covariant=True)
@@ -167,9 +165,7 @@ class _ReadImages:
             data = np.fromfile(path, np.uint8)
         except OSError as error:
             raise EndoctError(f"{path} cannot be read", found=error.strerror or str(error)) from error
-        # the PNG library prints a line of its own about a file without its last chunk
-        cut = bytes(data[:4]) == b"\x89PNG" and b"IEND" not in bytes(data[-4096:])
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size and not cut else None
+        image = _decoded(data)
         if image is None:
             raise EndoctError(
                 f"{path} is no readable image",
@@ -177,9 +173,25 @@ class _ReadImages:
                 expected="PNG, JPEG, BMP or TIFF",
                 remedy="copy or export the file again",
             )
-        if image.ndim == 3:
-            image = cv2.cvtColor(image, cv2.COLOR_BGRA2RGB if image.shape[2] == 4 else cv2.COLOR_BGR2RGB)
-        return np.asarray(image)
+        return image
+
+
+def _decoded(data: NDArray[np.uint8]) -> NDArray[Any] | None:
+    """Return the image in a file's bytes, colours as RGB, or None where there is none."""
+    import cv2  # here, so that a plug-in's manifest can name suffixes without loading OpenCV
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    # the PNG library prints a line of its own about a file without its last chunk
+    cut = bytes(data[:4]) == b"\x89PNG" and b"IEND" not in bytes(data[-4096:])
+    if cut or not data.size:
+        return None
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except cv2.error:  # a header that asks for an absurd size
+        return None
+    if image is not None and image.ndim == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGRA2RGB if image.shape[2] == 4 else cv2.COLOR_BGR2RGB)
+    return image
 
 
 class _ReadBlocks:
