@@ -14,7 +14,8 @@ from endoct.workbench.cli import DONE, NOT_ALIGNED
 from endoct.workbench.progress import ConsoleStages, SilentStages, Stages
 
 Output = Annotated[Path, arg(name="output", aliases=["-o"])]
-Settings = UseAppendAction[tuple[str, ...]]
+Settings = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE")]
+ModalityName = Annotated[str | None, arg(metavar="NAME")]
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -86,7 +87,7 @@ def simulate(
 def unroll(
     path: Positional[Path],
     output: Output,
-    modality: str | None = None,
+    modality: ModalityName = None,
     set: Settings = (),
     volume: bool = False,
     overwrite: bool = False,
@@ -98,7 +99,7 @@ def unroll(
         path: folder or file of the recording
         output: Zarr store to write
         modality: plug-in to read it with, where the sidecar does not say
-        set: KEY=VALUE for a key of the sidecar or a processing parameter; repeat for more
+        set: a key of the sidecar or a processing parameter; repeat for more
         volume: add the dense hollow cylinder, sub-surface included
         overwrite: replace the output if it exists
         json: print what was found as JSON
@@ -140,9 +141,9 @@ def compare(
     a: Positional[Path],
     b: Positional[Path],
     output: Output,
-    truth: UseAppendAction[tuple[Path, ...]] = (),
-    modality_a: str | None = None,
-    modality_b: str | None = None,
+    truth: tuple[Path, ...] = (),
+    modality_a: ModalityName = None,
+    modality_b: ModalityName = None,
     set: Settings = (),
     set_a: Settings = (),
     set_b: Settings = (),
@@ -155,12 +156,12 @@ def compare(
         a: first side; the comparison is in its frame
         b: second side
         output: folder to write
-        truth: mask image drawn over side A's panorama to score both against; repeat for more
+        truth: mask image drawn over side A's panorama to score both against; several may follow
         modality_a: plug-in to read side A with
         modality_b: plug-in to read side B with
-        set: KEY=VALUE for a parameter of the comparison; repeat for more
-        set_a: KEY=VALUE for a key of side A's sidecar or a parameter of its processing
-        set_b: KEY=VALUE for a key of side B's sidecar or a parameter of its processing
+        set: a parameter of the comparison; repeat for more
+        set_a: a key of side A's sidecar or a parameter of its processing
+        set_b: a key of side B's sidecar or a parameter of its processing
         overwrite: replace the output if it exists
         json: print the result as JSON
     """
@@ -201,7 +202,7 @@ def report(folder: Positional[Path]) -> int:
 
 def info(
     path: Positional[Path],
-    modality: str | None = None,
+    modality: ModalityName = None,
     write_sidecar: bool = False,
     overwrite: bool = False,
     json: bool = False,
