@@ -1,0 +1,37 @@
+"""B-scans made small: area average along θ, and decibels where samples are linear."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates, Image
+
+
+def reduce_theta(samples: NDArray[Any], n_columns: int) -> Image:
+    """Return the area average of a B-scan (A-scan, depth) over ``n_columns`` sectors, float32 (n_columns, depth).
+
+    ``n_columns`` is at most the number of A-scans. Their centres are :func:`sector_angles_rad`.
+    """
+    if samples.shape[0] == n_columns:
+        return np.ascontiguousarray(samples, dtype=np.float32)
+    page = samples.T
+    if page.dtype not in (np.uint8, np.uint16, np.float32):
+        page = page.astype(np.float32)
+    reduced = cv2.resize(np.ascontiguousarray(page), (n_columns, page.shape[0]), interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(reduced.T, dtype=np.float32)
+
+
+def sector_angles_rad(n_ascans: int, n_columns: int) -> Coordinates:
+    """Return the rotation angle from A-scan 0 at the centre of each sector, float64 (n_columns,), rad."""
+    width = n_ascans / n_columns
+    return (np.arange(n_columns) * width + (width - 1) / 2) * (2 * np.pi / n_ascans)
+
+
+def logarithmic(image: Image, intensity: str) -> Image:
+    """Return ``image`` on a logarithmic scale: as it is, or in dB where ``intensity`` is "linear"."""
+    if intensity == "log":
+        return image
+    floor = max(float(np.mean(np.abs(image))) * 1e-6, float(np.finfo(np.float32).tiny))
+    return np.asarray(10 * np.log10(np.maximum(image, floor)), dtype=np.float32)

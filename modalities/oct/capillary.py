@@ -1,0 +1,247 @@
+"""Which line is the capillary's outer face, and where it lies in every slice.
+
+The depth axis has no known zero, so the outer face is the ruler for the wall's radius. Of the lines found in the
+slices it is the deepest one that stands at one depth of its axis through the recording, has darkness behind it
+and a wall behind that. Sheath lines and the inner face lie before it; the wall is not dark behind; a line of the
+detector does not move at all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.oct.lines import Points, fit_circle
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.sine import Sine, circle_distance_mm, ransac_sine
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.errors import EndoctError
+
+SAME_LINE_MM = 0.02
+FIXED_LINE_MM = 0.005
+LEAST_PRESENCE = 0.4
+DARK_SHARE = 0.4
+STRAY_MM = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class SliceEvidence:
+    """What the survey keeps of one slice.
+
+    Attributes: ``points`` on lines; ``lines``, see :func:`endoct.modalities.oct.lines.find_lines`; ``ascans``,
+    some A-scans (n, depth) in the recording's logarithmic samples, at the rotation angles ``ascan_angle_rad``;
+    ``n_columns``, over how many sectors of the turn the points were sought; ``saturated``, whether most is.
+    """
+
+    points: Points
+    n_columns: int
+    lines: Coordinates
+    ascans: Image
+    ascan_angle_rad: Coordinates
+    saturated: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """The outer face in every slice: offset of the catheter and depth of its axis, mm, and how well they fit.
+
+    All float64 (n_slices,); ``bridged`` bool; ``sines``, the paper's fit of each slice.
+    """
+
+    x_mm: Coordinates
+    y_mm: Coordinates
+    axis_depth_mm: Coordinates
+    inlier_fraction: Coordinates
+    residual_mm: Coordinates
+    bridged: Mask
+    sines: tuple[Sine, ...]
+
+    def reordered(self, order: NDArray[np.intp]) -> "Faces":
+        """Return the same faces with slice ``order[i]`` in place i."""
+        return Faces(
+            self.x_mm[order],
+            self.y_mm[order],
+            self.axis_depth_mm[order],
+            self.inlier_fraction[order],
+            self.residual_mm[order],
+            self.bridged[order],
+            tuple(self.sines[i] for i in order),
+        )
+
+
+def behind(evidence: SliceEvidence, circle: Coordinates, radius_mm: float, mm_per_px: float, n_px: int) -> Image:
+    """Return the samples from the line ``circle`` (x, y, axis depth; mm) on, float32 (n_ascans, n_px), NaN outside."""
+    face = circle[2] + circle_distance_mm(evidence.ascan_angle_rad, circle[0], circle[1], radius_mm)
+    rows = np.round(face / mm_per_px).astype(int)[:, None] + np.arange(n_px)
+    inside = (rows >= 0) & (rows < evidence.ascans.shape[1])
+    taken = np.take_along_axis(evidence.ascans, np.clip(rows, 0, evidence.ascans.shape[1] - 1), axis=1)
+    return np.where(inside, taken, np.nan).astype(np.float32)
+
+
+def locate_faces(
+    slices: Sequence[SliceEvidence], radius_mm: float, gap_mm: float, mm_per_px: float, parameters: OctParameters
+) -> Faces:
+    """Find the outer face (``radius_mm``) in all slices, given in the order of z; ``gap_mm`` to the nominal wall.
+
+    Raises :class:`EndoctError` where no line qualifies or most slices do not show it.
+    """
+    axis_depth = _axis_depth(slices, radius_mm, gap_mm, mm_per_px, parameters)
+    circles = np.full((len(slices), 3), np.nan)
+    for i, evidence in enumerate(slices):
+        near = evidence.lines[np.abs(evidence.lines[:, 2] - axis_depth) < SAME_LINE_MM]
+        if near.size:
+            circles[i] = near[int(np.argmax(near[:, 3])), :3]
+    circles = _without_outliers(circles)
+    starts = _bridge(circles)
+    axis_depth = float(np.nanmedian(circles[:, 2]))
+    fitted, fraction, residual = np.empty_like(starts), np.zeros(len(slices)), np.full(len(slices), np.nan)
+    for i, evidence in enumerate(slices):
+        fitted[i], fraction[i], residual[i] = _refine(evidence, starts[i], axis_depth, radius_mm, parameters)
+    good = (fraction >= parameters.least_inlier_fraction) & (np.abs(fitted[:, 2] - axis_depth) < SAME_LINE_MM)
+    good &= np.isfinite(_without_outliers(np.where(good[:, None], fitted, np.nan))[:, 0])
+    if 2 * np.count_nonzero(good) < len(slices):
+        raise _no_capillary(f"it in {np.count_nonzero(good)} of {len(slices)} slices")
+    fitted = _bridge(np.where(good[:, None], fitted, np.nan))
+    sines = _sines(slices, fitted, good, radius_mm, parameters)
+    return Faces(fitted[:, 0], fitted[:, 1], fitted[:, 2], fraction, residual, ~good, sines)
+
+
+def _axis_depth(
+    slices: Sequence[SliceEvidence], radius_mm: float, gap_mm: float, mm_per_px: float, parameters: OctParameters
+) -> float:
+    """The depth of the axis, where ρ = 0, that the outer face has through the recording, mm."""
+    index = np.concatenate([np.full(len(s.lines), i) for i, s in enumerate(slices)])
+    lines = np.concatenate([s.lines for s in slices])
+    if not lines.size:
+        raise _no_capillary("no line")
+    if parameters.start_offset_mm is not None:
+        near = np.abs(lines[:, 2] + radius_mm - parameters.start_offset_mm) < 3 * SAME_LINE_MM
+        if not near.any():
+            raise _no_capillary(f"no line at a depth of {parameters.start_offset_mm} mm")
+        return float(np.median(lines[near, 2]))
+    for without_fixed in (True, False):
+        tracks = []
+        for depth in _peaks(lines, mm_per_px):
+            on = np.abs(lines[:, 2] - depth) < SAME_LINE_MM
+            presence = np.unique(index[on]).size / len(slices)
+            still = np.median(np.hypot(lines[on, 0], lines[on, 1])) < FIXED_LINE_MM
+            if presence < LEAST_PRESENCE or (still and without_fixed):
+                continue
+            if _dark_behind(slices, index[on], lines[on], radius_mm, gap_mm, mm_per_px):
+                tracks.append(float(np.median(lines[on, 2])))
+        if tracks:
+            return max(tracks)
+    raise _no_capillary("no line with darkness and then a wall behind it")
+
+
+def _peaks(lines: Coordinates, mm_per_px: float) -> Coordinates:
+    """Depths at which many lines of the recording have their axis."""
+    low = lines[:, 2].min() - 4 * SAME_LINE_MM
+    depth = np.arange(low, lines[:, 2].max() + 4 * SAME_LINE_MM, mm_per_px / 2)
+    density = np.zeros(depth.size)
+    for line in lines:
+        density += line[3] * np.exp(-0.5 * ((depth - line[2]) / (SAME_LINE_MM / 3)) ** 2)
+    inner = density[1:-1]
+    return np.asarray(depth[1:-1][(inner >= density[:-2]) & (inner > density[2:]) & (inner > 0.02 * density.max())])
+
+
+def _dark_behind(
+    slices: Sequence[SliceEvidence],
+    index: np.ndarray,
+    lines: Coordinates,
+    radius_mm: float,
+    gap_mm: float,
+    mm_per_px: float,
+) -> bool:
+    """Whether darkness follows the line, and then something bright, in the recording's median profile."""
+    n_px = round(2.5 * gap_mm / mm_per_px)
+    profiles = [np.nanmedian(_filled(behind(slices[i], line, radius_mm, mm_per_px, n_px)), axis=0) for i, line in zip(index, lines, strict=True)]
+    profile = np.nanmedian(_filled(np.asarray(profiles)), axis=0)
+    first, last = round(0.04 / mm_per_px), max(round(0.3 * gap_mm / mm_per_px), round(0.08 / mm_per_px))
+    if profile.size <= last + 2 or not np.isfinite(profile[first:last]).all():
+        return False
+    dark, bright = float(np.median(profile[first:last])), float(np.nanmax(profile[last:]))
+    line = float(np.nanmax(profile[: max(2, round(0.015 / mm_per_px))]))
+    return dark < line - 0.5 * max(line - np.nanmin(profile), 0) and dark < np.nanmin(profile) + DARK_SHARE * (bright - np.nanmin(profile))
+
+
+def _filled(samples: np.ndarray) -> np.ndarray:
+    """Columns without any sample get 0 in place of NaN, which a median could not take."""
+    return np.where(np.isfinite(samples).any(axis=0), samples, 0.0)
+
+
+def _refine(
+    evidence: SliceEvidence, start: Coordinates, axis_depth: float, radius_mm: float, parameters: OctParameters
+) -> tuple[tuple[float, float, float], float, float]:
+    points, everything = evidence.points, np.ones(evidence.points.strength.size, bool)
+    circle = tuple(start)
+    for width in (3.0, 1.5):
+        circle = fit_circle(
+            points, everything, np.asarray(circle), radius_mm,
+            width_mm=width * parameters.face_tolerance_mm, zero_mm=axis_depth, zero_sigma_points=5.0,
+        )  # fmt: skip
+    residual = points.depth_mm - circle[2] - circle_distance_mm(points.angle_rad, circle[0], circle[1], radius_mm)
+    on = np.abs(residual) < parameters.face_tolerance_mm
+    columns = np.unique(points.angle_rad[on]).size
+    rms = float(np.sqrt(np.mean(residual[on] ** 2))) if on.any() else float("nan")
+    return (circle[0], circle[1], circle[2]), columns / evidence.n_columns, rms
+
+
+def _sines(
+    slices: Sequence[SliceEvidence], circles: Coordinates, good: Mask, radius_mm: float, parameters: OctParameters
+) -> tuple[Sine, ...]:
+    """The paper's sine through the points near the circle; a bridged slice gets the circle's first order."""
+    sines = []
+    for i, (evidence, (x, y, depth)) in enumerate(zip(slices, circles, strict=True)):
+        eccentricity = float(np.hypot(x, y))
+        first_order = Sine(
+            amplitude_mm=parameters.start_amplitude_mm or eccentricity,
+            omega=1.0,
+            phase_rad=float(np.mod(-np.arctan2(y, x) - np.pi / 2, 2 * np.pi)),
+            offset_mm=float(depth + radius_mm - eccentricity**2 / (4 * radius_mm)),
+        )
+        points = evidence.points
+        residual = points.depth_mm - depth - circle_distance_mm(points.angle_rad, x, y, radius_mm)
+        near = np.abs(residual) < 2 * parameters.face_tolerance_mm
+        if good[i] and np.count_nonzero(near) >= 4:
+            first_order, _ = ransac_sine(
+                points.angle_rad[near],
+                points.depth_mm[near],
+                tolerance_mm=parameters.face_tolerance_mm + eccentricity**2 / (4 * radius_mm),
+                trials=parameters.ransac_trials,
+                rng=np.random.default_rng((parameters.seed, i)),
+                start=first_order,
+            )
+        sines.append(first_order)
+    return tuple(sines)
+
+
+def _without_outliers(circles: Coordinates) -> Coordinates:
+    """Replace circles that stray from the median of their neighbours by NaN."""
+    kept = circles.copy()
+    for i in range(len(circles)):
+        around = np.concatenate([circles[max(0, i - 3) : i], circles[i + 1 : i + 4]])
+        around = around[np.isfinite(around[:, 0])]
+        if len(around) >= 2 and np.hypot(*(circles[i] - np.median(around, axis=0))[:2]) > STRAY_MM:
+            kept[i] = np.nan
+    return kept
+
+
+def _bridge(circles: Coordinates) -> Coordinates:
+    """Fill NaN rows by linear interpolation between their neighbours. Raises where there is nothing to go by."""
+    good = np.flatnonzero(np.isfinite(circles[:, 0]))
+    if not good.size:
+        raise _no_capillary("it in no slice")
+    every = np.arange(len(circles))
+    return np.stack([np.interp(every, good, circles[good, k]) for k in range(3)], axis=1)
+
+
+def _no_capillary(found: str) -> EndoctError:
+    return EndoctError(
+        "the capillary's outer face cannot be found",
+        found=found,
+        expected="a bright line around the whole turn in most slices, darkness and then the wall behind it",
+        remedy="check capillary_outer_diameter_mm, bore_diameter_mm and axial_pixel_mm, look at the B-scans, "
+        "or give the depth of the outer face as start_offset_mm",
+    )

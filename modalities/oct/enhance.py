@@ -1,0 +1,46 @@
+"""The paper's enhancement before the fit: wavelet denoising, histogram equalisation, local threshold.
+
+Laves 2019, Image undistortion. All work on a reduced B-scan (θ, depth), where θ is a circle.
+"""
+
+import cv2
+import numpy as np
+import pywt
+
+from endoct.stitching.arrays import Image, Mask
+
+
+def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
+    """Return ``image`` with its wavelet coefficients shrunk by ``threshold_sigmas`` of their noise.
+
+    Two levels of Daubechies-2, soft threshold, the noise's σ from the finest diagonal coefficients.
+    """
+    coefficients = pywt.wavedec2(image, "db2", mode="periodization", level=2)
+    sigma = float(np.median(np.abs(coefficients[-1][2]))) / 0.6745
+    shrunk = [
+        coefficients[0],
+        *(
+            tuple(pywt.threshold(band, threshold_sigmas * sigma, mode="soft") for band in level)
+            for level in coefficients[1:]
+        ),
+    ]
+    denoised = pywt.waverec2(shrunk, "db2", mode="periodization")[: image.shape[0], : image.shape[1]]
+    return np.asarray(denoised, dtype=np.float32)
+
+
+def equalise(image: Image, clip_limit: float, tile_depth_px: float) -> Image:
+    """Return ``image`` after contrast-limited adaptive histogram equalisation, float32 0…255."""
+    low, high = np.percentile(image, (0.5, 99.5))
+    grey = np.clip((image - low) * (255 / max(float(high - low), 1e-12)), 0, 255).astype(np.uint8)
+    pad = image.shape[0] // 4
+    wrapped = np.pad(grey, ((pad, pad), (0, 0)), mode="wrap")
+    tiles = max(1, round(image.shape[1] / tile_depth_px)), 6
+    equalised = cv2.createCLAHE(clip_limit, tiles).apply(wrapped)
+    return np.asarray(equalised[pad : pad + image.shape[0]], dtype=np.float32)
+
+
+def local_threshold(image: Image, window_px: float) -> Mask:
+    """Return where ``image`` exceeds its Gaussian mean along depth over ``window_px``, bool of its shape."""
+    window = max(3, round(window_px) | 1)
+    mean = cv2.GaussianBlur(image, (window, 1), 0, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(image > mean)

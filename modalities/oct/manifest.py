@@ -1,0 +1,58 @@
+"""What is known of the OCT plug-in without loading it: its sidecar's keys and what it provides."""
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from endoct.modalities.acquisition import Acquisition, Handedness, Travel
+from endoct.modalities.contract import Manifest
+
+
+class OctAcquisition(Acquisition):
+    """The sidecar of a catheter-OCT pullback: pages of (depth, A-scan), one a slice."""
+
+    modality: Literal["oct"] = Field(description="the plug-in that reads this recording")
+    axial_pixel_mm: float = Field(
+        gt=0, lt=0.2, description="distance between two depth samples in air; the scale of every depth"
+    )
+    pullback_pitch_mm: float = Field(gt=0, description="pullback between two slices; the scale along the bore")
+    capillary_outer_diameter_mm: float = Field(
+        gt=0, description="outer diameter of the capillary (or sheath) around the catheter: the ruler for the wall's radius"
+    )
+    travel: Travel = Field(default="out", description="which way the catheter moved: out (a pullback), in or unknown")
+    handedness: Handedness = Field(
+        default="unknown", description="same: A-scans run with θ; mirrored: against it; unknown: a comparison tries both"
+    )
+    intensity: Literal["log", "linear"] = Field(
+        default="log", description="whether samples are logarithmic (decibels) or linear; never guessed"
+    )
+    db_per_count: float | None = Field(default=None, gt=0, description="decibels a count, where samples are logarithmic")
+    scan: Literal["step", "helical"] = Field(
+        default="step", description="step: pulled back between turns; helical: pulled back while turning"
+    )
+    medium_index: float = Field(
+        default=1.0, ge=1, le=2, description="refractive index of what fills bore and capillary; 1.33 where flushed"
+    )
+    first_sample_mm: float | None = Field(
+        default=None, description="optical path from the catheter's axis to depth sample 0; only a check on the fit"
+    )
+
+    @model_validator(mode="after")
+    def _capillary_fits_the_bore(self) -> Self:
+        if self.capillary_outer_diameter_mm >= self.bore_diameter_mm:
+            raise ValueError(
+                f"capillary_outer_diameter_mm ({self.capillary_outer_diameter_mm:g}) must be smaller than "
+                f"bore_diameter_mm ({self.bore_diameter_mm:g})"
+            )
+        return self
+
+
+MANIFEST = Manifest(
+    name="oct",
+    title="Catheter OCT pullback",
+    suffixes=(".tif", ".tiff", ".btf", ".npy", ".png"),
+    acquisition=OctAcquisition,
+    provides=frozenset({"intensity", "depth", "volume"}),
+    frame_dim="slice",
+    implementation="endoct.modalities.oct.plugin:OCT",
+)

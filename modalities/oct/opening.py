@@ -1,0 +1,82 @@
+"""Pullbacks on disk: what looks like one, and the stream of their B-scans."""
+
+from pathlib import Path
+
+import numpy as np
+
+from endoct.modalities.contract import Frame, Sniff, inward_positions_mm
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.recording import ImageStack, open_stack
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+
+LEAST_ASCANS = 64
+LEAST_DEPTH = 48
+LAYERED = 4.0  # how much more the rows of a B-scan (depth) differ among themselves than its columns (θ)
+
+
+class Pullback:
+    """A pullback as a stream: sized, indexable, picklable; ``stream[i].samples`` is one B-scan (A-scan, depth).
+
+    Raises :class:`EndoctError` where the file holds no stack of B-scans.
+    """
+
+    def __init__(self, path: Path, acquisition: OctAcquisition) -> None:
+        self._stack: ImageStack = open_stack(path)
+        self._acquisition = acquisition
+        shape = self._stack.frame_shape
+        if len(shape) != 2 or shape[0] < LEAST_DEPTH or shape[1] < LEAST_ASCANS:
+            raise EndoctError(
+                f"{path} holds no B-scans",
+                found=f"pages of {' × '.join(map(str, shape))} samples",
+                expected=f"grey pages of (depth, A-scan), at least {LEAST_DEPTH} × {LEAST_ASCANS}",
+                remedy="export the pullback as one page a slice, depth downward, one turn from left to right",
+            )
+        self.z_mm: Coordinates = inward_positions_mm(
+            len(self._stack),
+            pitch_mm=acquisition.pullback_pitch_mm,
+            travel=acquisition.travel,
+            positions_mm=acquisition.positions_mm,
+        )
+        if np.unique(self.z_mm).size != self.z_mm.size:
+            raise EndoctError("two slices of a pullback lie at one place", remedy="correct positions_mm")
+
+    @property
+    def acquisition(self) -> OctAcquisition:
+        """The checked sidecar."""
+        return self._acquisition
+
+    @property
+    def n_ascans(self) -> int:
+        """A-scans of one turn."""
+        return self._stack.frame_shape[1]
+
+    @property
+    def n_depth(self) -> int:
+        """Samples of one A-scan."""
+        return self._stack.frame_shape[0]
+
+    def __len__(self) -> int:
+        return len(self._stack)
+
+    def __getitem__(self, index: int) -> Frame:
+        return Frame(index=index, samples=self._stack[index].T, z_mm=float(self.z_mm[index]))
+
+
+def sniff_pullback(path: Path) -> Sniff:
+    """Claim a stack of grey pages whose rows differ (depth) and whose columns are alike (θ)."""
+    try:
+        stack = open_stack(path)
+        page = stack[0]
+    except EndoctError as error:
+        return Sniff(False, str(error))
+    if page.ndim != 2:
+        return Sniff(False, "its pages are colour images")
+    if len(stack) < 2:
+        return Sniff(False, "it holds a single image, no pullback")
+    if page.shape[0] < LEAST_DEPTH or page.shape[1] < LEAST_ASCANS:
+        return Sniff(False, f"its pages of {page.shape[0]} × {page.shape[1]} are too small for B-scans")
+    over_depth, over_theta = float(np.var(page.mean(axis=1))), float(np.var(page.mean(axis=0)))
+    if over_depth > LAYERED * over_theta:
+        return Sniff(True, "a stack of grey pages layered along depth")
+    return Sniff(False, "its pages are not layered along depth as B-scans are")

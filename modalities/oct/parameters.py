@@ -1,0 +1,46 @@
+"""Every free parameter of the OCT plug-in, with its unit."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class OctParameters(BaseModel):
+    """How a pullback is processed. The defaults suit any geometry that the sidecar describes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    undistort: Literal["eccentric", "sine"] = Field(
+        default="eccentric", description="map (r, θ) about the capillary's axis, or shift by the sine (Laves 2019)"
+    )
+    wall: Literal["edge", "maximum"] = Field(
+        default="edge", description="the wall is the first real edge, or the index of the maximum (Laves 2019)"
+    )
+    n_theta: int | None = Field(
+        default=None, ge=64, le=65536, description="columns of the panorama; at most, and by default, 2048 or the A-scans"
+    )
+
+    # the outer face of the capillary
+    start_amplitude_mm: float | None = Field(default=None, ge=0, description="start value A of the sine, for all slices")
+    start_phase_rad: float | None = Field(default=None, description="start value φ of the sine, for all slices")
+    start_offset_mm: float | None = Field(default=None, description="start value D of the sine: depth of the outer face")
+    face_tolerance_mm: float = Field(default=0.015, gt=0, description="how far an inlier lies from the fitted face")
+    ransac_trials: int = Field(default=1500, ge=50, description="sines tried for each line of a slice")
+    least_inlier_fraction: float = Field(
+        default=0.2, gt=0, lt=1, description="of A-scans that show the face; slices with fewer are bridged"
+    )
+    seed: int = Field(default=0, ge=0, description="of the random choice of A-scans")
+
+    # enhancement before the fit
+    denoise_threshold: float = Field(default=1.0, ge=0, description="soft threshold of wavelet coefficients, in noise σ")
+    clahe_clip_limit: float = Field(default=2.0, gt=0, description="contrast limit of the histogram equalisation")
+    clahe_tile_mm: float = Field(default=0.6, gt=0, description="depth of one of its tiles")
+    threshold_window_mm: float = Field(default=0.15, gt=0, description="depth of the local threshold's window")
+
+    # the wall
+    noise_sigmas: float = Field(default=1.6, gt=0, description="a sample this far above the noise speaks for the wall")
+    wall_window_mm: float = Field(default=0.08, gt=0, description="depth behind an edge that must be bright")
+    slope_cost_per_mm: float = Field(default=100, ge=0, description="evidence lost by a change of depth along θ")
+    jump_cost: float = Field(default=6.0, ge=0, description="evidence lost at most by one jump of the wall along θ")
+    clearance_mm: float = Field(default=0.03, gt=0, description="nearest to the outer face at which a wall is sought")
+    projection_mm: float = Field(default=0.5, gt=0, description="depth from the wall on of the maximum projection")

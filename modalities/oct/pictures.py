@@ -1,0 +1,57 @@
+"""Pictures that show a reader how one B-scan was understood."""
+
+import numpy as np
+
+from endoct.modalities.contract import Frame, Picture
+from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
+from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.undistort import beam_angles_rad, radius_mm
+from endoct.modalities.oct.unroll import profile_beams
+from endoct.modalities.oct.volume import resample, volume_radii_mm
+from endoct.stitching.arrays import Coordinates
+
+PICTURE_COLUMNS = 1000
+
+
+def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, ...]:
+    """Return the B-scan as recorded, with outer face, sine and wall, and the same undistorted, with the wall."""
+    beams = profile_beams(frame, calibration)
+    mm, index = calibration.mm_per_px, frame.index
+    n_columns = min(PICTURE_COLUMNS, frame.samples.shape[0])
+    angle = sector_angles_rad(frame.samples.shape[0], n_columns)
+    wall = np.where(beams.surface, beams.wall_mm, np.nan)
+    recorded = Picture(
+        name="bscan",
+        title=f"B-scan at z = {frame.z_mm:.2f} mm as recorded",
+        image=reduce_theta(frame.samples, n_columns).T,
+        x_label="rotation (rad)",
+        y_label="depth (mm)",
+        x_extent=(float(angle[0]), float(angle[-1])),
+        y_extent=(0.0, (calibration.n_depth - 1) * mm),
+        curves={
+            "outer face of the capillary": _curve(beams.angle_rad, beams.face_mm),
+            "sine": _curve(beams.angle_rad, calibration.sines[index](beams.angle_rad)),
+            "wall": _curve(beams.angle_rad, wall),
+        },
+    )
+    theta, radii = calibration.grid.theta_rad, volume_radii_mm(calibration)
+    undistorted = resample(frame, calibration, radii)
+    undistorted = np.where(np.isfinite(undistorted), undistorted, np.nanmin(undistorted))
+    beam = beam_angles_rad(calibration, index, theta)
+    nearest = np.round((beam - beams.angle_rad[0]) / calibration.grid.dtheta_rad).astype(np.intp) % theta.size
+    every = max(1, theta.size // PICTURE_COLUMNS)
+    wall_radius = radius_mm(calibration, index, beams.angle_rad, wall)[nearest]
+    return recorded, Picture(
+        name="bscan-undistorted",
+        title=f"B-scan at z = {frame.z_mm:.2f} mm undistorted",
+        image=undistorted[::every].T,
+        x_label="θ (rad)",
+        y_label="radius (mm)",
+        x_extent=(float(theta[0]), float(theta[::every][-1])),
+        y_extent=(float(radii[0]), float(radii[-1])),
+        curves={"wall": _curve(theta, wall_radius)},
+    )
+
+
+def _curve(x: Coordinates, y: Coordinates) -> Coordinates:
+    return np.stack([x, y], axis=1)

@@ -1,0 +1,57 @@
+"""The OCT plug-in as the contract asks for it; every step has a module of its own."""
+
+from pathlib import Path
+
+from endoct.modalities.acquisition import Acquisition
+from endoct.modalities.contract import Frame, FrameStream, Picture, Sniff
+from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.opening import Pullback, sniff_pullback
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.pictures import picture_bscan
+from endoct.modalities.oct.settle import settle_pullback
+from endoct.modalities.oct.survey import survey_pullback
+from endoct.modalities.oct.unroll import unroll_bscan
+from endoct.modalities.oct.volume import write_volume
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.strip import Strip
+
+
+class OctModality:
+    """Catheter OCT; holds no state."""
+
+    parameters = OctParameters
+
+    def sniff(self, path: Path) -> Sniff:
+        """Say whether ``path`` holds a stack of B-scans."""
+        return sniff_pullback(path)
+
+    def open(self, path: Path, acquisition: Acquisition) -> Pullback:
+        """Open a pullback. Raises :class:`EndoctError` where it is unusable."""
+        if not isinstance(acquisition, OctAcquisition):
+            raise EndoctError("a pullback needs the sidecar of an OCT", found=type(acquisition).__name__)
+        return Pullback(path, acquisition)
+
+    def survey(self, stream: FrameStream, parameters: OctParameters) -> OctCalibration:
+        """Find the capillary in every slice, and the recording's levels, in one pass."""
+        return survey_pullback(stream, parameters)
+
+    def unroll(self, frame: Frame, calibration: OctCalibration) -> Strip:
+        """Turn one B-scan into one row of the panorama. Pure."""
+        return unroll_bscan(frame, calibration)
+
+    def settle(self, panorama: Panorama, calibration: OctCalibration) -> Panorama:
+        """Finish the panorama: place a helical scan, and drop what its neighbours contradict."""
+        return settle_pullback(panorama, calibration)
+
+    def illustrate(self, frame: Frame, calibration: OctCalibration) -> tuple[Picture, ...]:
+        """Show a B-scan as recorded, with fitted face, sine and wall, and undistorted."""
+        return picture_bscan(frame, calibration)
+
+    def write_volume(self, stream: FrameStream, calibration: OctCalibration, store: Path) -> None:
+        """Write the dense hollow cylinder as the group ``volume`` of ``store``, one slice a chunk."""
+        write_volume(stream, calibration, store)
+
+
+OCT = OctModality()

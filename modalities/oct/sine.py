@@ -1,0 +1,88 @@
+"""The paper's sine f(x) = A sin(ωx + φ) + D, and the circle that it approximates.
+
+Laves 2019, Image undistortion. A beam at angle α from a catheter that lies off the capillary's axis by e in
+direction β meets the capillary (radius R_c) at ρ(α) = −e cos(α − β) + √(R_c² − e² sin²(α − β)), of which the
+sine with ω = 1, A = e, φ = −β − π/2 is the first order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
+
+from endoct.stitching.arrays import Coordinates, Mask
+
+GAUSS_NEWTON_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Sine:
+    """f(x) = A sin(ωx + φ) + D with A ≥ 0 and φ in [0, 2π); x in rad, f, A and D in mm."""
+
+    amplitude_mm: float
+    omega: float
+    phase_rad: float
+    offset_mm: float
+
+    def __call__(self, x_rad: ArrayLike) -> Coordinates:
+        """Return f(x), float64 of the shape of ``x_rad``, mm."""
+        x = np.asarray(x_rad, dtype=np.float64)
+        return self.amplitude_mm * np.sin(self.omega * x + self.phase_rad) + self.offset_mm
+
+
+def circle_distance_mm(angle_rad: ArrayLike, offset_x_mm: ArrayLike, offset_y_mm: ArrayLike, radius_mm: float) -> Coordinates:
+    """Return the length ρ(α) of a beam from a catheter at (x, y) to a circle about the axis, float64, mm.
+
+    Shapes broadcast. The catheter must lie inside the circle.
+    """
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    x, y = np.asarray(offset_x_mm, np.float64), np.asarray(offset_y_mm, np.float64)
+    along = x * np.cos(angle) + y * np.sin(angle)
+    across = x * np.sin(angle) - y * np.cos(angle)
+    return np.asarray(np.sqrt(np.maximum(radius_mm**2 - across**2, 0.0)) - along)
+
+
+def ransac_sine(
+    x_rad: Coordinates, y_mm: Coordinates, *, tolerance_mm: float, trials: int, rng: Generator, start: Sine
+) -> tuple[Sine, Mask]:
+    """Fit a sine to the points (x, y) by random sample consensus; return it and the inliers, bool (n,).
+
+    Each trial takes the sine with ω = 1 through three points; the trial (or ``start``) with the most points
+    within ``tolerance_mm`` is then refined over its inliers, ω free, by Gauss-Newton. Raises ``ValueError``
+    for fewer than four points.
+    """
+    if x_rad.size < 4:
+        raise ValueError("four parameters need four points")
+    triples = rng.integers(0, x_rad.size, (trials, 3))
+    matrix = np.stack([np.sin(x_rad[triples]), np.cos(x_rad[triples]), np.ones(triples.shape)], axis=-1)
+    regular = np.abs(np.linalg.det(matrix)) > 0.1
+    linear = np.linalg.solve(matrix[regular], y_mm[triples[regular], None])[..., 0]
+    first = [start.amplitude_mm * np.cos(start.phase_rad), start.amplitude_mm * np.sin(start.phase_rad), start.offset_mm]
+    linear = np.vstack([first, linear])
+    some = rng.permutation(x_rad.size)[:256]
+    basis = np.stack([np.sin(x_rad[some]), np.cos(x_rad[some]), np.ones(some.size)])
+    count = np.count_nonzero(np.abs(linear @ basis - y_mm[some]) < tolerance_mm, axis=1)
+    p, q, d = linear[int(np.argmax(count))]
+    best = Sine(float(np.hypot(p, q)), 1.0, float(np.arctan2(q, p)), float(d))
+    for _ in range(3):
+        inliers = np.abs(best(x_rad) - y_mm) < tolerance_mm
+        if np.count_nonzero(inliers) < 4:
+            break
+        best = _refine(best, x_rad[inliers], y_mm[inliers])
+    return best, np.abs(best(x_rad) - y_mm) < tolerance_mm
+
+
+def _refine(sine: Sine, x: Coordinates, y: Coordinates) -> Sine:
+    a, omega, phi, d = sine.amplitude_mm, sine.omega, sine.phase_rad, sine.offset_mm
+    for _ in range(GAUSS_NEWTON_STEPS):
+        inner = omega * x + phi
+        slope = a * np.cos(inner)
+        jacobian = np.stack([np.sin(inner), slope * x, slope, np.ones_like(x)], axis=1)
+        # a small ridge: ω and φ mean nothing where the amplitude vanishes
+        normal = jacobian.T @ jacobian + 1e-6 * x.size * np.diag([0, 1e-2, 1e-4, 0])
+        step = np.linalg.solve(normal, jacobian.T @ (y - a * np.sin(inner) - d))
+        a, omega, phi, d = a + step[0], float(np.clip(omega + step[1], 0.8, 1.2)), phi + step[2], d + step[3]
+    if a < 0:
+        a, phi = -a, phi + np.pi
+    return Sine(float(a), float(omega), float(np.mod(phi, 2 * np.pi)), float(d))

@@ -1,0 +1,210 @@
+"""One pass over a pullback: where the capillary lies in every slice, and the levels of noise and wall."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import cast
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
+from endoct.modalities.oct.calibration import Background, OctCalibration
+from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces
+from endoct.modalities.oct.lines import Points, find_lines, line_points
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.wall import fill_rows
+from endoct.modalities.recording import map_frames
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+
+SURVEY_COLUMNS = 256
+KEPT_ASCANS = 96
+MOST_COLUMNS = 2048
+FIXED_SIGMAS = 1.0
+FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
+
+
+def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
+    """Survey ``stream`` in one pass. Raises :class:`EndoctError` where it shows no capillary, or nothing at all."""
+    acquisition = cast(OctAcquisition, stream.acquisition)
+    n_ascans, n_depth = stream[0].samples.shape
+    n_theta = min(parameters.n_theta or MOST_COLUMNS, n_ascans)
+    examine = partial(_examine, acquisition=acquisition, parameters=parameters, n_theta=n_theta)
+    examined = list(map_frames(examine, stream))
+    z_mm = np.array([z for z, _ in examined])
+    inward = np.argsort(z_mm, kind="stable")
+    slices = [examined[i][1] for i in inward]
+    fixed_rows = _fixed_rows(slices)
+    _reject_empty(slices)
+
+    mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
+    radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
+    faces = locate_faces(slices, radius_mm, bore_mm - radius_mm, mm_per_px, parameters)
+    background = _background(slices, faces, fixed_rows, radius_mm, bore_mm - radius_mm, mm_per_px)
+    recorded = np.argsort(inward, kind="stable")
+    faces = faces.reordered(recorded)
+    row_z_mm = z_mm[inward]
+    grid = SurfaceGrid.full_circle(
+        len(row_z_mm),
+        n_theta,
+        z0_mm=float(row_z_mm[0]),
+        dz_mm=float(np.median(np.diff(row_z_mm))) if len(row_z_mm) > 1 else acquisition.pullback_pitch_mm,
+        radius_mm=bore_mm,
+    )
+    return OctCalibration(
+        grid=grid,
+        row_z_mm=row_z_mm,
+        per_frame=_per_frame(z_mm, faces, acquisition),
+        notes=_notes(faces, fixed_rows, acquisition),
+        acquisition=acquisition,
+        parameters=parameters,
+        n_ascans=n_ascans,
+        n_depth=n_depth,
+        slice_z_mm=z_mm,
+        offset_x_mm=faces.x_mm,
+        offset_y_mm=faces.y_mm,
+        axis_depth_mm=faces.axis_depth_mm,
+        sines=faces.sines,
+        bridged=faces.bridged,
+        background=background,
+    )
+
+
+def _examine(
+    frame: Frame, acquisition: OctAcquisition, parameters: OctParameters, n_theta: int
+) -> tuple[float, SliceEvidence]:
+    mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
+    n_ascans, n_depth = frame.samples.shape
+    fine = reduce_theta(frame.samples, n_theta)
+    n_columns = min(SURVEY_COLUMNS, n_theta)
+    coarse = logarithmic(reduce_theta(frame.samples, n_columns), acquisition.intensity)
+    kept = np.linspace(0, n_theta, min(KEPT_ASCANS, n_theta), endpoint=False).astype(int)
+    angle_rad = sector_angles_rad(n_ascans, n_columns)
+    if float(np.ptp(coarse)) > 0:
+        points = line_points(coarse, angle_rad, mm_per_px, parameters)
+    else:
+        points = Points(np.empty(0), np.empty(0), np.empty(0))
+    lines = find_lines(
+        points,
+        angle_rad,
+        n_depth * mm_per_px,
+        mm_per_px,
+        acquisition.capillary_outer_diameter_mm / 2,
+        parameters.ransac_trials,
+        np.random.default_rng((parameters.seed, frame.index)),
+    )
+    ascans = logarithmic(fine[kept], acquisition.intensity)
+    return frame.z_mm, SliceEvidence(
+        points, n_columns, lines, ascans, sector_angles_rad(n_ascans, n_theta)[kept], _saturated(frame)
+    )
+
+
+def _saturated(frame: Frame) -> bool:
+    some = frame.samples[:: max(1, frame.samples.shape[0] // 64)]
+    return some.dtype.kind == "u" and bool(np.median(some) == np.iinfo(some.dtype).max)
+
+
+def _reject_empty(slices: Sequence[SliceEvidence]) -> None:
+    ranges = [float(np.ptp(s.ascans)) for s in slices]
+    if max(ranges) == 0:
+        raise EndoctError(
+            "the pullback shows nothing",
+            found=f"one value, {float(slices[0].ascans.flat[0]):g}, all over",
+            expected="B-scans of a capillary in a bore",
+            remedy="check that the light source was on and the export is right",
+        )
+    if 2 * sum(s.saturated for s in slices) > len(slices):
+        raise EndoctError(
+            "the pullback is saturated",
+            found="more than half of the samples at the largest value",
+            expected="B-scans of a capillary in a bore",
+            remedy="record or export it with a smaller gain",
+        )
+
+
+def _fixed_rows(slices: Sequence[SliceEvidence]) -> tuple[int, ...]:
+    """Depth rows that stand out everywhere at once: the detector's fixed lines."""
+    ascans = np.concatenate([s.ascans[:: max(1, len(slices) // 40)] for s in slices])
+    level = np.percentile(ascans, 20, axis=0)
+    excess = level - median_filter(level, 31, mode="nearest")
+    sigma = 1.4826 * float(np.median(np.abs(ascans - np.median(ascans, axis=0))))
+    return tuple(int(row) for row in np.flatnonzero(excess > FIXED_SIGMAS * max(sigma, 1e-6)))
+
+
+def _background(
+    slices: Sequence[SliceEvidence],
+    faces: Faces,
+    fixed_rows: tuple[int, ...],
+    radius_mm: float,
+    gap_mm: float,
+    mm_per_px: float,
+) -> Background:
+    """Noise from the dark space behind the outer face, the wall's level from the brightest depth behind that."""
+    first, last = round(0.03 / mm_per_px), round((0.03 + max(0.3 * gap_mm, 0.08)) / mm_per_px)
+    n_px = max(round(2.5 * gap_mm / mm_per_px), 2 * last)
+    dark, bright = [], []
+    for i in np.flatnonzero(~faces.bridged):
+        circle = np.array([faces.x_mm[i], faces.y_mm[i], faces.axis_depth_mm[i]])
+        filled = _with_ascans(slices[i], fill_rows(slices[i].ascans, fixed_rows))
+        samples = behind(filled, circle, radius_mm, mm_per_px, n_px)
+        band = samples[:, first:last]
+        means = band.mean(axis=1)
+        dark.append(band[means <= np.nanpercentile(means, 40)].ravel())
+        smooth = uniform_filter1d(np.nan_to_num(samples, nan=float(np.nanmin(samples))), max(1, round(0.04 / mm_per_px)), axis=1)
+        bright.append(np.median(smooth[:, first:].max(axis=1)))
+    noise_samples = np.concatenate(dark)
+    noise_samples = noise_samples[np.isfinite(noise_samples)]
+    noise = float(np.median(noise_samples))
+    sigma = 1.4826 * float(np.median(np.abs(noise_samples - noise)))
+    return Background(noise, sigma, float(np.median(bright)), fixed_rows)
+
+
+def _with_ascans(evidence: SliceEvidence, ascans: Image) -> SliceEvidence:
+    return SliceEvidence(
+        evidence.points, evidence.n_columns, evidence.lines, ascans, evidence.ascan_angle_rad, evidence.saturated
+    )
+
+
+def _per_frame(z_mm: Coordinates, faces: Faces, acquisition: OctAcquisition) -> dict[str, Coordinates]:
+    sense = -1 if acquisition.handedness == "mirrored" else 1
+    direction = acquisition.theta_origin_rad + sense * np.arctan2(faces.y_mm, faces.x_mm)
+    return {
+        "z_mm": z_mm,
+        "sine_amplitude_mm": np.array([sine.amplitude_mm for sine in faces.sines]),
+        "sine_omega": np.array([sine.omega for sine in faces.sines]),
+        "sine_phase_rad": np.array([sine.phase_rad for sine in faces.sines]),
+        "sine_offset_mm": np.array([sine.offset_mm for sine in faces.sines]),
+        "offset_mm": np.hypot(faces.x_mm, faces.y_mm),
+        "offset_direction_rad": np.mod(direction, 2 * np.pi),
+        "inlier_fraction": faces.inlier_fraction,
+        "residual_mm": faces.residual_mm,
+        "bridged": faces.bridged,
+    }
+
+
+def _notes(faces: Faces, fixed_rows: tuple[int, ...], acquisition: OctAcquisition) -> tuple[str, ...]:
+    notes = []
+    if count := int(np.count_nonzero(faces.bridged)):
+        notes.append(
+            f"{count} of {faces.bridged.size} slices did not show the capillary's outer face well enough; "
+            "their geometry is bridged from their neighbours and their samples are not valid."
+        )
+    if acquisition.first_sample_mm is not None:
+        expected = -acquisition.first_sample_mm / acquisition.medium_index
+        difference = float(np.median(faces.axis_depth_mm)) - expected
+        if not -0.05 <= difference <= FIRST_SAMPLE_TOLERANCE_MM:
+            notes.append(
+                f"The sidecar's first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
+                f"face at {expected + difference:.3f} mm; the capillary was trusted."
+            )
+    if fixed_rows:
+        notes.append(f"Depth rows {_ranges(fixed_rows)} hold fixed lines of the detector and were interpolated.")
+    return tuple(notes)
+
+
+def _ranges(rows: tuple[int, ...]) -> str:
+    runs = np.split(np.asarray(rows), np.flatnonzero(np.diff(rows) > 1) + 1)
+    return ", ".join(f"{run[0]}–{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs)

@@ -1,0 +1,85 @@
+"""One B-scan to one row of the panorama."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from endoct.modalities.contract import Frame
+from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
+from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.projection import maximum_intensity
+from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
+from endoct.modalities.oct.wall import brightest, fill_rows, first_edge
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.strip import Strip
+
+
+@dataclass(frozen=True, eq=False)
+class BeamProfile:
+    """What each of ``n_theta`` sectors of a turn shows.
+
+    Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced,
+    its fixed rows filled; ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from
+    depth sample 0 (where there is no surface: of the last sample); ``surface``, whether there is one;
+    ``intensity``, the projection; ``alive``, whether the beam shows anything beyond noise.
+    """
+
+    angle_rad: Coordinates
+    image: Image
+    face_mm: Coordinates
+    wall_mm: Coordinates
+    surface: Mask
+    intensity: Image
+    alive: Mask
+
+
+def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
+    """Find the wall in every sector of one B-scan."""
+    parameters, acquisition = calibration.parameters, calibration.acquisition
+    n_theta, mm = calibration.grid.n_theta, calibration.mm_per_px
+    image = fill_rows(reduce_theta(frame.samples, n_theta), calibration.background.fixed_rows)
+    angle = sector_angles_rad(frame.samples.shape[0], n_theta)
+    face = face_depth_mm(calibration, frame.index, angle)
+    n_depth = image.shape[1]
+    first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
+    level = logarithmic(image, acquisition.intensity)
+    if parameters.wall == "maximum":
+        row = brightest(image, first_row)
+    else:
+        mm_per_column = calibration.grid.dtheta_mm
+        row = first_edge(level, first_row, calibration.background, mm, mm_per_column, parameters)
+    surface = row < n_depth
+    return BeamProfile(
+        angle_rad=angle,
+        image=image,
+        face_mm=face,
+        wall_mm=np.minimum(row, n_depth - 1) * mm,
+        surface=surface,
+        intensity=maximum_intensity(image, first_row),
+        alive=np.ptp(image, axis=1) > 0,
+    )
+
+
+def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
+    """Return the panorama's row of one B-scan: intensity and depth at each θ. Pure.
+
+    θ of a column is where the beam crosses the nominal bore surface, so that an opening there is put at its own
+    θ; its depth is that of the surface the beam meets. Where a living beam meets no surface in range (a deep
+    cell), the depth is that of the last sample, a lower bound; bridged slices and dead A-scans are not valid.
+    """
+    beams = profile_beams(frame, calibration)
+    grid = calibration.grid
+    wall_radius = radius_mm(calibration, frame.index, beams.angle_rad, beams.wall_mm)
+    wanted = beam_angles_rad(calibration, frame.index, grid.theta_rad)
+    step = 2 * np.pi / grid.n_theta
+    nearest = np.round((wanted - beams.angle_rad[0]) / step).astype(np.intp) % grid.n_theta
+    valid = beams.alive & (not calibration.bridged[frame.index])
+    return Strip(
+        z_mm=np.array([frame.z_mm]),
+        theta_rad=grid.theta_rad,
+        intensity=beams.intensity[nearest][None],
+        depth_mm=(wall_radius - grid.radius_mm)[nearest][None],
+        valid=valid[nearest][None],
+        weight=np.ones((1, grid.n_theta), np.float32),
+        diagnostics={"surface_fraction": float(beams.surface.mean())},
+    )

@@ -1,0 +1,82 @@
+"""The dense hollow cylinder: everything from the capillary outward, sub-surface included."""
+
+import warnings
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import xarray as xr
+import zarr
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
+from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.undistort import beam_of
+from endoct.modalities.recording import map_frames
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.store import write_dataset
+
+
+def volume_radii_mm(calibration: OctCalibration) -> Coordinates:
+    """Return the radii of the volume's samples: from the outer face to the end of the depth range, float64, mm."""
+    farthest = calibration.n_depth * calibration.mm_per_px - float(np.median(calibration.axis_depth_mm))
+    farthest += float(np.max(np.hypot(calibration.offset_x_mm, calibration.offset_y_mm)))
+    return np.asarray(np.arange(calibration.capillary_radius_mm, farthest, calibration.mm_per_px))
+
+
+def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates) -> Image:
+    """Return one B-scan on (θ, radius) about the capillary's axis, float32 (n_theta, n_radii), NaN outside."""
+    grid = calibration.grid
+    image = reduce_theta(frame.samples, grid.n_theta)
+    angle, depth = beam_of(calibration, frame.index, grid.theta_rad[:, None], radii_mm[None, :])
+    first = sector_angles_rad(frame.samples.shape[0], grid.n_theta)[0]
+    column = np.mod((angle - first) / grid.dtheta_rad, grid.n_theta)
+    wrapped = np.concatenate([image, image[:1]])
+    sampled = cv2.remap(
+        wrapped,
+        (depth / calibration.mm_per_px).astype(np.float32),
+        np.broadcast_to(column, depth.shape).astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=float("nan"),
+    )
+    return np.asarray(sampled, dtype=np.float32)
+
+
+def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) -> None:
+    """Write the group ``volume`` into the Zarr ``store``: ``intensity`` (z, theta, depth), one slice a chunk.
+
+    ``radius`` (mm, from the capillary's axis) lies along depth. Samples keep the recording's type; outside what
+    was recorded they are 0 (NaN in a float recording).
+    """
+    grid, radii = calibration.grid, volume_radii_mm(calibration)
+    dtype = stream[0].samples.dtype
+    coordinates: dict[str, Any] = {
+        "z": ("z", calibration.row_z_mm, {"units": "mm"}),
+        "theta": ("theta", grid.theta_rad, {"units": "rad"}),
+        "radius": ("depth", radii, {"units": "mm"}),
+    }
+    write_dataset(xr.Dataset({}, coordinates, {"radius_mm": grid.radius_mm}), store, group="volume")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
+        group = zarr.open_group(str(store / "volume"), mode="r+")
+        array = group.create_array(
+            "intensity",
+            shape=(grid.n_z, grid.n_theta, radii.size),
+            chunks=(1, grid.n_theta, radii.size),
+            dtype=dtype,
+            dimension_names=("z", "theta", "depth"),
+        )
+        rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
+        slices: Iterable[Image] = map_frames(partial(resample, calibration=calibration, radii_mm=radii), stream)
+        for row, samples in zip(rows, slices, strict=True):
+            array[int(row)] = _as_recorded(samples, dtype)
+        zarr.consolidate_metadata(str(store / "volume"))
+
+
+def _as_recorded(samples: Image, dtype: np.dtype[Any]) -> NDArray[Any]:
+    return samples if dtype.kind == "f" else np.rint(np.nan_to_num(samples)).astype(dtype)
