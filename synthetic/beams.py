@@ -45,9 +45,7 @@ def beam_angle_rad(oct_: Oct, slice_index: int, turn_rad: Coordinates) -> Coordi
     α = theta_origin + sense·(turn + start_angle + Σ_h [cos_h·cos(h·turn) + sin_h·sin(h·turn)]).
     """
     along = turn_rad + oct_.start_angle_rad[slice_index]
-    for h, (cos, sin) in enumerate(
-        zip(oct_.rotation_error_cos_rad[slice_index], oct_.rotation_error_sin_rad[slice_index], strict=True), 1
-    ):
+    for h, (cos, sin) in enumerate(oct_.rotation_error_rad[slice_index], 1):
         along = along + cos * np.cos(h * turn_rad) + sin * np.sin(h * turn_rad)
     return oct_.theta_origin_rad + oct_.sense * along
 

@@ -55,10 +55,11 @@ def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance
     dz_mm, dtheta_mm = wall.dz_mm * coarser, 2 * np.pi / n_theta * wall.radius_mm
     wall_db = oct_.patchiness_db * smooth_field(rng, (n_z, n_theta), 0.35 / dz_mm, 0.35 / dtheta_mm)
     wall_db += 0.5 * oct_.patchiness_db * smooth_field(rng, (n_z, n_theta), 0.06 / dz_mm, 0.06 / dtheta_mm)
-    for z, theta, sigma_z, sigma_theta, loss_db in oct_.shadows:
-        along, around = (z_mm - z) / sigma_z, wrap_rad(theta_rad - theta) / sigma_theta
+    for dirt in oct_.shadows:
+        along = (z_mm - dirt.z_mm) / dirt.sigma_z_mm
+        around = wrap_rad(theta_rad - dirt.theta_rad) / dirt.sigma_theta_rad
         # flat inside and soft outside, as a speck is
-        wall_db -= loss_db * np.exp(-((0.5 * (along**2 + around**2)) ** 2))
+        wall_db -= dirt.loss_db * np.exp(-((0.5 * (along**2 + around**2)) ** 2))
     glint = np.zeros((n_z, n_theta), np.float32)
     spots = rng.integers(0, n_z, oct_.n_glints), rng.integers(0, n_theta, oct_.n_glints)
     glint[spots] = 10 ** ((oct_.wall_db + rng.uniform(4, 16, oct_.n_glints)) / 20)
@@ -101,11 +102,9 @@ def noise_free_field(
         (echoes.outer_path_mm, oct_.outer_face_db + oblique_db),
     ):
         _add_reflection(field, oct_, path, level_db + 2.0 * _around(rng, n, 0.05), rng)
-    for radius, wobble, phase, level in zip(
-        oct_.sheath_radius_mm, oct_.sheath_wobble_mm, oct_.sheath_phase_rad, oct_.sheath_db, strict=True
-    ):
-        path = radius + wobble * np.sin(echoes.alpha_rad + phase)
-        _add_reflection(field, oct_, path, level + 1.5 * _around(rng, n, 0.08), rng)
+    for line in oct_.sheath:
+        path = line.radius_mm + line.wobble_mm * np.sin(echoes.alpha_rad + line.phase_rad)
+        _add_reflection(field, oct_, path, line.level_db + 1.5 * _around(rng, n, 0.08), rng)
 
     glint_db = 20 * np.log10(np.maximum(appearance.along(appearance.glint, wall, echoes), 1e-3))
     _add_reflection(field, oct_, np.nan_to_num(echoes.wall_path_mm, nan=np.inf), glint_db, rng)

@@ -85,8 +85,10 @@ def _light(wall: Wall, camera: Endoscope, frame_index: int, sight: Sight) -> Ima
     light *= 1 + camera.bright_side * np.cos(sight.angle_rad - camera.bright_side_rad)
     light += camera.ring_gain * np.exp(-0.5 * ((sight.r_px - camera.ring_px) / 1.5) ** 2)
     dx, dy = sight.r_px * np.cos(sight.angle_rad), sight.r_px * np.sin(sight.angle_rad)
-    for x_px, y_px, sigma_px, loss in camera.dirt:
-        light *= 1 - loss * np.exp(-0.5 * ((dx - x_px) ** 2 + (dy - y_px) ** 2) / sigma_px**2)
+    for speck in camera.dirt:
+        near = np.flatnonzero(np.abs(dx - speck.x_px) < 5 * speck.sigma_px)
+        away = (dx[near] - speck.x_px) ** 2 + (dy[near] - speck.y_px) ** 2
+        light[near] *= 1 - speck.loss * np.exp(-0.5 * away / speck.sigma_px**2)
     if not camera.colour:
         return np.asarray(light[:, None], dtype=np.float32)
     lined = np.clip(deep_mm / 0.1, 0, 1)[:, None]

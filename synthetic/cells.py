@@ -13,7 +13,7 @@ FIRST_HARMONIC = 2
 
 def reach_mm(cell: Cell) -> float:
     """Return a distance from the centre beyond which the cell surely does not extend."""
-    outline = 1 + sum(abs(a) for a in cell.outline_amplitude)
+    outline = 1 + sum(math.hypot(*harmonic) for harmonic in cell.outline)
     return outline * cell.diameter_mm / 2 / math.sqrt(cell.aspect)
 
 
@@ -30,10 +30,8 @@ def pit_mm(cell: Cell, z_mm: Coordinates, theta_rad: Coordinates, radius_mm: flo
     v = (cos * around - sin * along) / np.sqrt(cell.aspect) * 2 / cell.diameter_mm
     phi = np.arctan2(v, u)
     outline = np.ones_like(phi)
-    for k, (amplitude, phase) in enumerate(
-        zip(cell.outline_amplitude, cell.outline_phase_rad, strict=True), FIRST_HARMONIC
-    ):
-        outline += amplitude * np.cos(k * phi + phase)
+    for k, (cos_k, sin_k) in enumerate(cell.outline, FIRST_HARMONIC):
+        outline += cos_k * np.cos(k * phi) + sin_k * np.sin(k * phi)
     s = np.minimum(np.hypot(u, v) / outline, 1.0)
     pit: Coordinates = cell.depth_mm * np.sqrt(1 - s**cell.steepness)
     return pit

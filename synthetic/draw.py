@@ -1,23 +1,24 @@
 """Draws the parameters of a specimen. Nothing random happens elsewhere but noise and texture."""
 
+import math
+from functools import cache
 from typing import Any
 
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.random import Generator
 from pydantic import BaseModel
 
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.cells import pit_mm, reach_mm
 from endoct.synthetic.cone import wall_z_mm
-from endoct.synthetic.parameters import Bore, Cell, Endoscope, Oct, Sample, Travel
+from endoct.synthetic.parameters import Bore, Cell, Endoscope, Harmonic, Oct, Sample, Shadow, SheathLine, Speck, Travel
 from endoct.synthetic.presets import PRESETS, Preset, PresetName
 from endoct.synthetic.randomness import Stage, generator
 
 MARGIN_MM = 0.9
-SHEATH_TO_GLASS_MM = 0.005
 OFFSET_RANGE_MM = (0.06, 0.30)
 MOST_CELL_FRACTION = 0.295
+MOST_OUTLINE = 0.5
 
 
 def draw(preset: PresetName, seed: int) -> Sample:
@@ -36,23 +37,20 @@ def draw(preset: PresetName, seed: int) -> Sample:
     )
 
 
-def _bounds(model: type[BaseModel], name: str) -> tuple[float, float] | None:
-    field = model.model_fields[name]
-    low = [m.ge for m in field.metadata if isinstance(m, Ge)]
-    high = [m.le for m in field.metadata if isinstance(m, Le)]
-    return (float(low[0]), float(high[0])) if field.annotation is float and low and high else None  # type: ignore[arg-type]
+@cache
+def _ranges(model: type[BaseModel]) -> dict[str, tuple[float, float]]:
+    """Return the range of every number in ``model`` that has one."""
+    fields = model.model_json_schema()["properties"].items()
+    return {name: (float(field["minimum"]), float(field["maximum"])) for name, field in fields if "maximum" in field}
 
 
 def _uniform(rng: Generator, model: type[BaseModel], name: str) -> float:
-    bounds = _bounds(model, name)
-    if bounds is None:
-        raise ValueError(f"{model.__name__}.{name} has no range")
-    return float(rng.uniform(*bounds))
+    return float(rng.uniform(*_ranges(model)[name]))
 
 
 def _ranged(rng: Generator, model: type[BaseModel]) -> dict[str, Any]:
-    """Draw every field of ``model`` that has a range, uniformly within it."""
-    return {name: _uniform(rng, model, name) for name in model.model_fields if _bounds(model, name)}
+    """Draw every number of ``model`` that has a range, uniformly within it."""
+    return {name: _uniform(rng, model, name) for name in _ranges(model)}
 
 
 def _drift(rng: Generator, n: int) -> Coordinates:
@@ -66,6 +64,10 @@ def _drift(rng: Generator, n: int) -> Coordinates:
 
 def _listed(values: Coordinates) -> tuple[float, ...]:
     return tuple(values.tolist())
+
+
+def _harmonics(values: Coordinates) -> tuple[Harmonic, ...]:
+    return tuple((float(cos), float(sin)) for cos, sin in values)
 
 
 def _positions(rng: Generator, size: Preset, visible_mm: float) -> tuple[Coordinates, Coordinates, float]:
@@ -109,9 +111,9 @@ def _cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
 
 def _cell(rng: Generator, length_mm: float) -> Cell:
     diameter = float(np.exp(rng.uniform(np.log(0.2), np.log(1.5))))
-    harmonics = np.arange(2, 8)
-    amplitude = np.clip(0.16 * rng.normal(size=harmonics.size) / np.sqrt(harmonics), -0.2, 0.2)
-    amplitude *= min(1.0, 0.5 / float(np.abs(amplitude).sum()))
+    orders = np.arange(2, 8)
+    outline = 0.3 * rng.normal(size=(orders.size, 2)) / orders[:, None] / math.sqrt(2)
+    outline *= min(1.0, MOST_OUTLINE / float(np.hypot(*outline.T).sum()))
     return Cell(
         **_ranged(rng, Cell)
         | {
@@ -120,66 +122,71 @@ def _cell(rng: Generator, length_mm: float) -> Cell:
             "depth_mm": float(np.exp(rng.uniform(np.log(0.05), np.log(min(1.5, 1.1 * diameter))))),
             "rim_gain": float(rng.uniform(0.2, 0.8)) if rng.random() < 0.2 else 0.0,
         },
-        outline_amplitude=_listed(amplitude),
-        outline_phase_rad=_listed(rng.uniform(0, 2 * np.pi, harmonics.size)),
+        outline=_harmonics(outline),
     )
 
 
 def _oct(rng: Generator, size: Preset, z_mm: Coordinates, length_mm: float) -> Oct:
     n = size.n_slices
+    drawn = _ranged(rng, Oct)
+    sheath = _sheath(rng, drawn["axial_pixel_mm"])
+
+    # the catheter leaves room for the capillary's wall, and that wall takes what room there is
     low, high = OFFSET_RANGE_MM
+    room = drawn["capillary_outer_diameter_mm"] / 2 - sheath[-1].radius_mm
+    thin, thick = _ranges(Oct)["glass_mm"]
+    high = min(high, room - thin)
     middle = rng.uniform(low + 0.03, high - 0.03)
     offset = middle + min(middle - low, high - middle, rng.uniform(0.02, 0.06)) * _drift(rng, n)
+    offset = np.clip(offset, low, high)
     direction = rng.uniform(0, 2 * np.pi) + rng.uniform(0.2, 1.2) * _drift(rng, n)
-
-    drawn = _ranged(rng, Oct)
-    sheath = np.array([0.12, 0.29, 0.355, 0.42]) + rng.uniform(-0.02, 0.02, 4)
-    room = drawn["capillary_outer_diameter_mm"] / 2 - offset.max() - sheath[-1] - SHEATH_TO_GLASS_MM
-    drawn["glass_mm"] = float(rng.uniform(0.10, np.clip(room, 0.10, 0.30)))
-    sheath = sheath[int(rng.random() < 0.5) :]
-
-    # the pattern of a bent, rubbing catheter repeats from turn to turn and changes slowly
-    harmonics = np.arange(1, 5)
-    shape = rng.normal(size=(2, 4)) / harmonics
-    courses = np.stack([[_drift(rng, n) for _ in harmonics] for _ in range(2)]) / harmonics[:, None]
-    error = shape[:, :, None] + 0.35 * courses + 0.06 * rng.normal(size=(2, 4, n)) / harmonics[:, None]
-    x = np.linspace(0, 2 * np.pi, 180, endpoint=False)
-    waves = np.cos(np.outer(harmonics, x)), np.sin(np.outer(harmonics, x))
-    peak = np.abs(error[0].T @ waves[0] + error[1].T @ waves[1]).max()
-    error *= np.deg2rad(rng.uniform(0.5, 2.5)) / peak
+    drawn["glass_mm"] = float(rng.uniform(thin, np.clip(room - offset.max(), thin, thick)))
 
     travel: Travel = "out" if rng.random() < 0.75 else "in"
     order = slice(None, None, -1) if travel == "out" else slice(None)
-    dirt = [
-        (
-            float(rng.uniform(0, length_mm)),
-            float(rng.uniform(0, 2 * np.pi)),
-            float(rng.uniform(0.1, 0.5)),
-            float(np.deg2rad(rng.uniform(0.7, 3))),
-            float(rng.uniform(5, 18)),
-        )
-        for _ in range(rng.poisson(0.5 * length_mm))
-    ]
+    shadows = (_ranged(rng, Shadow) for _ in range(rng.poisson(0.5 * length_mm)))
     return Oct(
         **drawn,
-        sheath_radius_mm=_listed(sheath),
-        sheath_wobble_mm=_listed(rng.uniform(3, 5, sheath.size) * drawn["axial_pixel_mm"]),
-        sheath_phase_rad=_listed(rng.uniform(0, 2 * np.pi, sheath.size)),
-        sheath_db=_listed(rng.uniform(22, 38, sheath.size)),
-        shadows=tuple(dirt),
+        sheath=sheath,
+        shadows=tuple(Shadow(**s, z_mm=float(rng.uniform(0, length_mm))) for s in shadows),
         n_glints=int(rng.poisson(6 * length_mm)),
         travel=travel,
         sense=1 if rng.random() < 0.5 else -1,
         z_mm=_listed(z_mm[order]),
-        offset_mm=_listed(np.clip(offset, low, high)),
+        offset_mm=_listed(offset),
         offset_direction_rad=_listed(np.mod(direction, 2 * np.pi)),
         start_angle_rad=_listed(np.deg2rad(0.3) * rng.normal(size=n)),
-        rotation_error_cos_rad=tuple(_listed(e) for e in error[0].T),
-        rotation_error_sin_rad=tuple(_listed(e) for e in error[1].T),
+        rotation_error_rad=_rotation_error(rng, n),
         states_first_sample=bool(rng.random() < 0.2),
         stated_travel=travel if rng.random() < 0.7 else "unknown",
         states_handedness=bool(rng.random() < 0.5),
     )
+
+
+def _sheath(rng: Generator, axial_pixel_mm: float) -> tuple[SheathLine, ...]:
+    radii = np.array([0.12, 0.29, 0.355, 0.42]) + rng.uniform(-0.02, 0.02, 4)
+    return tuple(
+        SheathLine(
+            radius_mm=float(radius),
+            wobble_mm=float(rng.uniform(3, 5)) * axial_pixel_mm,
+            phase_rad=float(rng.uniform(0, 2 * np.pi)),
+            level_db=_uniform(rng, SheathLine, "level_db"),
+        )
+        for radius in radii[int(rng.random() < 0.5) :]
+    )
+
+
+def _rotation_error(rng: Generator, n: int) -> tuple[tuple[Harmonic, ...], ...]:
+    """Return the harmonics of every slice's error: the pattern of a bent, rubbing catheter changes slowly."""
+    orders = np.arange(1, 5)
+    pattern = rng.normal(size=(orders.size, 2))
+    courses = np.stack([_drift(rng, n) for _ in range(2 * orders.size)], axis=1).reshape(n, orders.size, 2)
+    error = (pattern + 0.35 * courses + 0.06 * rng.normal(size=courses.shape)) / orders[:, None]
+    turn = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+    waves = np.stack([np.cos(np.outer(orders, turn)), np.sin(np.outer(orders, turn))], axis=1)
+    peak = float(np.abs(np.einsum("nkc,kct->nt", error, waves)).max())
+    error *= np.deg2rad(rng.uniform(0.5, 2.5)) / peak
+    return tuple(_harmonics(of_slice) for of_slice in error)
 
 
 def _endoscope(rng: Generator, z_mm: Coordinates, visible_mm: float, radius_mm: float) -> Endoscope:
@@ -194,15 +201,10 @@ def _endoscope(rng: Generator, z_mm: Coordinates, visible_mm: float, radius_mm: 
     probe = 0.02 * np.stack([_drift(rng, n), _drift(rng, n)], axis=1) + rng.uniform(-0.03, 0.03, 2)
     travel: Travel = "in" if rng.random() < 0.75 else "out"
     order = slice(None, None, -1) if travel == "out" else slice(None)
-    dirt = [
-        (
-            float(r * np.cos(a)),
-            float(r * np.sin(a)),
-            float(rng.uniform(1.5, 5)),
-            float(rng.uniform(0.2, 0.8)),
-        )
-        for r, a in zip(rng.uniform(inner, outer, 25), rng.uniform(0, 2 * np.pi, 25), strict=True)
-    ]
+    specks = []
+    for _ in range(int(rng.integers(8, 26))):
+        r, angle = rng.uniform(inner, outer), rng.uniform(0, 2 * np.pi)
+        specks.append(Speck(**_ranged(rng, Speck), x_px=float(r * np.cos(angle)), y_px=float(r * np.sin(angle))))
     return Endoscope(
         **drawn,
         width_px=width,
@@ -213,7 +215,7 @@ def _endoscope(rng: Generator, z_mm: Coordinates, visible_mm: float, radius_mm: 
         outer_px=outer,
         inner_shift_px=(float(rng.normal() * 0.008 * outer), float(rng.normal() * 0.008 * outer)),
         ring_px=float(rng.uniform(inner + 8, outer - 8)),
-        dirt=tuple(dirt[: int(rng.integers(8, 26))]),
+        dirt=tuple(specks),
         travel=travel,
         z_mm=_listed(z_mm[order]),
         roll_rad=_listed(np.mod(roll, 2 * np.pi)),

@@ -14,6 +14,7 @@ from endoct.synthetic.presets import PRESETS, PresetName
 Travel = Literal["in", "out"]
 Stated = Literal["in", "out", "unknown"]
 Offset = Annotated[float, Field(ge=0.06, le=0.30)]
+Harmonic = tuple[float, float]  # factors of the cosine and of the sine
 
 
 def _range(low: float, high: float, about: str) -> Any:
@@ -34,8 +35,7 @@ class Cell(_Parameters):
     aspect: float = _range(0.6, 1.0, "short over long axis (chosen)")
     tilt_rad: float = _range(0, 3.1416, "direction of the long axis against z, rad")
     steepness: float = _range(3, 9, "exponent of its profile: 3 a bowl, 9 a shaft (chosen)")
-    outline_amplitude: tuple[float, ...] = Field(description="relative, of the outline's harmonics 2, 3, …")
-    outline_phase_rad: tuple[float, ...] = Field(description="of the same harmonics, rad")
+    outline: tuple[Harmonic, ...] = Field(description="its departure from an ellipse, relative, harmonics 2, 3, …")
     lining: float = _range(0.55, 0.95, "albedo of its lining over that of bone (chosen)")
     rim_gain: float = _range(0, 0.8, "extra brightness of its rim; 0 for most cells (chosen)")
 
@@ -56,6 +56,34 @@ class Bore(_Parameters):
     cells: tuple[Cell, ...] = ()
 
 
+class SheathLine(_Parameters):
+    """One of the circles that the catheter's own sheath draws into every B-scan."""
+
+    radius_mm: float = _range(0.10, 0.44, "mm (Dragonfly: 0.45 outside)")
+    wobble_mm: float = _range(0.0147, 0.0255, "sine amplitude: the core turns 3–5 px off its axis (rig), mm")
+    phase_rad: float = _range(0, 6.2832, "of that sine, rad")
+    level_db: float = _range(22, 38, "dB (chosen)")
+
+
+class Shadow(_Parameters):
+    """A speck of dirt on the capillary, a soft-edged ellipse that weakens the wall behind it."""
+
+    z_mm: float = Field(description="centre, mm from the mouth")
+    theta_rad: float = _range(0, 6.2832, "centre, rad")
+    sigma_z_mm: float = _range(0.1, 0.5, "half length, mm (chosen)")
+    sigma_theta_rad: float = _range(0.012, 0.052, "half width, 0.7–3° (chosen)")
+    loss_db: float = _range(5, 18, "dB (chosen)")
+
+
+class Speck(_Parameters):
+    """A dark spot fixed to the endoscope."""
+
+    x_px: float = Field(description="columns from the annulus' centre, pixels")
+    y_px: float = Field(description="rows from the annulus' centre, pixels")
+    sigma_px: float = _range(1.5, 5, "pixels (chosen)")
+    loss: float = _range(0.2, 0.8, "of the light, relative (chosen)")
+
+
 class Oct(_Parameters):
     """The catheter in its capillary, the interferometer, and how they moved."""
 
@@ -63,9 +91,7 @@ class Oct(_Parameters):
     capillary_outer_diameter_mm: float = _range(1.65, 1.75, "mm (§6: 1.7)")
     glass_mm: float = _range(0.10, 0.30, "wall of the capillary, mm; as thick as the catheter leaves room for")
     glass_index: float = _range(1.455, 1.465, "refractive index of the capillary, group, near 1300 nm")
-    sheath_radius_mm: tuple[float, ...] = Field(description="of 3 or 4 sheath lines, mm (Dragonfly: 0.45 outside)")
-    sheath_wobble_mm: tuple[float, ...] = Field(description="sine amplitude of each, 3–5 px (rig), mm")
-    sheath_phase_rad: tuple[float, ...] = Field(description="of that sine, rad")
+    sheath: tuple[SheathLine, ...] = Field(description="3 or 4 lines, from the inside")
     # sampling
     axial_pixel_mm: float = _range(0.0049, 0.0051, "in air, mm (rig)")
     first_sample_mm: float = _range(-0.30, 0.05, "optical path of depth sample 0 from the catheter, mm (chosen)")
@@ -78,16 +104,13 @@ class Oct(_Parameters):
     inner_face_db: float = _range(26, 36, "capillary's inner face seen squarely, dB (chosen)")
     glint_rad: float = _range(0.10, 0.20, "incidence at which a face has lost 8.7 dB, rad (chosen)")
     matt_db: float = _range(-22, -16, "what a face returns obliquely, against squarely, dB (chosen)")
-    sheath_db: tuple[float, ...] = Field(description="of each sheath line, 22–38 dB")
     detector_line_px: float = _range(130, 330, "depth row of the detector's fixed line (rig: 218–227)")
     detector_line_db: float = _range(16, 26, "dB (chosen)")
     attenuation_mm: float = _range(0.10, 0.25, "depth in bone at which the intensity falls to 1/e, mm (chosen)")
     tail_db: float = _range(-18, -12, "multiple scattering against the wall's surface, dB (chosen)")
     tail_mm: float = _range(0.4, 0.9, "decay of that tail, mm (chosen)")
     patchiness_db: float = _range(1.5, 3.0, "rms of the wall's slow changes of brightness, dB (chosen)")
-    shadows: tuple[tuple[float, float, float, float, float], ...] = Field(
-        description="dirt on the capillary: centre z mm, centre θ rad, σ_z mm, σ_θ rad, loss dB"
-    )
+    shadows: tuple[Shadow, ...] = Field(description="of dirt on the capillary, one for each 2 mm of bore")
     n_glints: int = Field(ge=0, description="specular spots on the wall, six for each mm of bore")
     db_per_count: float = _range(0.25, 0.35, "of the logarithmic u8 samples, dB")
     floor_count: float = _range(45, 70, "count of the mean noise floor")
@@ -99,8 +122,9 @@ class Oct(_Parameters):
     offset_mm: tuple[Offset, ...] = Field(description="of the catheter from the axis, every slice, 0.06–0.3 mm (§9)")
     offset_direction_rad: tuple[float, ...] = Field(description="of that offset, θ in the bore frame, rad")
     start_angle_rad: tuple[float, ...] = Field(description="jitter of where a turn starts, σ 0.3°, rad")
-    rotation_error_cos_rad: tuple[tuple[float, ...], ...] = Field(description="every slice, harmonics 1, 2, …, rad")
-    rotation_error_sin_rad: tuple[tuple[float, ...], ...] = Field(description="likewise; peak 0.5–2.5° in all")
+    rotation_error_rad: tuple[tuple[Harmonic, ...], ...] = Field(
+        description="every slice, harmonics 1, 2, … of the turn, rad; peak 0.5–2.5° over the scan (rig)"
+    )
     # what the sidecar says
     states_first_sample: bool = Field(description="whether the sidecar gives first_sample_mm")
     stated_travel: Stated = Field(description="travel in the sidecar: right, or unknown")
@@ -131,9 +155,7 @@ class Endoscope(_Parameters):
     stray: float = _range(0.02, 0.05, "light scattered into dark places (chosen)")
     ring_px: float = Field(gt=0, description="radius of the probe's specular ring, pixels")
     ring_gain: float = _range(0.1, 0.35, "of that ring, added (chosen)")
-    dirt: tuple[tuple[float, float, float, float], ...] = Field(
-        description="spots fixed to the probe: x and y from the annulus' centre, σ, pixels; loss"
-    )
+    dirt: tuple[Speck, ...] = Field(description="8–25 specks on the optics")
     full_well: float = _range(4000, 12000, "electrons at saturation, for shot noise (chosen)")
     read_noise: float = _range(8, 25, "electrons rms (chosen)")
     # motion
@@ -160,10 +182,9 @@ class Sample(_Parameters):
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
         size = PRESETS[self.preset]
-        every_slice = ("z_mm", "offset_mm", "offset_direction_rad", "start_angle_rad")
-        error = ("rotation_error_cos_rad", "rotation_error_sin_rad")
+        every_slice = ("z_mm", "offset_mm", "offset_direction_rad", "start_angle_rad", "rotation_error_rad")
         for part, names, expected in (
-            (self.oct, every_slice + error, size.n_slices),
+            (self.oct, every_slice, size.n_slices),
             (self.endoscope, ("z_mm", "roll_rad", "centre_px", "offset_mm"), size.n_frames),
         ):
             for name in names:

@@ -61,8 +61,8 @@ def recording(sample: Sample) -> dict[str, Any]:
             "offset_mm": oct_.offset_mm,
             "offset_direction_rad": oct_.offset_direction_rad,
             "start_angle_rad": oct_.start_angle_rad,
-            "rotation_error_cos_rad": oct_.rotation_error_cos_rad,
-            "rotation_error_sin_rad": oct_.rotation_error_sin_rad,
+            "rotation_error_cos_rad": [[cos for cos, _ in harmonics] for harmonics in oct_.rotation_error_rad],
+            "rotation_error_sin_rad": [[sin for _, sin in harmonics] for harmonics in oct_.rotation_error_rad],
         },
         "endoscope": {
             "theta_formula": THETA_OF_PIXELS,

@@ -22,9 +22,8 @@ TURN = 2 * np.pi * np.arange(N) / N
 @pytest.fixture(scope="module")
 def sample() -> Sample:
     drawn = draw("quick", 2)
-    # faces evenly bright, and nothing that could cross the outer one
-    plain = drawn.oct.model_copy(update={"sheath_radius_mm": (), "sheath_wobble_mm": (), "sheath_phase_rad": (),
-                                         "sheath_db": (), "detector_line_db": -60.0})  # fmt: skip
+    # nothing that could cross the outer face
+    plain = drawn.oct.model_copy(update={"sheath": (), "detector_line_db": -60.0})
     return drawn.model_copy(update={"oct": plain})
 
 
