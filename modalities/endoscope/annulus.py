@@ -1,0 +1,191 @@
+"""The ring that the mirror makes in the image: found once for the recording, then followed from frame to frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from endoct.modalities.endoscope.rings import Ring, describe, edge_points, find_rings, fit_circle
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.errors import EndoctError
+
+LEAST_SUPPORT = 0.25
+LARGEST_RADIUS_RATIO = 0.85
+SMALLEST_RADIUS_RATIO = 0.1
+FARTHEST_CENTRES = 0.2
+REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check that the frames show the mirror's ring"
+
+
+@dataclass(frozen=True)
+class Annulus:
+    """Two circles, each with its own centre, in pixels.
+
+    Between them the centre of a circle of radius r runs linearly from the one to the other: a mirror or a
+    bore that is not quite on the camera's axis moves the centre with the radius.
+    """
+
+    inner_x_px: float
+    inner_y_px: float
+    inner_px: float
+    outer_x_px: float
+    outer_y_px: float
+    outer_px: float
+
+    def centre_at(self, r_px: Coordinates) -> tuple[Coordinates, Coordinates]:
+        """Return x and y of the centre of the circle of radius ``r_px`` (any shape)."""
+        share = (self.outer_px - r_px) / (self.outer_px - self.inner_px)
+        return (
+            self.outer_x_px + share * (self.inner_x_px - self.outer_x_px),
+            self.outer_y_px + share * (self.inner_y_px - self.outer_y_px),
+        )
+
+    def scaled(self, factor: float) -> "Annulus":
+        """Return the annulus in an image ``factor`` times as large; pixel centres are integers in both."""
+
+        def place(x: float) -> float:
+            return (x + 0.5) * factor - 0.5
+
+        return Annulus(
+            place(self.inner_x_px),
+            place(self.inner_y_px),
+            self.inner_px * factor,
+            place(self.outer_x_px),
+            place(self.outer_y_px),
+            self.outer_px * factor,
+        )
+
+    def moved(self, dx_px: float, dy_px: float) -> "Annulus":
+        """Return the annulus moved in the image."""
+        return replace(
+            self,
+            inner_x_px=self.inner_x_px + dx_px,
+            inner_y_px=self.inner_y_px + dy_px,
+            outer_x_px=self.outer_x_px + dx_px,
+            outer_y_px=self.outer_y_px + dy_px,
+        )
+
+    @property
+    def rings(self) -> tuple[Ring, Ring]:
+        """The inner and the outer rim as circular edges."""
+        return (
+            Ring(self.inner_x_px, self.inner_y_px, self.inner_px, rising=True),
+            Ring(self.outer_x_px, self.outer_y_px, self.outer_px, rising=False),
+        )
+
+
+def find_annulus(image: Image) -> Annulus:
+    """Return the annulus in a grey image, float32 (row, column), best the mean of several frames.
+
+    Of the clear edges from dark to bright the one nearest the outer rim is its inner rim: what lies farther
+    inside is the camera's own reflection. Raises :class:`EndoctError` where there is none.
+    """
+    spread = float(np.percentile(image, 99) - np.percentile(image, 1))
+    if spread < 0.01:
+        raise EndoctError(
+            "no annulus: the frames are blank",
+            found=f"brightness from {np.percentile(image, 1):.2f} to {np.percentile(image, 99):.2f} of full scale",
+            expected="a bright ring on dark ground",
+            remedy="check the light and the exposure",
+        )
+    outers = [ring for ring in find_rings(image, rising=False, count=3) if _support(ring) >= LEAST_SUPPORT]
+    inners = [ring for ring in find_rings(image, rising=True, count=6) if _support(ring) >= LEAST_SUPPORT]
+    for outer in sorted(outers, key=lambda ring: -_support(ring) * ring.radius_px):
+        fitting = [inner for inner in inners if _nested(inner, outer)]
+        if fitting:
+            clearest = max(_support(ring) for ring in fitting)
+            inner = max((r for r in fitting if _support(r) >= 0.5 * clearest), key=lambda ring: ring.radius_px)
+            return follow(
+                image, Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px)
+            ).annulus
+    raise EndoctError(
+        "no annulus in the frames",
+        found=f"{len(outers)} bright disc{'' if len(outers) == 1 else 's'}, none of them with a dark one inside",
+        expected="a bright ring: dark inside, dark outside, two nearly concentric circles",
+        remedy=REMEDY,
+    )
+
+
+def _support(ring: Ring) -> float:
+    return ring.contrast * ring.coverage
+
+
+def _nested(inner: Ring, outer: Ring) -> bool:
+    apart = float(np.hypot(inner.x_px - outer.x_px, inner.y_px - outer.y_px))
+    return (
+        SMALLEST_RADIUS_RATIO * outer.radius_px <= inner.radius_px <= LARGEST_RADIUS_RATIO * outer.radius_px
+        and apart <= FARTHEST_CENTRES * outer.radius_px
+        and apart + inner.radius_px < outer.radius_px
+    )
+
+
+@dataclass(frozen=True)
+class Followed:
+    """An annulus measured in one frame, and how far it can be believed.
+
+    ``residual_px``: what one rim's radius moved against the other, beyond reason where the rims were lost.
+    """
+
+    annulus: Annulus
+    support: float
+
+
+def follow(image: Image, near: Annulus) -> Followed:
+    """Measure the annulus in one grey image, starting ``near`` where it was found before."""
+    rims = []
+    support = []
+    for rim in near.rings:
+        for reach in (0.06, 0.03, 0.015):
+            reach_px = max(2.0, reach * near.outer_px)
+            x, y = edge_points(image, rim, reach_px)
+            if x.size >= 12:
+                rim = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
+        rims.append(rim)
+        support.append(_support(describe(image, rim)))
+    inner, outer = rims
+    return Followed(
+        Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px), min(support)
+    )
+
+
+def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool) -> tuple[list[Annulus], Mask]:
+    """Return one annulus a frame with the same radii in all, and which of them were measured, bool (n,).
+
+    The radii belong to the probe and are the recording's medians, or the ``given`` ones; so is the way from
+    one centre to the other. Only the place moves. Where a frame's rims were lost, or lie apart from its
+    neighbours', the place is interpolated.
+    """
+    values = np.array(
+        [
+            (f.annulus.inner_x_px, f.annulus.inner_y_px, f.annulus.inner_px)
+            + (f.annulus.outer_x_px, f.annulus.outer_y_px, f.annulus.outer_px)
+            for f in followed
+        ]
+    )
+    found = np.array([f.support for f in followed]) >= LEAST_SUPPORT
+    found &= (np.abs(values[:, 2] / reference.inner_px - 1) < 0.05) & (
+        np.abs(values[:, 5] / reference.outer_px - 1) < 0.05
+    )
+    if not found.any():
+        return [reference] * len(followed), found
+    inner_x, inner_y, inner_px, outer_x, outer_y, outer_px = np.median(values[found], axis=0)
+    between = np.median(values[found, :2] - values[found, 3:5], axis=0)
+    if given:
+        inner_px, outer_px = reference.inner_px, reference.outer_px
+    place = (values[:, 3:5] + values[:, :2] - between) / 2
+    found &= ~_outlying(place, found, tolerance_px=0.01 * outer_px)
+    index = np.arange(len(followed))
+    x, y = (np.interp(index, index[found], place[found, axis]) for axis in (0, 1))
+    return [
+        Annulus(float(a + between[0]), float(b + between[1]), float(inner_px), float(a), float(b), float(outer_px))
+        for a, b in zip(x, y, strict=True)
+    ], found
+
+
+def _outlying(place: Coordinates, found: Mask, tolerance_px: float) -> Mask:
+    """Say which places lie apart from the median of the nine around them."""
+    course = np.where(found[:, None], place, np.median(place[found], axis=0))
+    away = np.abs(course - median_filter(course, size=(min(9, len(course)), 1), mode="nearest"))
+    spread = 1.48 * np.median(away, axis=0)
+    outlying: Mask = (away > np.maximum(tolerance_px, 6 * spread)).any(axis=1)
+    return outlying

@@ -1,0 +1,113 @@
+"""Light and dirt of the probe, estimated from the recording itself.
+
+In logarithms a frame is light(r, θ_image) + pattern(r, θ_image) + wall. Light is a profile along r (the
+specular ring of the mirror is part of it) with a few harmonics in θ; dirt and scratches are the pattern, which
+stays where it is while the wall moves on. Cells are dark and may cover much of a short recording, so light
+follows the bright side of what is seen, and a pattern is looked for only where the wall has moved far enough.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+
+WALL_QUANTILE = 0.6
+VIEWS_FOR_PATTERN = 6
+MOST_FRAMES = 48
+SURE_PATTERN = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class FlatField:
+    """``log_light``: natural logarithm of the light on bone, float32 (n_rows, n_theta), image angles; ``usable``:
+    not covered by dirt. ``pattern``: what of the light is dirt and scratches, in the same unit.
+    """
+
+    log_light: Image
+    pattern: Image
+    usable: Mask
+
+
+def estimate_flat_field(logs: Image, views: float, least_transmission: float) -> FlatField:
+    """Return the flat field of strips in logarithms, (n, n_rows, n_theta), NaN where not seen.
+
+    ``views``: how many different places of the wall each pixel has seen; ``least_transmission``: dirt that takes
+    more light than that is not usable.
+    """
+    chosen = np.unique(np.linspace(0, len(logs) - 1, min(len(logs), MOST_FRAMES)).round().astype(int))
+    typical = _quantile(logs[chosen], WALL_QUANTILE) if len(chosen) > 1 else np.asarray(logs[0], np.float32)
+    light = _light(typical, harmonics=3 if views >= VIEWS_FOR_PATTERN else 2)
+    seen = np.isfinite(typical)
+    pattern = np.zeros_like(light)
+    if views >= VIEWS_FOR_PATTERN:
+        pattern = _pattern(np.where(seen, typical - light, 0.0).astype(np.float32))
+    usable = np.exp(pattern) >= least_transmission
+    return FlatField(light + pattern, pattern, np.asarray(usable & seen))
+
+
+def _quantile(logs: Image, share: float) -> Image:
+    """Return a quantile over the strips, NaN only where none has seen anything."""
+    result = np.empty(logs.shape[1:], np.float32)
+    for row in range(logs.shape[1]):
+        ordered = np.sort(logs[:, row].astype(np.float32), axis=0)
+        count = np.sum(np.isfinite(ordered), axis=0)
+        at = np.floor(share * np.maximum(count - 1, 0)).astype(np.intp)
+        result[row] = np.take_along_axis(ordered, at[None], axis=0)[0]
+    return result
+
+
+def _light(typical: Image, harmonics: int) -> Image:
+    """Return a profile along r plus harmonics in θ that follow the bright side of ``typical`` robustly."""
+    n_rows, n_theta = typical.shape
+    theta = 2 * np.pi / n_theta * np.arange(n_theta)
+    waves = np.stack([f(k * theta) for k in range(1, harmonics + 1) for f in (np.cos, np.sin)])
+    along = np.linspace(-1, 1, n_rows) if n_rows > 1 else np.zeros(1)
+    every = slice(None, None, max(1, n_theta // 256))
+    coarse = typical[:, every].astype(np.float64)
+    seen = np.isfinite(coarse)
+    coarse = np.where(seen, coarse, 0.0)
+    basis = _basis(waves[:, every], along)
+    profile = _row_quantiles(coarse, seen, 0.6)
+    weight_of_wave = np.zeros(len(basis))
+    for _ in range(20):
+        misfit = coarse - profile[:, None] - np.tensordot(weight_of_wave, basis, 1)
+        scale = max(
+            0.02,
+            1.48 * float(np.median(misfit[seen & (misfit > 0)], overwrite_input=True))
+            if (seen & (misfit > 0)).any()
+            else 0.0,
+        )
+        reach = np.where(misfit < 0, 1.5 * scale, 3 * scale)
+        weight = np.where(seen, 1 / (1 + (misfit / reach) ** 2) ** 2, 0.0)
+        flat = basis.reshape(len(basis), -1)
+        ridge = 1e-4 * weight.sum() + 1e-9
+        normal = (flat * weight.ravel()) @ flat.T + ridge * np.eye(len(basis))
+        weight_of_wave += np.linalg.solve(normal, flat @ (weight * misfit).ravel() - ridge * weight_of_wave)
+        rest = coarse - np.tensordot(weight_of_wave, basis, 1)
+        total = weight.sum(axis=1)
+        profile = np.where(total > 1e-6, (weight * rest).sum(axis=1) / np.maximum(total, 1e-6), profile)
+    return np.asarray(profile[:, None] + np.tensordot(weight_of_wave, _basis(waves, along), 1), dtype=np.float32)
+
+
+def _basis(waves: Coordinates, along: Coordinates) -> Coordinates:
+    """Return every wave, even along r and growing with it, (2 × waves, n_rows, n_theta)."""
+    shape = along.size, waves.shape[1]
+    even = [np.broadcast_to(wave, shape) for wave in waves]
+    return np.stack(even + [along[:, None] * wave for wave in waves])
+
+
+def _row_quantiles(values: Coordinates, seen: Mask, share: float) -> Coordinates:
+    return np.array([np.quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, seen, strict=True)])
+
+
+def _pattern(residual: Image) -> Image:
+    """Return what stands out locally: the rest of cells along a line of the wall is smooth along r."""
+    levels = np.clip(residual / 1.5 * 127 + 128, 0, 255).astype(np.uint8)
+    reach = max(5, 2 * (residual.shape[0] // 6) + 1)
+    padded = np.pad(levels, ((reach, reach), (0, 0)), mode="reflect" if residual.shape[0] > reach else "edge")
+    padded = np.pad(padded, ((0, 0), (reach, reach)), mode="wrap")
+    ground = cv2.medianBlur(padded, reach)[reach:-reach, reach:-reach]
+    local = residual - (ground.astype(np.float32) - 128) / 127 * 1.5
+    return np.asarray(local * (local**2 / (local**2 + SURE_PATTERN**2)), dtype=np.float32)

@@ -1,0 +1,49 @@
+"""Brightness of a frame: one grey channel of full scale 1, reduced in size where a survey needs no more."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Image, Mask
+
+BIT_DEPTHS = (8, 10, 12, 14, 16)
+SATURATED = 0.99
+DARKEST = 0.002
+
+
+def full_scale(samples: NDArray[Any]) -> float:
+    """Return the value of a saturated sample: of the least bit depth that holds what was seen; 1 for floats."""
+    largest = float(samples.max())
+    if samples.dtype.kind == "f":
+        return max(1.0, largest)
+    return next((float(2**bits - 1) for bits in BIT_DEPTHS if largest <= 2**bits - 1), largest)
+
+
+def brightness(samples: NDArray[Any], scale: float) -> Image:
+    """Return the mean of the channels of a frame, float32 (row, column), 1 at full scale."""
+    grey = samples.mean(axis=2, dtype=np.float32) if samples.ndim == 3 else samples.astype(np.float32)
+    return np.asarray(grey / np.float32(scale), dtype=np.float32)
+
+
+def saturated(samples: NDArray[Any], scale: float) -> Mask:
+    """Say where any channel of a frame is saturated, bool (row, column)."""
+    clipped = samples >= SATURATED * scale
+    return np.asarray(clipped.any(axis=2) if clipped.ndim == 3 else clipped)
+
+
+def reduced(image: Image, factor: int) -> Image:
+    """Return the means of ``factor`` × ``factor`` pixels; a remainder at the far edges is left out."""
+    if factor == 1:
+        return image
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    return np.asarray(
+        cv2.resize(image[: height * factor, : width * factor], (width, height), interpolation=cv2.INTER_AREA),
+        dtype=np.float32,
+    )
+
+
+def log_light(image: Image) -> Image:
+    """Return the natural logarithm of a brightness, limited where it is black."""
+    return np.asarray(np.log(np.maximum(image, DARKEST)), dtype=np.float32)

@@ -1,0 +1,119 @@
+"""From the radius in the image to z on the wall and back, for a cone mirror before a pinhole camera.
+
+With focal length f (px), distance d from the pupil to the cone's apex (which points at the camera), half angle
+a, bore radius R and ψ = atan(r/f), the ray of image radius r meets the wall at
+z(r) = −d·cos 2a + (R + d·sin 2a)·cot(2a − ψ), so the outer rim looks ahead. For a = 45° that is (R + d)·r/f.
+Without the mirror's optics z is taken as linear between the rims.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+
+
+@dataclass(frozen=True)
+class LinearOptics:
+    """z linear in r: ``visible_length_mm`` between the annulus' rims."""
+
+    inner_px: float
+    outer_px: float
+    visible_length_mm: float
+    rim_sign: int = 1
+
+    @property
+    def mm_per_px(self) -> float:
+        """Axial length of one pixel along r, mm."""
+        return self.visible_length_mm / (self.outer_px - self.inner_px)
+
+    def z_mm(self, r_px: Coordinates) -> Coordinates:
+        """z relative to the middle of the visible band, float64, any shape."""
+        return self.rim_sign * self.mm_per_px * (r_px - (self.inner_px + self.outer_px) / 2)
+
+    def r_px(self, z_mm: Coordinates) -> Coordinates:
+        """Image radius that shows ``z_mm`` from the middle of the visible band."""
+        return self.rim_sign * z_mm / self.mm_per_px + (self.inner_px + self.outer_px) / 2
+
+
+@dataclass(frozen=True)
+class ConeOptics:
+    """z(r) of a cone mirror; ``rim_sign`` −1 for an outer rim that looks behind.
+
+    ``distortion``: k1, k2, k3 of r_image = f·t·(1 + k1 t² + k2 t⁴ + k3 t⁶) with t = tan ψ.
+    """
+
+    inner_px: float
+    outer_px: float
+    half_angle_rad: float
+    focal_px: float
+    mirror_distance_mm: float
+    bore_radius_mm: float
+    distortion: tuple[float, ...] = ()
+    rim_sign: int = 1
+
+    def __post_init__(self) -> None:
+        psi = np.arctan(self._undistorted(np.array([self.outer_px])))[0]
+        if not psi < self.half_angle_rad:
+            raise EndoctError(
+                "the mirror's optics do not fit the annulus",
+                found=f"a ray at {np.rad2deg(psi):.1f}° from the axis at its outer rim",
+                expected=f"less than the cone's half angle, {np.rad2deg(self.half_angle_rad):.1f}°",
+                remedy="correct focal_px (in pixels of the files) or cone_half_angle_deg",
+            )
+
+    @property
+    def visible_length_mm(self) -> float:
+        """Axial length between the rims, mm."""
+        inner, outer = self._ahead_mm(np.array([self.inner_px, self.outer_px]))
+        return float(outer - inner)
+
+    @property
+    def mm_per_px(self) -> float:
+        """Mean axial length of one pixel along r, mm."""
+        return self.visible_length_mm / (self.outer_px - self.inner_px)
+
+    def z_mm(self, r_px: Coordinates) -> Coordinates:
+        """z relative to the middle of the visible band, float64, any shape."""
+        return self.rim_sign * (self._ahead_mm(r_px) - self._middle_mm)
+
+    def r_px(self, z_mm: Coordinates) -> Coordinates:
+        """Image radius that shows ``z_mm`` from the middle of the visible band."""
+        a, d = self.half_angle_rad, self.mirror_distance_mm
+        ahead = self.rim_sign * z_mm + self._middle_mm
+        psi = 2 * a - np.arctan2(self.bore_radius_mm + d * np.sin(2 * a), ahead + d * np.cos(2 * a))
+        t = np.tan(psi)
+        r: Coordinates = self.focal_px * t * self._stretch(t)
+        return r
+
+    @property
+    def _middle_mm(self) -> float:
+        return float(np.mean(self._ahead_mm(np.array([self.inner_px, self.outer_px]))))
+
+    def _ahead_mm(self, r_px: Coordinates) -> Coordinates:
+        a, d = self.half_angle_rad, self.mirror_distance_mm
+        psi = np.arctan(self._undistorted(r_px))
+        z: Coordinates = -d * np.cos(2 * a) + (self.bore_radius_mm + d * np.sin(2 * a)) / np.tan(2 * a - psi)
+        return z
+
+    def _undistorted(self, r_px: Coordinates) -> Coordinates:
+        """tan ψ of an image radius; the fixed point of the distortion, which is a mild one."""
+        image = r_px / self.focal_px
+        t = image
+        for _ in range(20 if self.distortion else 0):
+            t = image / self._stretch(t)
+        return t
+
+    def _stretch(self, t: Coordinates) -> Coordinates:
+        powers = [k * t ** (2 * n) for n, k in enumerate(self.distortion, 1)]
+        stretch: Coordinates = 1 + np.sum(powers, axis=0) if powers else np.ones_like(t)
+        return stretch
+
+
+Optics = LinearOptics | ConeOptics
+
+
+def turned(optics: Optics) -> Optics:
+    """Return the same mirror with its outer rim looking the other way."""
+    return replace(optics, rim_sign=-optics.rim_sign)

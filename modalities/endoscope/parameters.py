@@ -1,0 +1,25 @@
+"""What of the endoscope's processing can be chosen."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class EndoscopeParameters(BaseModel):
+    """Processing parameters of the endoscope, all with defaults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    dz_mm: float | None = Field(
+        default=None, gt=0, description="rows of the panorama; by default the image's own, within 0.02 to 0.05 mm"
+    )
+    n_theta: int | None = Field(
+        default=None, ge=64, description="columns of the panorama; by default 2048, 1024 for small images"
+    )
+    feed_sigma: float = Field(
+        default=0.2, gt=0, le=1, description="uncertainty of the nominal feed, relative; three of it are searched"
+    )
+    least_transmission: float = Field(
+        default=0.5, ge=0, lt=1, description="dirt on the probe that lets less light through makes a sample invalid"
+    )
+    taper: float = Field(
+        default=0.3, gt=0, le=1, description="part of the visible band over which weights rise and fall"
+    )

@@ -1,0 +1,241 @@
+"""Finds circular edges: a closed contour traced in polar space, then a robust circle through it.
+
+The strongest circle of an image is seldom the one that is looked for, and Hough circles scatter by tens of
+pixels on real frames. A contour that runs once around a centre and bends little is rare in texture, and a
+robust circle through it ignores where a cell, a notch or the image's edge interrupts it.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+
+N_RAYS = 360
+MOST_CONTRAST = 1.5
+FEWEST_POINTS = 12
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A circular edge, in pixels of the image it was found in.
+
+    ``rising``: brighter outside. ``contrast``: mean log ratio of the brightness on both sides; ``coverage``: part
+    of the visible circle where there is such an edge; ``visible``: part of the circle inside the image.
+    """
+
+    x_px: float
+    y_px: float
+    radius_px: float
+    rising: bool
+    contrast: float = 0.0
+    coverage: float = 0.0
+    visible: float = 1.0
+
+
+def rays(image: Image, x_px: float, y_px: float, radii_px: Coordinates, n_rays: int = N_RAYS) -> tuple[Image, Mask]:
+    """Return ``image`` along rays from a centre, float32 (n_rays, n_radii), and which samples lie inside it."""
+    angle = 2 * np.pi / n_rays * np.arange(n_rays)[:, None]
+    x = (x_px + radii_px * np.cos(angle)).astype(np.float32)
+    y = (y_px + radii_px * np.sin(angle)).astype(np.float32)
+    inside = (x >= 0) & (y >= 0) & (x <= image.shape[1] - 1) & (y <= image.shape[0] - 1)
+    samples = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(samples, dtype=np.float32), inside
+
+
+def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
+    """Return up to ``count`` circular edges of one polarity around the image's middle, the clearest first."""
+    height, width = image.shape
+    x, y = (width - 1) / 2, (height - 1) / 2
+    radii = np.arange(0.04 * min(height, width), 0.75 * max(height, width))
+    rings: list[Ring] = []
+    response, inside = _response(image, x, y, radii, rising)
+    gain = np.where(inside, np.clip(response, 0, MOST_CONTRAST), 0.0).astype(np.float32)
+    reach = _reach(image)
+    for _ in range(count):
+        path = radii[trace_closed(gain)]
+        gain[np.abs(radii[None, :] - path[:, None]) <= reach] = 0
+        seen = _seen(inside, radii, path)
+        if seen.sum() < FEWEST_POINTS:
+            break
+        ring = fit_circle(*_points(x, y, path, seen), (x, y, float(np.median(path))))
+        for _ in range(3):
+            ring = _retrace(image, ring, rising)
+        rings.append(describe(image, Ring(*ring, rising)))
+        gain[np.abs(radii - _distances(ring, x, y, path.size)) <= reach] = 0
+    return sorted(rings, key=lambda ring: -ring.contrast * ring.coverage)
+
+
+def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> np.ndarray:
+    """Return for every row of ``gain`` (n_rays, n_radii) the column of the closed path of greatest gain, int (n_rays,).
+
+    Neighbouring rows differ by at most ``most_step``, each step at ``step_cost``; the last row neighbours the
+    first. Solved by dynamic programming over two turns, of which the middle one is kept.
+    """
+    n = gain.shape[0]
+    best = gain[0].astype(np.float64)
+    steps = range(-most_step, most_step + 1)
+    came = np.zeros((2 * n, gain.shape[1]), np.int8)
+    for k in range(1, 2 * n):
+        shifted = np.full((len(steps), best.size), -np.inf)
+        for row, step in enumerate(steps):
+            source = slice(max(0, step), best.size + min(0, step))
+            target = slice(max(0, -step), best.size + min(0, -step))
+            shifted[row, target] = best[source] - step_cost * abs(step)
+        chosen = np.argmax(shifted, axis=0)
+        came[k] = chosen - most_step
+        best = np.take_along_axis(shifted, chosen[None], axis=0)[0] + gain[k % n]
+    path = np.zeros(2 * n, np.intp)
+    path[-1] = int(np.argmax(best))
+    for k in range(2 * n - 1, 0, -1):
+        path[k - 1] = path[k] + came[k, path[k]]
+    half = n // 2
+    return np.roll(path[half : half + n], half)
+
+
+def fit_circle(
+    x_px: Coordinates, y_px: Coordinates, start: tuple[float, float, float], fixed_radius: bool = False
+) -> tuple[float, float, float]:
+    """Return (x, y, radius) of the circle through most of the points, float64 (n,) each.
+
+    Starts from the best of 200 circles through three points (a fixed sequence, so the answer is always the same)
+    unless the radius is fixed, then Gauss-Newton with Tukey weights.
+    """
+    circle = np.array(start, dtype=np.float64)
+    if not fixed_radius and x_px.size >= FEWEST_POINTS:
+        circle = _consensus(x_px, y_px, circle)
+    for _ in range(15):
+        dx, dy = x_px - circle[0], y_px - circle[1]
+        distance = np.maximum(np.hypot(dx, dy), 1e-9)
+        residual = distance - circle[2]
+        scale = max(0.1, 1.48 * float(np.median(np.abs(residual))))
+        weight = np.clip(1 - (residual / (4.0 * scale)) ** 2, 0, None) ** 2
+        jacobian = np.stack([-dx / distance, -dy / distance, -np.ones_like(distance)], axis=1)
+        jacobian = jacobian[:, :2] if fixed_radius else jacobian
+        normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-9 * np.eye(jacobian.shape[1])
+        change = np.linalg.solve(normal, -jacobian.T @ (weight * residual))
+        circle[: change.size] += change
+        if np.abs(change).max() < 1e-4:
+            break
+    return float(circle[0]), float(circle[1]), float(circle[2])
+
+
+def edge_points(image: Image, ring: Ring, reach_px: float, n_rays: int = N_RAYS) -> tuple[Coordinates, Coordinates]:
+    """Return x and y, float64 (n,), of the steepest edge on each ray within ``reach_px`` of ``ring``.
+
+    The brightness itself is used, not its logarithm, which would move a blurred edge towards the dark. Rays
+    without a clear edge are left out.
+    """
+    radii = ring.radius_px + np.arange(-reach_px - 2, reach_px + 2.25, 0.5)
+    profile, inside = rays(image, ring.x_px, ring.y_px, radii, n_rays)
+    slope = gaussian_filter1d(profile, 2.0, axis=1, order=1, mode="nearest") * (1 if ring.rising else -1)
+    slope = np.where(inside, slope, 0.0)[:, 2:-2]
+    peak = np.clip(np.argmax(slope, axis=1), 1, slope.shape[1] - 2)
+    row = np.arange(n_rays)
+    before, at, after = slope[row, peak - 1], slope[row, peak], slope[row, peak + 1]
+    bend = before - 2 * at + after
+    shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, -1.0), 0.0)
+    radius = radii[2:-2][peak] + 0.5 * np.clip(shift, -1, 1)
+    clear = at > 0.3 * max(float(np.median(at[at > 0])) if (at > 0).any() else 0.0, 1e-6)
+    angle = 2 * np.pi / n_rays * row
+    return (ring.x_px + radius * np.cos(angle))[clear], (ring.y_px + radius * np.sin(angle))[clear]
+
+
+def describe(image: Image, ring: Ring) -> Ring:
+    """Return ``ring`` with its contrast, coverage and visible part measured in ``image``."""
+    reach = _reach(image)
+    radii = np.arange(max(1.0, ring.radius_px - 2 * reach), ring.radius_px + 2 * reach + 1)
+    response, inside = _response(image, ring.x_px, ring.y_px, radii, ring.rising)
+    at = int(np.argmin(np.abs(radii - ring.radius_px)))
+    near = response[:, max(0, at - 1) : at + 2].max(axis=1)
+    seen = inside[:, at]
+    if seen.sum() < 8:
+        return Ring(ring.x_px, ring.y_px, ring.radius_px, ring.rising, 0.0, 0.0, float(seen.mean()))
+    near = np.clip(near[seen], -MOST_CONTRAST, MOST_CONTRAST)
+    return Ring(
+        ring.x_px,
+        ring.y_px,
+        ring.radius_px,
+        ring.rising,
+        contrast=float(near.mean()),
+        coverage=float(np.mean(near > 0.15)),
+        visible=float(seen.mean()),
+    )
+
+
+def _reach(image: Image) -> float:
+    return max(2.0, 0.02 * min(image.shape))
+
+
+def _response(image: Image, x_px: float, y_px: float, radii_px: Coordinates, rising: bool) -> tuple[Image, Mask]:
+    """Return how much brighter (log ratio) it is on one side of each sample of each ray than on the other."""
+    profile, inside = rays(image, x_px, y_px, radii_px)
+    light = np.log(profile + 0.05 * max(float(np.percentile(image, 95)), 1e-6))
+    light = gaussian_filter1d(light, 1.5, axis=0, mode="wrap")
+    width = max(2, round(_reach(image)))
+    mean = uniform_filter1d(light, width, axis=1, mode="nearest")
+    beyond, before = np.roll(mean, -(width // 2 + 1), axis=1), np.roll(mean, (width + 1) // 2, axis=1)
+    beyond[:, -(width // 2 + 1) :] = mean[:, -1:]
+    before[:, : (width + 1) // 2] = mean[:, :1]
+    difference = beyond - before
+    # an edge needs both its sides inside the image
+    both = np.roll(inside, -width, axis=1) & np.roll(inside, width, axis=1) & inside
+    both[:, :width] = inside[:, :width]
+    return np.asarray(difference if rising else -difference, dtype=np.float32), both
+
+
+def _retrace(image: Image, ring: tuple[float, float, float], rising: bool) -> tuple[float, float, float]:
+    """Trace a ring again around its own centre, near its own radius."""
+    x, y, radius = ring
+    reach = 3 * _reach(image)
+    radii = np.arange(max(1.0, radius - reach), radius + reach)
+    response, inside = _response(image, x, y, radii, rising)
+    path = radii[
+        trace_closed(np.where(inside, np.clip(response, 0, MOST_CONTRAST), 0.0).astype(np.float32), most_step=1)
+    ]
+    seen = _seen(inside, radii, path)
+    if seen.sum() < FEWEST_POINTS:
+        return ring
+    return fit_circle(*_points(x, y, path, seen), ring)
+
+
+def _seen(inside: Mask, radii: Coordinates, path: Coordinates) -> Mask:
+    return np.asarray(inside[np.arange(path.size), np.searchsorted(radii, path).clip(0, radii.size - 1)])
+
+
+def _points(x: float, y: float, path: Coordinates, seen: Mask) -> tuple[Coordinates, Coordinates]:
+    angle = 2 * np.pi / path.size * np.arange(path.size)
+    return (x + path * np.cos(angle))[seen], (y + path * np.sin(angle))[seen]
+
+
+def _distances(ring: tuple[float, float, float], x: float, y: float, n_rays: int) -> Coordinates:
+    """Return how far a circle is from (x, y) along each ray, float64 (n_rays, 1); NaN where a ray misses it."""
+    angle = 2 * np.pi / n_rays * np.arange(n_rays)[:, None]
+    dx, dy = ring[0] - x, ring[1] - y
+    along, across = dx * np.cos(angle) + dy * np.sin(angle), dx * np.sin(angle) - dy * np.cos(angle)
+    room = ring[2] ** 2 - across**2
+    return np.where(room > 0, along + np.sqrt(np.maximum(room, 0)), np.nan)
+
+
+def _consensus(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coordinates:
+    """Return the circle through three of the points that most points agree with (RANSAC)."""
+    picks = np.random.default_rng(0).integers(0, x_px.size, (200, 3))
+    ax, bx, cx = x_px[picks].T
+    ay, by, cy = y_px[picks].T
+    twice_area = 2 * (ax * (by - cy) + bx * (cy - ay) + cx * (ay - by))
+    ok = np.abs(twice_area) > 1e-6 * start[2] ** 2
+    a2, b2, c2 = ax**2 + ay**2, bx**2 + by**2, cx**2 + cy**2
+    area = np.where(ok, twice_area, 1.0)
+    x = (a2 * (by - cy) + b2 * (cy - ay) + c2 * (ay - by)) / area
+    y = (a2 * (cx - bx) + b2 * (ax - cx) + c2 * (bx - ax)) / area
+    radius = np.hypot(ax - x, ay - y)
+    ok &= (radius < 3 * start[2]) & (radius > start[2] / 3)
+    if not ok.any():
+        return start
+    away = np.abs(np.hypot(x_px[None] - x[:, None], y_px[None] - y[:, None]) - radius[:, None])
+    tolerance = max(0.75, 0.004 * float(start[2]))
+    score = np.where(ok, np.clip(1 - (away / tolerance) ** 2, 0, None).sum(axis=1), -1.0)
+    k = int(np.argmax(score))
+    return np.array([x[k], y[k], radius[k]])

@@ -1,0 +1,332 @@
+"""One pass over a recording: annulus, light, feed and roll, and from them where every frame lies on the wall."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Frame, FrameStream, inward_positions_mm
+from endoct.modalities.endoscope.annulus import Annulus, Followed, find_annulus, follow, settle_annuli
+from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field
+from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
+from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+from endoct.modalities.endoscope.optics import ConeOptics, LinearOptics, Optics, turned
+from endoct.modalities.endoscope.parameters import EndoscopeParameters
+from endoct.modalities.endoscope.unroll import pixel_map, sample
+from endoct.modalities.recording import map_frames
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.feed import Feed, estimate_feed
+from endoct.stitching.grid import SurfaceGrid
+
+SURVEY_SIDE_PX = 480
+REFERENCE_FRAMES = 12
+STRIP_COLUMNS = 1024
+FEED_COLUMNS = 512
+MOST_ROWS = 128
+RIM_PX = 2.0
+DISAGREEMENT = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class EndoscopeCalibration:
+    """What a survey found; everything that unrolling a frame needs beside the frame.
+
+    ``annuli``, one a frame, in pixels of the files; ``z_mm`` of every frame's band centre, ``roll_rad``: θ of the
+    wall minus image angle; ``strip_z_mm``: rows of the flat field from the band's centre.
+    """
+
+    grid: SurfaceGrid
+    row_z_mm: Coordinates
+    per_frame: Mapping[str, NDArray[Any]]
+    notes: tuple[str, ...]
+    handedness_known: bool
+    travel_known: bool
+    annuli: tuple[Annulus, ...]
+    z_mm: Coordinates
+    roll_rad: Coordinates
+    optics: Optics
+    flat: FlatField
+    strip_z_mm: Coordinates
+    full_scale: float
+    oversample: tuple[int, int]
+    taper: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Glimpse:
+    """What the survey keeps of one frame."""
+
+    followed: Followed
+    strip: NDArray[np.float16]
+    saturated_fraction: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """How the survey looks at a frame: frozen before the pass, so that the order of the frames is no matter."""
+
+    scale: float
+    factor: int
+    annulus: Annulus
+    r_px: Coordinates
+
+    def __call__(self, frame: Frame) -> _Glimpse:
+        image = reduced(brightness(frame.samples, self.scale), self.factor)
+        followed = follow(image, self.annulus)
+        place = settle_annuli([followed], self.annulus, given=True)[0][0]
+        angle = 2 * np.pi / STRIP_COLUMNS * np.arange(STRIP_COLUMNS)
+        columns, rows = pixel_map(place, self.r_px / self.factor, angle)
+        strip, inside = sample(image, columns, rows)
+        logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
+        clipped = reduced(saturated(frame.samples, self.scale).astype(np.float32), self.factor)
+        return _Glimpse(
+            followed, logs, float(sample(clipped, columns, rows)[0][inside].mean()) if inside.any() else 0.0
+        )
+
+
+def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCalibration:
+    """Return the calibration of a recording. Raises :class:`EndoctError` where no annulus or no scale is known."""
+    acquisition = stream.acquisition
+    if not isinstance(acquisition, EndoscopeAcquisition):
+        raise EndoctError("the sidecar is not an endoscope's", found=type(acquisition).__name__)
+    notes: list[str] = []
+    scale, factor, reference = _reference(stream, acquisition)
+    annulus = reference.scaled(factor)
+    optics = _optics(acquisition, annulus, notes)
+    margin_mm = RIM_PX * max(1, factor) * optics.mm_per_px
+    half_mm = optics.visible_length_mm / 2 - margin_mm
+    n_rows = int(np.clip(round((annulus.outer_px - annulus.inner_px) / factor), 8, MOST_ROWS))
+    outward_mm = np.linspace(-half_mm, half_mm, n_rows)
+    look = _Look(scale, factor, reference, optics.r_px(optics.rim_sign * outward_mm))
+    glimpses = list(map_frames(look, stream))
+
+    annuli, found = settle_annuli([g.followed for g in glimpses], reference, given=True)
+    if not found.all():
+        notes.append(
+            f"The annulus could not be measured in {np.sum(~found)} of {len(found)} frames and was taken from their neighbours."
+        )
+    logs = np.stack([g.strip for g in glimpses])
+    nominal = _nominal_mm(stream, acquisition)
+    flat = estimate_flat_field(
+        logs, _views(nominal, optics.visible_length_mm, len(logs)), parameters.least_transmission
+    )
+    feed = _feed(logs, flat, outward_mm, nominal, acquisition, optics, parameters)
+    optics = _rim(optics, acquisition, feed, notes)
+    z_mm, roll_rad = _places(feed, optics, nominal, acquisition, notes)
+
+    if optics.rim_sign < 0:
+        flat = FlatField(flat.log_light[::-1], flat.pattern[::-1], flat.usable[::-1])
+    grid, oversample = _grid(z_mm, half_mm, optics, annulus, acquisition, parameters)
+    settled = tuple(a.scaled(factor) for a in annuli)
+    return EndoscopeCalibration(
+        grid=grid,
+        row_z_mm=grid.z_mm,
+        per_frame=_per_frame(z_mm, roll_rad, settled, found, feed, glimpses),
+        notes=tuple(notes),
+        handedness_known=True,
+        travel_known=acquisition.travel != "unknown",
+        annuli=settled,
+        z_mm=z_mm,
+        roll_rad=roll_rad,
+        optics=optics,
+        flat=flat,
+        strip_z_mm=outward_mm,
+        full_scale=scale,
+        oversample=oversample,
+        taper=parameters.taper,
+    )
+
+
+def _reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> tuple[float, int, Annulus]:
+    """Return full scale, the survey's reduction and the annulus in reduced pixels, from frames spread over all."""
+    chosen = np.unique(np.linspace(0, len(stream) - 1, min(len(stream), REFERENCE_FRAMES)).round().astype(int))
+    frames = [stream[int(k)].samples for k in chosen]
+    scale = max(full_scale(samples) for samples in frames)
+    factor = max(1, min(frames[0].shape[:2]) // SURVEY_SIDE_PX)
+    images = [reduced(brightness(samples, scale), factor) for samples in frames]
+    given = acquisition.annulus
+    if given is not None:
+        near = Annulus(given.x, given.y, given.inner_px, given.x, given.y, given.outer_px).scaled(1 / factor)
+    else:
+        near = find_annulus(np.mean(images, axis=0, dtype=np.float32))
+    annuli, _ = settle_annuli([follow(image, near) for image in images], near, given is not None)
+    x, y = np.median([(a.outer_x_px, a.outer_y_px) for a in annuli], axis=0)
+    return scale, factor, annuli[0].moved(float(x) - annuli[0].outer_x_px, float(y) - annuli[0].outer_y_px)
+
+
+def _optics(acquisition: EndoscopeAcquisition, annulus: Annulus, notes: list[str]) -> Optics:
+    keys = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
+    angle, focal, distance = (getattr(acquisition, key) for key in keys)
+    sign = -1 if acquisition.outer_rim == "behind" else 1
+    length = acquisition.visible_length_mm
+    if angle is not None and focal is not None and distance is not None:
+        cone = ConeOptics(
+            annulus.inner_px,
+            annulus.outer_px,
+            float(np.deg2rad(angle)),
+            focal,
+            distance,
+            acquisition.bore_diameter_mm / 2,
+            acquisition.distortion,
+            sign,
+        )
+        if length is not None and abs(cone.visible_length_mm / length - 1) > DISAGREEMENT:
+            notes.append(
+                f"The mirror's optics let the annulus span {cone.visible_length_mm:.2f} mm, visible_length_mm says "
+                f"{length:.2f} mm; the optics were used."
+            )
+        return cone
+    missing = [key for key in keys if getattr(acquisition, key) is None]
+    if length is None:
+        raise EndoctError(
+            "the scale along the bore is not known",
+            found=f"neither visible_length_mm nor {' and '.join(missing)} in the sidecar",
+            expected="the length that the annulus spans, or all of the mirror's optics",
+            remedy="add visible_length_mm: put a scale into a bore of that diameter and read off what the ring shows",
+        )
+    if len(missing) < len(keys):
+        notes.append(f"The mirror's optics were not used, because the sidecar lacks {' and '.join(missing)}.")
+    return LinearOptics(annulus.inner_px, annulus.outer_px, length, sign)
+
+
+def _nominal_mm(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Coordinates | None:
+    """Return the nominal z of every frame (n,), or None where the sidecar does not say."""
+    if acquisition.positions_mm is None and acquisition.pitch_mm is None:
+        return None
+    return inward_positions_mm(
+        len(stream),
+        pitch_mm=acquisition.pitch_mm or 0.0,
+        travel=acquisition.travel,
+        positions_mm=acquisition.positions_mm,
+    )
+
+
+def _views(nominal: Coordinates | None, visible_mm: float, n: int) -> float:
+    """Return how many different pieces of wall, the size of a large cell, a pixel of the probe has seen."""
+    if nominal is None:
+        return n / 5
+    return float(np.ptp(nominal)) / (0.5 * visible_mm) if n > 2 else 0.0
+
+
+def _feed(
+    logs: NDArray[np.float16],
+    flat: FlatField,
+    outward_mm: Coordinates,
+    nominal: Coordinates | None,
+    acquisition: EndoscopeAcquisition,
+    optics: Optics,
+    parameters: EndoscopeParameters,
+) -> Feed:
+    """Return feed in mm outward in the image (multiply by the rim's sign for z) and roll, from reduced strips."""
+    n, n_rows, n_columns = logs.shape
+    textures = np.empty((n, n_rows, FEED_COLUMNS), np.float32)
+    for k in range(n):
+        texture = np.clip(logs[k].astype(np.float32) - flat.log_light, -2.0, 0.6)
+        texture[~flat.usable] = np.nan
+        textures[k] = texture.reshape(n_rows, FEED_COLUMNS, -1).mean(axis=2)
+    return estimate_feed(
+        textures,
+        float(outward_mm[1] - outward_mm[0]),
+        acquisition.bore_diameter_mm / 2,
+        None if nominal is None else optics.rim_sign * nominal,
+        relative_sigma=parameters.feed_sigma,
+    )
+
+
+def _rim(optics: Optics, acquisition: EndoscopeAcquisition, feed: Feed, notes: list[str]) -> Optics:
+    """Return the optics with the rim that the measured feed tells, where the sidecar does not."""
+    if feed.direction > 0 or acquisition.travel == "unknown":
+        return optics
+    if acquisition.outer_rim is None:
+        notes.append(
+            "The sidecar does not say which way the outer rim looks; the frames move as if it looked behind, and so it was taken."
+        )
+        return turned(optics)
+    notes.append(
+        f"The frames move against the sidecar's travel '{acquisition.travel}' with the outer rim "
+        f"'{acquisition.outer_rim}'; one of the two is wrong, and the rim was believed."
+    )
+    return optics
+
+
+def _places(
+    feed: Feed, optics: Optics, nominal: Coordinates | None, acquisition: EndoscopeAcquisition, notes: list[str]
+) -> tuple[Coordinates, Coordinates]:
+    """Return z (0 nearest the mouth) and roll (the sidecar's θ origin there) of every frame."""
+    n = feed.z_mm.size
+    distrusted = int(np.sum(~feed.trusted))
+    if n > 1 and nominal is None and not feed.measured:
+        raise EndoctError(
+            "the feed between the frames is not known",
+            found="no feed_pitch_mm or positions_mm in the sidecar, and no two frames whose overlap could be matched",
+            expected="either of them",
+            remedy="add feed_pitch_mm to the sidecar",
+        )
+    if distrusted:
+        fallback = "the nominal feed" if nominal is not None else "the median of the others"
+        notes.append(
+            f"{distrusted} of {n - 1} pairs of neighbouring frames could not be matched; {fallback} was used there."
+        )
+    z_mm = optics.rim_sign * feed.z_mm
+    if nominal is not None and feed.measured:
+        measured, expected = float(np.ptp(z_mm)), float(np.ptp(nominal))
+        if abs(measured / max(expected, 1e-9) - 1) > DISAGREEMENT:
+            notes.append(f"The frames span {measured:.2f} mm as measured and {expected:.2f} mm by the nominal feed.")
+    z_mm = z_mm - z_mm.min()
+    roll_rad = feed.roll_rad - feed.roll_rad[int(np.argmin(z_mm))] + acquisition.theta_origin_rad
+    return z_mm, roll_rad
+
+
+def _grid(
+    z_mm: Coordinates,
+    half_mm: float,
+    optics: Optics,
+    annulus: Annulus,
+    acquisition: EndoscopeAcquisition,
+    parameters: EndoscopeParameters,
+) -> tuple[SurfaceGrid, tuple[int, int]]:
+    """Return the panorama's grid, and how many samples a row and a column average so that no pixel is skipped."""
+    dz_mm = parameters.dz_mm or float(np.clip(round(optics.mm_per_px, 3), 0.02, 0.05))
+    around_px = np.pi * (annulus.inner_px + annulus.outer_px)
+    n_theta = parameters.n_theta or (2048 if around_px > 700 else 1024)
+    first = int(np.ceil((-half_mm) / dz_mm))
+    last = int(np.floor((float(z_mm.max()) + half_mm) / dz_mm))
+    grid = SurfaceGrid.full_circle(
+        max(1, last - first + 1),
+        n_theta,
+        z0_mm=first * dz_mm,
+        dz_mm=dz_mm,
+        radius_mm=acquisition.bore_diameter_mm / 2,
+    )
+    rows = int(np.clip(round(dz_mm / optics.mm_per_px), 1, 8))
+    columns = int(np.clip(round(around_px / n_theta), 1, 8))
+    return grid, (rows, columns)
+
+
+def _per_frame(
+    z_mm: Coordinates,
+    roll_rad: Coordinates,
+    annuli: tuple[Annulus, ...],
+    found: Mask,
+    feed: Feed,
+    glimpses: list[_Glimpse],
+) -> dict[str, NDArray[Any]]:
+    return {
+        "z_mm": z_mm,
+        "roll_rad": np.mod(roll_rad, 2 * np.pi),
+        "annulus_x_px": np.array([a.outer_x_px for a in annuli]),
+        "annulus_y_px": np.array([a.outer_y_px for a in annuli]),
+        "annulus_inner_px": np.array([a.inner_px for a in annuli]),
+        "annulus_outer_px": np.array([a.outer_px for a in annuli]),
+        "annulus_inner_x_px": np.array([a.inner_x_px for a in annuli]),
+        "annulus_inner_y_px": np.array([a.inner_y_px for a in annuli]),
+        "annulus_found": found,
+        "feed_mm": np.concatenate([[0.0], np.diff(z_mm)]),
+        "pair_correlation": feed.correlation,
+        "pair_confidence": feed.confidence,
+        "pair_trusted": feed.trusted,
+        "saturated_fraction": np.array([g.saturated_fraction for g in glimpses]),
+    }

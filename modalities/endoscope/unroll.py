@@ -1,0 +1,51 @@
+"""Samples a frame along circles of constant z: one interpolation from the image to rows of z and columns of θ."""
+
+import cv2
+import numpy as np
+
+from endoct.modalities.endoscope.annulus import Annulus
+from endoct.stitching.arrays import Coordinates, Image, Mask
+
+
+def pixel_map(annulus: Annulus, r_px: Coordinates, angle_rad: Coordinates) -> tuple[Image, Image]:
+    """Return column and row of the image, float32 (n_rows, n_theta), of radii (n_rows,) and angles (n_theta,)."""
+    x, y = annulus.centre_at(r_px)
+    columns = x[:, None] + r_px[:, None] * np.cos(angle_rad)
+    rows = y[:, None] + r_px[:, None] * np.sin(angle_rad)
+    return columns.astype(np.float32), rows.astype(np.float32)
+
+
+def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
+    """Return ``image`` bilinearly at fractional places, and which of them lie inside it."""
+    inside = (columns >= 0) & (rows >= 0) & (columns <= image.shape[1] - 1) & (rows <= image.shape[0] - 1)
+    samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(samples, dtype=np.float32), inside
+
+
+def sample_mask(mask: Mask, columns: Image, rows: Image) -> Mask:
+    """Return where any of the four pixels around a place is set; False outside the image."""
+    touched = cv2.remap(
+        mask.astype(np.float32), columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0
+    )
+    return np.asarray(touched > 0)
+
+
+def sample_cyclic(image: Image, rows: Coordinates, columns: Coordinates) -> Image:
+    """Return ``image`` (n_rows, n_theta), θ a circle, bilinearly at every pair of fractional rows and columns."""
+    wrapped = np.mod(columns, image.shape[1])
+    padded = np.concatenate([image, image[:, :1]], axis=1)
+    shape = rows.size, columns.size
+    x = np.broadcast_to(wrapped.astype(np.float32), shape)
+    y = np.broadcast_to(rows.astype(np.float32)[:, None], shape)
+    return np.asarray(
+        cv2.remap(
+            padded, np.ascontiguousarray(x), np.ascontiguousarray(y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        ),
+        dtype=np.float32,
+    )
+
+
+def means(values: Image, n_rows: int, n_columns: int) -> Image:
+    """Return the means of equal blocks, float32 (n_rows, n_columns)."""
+    blocks = values.reshape(n_rows, values.shape[0] // n_rows, n_columns, values.shape[1] // n_columns)
+    return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
