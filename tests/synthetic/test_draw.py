@@ -7,16 +7,16 @@ from endoct.synthetic.draw import draw
 from endoct.synthetic.parameters import Endoscope, Oct, Sample
 from endoct.synthetic.presets import PRESETS
 
-SEEDS = range(12)
+SEEDS = range(16)
 
 
 @pytest.fixture(scope="module")
-def samples() -> list[Sample]:
+def drawn() -> list[Sample]:
     return [draw("quick", seed) for seed in SEEDS] + [draw("paper", 0)]
 
 
-def test_catheter_is_off_axis_drifts_and_fits_into_the_capillary(samples: list[Sample]) -> None:
-    for sample in samples:
+def test_catheter_is_off_axis_drifts_and_fits_into_the_capillary(drawn: list[Sample]) -> None:
+    for sample in drawn:
         offset = np.array(sample.oct.offset_mm)
         assert offset.min() >= 0.06
         assert offset.max() <= 0.30
@@ -25,8 +25,8 @@ def test_catheter_is_off_axis_drifts_and_fits_into_the_capillary(samples: list[S
         assert offset.max() + sample.oct.sheath[-1].radius_mm <= inside + 1e-12
 
 
-def test_the_recordings_share_60_to_100_percent_of_the_shorter(samples: list[Sample]) -> None:
-    for sample in samples:
+def test_the_recordings_share_60_to_100_percent_of_the_shorter(drawn: list[Sample]) -> None:
+    for sample in drawn:
         spans = []
         for part, half in ((sample.oct, 0.0), (sample.endoscope, sample.endoscope.visible_length_mm / 2)):
             spans.append((min(part.z_mm) - half, max(part.z_mm) + half))
@@ -36,9 +36,9 @@ def test_the_recordings_share_60_to_100_percent_of_the_shorter(samples: list[Sam
         assert max(spans[0][1], spans[1][1]) < sample.bore.length_mm - 0.5
 
 
-def test_rotation_error_is_half_a_degree_to_a_few_and_never_turns_back(samples: list[Sample]) -> None:
+def test_rotation_error_is_half_a_degree_to_a_few_and_never_turns_back(drawn: list[Sample]) -> None:
     turn = np.linspace(0, 2 * np.pi, 720, endpoint=False)
-    for sample in samples:
+    for sample in drawn:
         peaks = []
         for harmonics in sample.oct.rotation_error_rad:
             error = np.zeros_like(turn)
@@ -49,8 +49,7 @@ def test_rotation_error_is_half_a_degree_to_a_few_and_never_turns_back(samples: 
         assert 0.49 <= np.rad2deg(max(peaks)) <= 2.6
 
 
-def test_orientations_and_what_the_sidecars_say_of_them_vary() -> None:
-    drawn = [draw("quick", seed) for seed in range(30)]
+def test_orientations_and_what_the_sidecars_say_of_them_vary(drawn: list[Sample]) -> None:
     assert {s.oct.sense for s in drawn} == {-1, 1}
     assert {s.oct.travel for s in drawn} == {s.endoscope.travel for s in drawn} == {"in", "out"}
     assert {s.oct.states_handedness for s in drawn} == {True, False}
@@ -58,13 +57,13 @@ def test_orientations_and_what_the_sidecars_say_of_them_vary() -> None:
     assert {s.endoscope.states_optics for s in drawn} == {True, False}
 
 
-def test_feed_jitters_by_ten_percent() -> None:
-    steps = np.concatenate([np.abs(np.diff(draw("quick", seed).endoscope.z_mm)) for seed in range(8)])
+def test_feed_jitters_by_ten_percent(drawn: list[Sample]) -> None:
+    steps = np.concatenate([np.abs(np.diff(sample.endoscope.z_mm)) for sample in drawn])
     assert 0.08 < steps.std() / PRESETS["quick"].pitch_mm < 0.12
 
 
-def test_sample_survives_json_exactly(samples: list[Sample]) -> None:
-    for sample in samples:
+def test_sample_survives_json_exactly(drawn: list[Sample]) -> None:
+    for sample in drawn:
         assert Sample.model_validate_json(sample.model_dump_json()) == sample
 
 
