@@ -28,7 +28,7 @@ help:
 
 demo: $(VENV)/.ready-run
 	$(VENV)/bin/endoct demo -o demo --overwrite
-	@echo "The report is at $(CURDIR)/demo/comparison/report.html - open it in a browser."
+	@echo "The report: $(CURDIR)/demo/comparison/report.html (open it in a browser)"
 
 test: $(VENV)/.ready-dev
 	$(RUN) pytest -m "not slow"
