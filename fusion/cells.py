@@ -1,0 +1,157 @@
+"""Cells of one side: thresholded evidence, cleaned on the circle."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import connected_components
+
+from endoct.fusion.prepare import Evidence, prepare
+from endoct.fusion.threshold import li_threshold
+from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.circle import gaussian
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+
+Polarity = Literal["dark", "bright"]
+
+
+class SegmentParameters(BaseModel):
+    """How cells are told from wall. Lengths in mm on the wall, areas in mm²."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    segment: Literal["relief", "intensity"] = Field(
+        default="relief", description="what a side with depth is thresholded on; a side without has its intensity only"
+    )
+    relief_floor_mm: float = Field(default=0.0, description="relief below this counts as this")
+    relief_cap_mm: float = Field(default=0.4, gt=0, description="relief above this counts as this")
+    darkness_cap: float = Field(default=2.0, gt=0, description="−log of relative intensity above this counts as this")
+    smooth_mm: float = Field(
+        default=0.015, ge=0, description="sigma of the smoothing before the threshold, around θ only"
+    )
+    open_mm: float = Field(default=0.03, ge=0, description="cells narrower than twice this are removed")
+    close_mm: float = Field(default=0.03, ge=0, description="gaps in cells narrower than twice this are closed")
+    smallest_mm2: float = Field(default=0.01, ge=0, description="smaller cells, and holes in cells, are removed")
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """Cells of one side on its own samples.
+
+    ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
+    where the mask was given; ``polarity`` is None where depth or a mask says what is a cell.
+    """
+
+    mask: Mask
+    threshold: float | None
+    unit: str
+    of: str
+    polarity: Polarity | None
+
+
+def segment(panorama: Panorama, parameters: SegmentParameters | None = None, *, polarity: Polarity = "dark") -> Mask:
+    """Return the cells of ``panorama`` on its own samples, bool (n_z, n_theta), False where it is not valid.
+
+    ``polarity`` says whether cells are dark or bright where there is only intensity to tell them by. Raises
+    :class:`EndoctError` where nothing is valid or the evidence is constant.
+    """
+    parameters = parameters or SegmentParameters()
+    evidence = prepare(panorama, prefer=parameters.segment)
+    return find_cells(evidence, parameters, polarity=polarity).mask
+
+
+def find_cells(evidence: Evidence, parameters: SegmentParameters, *, polarity: Polarity = "dark") -> Segmentation:
+    """Return the cells that ``evidence`` shows: Li's threshold, then opening, closing, and small ones removed.
+
+    Evidence that is a mask is taken as it is.
+    """
+    if evidence.kind == "mask":
+        return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None)
+    p = parameters
+    if evidence.kind == "relief":
+        shown, low, high, sense = evidence.values, p.relief_floor_mm, p.relief_cap_mm, None
+        of = f"wall relief, floored at {low:g} and capped at {high:g} mm"
+    else:
+        shown = evidence.values if polarity == "dark" else -evidence.values
+        low, high, sense = -np.inf, p.darkness_cap, polarity
+        sign = "−" if polarity == "dark" else "+"
+        of = f"{sign}log of intensity relative to the wall's, capped at {high:g}"
+    smooth = _smoothed(shown, evidence.valid, p.smooth_mm / evidence.column_mm)
+    prepared = np.clip(smooth, low, high)
+    try:
+        threshold = li_threshold(prepared[evidence.valid])
+    except EndoctError as error:
+        raise EndoctError(
+            "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
+        ) from error
+    mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
+    return Segmentation(mask, threshold, evidence.unit, of, sense)
+
+
+def _smoothed(values: Image, valid: Mask, sigma_px: float) -> Image:
+    weight = gaussian(valid.astype(np.float32), 0, sigma_px)
+    total = gaussian(np.where(valid, values, np.float32(0)), 0, sigma_px)
+    return np.divide(total, weight, out=np.zeros_like(total), where=valid)
+
+
+def clean(mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParameters) -> Mask:
+    """Return ``mask`` opened, closed, and without cells and holes smaller than ``smallest_mm2``."""
+    p = parameters
+    mask = morphology(mask, "open", p.open_mm / dz_mm, p.open_mm / column_mm)
+    mask = morphology(mask, "close", p.close_mm / dz_mm, p.close_mm / column_mm)
+    smallest_px = p.smallest_mm2 / (dz_mm * column_mm)
+    mask = remove_small(mask, smallest_px)
+    return ~remove_small(~mask, smallest_px)
+
+
+def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, columns_px: float) -> Mask:
+    """Return ``mask`` opened or closed with an ellipse of these radii (px): cyclic in θ, ending in z.
+
+    Beyond the ends of z the wall goes on as neither cell nor wall: nothing is removed or added because of them.
+    """
+    up, across = int(rows_px), int(columns_px)
+    if up == 0 and across == 0:
+        return mask
+    y, x = np.mgrid[-up : up + 1, -across : across + 1]
+    ellipse = ((y / max(rows_px, 1e-9)) ** 2 + (x / max(columns_px, 1e-9)) ** 2 <= 1 + 1e-9).astype(np.uint8)
+    pad = min(2 * across, mask.shape[1])
+    padded = np.pad(mask.astype(np.uint8), ((0, 0), (pad, pad)), mode="wrap")
+    kind = cv2.MORPH_OPEN if operation == "open" else cv2.MORPH_CLOSE
+    done = cv2.morphologyEx(padded, kind, ellipse, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(done[:, pad : pad + mask.shape[1]] > 0)
+
+
+def label(mask: Mask) -> tuple[NDArray[np.int32], int]:
+    """Return (labels (n_z, n_theta), 0 outside, 1 … n; n) of connected cells, joined over the seam of θ.
+
+    Samples that touch at a corner are connected.
+    """
+    labels, n = ndimage.label(mask, structure=np.ones((3, 3)))
+    first, last = labels[:, 0], labels[:, -1]
+    pairs = [
+        (last[max(d, 0) : n_z + min(d, 0)], first[max(-d, 0) : n_z - max(d, 0)])
+        for d in (-1, 0, 1)
+        for n_z in (mask.shape[0],)
+    ]
+    left = np.concatenate([pair[0] for pair in pairs])
+    right = np.concatenate([pair[1] for pair in pairs])
+    joined = (left > 0) & (right > 0)
+    graph = sparse.coo_array((np.ones(joined.sum()), (left[joined], right[joined])), shape=(n + 1, n + 1))
+    n_joined, component = connected_components(graph, directed=False)
+    # component of the background (0) is 0, because it is visited first
+    return component.astype(np.int32)[labels], int(n_joined) - 1
+
+
+def remove_small(mask: Mask, smallest_px: float) -> Mask:
+    """Return ``mask`` without connected cells of fewer than ``smallest_px`` samples."""
+    if smallest_px <= 1:
+        return mask
+    labels, _ = label(mask)
+    keep = np.bincount(labels.ravel()) >= smallest_px
+    keep[0] = False
+    return np.asarray(keep[labels])

@@ -1,0 +1,58 @@
+"""A side's images brought onto a common grid, in the frame an alignment puts them in."""
+
+import numpy as np
+
+from endoct.fusion.alignment import Alignment
+from endoct.fusion.resample import column_weights, resample, row_weights
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+
+IN_PLACE = Alignment(theta_shift_rad=0.0, z_shift_mm=0.0)
+
+
+class Placement:
+    """Takes images on the samples of ``panorama``, moved by ``alignment``, to rows and columns of another grid.
+
+    ``z_mm`` are the new rows (uneven ones allowed), ``grid`` says the new columns, ``row_extent_mm`` over how much
+    of z a new row averages (0: interpolated at its centre).
+    """
+
+    def __init__(
+        self, panorama: Panorama, alignment: Alignment, grid: SurfaceGrid, z_mm: Coordinates, row_extent_mm: float
+    ) -> None:
+        self._flip = slice(None, None, -1 if alignment.z_reversed else 1)
+        from_mm = alignment.z_to_a(panorama.z_mm)[self._flip]
+        spacing_mm = alignment.z_scale * panorama.grid.dz_mm
+        self._rows = row_weights(from_mm, spacing_mm, z_mm, row_extent_mm)
+        old_columns = panorama.grid.column_of(alignment.theta_to_b(grid.theta_rad))
+        self._columns = column_weights(panorama.grid.n_theta, old_columns, panorama.grid.n_theta / grid.n_theta)
+
+    def image(self, image: Image, valid: Mask) -> tuple[Image, Mask]:
+        """Return (image, valid) on the new grid, from valid samples only."""
+        return resample(image[self._flip], valid[self._flip], self._rows, self._columns)
+
+    def mask(self, mask: Mask, valid: Mask) -> tuple[Mask, Mask]:
+        """Return (mask, valid) on the new grid: true where at least half of what was observed is."""
+        share, seen = self.image(mask.astype(np.float32), valid)
+        return (share >= 0.5) & seen, seen
+
+
+def common_grid(a: Panorama, b: Panorama, alignment: Alignment, *, dz_mm: float, n_theta: int) -> SurfaceGrid:
+    """Return the grid in A's frame that covers the rows of both sides."""
+    ends = np.concatenate([a.z_mm[[0, -1]], alignment.z_to_a(b.z_mm[[0, -1]])])
+    first, last = float(ends.min()), float(ends.max())
+    n_z = int(np.floor((last - first) / dz_mm + 1e-6)) + 1
+    return SurfaceGrid.full_circle(n_z, n_theta, z0_mm=first, dz_mm=dz_mm, radius_mm=a.grid.radius_mm)
+
+
+def check_same_bore(radius_a_mm: float, radius_b_mm: float) -> None:
+    """Raise :class:`EndoctError` where two sides give different bore diameters."""
+    if abs(radius_a_mm - radius_b_mm) > 1e-6:
+        raise EndoctError(
+            "the two sides are of different bores",
+            found=f"bore diameters of {2 * radius_a_mm:g} and {2 * radius_b_mm:g} mm",
+            expected="one bore",
+            remedy="check bore_diameter_mm in both sidecars",
+        )

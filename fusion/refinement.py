@@ -1,0 +1,118 @@
+"""The last fraction of a sample of an alignment: robust Gauss–Newton over the samples both sides have."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from endoct.fusion.alignment import Alignment, blurred
+from endoct.fusion.prepare import Evidence, on_grid
+from endoct.stitching.arrays import Coordinates, Image
+
+FINEST_DZ_MM = 0.03
+MOST_COLUMNS = 1024
+BLURS_MM = (0.12, 0.06, 0.03)
+ROUNDS = 12
+FARTHEST_MM = 0.5
+"""A refinement that leaves the search's peak by more has lost it."""
+
+
+def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
+    """Return ``start`` with turn, shift and scale refined, and the correlation there.
+
+    The side with the coarser rows is compared at its own samples, where the other is interpolated: nothing is
+    interpolated across wide rows. The relation of the two is linear with a free gain of either sign; samples
+    that fit badly count little. Where it does not converge near ``start``, the search's answer stands.
+    """
+    if a.dz_mm > b.dz_mm:
+        low, high = z_scale_range
+        return refine(b, a, start.inverse(), (1 / high, 1 / low)).inverse()
+    fine, coarse = _handy(a), _handy(b)
+    found = start
+    for sigma_mm in BLURS_MM:
+        found = _gauss_newton(blurred(fine, sigma_mm), blurred(coarse, sigma_mm), found, z_scale_range)
+    ends = coarse.z_mm[[0, -1]].mean()
+    moved_mm = abs(float(found.z_to_a(ends) - start.z_to_a(ends)))
+    turned_rad = abs(float(np.angle(np.exp(1j * (found.theta_shift_rad - start.theta_shift_rad)))))
+    if not (moved_mm < FARTHEST_MM and turned_rad * a.radius_mm < FARTHEST_MM):
+        return start
+    return replace(found, theta_shift_rad=float(np.mod(found.theta_shift_rad, 2 * np.pi)))
+
+
+def _handy(evidence: Evidence) -> Evidence:
+    """Return ``evidence`` with no more rows and columns than refinement gains from."""
+    n_theta = min(evidence.values.shape[1], MOST_COLUMNS)
+    z_mm = evidence.z_mm
+    if evidence.dz_mm < FINEST_DZ_MM:
+        n = int(np.ptp(z_mm) / FINEST_DZ_MM) + 1
+        z_mm = z_mm[0] + FINEST_DZ_MM * np.arange(n)
+    elif n_theta == evidence.values.shape[1] and evidence.theta0_rad == 0:
+        return evidence
+    on_new = on_grid(evidence, z_mm, n_theta)
+    return on_new if evidence.dz_mm < FINEST_DZ_MM else replace(on_new, dz_mm=evidence.dz_mm)
+
+
+def _gauss_newton(fine: Evidence, coarse: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
+    slope_z, slope_theta = _slopes(fine)
+    theta_rad = coarse.theta0_rad + 2 * np.pi / coarse.values.shape[1] * np.arange(coarse.values.shape[1])
+    direction = -1.0 if start.z_reversed else 1.0
+    found = start
+    for _ in range(ROUNDS):
+        z_mm = found.z_to_a(coarse.z_mm)
+        rows = np.interp(z_mm, fine.z_mm, np.arange(fine.z_mm.size), left=-1, right=-1)
+        n_theta = fine.values.shape[1]
+        columns = (found.theta_to_a(theta_rad) - fine.theta0_rad) * n_theta / (2 * np.pi)
+        there = _bilinear(fine.valid.astype(np.float32), rows, columns)
+        use = coarse.valid & (there > 0.999)
+        if use.sum() < 100:
+            return start
+        value, dz, dtheta = (_bilinear(image, rows, columns)[use] for image in (fine.values, slope_z, slope_theta))
+        target = coarse.values[use].astype(np.float64)
+        lever = np.broadcast_to((direction * coarse.z_mm)[:, np.newaxis], use.shape)[use]
+        middle = float(lever.mean())
+        gain, offset = np.polyfit(value, target, 1)
+        residual = target - gain * value - offset
+        size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
+        weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
+        columns_of = np.stack([gain * dtheta, gain * dz, gain * dz * (lever - middle), value, np.ones_like(value)])
+        normal = (columns_of * weight) @ columns_of.T
+        normal[np.diag_indices(5)] *= 1 + 1e-6
+        try:
+            step = np.linalg.solve(normal, (columns_of * weight) @ residual)
+        except np.linalg.LinAlgError:
+            return start
+        if not np.isfinite(step[:3]).all():
+            return start
+        scale = float(np.clip(found.z_scale + step[2], *z_scale_range))
+        found = replace(
+            found,
+            theta_shift_rad=found.theta_shift_rad + float(np.clip(step[0], -0.1, 0.1)),
+            z_scale=scale,
+            z_shift_mm=found.z_shift_mm + float(np.clip(step[1], -0.1, 0.1)) - (scale - found.z_scale) * middle,
+            correlation=float(np.corrcoef(value, target)[0, 1]),
+        )
+        if abs(step[0]) < 1e-5 and abs(step[1]) < 1e-5 and abs(step[2]) < 1e-6:
+            break
+    return found
+
+
+def _slopes(fine: Evidence) -> tuple[Image, Image]:
+    """Return d/dz per mm and d/dθ per rad of the values, which stay 0 where they are not valid."""
+    dtheta_rad = 2 * np.pi / fine.values.shape[1]
+    dtheta = (np.roll(fine.values, -1, axis=1) - np.roll(fine.values, 1, axis=1)) / (2 * dtheta_rad)
+    if fine.z_mm.size < 2:
+        return np.zeros_like(fine.values), dtheta.astype(np.float32)
+    return np.gradient(fine.values, fine.z_mm, axis=0).astype(np.float32), dtheta.astype(np.float32)
+
+
+def _bilinear(image: Image, rows: Coordinates, columns: Coordinates) -> Coordinates:
+    """Return ``image`` at every row × column (fractional, columns cyclic); 0 for rows outside."""
+    n_z, n_theta = image.shape
+    inside = (rows >= 0) & (rows <= n_z - 1)
+    first = np.clip(np.floor(rows).astype(np.intp), 0, max(n_z - 2, 0))
+    second = np.minimum(first + 1, n_z - 1)
+    down = (rows - first)[:, np.newaxis]
+    left = np.floor(columns).astype(np.intp)
+    along = columns - left
+    lines = image[first] * (1 - down) + image[second] * down
+    values = lines[:, left % n_theta] * (1 - along) + lines[:, (left + 1) % n_theta] * along
+    return np.asarray(np.where(inside[:, np.newaxis], values, 0.0), dtype=np.float64)
