@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from endoct.fusion.comparison import CompareParameters, Comparison
+from endoct.fusion.comparison import CompareParameters
+from endoct.fusion.outcome import Comparison
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.comparison import CompareParameters, Comparison, compare_panoramas, save_comparison
+from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.masks import read_mask, score_against
+from endoct.fusion.outcome import Comparison
+from endoct.fusion.store import save_comparison
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
