@@ -1,0 +1,239 @@
+"""What all figures share: paper, colours, and wall panels with θ across and z down.
+
+Panels of the wall are drawn to scale: one millimetre of arc is as long as one millimetre of z.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+from PIL import Image
+
+from endoct.stitching.arrays import Mask
+from endoct.stitching.grid import SurfaceGrid
+
+PAGE_WIDTH_IN = 7.2
+"""Text width of a two-column journal page, 183 mm."""
+
+MAX_PANEL_HEIGHT_IN = 6.6
+DPI = 250
+STYLE = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 7.5,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "hatch.linewidth": 0.5,
+    "axes.titlelocation": "left",
+}
+
+# Okabe and Ito's palette, told apart by colour-blind readers, and by their lightness in grey print
+ORANGE, BLUE, GREEN, VERMILION, PURPLE, SKY = "#E69F00", "#0072B2", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
+INK, PAPER = "#3a3a3a", "#f4f4f2"
+CURVES = (VERMILION, SKY, GREEN, ORANGE)
+PLACES = (PURPLE, ORANGE, BLUE)
+
+INTENSITY_COLOURS, DEPTH_COLOURS = "gray", "viridis"
+MASK_COLOURS = ListedColormap([PAPER, INK])
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One figure of a report: its file, what it is called and what there is to know when reading it.
+
+    ``section`` groups figures; ``width_in`` is its printed width.
+    """
+
+    path: Path
+    section: str
+    title: str
+    caption: str
+    width_in: float
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure with a canvas of its own: no global state, safe in any thread."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="compressed")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> float:
+    """Write ``figure`` as PNG with its white margins trimmed; return its width in inches."""
+    canvas = figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)  # noqa: S101  (new_figure made it)
+    canvas.draw()
+    # trimmed here: matplotlib's own trimming draws everything twice
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    inked = (pixels != 255).any(axis=2)
+    rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
+    margin = round(0.04 * DPI)
+    top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
+    trimmed = pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1]
+    Image.fromarray(np.ascontiguousarray(trimmed)).save(path, dpi=(DPI, DPI), compress_level=4)
+    return float(trimmed.shape[1] / DPI)
+
+
+def panel_figure(grid: SurfaceGrid, n_panels: int, *, below_in: float = 0.9) -> tuple[Figure, list[Axes]]:
+    """Return a figure with ``n_panels`` panels of the wall side by side, as large as the page allows.
+
+    ``below_in`` is left for colour bars or legends under each panel.
+    """
+    length_mm, around_mm = grid.n_z * grid.dz_mm, 2 * math.pi * grid.radius_mm
+    width_in = (PAGE_WIDTH_IN - 0.5) / n_panels - 0.12
+    width_in = min(width_in, MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 3.6)
+    width_in = max(width_in, 0.9)
+    height_in = max(width_in * length_mm / around_mm, 0.35)
+    figure = new_figure(n_panels * (width_in + 0.14) + 0.5, height_in + below_in + 0.55)
+    axes = [figure.add_subplot(1, n_panels, k + 1) for k in range(n_panels)]
+    return figure, axes
+
+
+def wall_panel(
+    axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True, z_mm: tuple[float, float] | None = None
+) -> None:
+    """Set up ``axes`` as a panel of the wall: θ in degrees below, arc in mm above, z downwards; hatched = no data."""
+    top, bottom = z_mm or (grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm)
+    arc_mm_per_degree = math.radians(1) * grid.radius_mm
+    axes.set_xlim(0, 360)
+    axes.set_ylim(bottom, top)
+    axes.set_aspect(1 / arc_mm_per_degree)
+    axes.set_xticks([0, 90, 180, 270, 360])
+    axes.set_xlabel("θ (°)")
+    if first:
+        axes.set_ylabel("z from the mouth (mm)")
+    else:
+        axes.tick_params(labelleft=False)
+    axes.set_title(title, pad=4)
+    axes.patch.set(facecolor="#dfe6f2", edgecolor="#9aa9c4", hatch="//////", linewidth=0)
+    arc = axes.secondary_xaxis(
+        "top", functions=(lambda degrees: degrees * arc_mm_per_degree, lambda mm: mm / arc_mm_per_degree)
+    )
+    arc.tick_params(labelsize=6, length=2, pad=1)
+    arc.set_xlabel("arc (mm)", fontsize=6, labelpad=2)
+    _scale_bar(axes, grid)
+
+
+def show_surface(
+    axes: Axes,
+    grid: SurfaceGrid,
+    values: NDArray[Any],
+    valid: Mask,
+    colours: str | ListedColormap,
+    low: float = 0.0,
+    high: float = 1.0,
+) -> ScalarMappable:
+    """Draw ``values`` (n_z, n_theta) where ``valid`` into a :func:`wall_panel`; return what a colour bar needs."""
+    mapping = ScalarMappable(Normalize(low, high), colours)
+    # coloured here: matplotlib would hold several float copies of the image
+    rgba = mapping.to_rgba(np.where(valid, values, low), bytes=True)
+    rgba[..., 3] = np.where(valid, 255, 0)
+    extent = (0.0, 360.0, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm, grid.z0_mm - grid.dz_mm / 2)
+    turned = np.roll(rgba, _columns_to_zero(grid), axis=1)
+    axes.imshow(turned, extent=extent, aspect=axes.get_aspect(), interpolation="nearest")
+    return mapping
+
+
+def thinned(grid: SurfaceGrid, *arrays: NDArray[Any]) -> list[Any]:
+    """Return [a coarser grid, the arrays on it], as fine as a printed panel can show.
+
+    Boolean arrays keep what the majority of a block is; numbers are averaged over a block's finite samples.
+    """
+    pixel_mm = max(grid.n_z * grid.dz_mm / 1650, 2 * math.pi * grid.radius_mm / 900)
+    across = max(1, math.floor(pixel_mm / grid.dtheta_mm))
+    while grid.n_theta % across:
+        across -= 1
+    down = min(grid.n_z, max(1, math.floor(pixel_mm / grid.dz_mm)))
+    whole = grid.n_z // down * down
+    coarse = SurfaceGrid.full_circle(
+        grid.n_z // down,
+        grid.n_theta // across,
+        z0_mm=grid.z0_mm + (down - 1) / 2 * grid.dz_mm,
+        dz_mm=grid.dz_mm * down,
+        radius_mm=grid.radius_mm,
+        theta0_rad=grid.theta0_rad + (across - 1) / 2 * grid.dtheta_rad,
+    )
+    blocks = (coarse.n_z, down, coarse.n_theta, across)
+    thin: list[Any] = [coarse]
+    for array in arrays:
+        block = array[:whole].reshape(blocks)
+        if array.dtype == np.bool_:
+            thin.append(block.mean(axis=(1, 3), dtype=np.float32) >= 0.5)
+            continue
+        finite = np.isfinite(block)
+        total = block.sum(axis=(1, 3), dtype=np.float64, where=finite)
+        count = finite.sum(axis=(1, 3))
+        thin.append(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
+    return thin
+
+
+def colour_bar(figure: Figure, axes: Axes, image: ScalarMappable, label: str, *, extend: str = "neither") -> None:
+    """Draw a horizontal colour bar with its unit under ``axes``."""
+    bar = figure.colorbar(
+        image, ax=axes, orientation="horizontal", fraction=0.05, aspect=18, pad=0.02, shrink=0.9, extend=extend
+    )
+    bar.set_label(label, fontsize=7, labelpad=1)
+    bar.ax.tick_params(labelsize=6.5, length=2)
+    bar.outline.set_linewidth(0.5)  # type: ignore[operator]
+
+
+def robust_limits(values: NDArray[Any], valid: Mask, low: float = 0.5, high: float = 99.5) -> tuple[float, float]:
+    """Return the percentiles ``low`` and ``high`` of the valid, finite values; (0, 1) where there are none."""
+    seen = values[valid & np.isfinite(values)]
+    if not seen.size:
+        return 0.0, 1.0
+    bottom, top = (float(v) for v in np.percentile(seen[:: max(1, seen.size // 400_000)], [low, high]))
+    return (bottom, top) if top > bottom else (bottom - 0.5, bottom + 0.5)
+
+
+def not_observed_patch() -> Patch:
+    """Return the legend's entry for samples that were not observed."""
+    return Patch(facecolor="#dfe6f2", edgecolor="#9aa9c4", hatch="//////", label="not observed")
+
+
+def unit_of(label: str) -> str:
+    """Return what stands in the last parentheses of an axis label, "" where there are none."""
+    found = re.search(r"\(([^()]*)\)\s*$", label)
+    return found.group(1) if found else ""
+
+
+def letters(count: int) -> Sequence[str]:
+    """Return (a), (b), …: how panels are referred to."""
+    return [f"({chr(ord('a') + k)})" for k in range(count)]
+
+
+def _columns_to_zero(grid: SurfaceGrid) -> int:
+    return round(float(np.mod(grid.theta0_rad, 2 * math.pi)) / grid.dtheta_rad)
+
+
+def _scale_bar(axes: Axes, grid: SurfaceGrid) -> None:
+    around_mm = 2 * math.pi * grid.radius_mm
+    length_mm = max((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10) if v <= around_mm / 3.5), default=0.1)
+    width = length_mm / around_mm
+    halo = [withStroke(linewidth=3.0, foreground="white")]
+    bottom, top = axes.get_ylim()
+    lift = 0.25 / abs(bottom - top) if abs(bottom - top) > 5 else 0.05
+    axes.plot(
+        [0.96 - width, 0.96], [lift, lift], transform=axes.transAxes, color="black", linewidth=2.0,
+        solid_capstyle="butt", path_effects=[withStroke(linewidth=4.0, foreground="white")], zorder=5,
+    )  # fmt: skip
+    axes.annotate(
+        f"{length_mm:g} mm", (0.96 - width / 2, lift), xytext=(0, 2.5), textcoords="offset points",
+        xycoords="axes fraction", ha="center", va="bottom", fontsize=6.5, path_effects=halo, zorder=6,
+    )  # fmt: skip

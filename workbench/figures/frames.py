@@ -1,0 +1,164 @@
+"""Single frames: as recorded with what was found in them, unrolled, and where on the wall they lie."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Picture
+from endoct.workbench.figures.drawing import (
+    CURVES,
+    DEPTH_COLOURS,
+    MAX_PANEL_HEIGHT_IN,
+    PAGE_WIDTH_IN,
+    PLACES,
+    STYLE,
+    Drawn,
+    colour_bar,
+    new_figure,
+    robust_limits,
+    save,
+    show_surface,
+    thinned,
+    unit_of,
+    wall_panel,
+)
+from endoct.workbench.findings import SideFindings
+
+
+def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
+    """Draw every picture of a side: a row for each frame, as recorded and then as it was understood."""
+    if not side.pictures:
+        return None
+    rows = len(side.pictures)
+    columns = max(len(pictures) for pictures in side.pictures.values())
+    with rc_context(STYLE):
+        heights = [max(_height_in(p, PAGE_WIDTH_IN / columns) for p in ps) for ps in side.pictures.values()]
+        figure = new_figure(PAGE_WIDTH_IN, sum(heights) + 0.45 * rows + 0.5)
+        spec = figure.add_gridspec(rows, columns, height_ratios=heights)
+        for row, (place, pictures) in enumerate(side.pictures.items()):
+            for column, picture in enumerate(pictures):
+                axes = figure.add_subplot(spec[row, column])
+                show_picture(axes, picture, legend=row == rows - 1)
+                axes.set_title(f"{place_label(side, place)}\n{picture.title}" if column == 0 else picture.title, pad=3)
+        path = folder / f"frames-{side.name}.png"
+        width_in = save(figure, path)
+    names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
+    drawn = f" Drawn in: {', '.join(names)}." if names else ""
+    return Drawn(
+        path,
+        "frames",
+        f"Single frames, {side.name}",
+        f"Frames at {rows} place{'s' if rows > 1 else ''} along the recording, before and after.{drawn}",
+        width_in,
+    )
+
+
+def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
+    """Draw the colour-coded depth of a side on its own rows, with its pictured frames beside (Laves 2019, Fig. 4)."""
+    panorama = side.panorama
+    if panorama.depth_mm is None or not (panorama.valid & np.isfinite(panorama.depth_mm)).any():
+        return None
+    grid = panorama.grid
+    length_mm, around_mm = grid.n_z * grid.dz_mm, 2 * np.pi * grid.radius_mm
+    wall_in = float(np.clip(MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 1.2, 3.4))
+    height_in = max(wall_in * length_mm / around_mm, 1.2 * len(side.pictures), 1.0)
+    with rc_context(STYLE):
+        figure = new_figure(PAGE_WIDTH_IN if side.pictures else wall_in + 0.8, height_in + 1.3)
+        ratios = [wall_in, PAGE_WIDTH_IN - wall_in - 1.0] if side.pictures else [1.0]
+        spec = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
+        axes = figure.add_subplot(spec[0])
+        wall_panel(axes, grid, f"(a) {side.name}, depth")
+        coarse, depth_mm, valid = thinned(grid, panorama.depth_mm, panorama.valid)
+        low, high = robust_limits(depth_mm, valid)
+        image = show_surface(axes, coarse, depth_mm, valid & np.isfinite(depth_mm), DEPTH_COLOURS, low, high)
+        colour_bar(figure, axes, image, "wall radius − bore radius (mm)", extend="both")
+        if side.pictures:
+            beside = spec[1].subgridspec(len(side.pictures), 1)
+            for k, (place, pictures) in enumerate(side.pictures.items()):
+                colour = PLACES[k % len(PLACES)]
+                if place < side.frame_z_mm.size:
+                    _mark_place(axes, float(side.frame_z_mm[place]), colour)
+                part = figure.add_subplot(beside[k])
+                last = k == len(side.pictures) - 1
+                show_picture(part, pictures[-1], legend=last, x_label=last, y_label=k == len(side.pictures) // 2)
+                part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place)}", pad=3)
+                for spine in part.spines.values():
+                    spine.set(color=colour, linewidth=1.6)
+        path = folder / f"depth-{side.name}.png"
+        width_in = save(figure, path)
+    return Drawn(
+        path,
+        "depth",
+        f"Colour-coded depth, {side.name}",
+        "(a) Depth of the wall on the side's own rows and in its own frame, before any alignment: no interpolation. "
+        "Hatched: not observed."
+        + (f" Beside: {_last_titles(side)} at the lines of their colour." if side.pictures else ""),
+        width_in,
+    )
+
+
+def show_picture(
+    axes: Axes, picture: Picture, *, legend: bool = True, x_label: bool = True, y_label: bool = True
+) -> None:
+    """Draw one picture with its curves; with equal scales where both axes have one unit of length or pixels."""
+    image: NDArray[Any] = picture.image
+    (left, right), (top, bottom) = picture.x_extent, picture.y_extent
+    half_x = (right - left) / max(1, image.shape[1] - 1) / 2
+    half_y = (bottom - top) / max(1, image.shape[0] - 1) / 2
+    options: dict[str, Any] = {
+        "extent": (left - half_x, right + half_x, bottom + half_y, top - half_y),
+        "aspect": "equal" if _is_image(picture) else "auto",
+        "interpolation": "auto",
+    }
+    if image.ndim == 2:
+        low, high = robust_limits(image, np.isfinite(image), 1, 99.7)
+        axes.imshow(image, cmap="gray", vmin=low, vmax=high, **options)
+    else:
+        axes.imshow(image, **options)
+    for k, (label, curve) in enumerate(picture.curves.items()):
+        axes.plot(curve[:, 0], curve[:, 1], color=CURVES[k % len(CURVES)], linewidth=0.9, label=label)
+    axes.set_xlim(left - half_x, right + half_x)
+    axes.set_ylim(bottom + half_y, top - half_y)
+    if y_label:
+        axes.set_ylabel(picture.y_label)
+    if x_label:
+        axes.set_xlabel(picture.x_label)
+    else:
+        axes.tick_params(labelbottom=False)
+    if unit_of(picture.x_label) in ("°", "deg") and right - left > 180:
+        axes.set_xticks([0, 90, 180, 270, 360])
+    if legend and picture.curves:
+        axes.legend(
+            loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.2, frameon=False, ncols=2, handlelength=1.4
+        )
+
+
+def place_label(side: SideFindings, place: int) -> str:
+    """Return "slice 12, z = 2.40 mm": where a pictured frame lies, in the order of ascending z from 0."""
+    label = f"{side.panorama.frame_dim} {place}"
+    return label + (f", z = {side.frame_z_mm[place]:.2f} mm" if place < side.frame_z_mm.size else "")
+
+
+def _last_titles(side: SideFindings) -> str:
+    return " / ".join(dict.fromkeys(pictures[-1].title for pictures in side.pictures.values()))
+
+
+def _is_image(picture: Picture) -> bool:
+    unit = unit_of(picture.x_label)
+    return unit in ("px", "mm") and unit == unit_of(picture.y_label)
+
+
+def _height_in(picture: Picture, width_in: float) -> float:
+    if _is_image(picture):
+        (left, right), (top, bottom) = picture.x_extent, picture.y_extent
+        return float(np.clip(0.85 * width_in * abs((bottom - top) / (right - left)), 0.5, 2.6))
+    return 0.42 * width_in
+
+
+def _mark_place(axes: Axes, z_mm: float, colour: str) -> None:
+    axes.axhline(z_mm, color="white", linewidth=2.0)
+    axes.axhline(z_mm, color=colour, linewidth=1.1)

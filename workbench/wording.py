@@ -1,0 +1,91 @@
+"""How a report says numbers and sentences: with units, sensible digits, and escaped for HTML."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from typing import Any
+
+UNIT_BY_SUFFIX = {"mm": "mm", "mm2": "mm²", "rad": "rad", "px": "px", "hz": "Hz", "db": "dB", "s": "s"}
+SHARES = ("jaccard", "dice", "fraction", "confidence", "correlation", "recall", "precision", "share")
+NOTHING = "–"
+
+
+def value_text(name: str, value: Any) -> str:
+    """Return ``value`` of the key ``name`` as text: its unit from the name, its digits from what it is.
+
+    Shares (Jaccard, Dice, fractions, …) have three decimals, lengths are given to a micrometre, angles in radians
+    and degrees, anything else with four significant digits.
+    """
+    if value is None:
+        return NOTHING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | str):
+        return f"{value} {unit}" if isinstance(value, int) and (unit := _unit(name)) else str(value)
+    if isinstance(value, float):
+        return _float_text(name, value).replace("-", "−")
+    if isinstance(value, Sequence):
+        return ", ".join(value_text(name, item) for item in value) or NOTHING
+    return str(value)
+
+
+def key_text(key: str) -> str:
+    """Return a key in words, without the unit that its value is shown with: "z_shift_mm" as "z shift"."""
+    words = key.split("_")
+    if len(words) > 1 and words[-1] in UNIT_BY_SUFFIX:
+        words = words[:-1]
+    return " ".join(words)
+
+
+def flattened(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str, Any]]:
+    """Yield (name in words with the names above it, key, value) of every leaf."""
+    for key, value in values.items():
+        name = f"{path} › {key_text(str(key))}" if path else key_text(str(key))
+        if isinstance(value, Mapping):
+            yield from flattened(value, name)
+        else:
+            yield name, str(key), value
+
+
+def table(rows: Iterable[Sequence[str]], header: Sequence[str] = (), *, code: Sequence[int] = ()) -> str:
+    """Return an HTML table of plain texts, the first column as row headers; columns in ``code`` in fixed width."""
+    body = "".join(
+        f'<tr><th scope="row">{escape(row[0])}</th>'
+        + "".join(
+            f'<td class="{"code" if k in code else "text" if len(cell) > 30 else "number"}">{escape(cell)}</td>'
+            for k, cell in enumerate(row[1:], 1)
+        )
+        + "</tr>\n"
+        for row in rows
+    )
+    if not body:
+        return ""
+    head = "".join(f'<th{" class=number" if k and k not in code else ""}>{escape(name)}</th>' for k, name in enumerate(header))
+    return (
+        '<div class="scroll"><table>'
+        + (f"<thead><tr>{head}</tr></thead>" if header else "")
+        + f"<tbody>\n{body}</tbody></table></div>\n"
+    )
+
+
+def bullets(sentences: Iterable[str]) -> str:
+    """Return an HTML list of plain sentences."""
+    return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>\n"
+
+
+def _unit(name: str) -> str:
+    suffix = name.rsplit("_", 1)[-1]
+    return UNIT_BY_SUFFIX.get(suffix, "") if suffix != name else ""
+
+
+def _float_text(name: str, value: float) -> str:
+    if not math.isfinite(value):
+        return NOTHING
+    unit = _unit(name)
+    if unit == "rad":
+        return f"{value:.4f} rad ({math.degrees(value):.2f}°)"
+    if unit == "mm":
+        return f"{value:.3f} mm" if abs(value) >= 0.0005 or value == 0 else f"{value:.2g} mm"
+    if any(word in name for word in SHARES):
+        return f"{value:.3f}"
+    return f"{value:.4g} {unit}".strip()
