@@ -1,8 +1,10 @@
 """How far an instrument moved and rolled from frame to frame, from the overlap of the strips themselves.
 
 Every pair of neighbours is compared by a normalised cross-correlation that is cyclic in θ, inside a window
-around the nominal feed; one robust solution then reconciles all pairs. A pair that has no clear answer says
-so and falls back on the nominal feed.
+around the nominal feed. The best place is then refined by least squares on the strips, with a first harmonic in
+θ beside feed and roll: an instrument off the axis sees one side move farther than the other, and wherever the
+texture lies unevenly that would pass for feed or roll. One robust solution reconciles all pairs. A pair that has
+no clear answer says so and falls back on the nominal feed.
 """
 
 from dataclasses import dataclass
@@ -14,6 +16,7 @@ from scipy.linalg import solveh_banded
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.circle import gaussian, wrap_rad
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.warp import Motion, refine_motion
 
 LEAST_OVERLAP = 0.15
 LEAST_CORRELATION = 0.3
@@ -23,6 +26,7 @@ EDGE_MM = 0.06
 MEASUREMENT_MM = 0.004
 MEASUREMENT_RAD = 0.002
 ROLL_PRIOR_RAD = 0.1
+SWAY_PRIOR_RAD = 0.005
 FEWEST_FOR_FIXED_PATTERN = 8
 
 
@@ -30,8 +34,9 @@ FEWEST_FOR_FIXED_PATTERN = 8
 class Pairs:
     """What the overlap of each strip with the one ``step`` later says; arrays (n_pairs,) float64.
 
-    ``feed_mm`` and ``roll_rad``: place of the later strip minus place of the earlier; ``correlation`` at the
-    best place; ``ratio`` to the best place elsewhere ("I do not know" is a ratio near 1); ``trusted``.
+    ``feed_mm`` and ``roll_rad``: place of the later strip minus place of the earlier, each (n_pairs, 3): mean, and
+    the parts that go with cos θ and sin θ of the earlier strip; ``correlation`` at the best place; ``ratio`` to the
+    best place elsewhere ("I do not know" is a ratio near 1); ``trusted``.
     """
 
     step: int
@@ -46,16 +51,19 @@ class Pairs:
 class Feed:
     """Where every strip lies; float64 (n,) unless said otherwise.
 
-    ``z_mm`` and ``roll_rad`` relative to the first strip; ``feed_mm`` and ``turn_rad`` from the strip before
-    (0 for the first); ``confidence`` of that pair, ratio of the best correlation to the next best place, and its
-    ``correlation``; ``trusted``, bool: measured, not nominal (True for the first). ``direction``: −1 where
-    the strips move against the nominal feed as a whole, else +1. ``measured``: whether any pair was trusted.
+    ``z_mm`` and ``roll_rad`` relative to the first strip. ``sway_rad`` (n, 2): what θ of the wall has beside θ of
+    the strip and roll, as parts of cos and sin of their sum; 0 on average, because only changes can be seen.
+    ``tilt`` (2,): by how much of itself the feed is larger where cos θ and where sin θ of the strip are 1, median
+    of the pairs; a wrong centre of the strips shows there. ``confidence``: ratio of the best correlation of the
+    pair with the strip before to the next best place, and that ``correlation``; ``trusted``, bool: measured, not
+    nominal (True for the first). ``direction``: −1 where the strips move against the nominal feed as a
+    whole, else +1. ``measured``: whether any pair was trusted.
     """
 
     z_mm: Coordinates
     roll_rad: Coordinates
-    feed_mm: Coordinates
-    turn_rad: Coordinates
+    sway_rad: Coordinates
+    tilt: Coordinates
     confidence: Coordinates
     correlation: Coordinates
     trusted: Mask
@@ -74,11 +82,11 @@ def estimate_feed(
 ) -> Feed:
     """Return feed and roll of ``strips``, float32 (n, n_rows, n_theta), z ascending and θ a full circle.
 
-    The wall seen in row k of one strip is seen in row k − feed/``dz_mm`` of the next, and in column j of it at
-    column j + roll: θ_wall = θ_strip + roll. ``nominal_mm`` (n,) is the expected place of every strip; the feed of
-    a pair is believed to lie within three ``relative_sigma`` of its nominal value, in either direction of the
-    whole. Without it the whole overlap is searched. ``radius_mm`` converts the peak's width to an angle;
-    ``valid`` leaves samples out. Raises :class:`EndoctError` where shapes disagree.
+    The wall seen in row k of one strip is seen in row k − feed/``dz_mm`` of the next, and θ of the wall is θ of
+    the strip plus its roll. ``nominal_mm`` (n,) is the expected place of every strip; the feed of a pair is
+    believed to lie within three ``relative_sigma`` of its nominal value, in either direction of the whole.
+    Without it the whole overlap is searched. ``radius_mm`` of the wall converts between mm and rad; samples that
+    are NaN or not ``valid`` are left out. Raises :class:`EndoctError` where shapes disagree.
     """
     if strips.ndim != 3 or 0 in strips.shape:
         raise EndoctError("strips to compare must be a stack", found=f"{strips.shape}", expected="(n, rows, θ)")
@@ -86,18 +94,20 @@ def estimate_feed(
     if nominal_mm is not None and np.shape(nominal_mm) != (n,):
         raise EndoctError("one nominal place a strip is needed", found=f"{np.shape(nominal_mm)}", expected=f"({n},)")
     if n == 1:
-        zero, one = np.zeros(1), np.ones(1)
-        return Feed(zero, zero, zero, zero, one, one, np.ones(1, np.bool_), 1, False)
-    textures = _textures(strips, valid, EDGE_MM / dz_mm, EDGE_MM / radius_mm / (2 * np.pi) * strips.shape[2])
-    matcher = _Matcher(textures, dz_mm, radius_mm)
+        zero, one, two = np.zeros(1), np.ones(1), np.zeros(2)
+        return Feed(zero, zero, np.zeros((1, 2)), two, one, one, np.ones(1, np.bool_), 1, False)
+    seen = np.isfinite(strips) if valid is None else valid & np.isfinite(strips)
+    textures = _textures(strips, seen, EDGE_MM / dz_mm, EDGE_MM / radius_mm / (2 * np.pi) * strips.shape[2])
+    matcher = _Matcher(textures, seen, dz_mm, radius_mm)
     steps = [step for step in (1, 2) if step < n]
     candidates = []
     for direction in (1, -1):
-        pairs = [matcher.pairs(step, _windows(nominal_mm, step, direction, relative_sigma)) for step in steps]
-        candidates.append((float(np.sum(pairs[0].correlation[pairs[0].trusted])), direction, pairs))
+        found = [matcher.search(step, _windows(nominal_mm, step, direction, relative_sigma)) for step in steps]
+        candidates.append((sum(c.correlation for c in found[0] if c.trusted), direction, found))
         if nominal_mm is None:
             break
-    _, direction, pairs = max(candidates, key=lambda candidate: candidate[0])
+    _, direction, found = max(candidates, key=lambda candidate: candidate[0])
+    pairs = [matcher.refine(step, places) for step, places in zip(steps, found, strict=True)]
     return _solve(n, pairs, None if nominal_mm is None else direction * np.diff(nominal_mm), direction, relative_sigma)
 
 
@@ -111,23 +121,21 @@ def _windows(
     return [(float(f - r), float(f + r)) for f, r in zip(feed, reach, strict=True)]
 
 
-def _textures(strips: Image, valid: Mask | None, sigma_rows: float, sigma_columns: float) -> Image:
-    """Return the strips without what every row or every strip shows alike: 0 on average, 0 where not valid."""
-    missing = ~np.isfinite(strips) if valid is None else ~(valid & np.isfinite(strips))
-    textures = np.where(missing, np.nan, strips).astype(np.float32)
-    with np.errstate(invalid="ignore"):
-        textures -= _nanmedian(textures, axis=2)[:, :, None]
-        if len(textures) >= FEWEST_FOR_FIXED_PATTERN:
-            textures -= _nanmedian(textures, axis=0)[None]
-    textures[missing] = 0
-    # edges, not areas, say where a strip lies: without this a trace of the median frame, which the cells
-    # themselves leave in it, would pull every feed towards zero
-    for k, texture in enumerate(textures):
-        seen = (~missing[k]).astype(np.float32)
-        smooth = gaussian(texture, sigma_rows, sigma_columns) / np.maximum(
-            gaussian(seen, sigma_rows, sigma_columns), 0.01
-        )
-        textures[k] = np.where(missing[k], 0, texture - smooth)
+def _textures(strips: Image, seen: Mask, sigma_rows: float, sigma_columns: float) -> Image:
+    """Return the edges in the strips without what every row or every strip shows alike; 0 where not seen.
+
+    Edges, not areas, say where a strip lies: otherwise a trace of the median frame, which the cells themselves
+    leave in it, would pull every feed towards zero.
+    """
+    textures = np.where(seen, strips, np.nan).astype(np.float32)
+    textures -= _nanmedian(textures, axis=2)[:, :, None]
+    if len(textures) >= FEWEST_FOR_FIXED_PATTERN:
+        textures -= _nanmedian(textures, axis=0)[None]
+    textures[~seen] = 0
+    for texture, mask in zip(textures, seen, strict=True):
+        share = gaussian(mask.astype(np.float32), sigma_rows, sigma_columns)
+        texture -= gaussian(texture, sigma_rows, sigma_columns) / np.maximum(share, 0.01)
+    textures[~seen] = 0
     return textures
 
 
@@ -141,51 +149,87 @@ def _nanmedian(values: Image, axis: int) -> Image:
     return np.asarray(np.where(count > 0, middle, 0).squeeze(axis), dtype=np.float32)
 
 
-class _Matcher:
-    """Correlates strips by their spectra, each computed once."""
+@dataclass(frozen=True)
+class _Place:
+    """The best place of one strip on another, in rows and columns, NaN where there is no overlap to search."""
 
-    def __init__(self, textures: Image, dz_mm: float, radius_mm: float) -> None:
+    rows: float
+    columns: float
+    correlation: float
+    ratio: float
+
+    @property
+    def trusted(self) -> bool:
+        return self.correlation >= LEAST_CORRELATION and self.ratio >= LEAST_RATIO
+
+
+class _Matcher:
+    """Correlates strips by their spectra."""
+
+    def __init__(self, textures: Image, seen: Mask, dz_mm: float, radius_mm: float) -> None:
         self.n, self.n_rows, self.n_theta = textures.shape
         self.dz_mm = dz_mm
         self.length = fft.next_fast_len(2 * self.n_rows, real=False)
-        self.textures = textures
-        self.energy = np.sum(textures.astype(np.float64) ** 2, axis=2)
+        self.textures, self.seen = textures, seen
+        self.energy = np.sum(np.square(textures, dtype=np.float64), axis=2)
         self.reach_rows = max(2, round(PEAK_MM / dz_mm))
         self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
 
-    def pairs(self, step: int, windows: list[tuple[float, float]] | None) -> Pairs:
-        results = [self._pair(k, k + step, None if windows is None else windows[k]) for k in range(self.n - step)]
-        feed, roll, correlation, ratio = np.array(results, dtype=np.float64).reshape(-1, 4).T
-        trusted = (correlation >= LEAST_CORRELATION) & (ratio >= LEAST_RATIO)
-        return Pairs(step, feed, roll, correlation, ratio, trusted)
+    def search(self, step: int, windows: list[tuple[float, float]] | None) -> list[_Place]:
+        """Return the best place of every strip on the one ``step`` earlier, within the windows."""
+        return [self._place(k, k + step, None if windows is None else windows[k]) for k in range(self.n - step)]
 
-    def _pair(self, a: int, b: int, window: tuple[float, float] | None) -> tuple[float, float, float, float]:
-        """Return (feed, roll, correlation, ratio) of strip b against strip a."""
+    def refine(self, step: int, places: list[_Place]) -> Pairs:
+        """Return the places to a fraction of a sample, with their harmonics."""
+        motions = [
+            refine_motion(
+                self.textures[k],
+                self.textures[k + step],
+                self.seen[k],
+                self.seen[k + step],
+                Motion.even(place.rows, place.columns),
+            )
+            if place.trusted
+            else Motion.even(place.rows, place.columns)
+            for k, place in enumerate(places)
+        ]
+        return Pairs(
+            step,
+            feed_mm=np.array([motion.rows for motion in motions]).reshape(-1, 3) * self.dz_mm,
+            roll_rad=np.array([motion.columns for motion in motions]).reshape(-1, 3) * 2 * np.pi / self.n_theta,
+            correlation=np.array([place.correlation for place in places]),
+            ratio=np.array([place.ratio for place in places]),
+            trusted=np.array([place.trusted for place in places], np.bool_),
+        )
+
+    def _place(self, a: int, b: int, window: tuple[float, float] | None) -> _Place:
         shifts = np.arange(-(self.n_rows - 1), self.n_rows)
         overlap = (self.n_rows - np.abs(shifts)) / self.n_rows
         allowed = overlap >= LEAST_OVERLAP
         if window is not None:
             allowed &= (shifts * self.dz_mm >= window[0]) & (shifts * self.dz_mm <= window[1])
         if not allowed.any():
-            return np.nan, 0.0, 0.0, 0.0
+            return _Place(np.nan, 0.0, 0.0, 0.0)
         product = self._spectrum(a) * np.conj(self._spectrum(b))
         plane = fft.irfft2(product, s=(self.length, self.n_theta))[shifts[allowed]]
         plane = plane / np.sqrt(np.maximum(self._energies(a, b, shifts[allowed]), 1e-12))[:, None]
         # a correlation over little overlap is high by chance more often
         score = plane * np.sqrt(overlap[allowed])[:, None]
         row, column = np.unravel_index(int(np.argmax(score)), score.shape)
-        best = float(plane[row, column])
-        elsewhere = np.roll(score, -int(column), axis=1)
         keep = np.ones(score.shape, np.bool_)
         rows_near = np.abs(np.arange(len(score)) - row) <= self.reach_rows
         columns_near = np.minimum(np.arange(self.n_theta), self.n_theta - np.arange(self.n_theta)) <= self.reach_columns
         keep[np.ix_(rows_near, columns_near)] = False
-        second = max(float(elsewhere[keep].max()) if keep.any() else 0.0, 0.02)
-        fine_row = _vertex(score[:, column], int(row), cyclic=False)
-        fine_column = _vertex(score[row], int(column), cyclic=True)
-        feed = (shifts[allowed][0] + fine_row) * self.dz_mm
-        roll = float(wrap_rad(2 * np.pi * fine_column / self.n_theta))
-        return float(feed), roll, best, float(score[row, column]) / second
+        elsewhere = np.roll(score, -int(column), axis=1)[keep]
+        second = max(float(elsewhere.max()) if elsewhere.size else 0.0, 0.02)
+        return _Place(
+            rows=float(shifts[allowed][0]) + _vertex(score[:, column], int(row), cyclic=False),
+            columns=float(wrap_rad(2 * np.pi / self.n_theta * _vertex(score[row], int(column), cyclic=True)))
+            * self.n_theta
+            / (2 * np.pi),
+            correlation=float(plane[row, column]),
+            ratio=float(score[row, column]) / second,
+        )
 
     def _spectrum(self, k: int) -> np.ndarray:
         return np.asarray(fft.rfft2(self.textures[k], s=(self.length, self.n_theta)))
@@ -213,30 +257,35 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
     """Return the places that agree best with all trusted pairs and, weakly, with the nominal feed."""
     first = pairs[0]
     if prior_mm is None:
-        typical = float(np.median(first.feed_mm[first.trusted])) if first.trusted.any() else 0.0
+        typical = float(np.median(first.feed_mm[first.trusted, 0])) if first.trusted.any() else 0.0
         prior_mm = np.full(n - 1, typical)
     sigma_mm = np.maximum(relative_sigma * np.abs(prior_mm), 0.01)
-    z_start = np.concatenate([[0.0], np.cumsum(np.where(first.trusted, first.feed_mm, prior_mm))])
     z, z_agree = _robust_chain(
-        z_start, [(p.step, p.feed_mm, p.trusted) for p in pairs], prior_mm, sigma_mm, MEASUREMENT_MM, cyclic=False
+        prior_mm, sigma_mm, [(p.step, p.feed_mm[:, 0], p.trusted) for p in pairs], MEASUREMENT_MM, cyclic=False
     )
-    roll_start = np.concatenate([[0.0], np.cumsum(np.where(first.trusted, first.roll_rad, 0.0))])
+    none, even = np.zeros(n - 1), np.ones(n - 1)
     roll, roll_agree = _robust_chain(
-        roll_start,
-        [(p.step, p.roll_rad, p.trusted) for p in pairs],
-        np.zeros(n - 1),
-        np.full(n - 1, ROLL_PRIOR_RAD),
+        none,
+        ROLL_PRIOR_RAD * even,
+        [(p.step, p.roll_rad[:, 0], p.trusted) for p in pairs],
         MEASUREMENT_RAD,
         cyclic=True,
     )
     # a pair that the others overrule was not right, however clear it looked
     trusted = first.trusted & z_agree & roll_agree
+    sway = np.zeros((n, 2))
+    turned = [_in_wall_angle(p.roll_rad[:, 1:], roll[: n - p.step]) for p in pairs]
+    for part in (0, 1):
+        links = [(p.step, t[:, part], p.trusted) for p, t in zip(pairs, turned, strict=True)]
+        sway[:, part], _ = _robust_chain(none, SWAY_PRIOR_RAD * even, links, MEASUREMENT_RAD, cyclic=False)
+    moved = trusted & (np.abs(first.feed_mm[:, 0]) > 1e-6)
+    tilts = first.feed_mm[moved, 1:] / first.feed_mm[moved, :1]
     begin = np.ones(1)
     return Feed(
         z_mm=z,
         roll_rad=roll,
-        feed_mm=np.concatenate([[0.0], np.diff(z)]),
-        turn_rad=np.concatenate([[0.0], np.diff(roll)]),
+        sway_rad=sway - sway.mean(axis=0),
+        tilt=np.median(tilts, axis=0) if moved.any() else np.zeros(2),
         confidence=np.concatenate([begin, first.ratio]),
         correlation=np.concatenate([begin, first.correlation]),
         trusted=np.concatenate([np.ones(1, np.bool_), trusted]),
@@ -245,44 +294,49 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
     )
 
 
+def _in_wall_angle(harmonic: Coordinates, roll_rad: Coordinates) -> Coordinates:
+    """Return parts of (cos, sin) of a strip's θ, (n, 2), as parts of those of θ + roll."""
+    cos, sin = np.cos(roll_rad), np.sin(roll_rad)
+    return np.stack([harmonic[:, 0] * cos - harmonic[:, 1] * sin, harmonic[:, 0] * sin + harmonic[:, 1] * cos], axis=1)
+
+
 def _robust_chain(
-    start: Coordinates,
-    links: list[tuple[int, Coordinates, Mask]],
     prior: Coordinates,
     prior_sigma: Coordinates,
+    links: list[tuple[int, Coordinates, Mask]],
     sigma: float,
     *,
     cyclic: bool,
 ) -> tuple[Coordinates, Mask]:
-    """Return places by least squares with Cauchy weights on the links, and which links of step 1 agree.
+    """Return places (n,) by least squares with Cauchy weights on the links, and which links of step 1 agree.
 
-    Iteratively reweighted; the normal equations have two bands beside the diagonal. The first place stays 0.
+    ``links`` are (step, place[k + step] − place[k], whether to be trusted). Iteratively reweighted; the normal
+    equations have two bands beside the diagonal. The first place is 0.
     """
-    n = start.size
-    place = start.copy()
-    agree = np.ones(n - 1, np.bool_)
-    for _ in range(30):
-        bands = np.zeros((3, n))
-        right = np.zeros(n)
-        bands[2, 0] += 1e12
-        for step, value, trusted, weight in [
-            (1, prior, np.ones(n - 1, np.bool_), 1 / prior_sigma**2),
-            *((s, v, t, np.full(v.size, 1 / sigma**2)) for s, v, t in links),
-        ]:
-            misfit = np.where(trusted, np.nan_to_num(value), 0.0) - (place[step:] - place[:-step])
-            misfit = wrap_rad(misfit) if cyclic else misfit
-            weight = np.where(trusted, weight / (1 + misfit**2 * weight / 9), 0.0)
+    n = prior.size + 1
+    _, value, trusted = links[0]
+    place = np.concatenate([[0.0], np.cumsum(np.where(trusted, value, prior))])
+
+    def misfit(step: int, value: Coordinates) -> Coordinates:
+        off = np.nan_to_num(value) - (place[step:] - place[:-step])
+        return wrap_rad(off) if cyclic else off
+
+    terms = [(1, prior, 1 / prior_sigma**2)]
+    terms += [(step, value, np.where(trusted, 1 / sigma**2, 0.0)) for step, value, trusted in links]
+    for _ in range(50):
+        bands, right = np.zeros((3, n)), np.zeros(n)
+        bands[2, 0] = 1e12
+        for step, value, certainty in terms:
+            off = misfit(step, value)
+            weight = certainty / (1 + off**2 * certainty / 9)
             bands[2, :-step] += weight
             bands[2, step:] += weight
             bands[2 - step, step:] -= weight
-            right[step:] += weight * misfit
-            right[:-step] -= weight * misfit
-        change = solveh_banded(bands, right)
-        place += change
-        if np.abs(change).max() < 1e-9:
+            right[step:] += weight * off
+            right[:-step] -= weight * off
+        change = solveh_banded(bands[-min(3, n) :], right)
+        place = place + change
+        if np.abs(change).max() < 1e-7:
             break
-    for step, value, trusted in links[:1]:
-        misfit = np.nan_to_num(value) - (place[step:] - place[:-step])
-        misfit = wrap_rad(misfit) if cyclic else misfit
-        agree = ~trusted | (np.abs(misfit) <= 6 * sigma)
-    return place, agree
+    step, value, trusted = links[0]
+    return place, ~trusted | (np.abs(misfit(step, value)) <= 6 * sigma)

@@ -28,6 +28,7 @@ FEED_COLUMNS = 512
 MOST_ROWS = 128
 RIM_PX = 2.0
 DISAGREEMENT = 0.05
+CLIP = (-0.3, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +225,7 @@ def _feed(
     n, n_rows, n_columns = logs.shape
     textures = np.empty((n, n_rows, FEED_COLUMNS), np.float32)
     for k in range(n):
-        texture = np.clip(logs[k].astype(np.float32) - flat.log_light, -2.0, 0.6)
+        texture = np.clip(logs[k].astype(np.float32) - flat.log_light, CLIP[0], CLIP[1])
         texture[~flat.usable] = np.nan
         textures[k] = texture.reshape(n_rows, FEED_COLUMNS, -1).mean(axis=2)
     return estimate_feed(

@@ -1,0 +1,82 @@
+"""The small motion between two strips, to a fraction of a sample, by least squares on the strips themselves."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+
+MOST_ITERATIONS = 8
+CONVERGED = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """By how many rows and columns a strip sees the wall earlier than the strip before it does.
+
+    ``rows`` and ``columns``, float64 (3,) each: mean, and the parts that go with cos θ and sin θ.
+    """
+
+    rows: Coordinates
+    columns: Coordinates
+
+    @classmethod
+    def even(cls, rows: float, columns: float) -> "Motion":
+        """Return the motion that is the same all around."""
+        return cls(np.array([rows, 0.0, 0.0]), np.array([columns, 0.0, 0.0]))
+
+
+def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion) -> Motion:
+    """Return the motion that makes ``b`` fit ``a``, float32 (n_rows, n_theta), cyclic in θ, starting near it.
+
+    What ``a`` shows at row k, column j, ``b`` shows at row k − rows(θ), column j − columns(θ). Gauss-Newton with
+    Cauchy weights on the differences, so that what only one of them sees (a floor behind a cell's edge) counts
+    little. Samples not seen in both are left out. Falls back on ``start`` where the answer runs away.
+    """
+    n_rows, n_theta = a.shape
+    theta = 2 * np.pi / n_theta * np.arange(n_theta)
+    waves = np.stack([np.ones(n_theta), np.cos(theta), np.sin(theta)])
+    grid_rows, grid_columns = np.mgrid[:n_rows, :n_theta].astype(np.float32)
+    wrapped = _wrapped(b)
+    slope_rows, slope_columns = _wrapped(_slope(b, 0)), _wrapped(_slope(b, 1))
+    hidden = _wrapped((~seen_b).astype(np.float32))
+    motion = np.stack([start.rows, start.columns])
+    for _ in range(MOST_ITERATIONS):
+        rows = grid_rows - (motion[0] @ waves).astype(np.float32)
+        columns = np.mod(grid_columns - (motion[1] @ waves).astype(np.float32), n_theta)
+        both = seen_a & (rows >= 0) & (rows <= n_rows - 1) & (_at(hidden, rows, columns) == 0)
+        if both.sum() < 0.02 * both.size:
+            return start
+        off = np.where(both, a - _at(wrapped, rows, columns), 0.0)
+        scale = max(1e-6, 1.48 * float(np.median(np.abs(off[both]))))
+        weight = np.where(both, 1 / (1 + (off / (2 * scale)) ** 2), 0.0)
+        gradients = [-_at(slope_rows, rows, columns), -_at(slope_columns, rows, columns)]
+        normal, right = np.zeros((6, 6)), np.zeros(6)
+        # every wave depends on the column alone, so sums over rows are taken first
+        for i, left in enumerate(gradients):
+            right[3 * i : 3 * i + 3] = waves @ np.sum(weight * left * off, axis=0)
+            for j, other in enumerate(gradients):
+                along = np.sum(weight * left * other, axis=0)
+                normal[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = (waves * along) @ waves.T
+        change = np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(6), right).reshape(2, 3)
+        motion = motion + change
+        if np.abs(motion - np.stack([start.rows, start.columns])).max() > 0.05 * max(n_rows, n_theta / 4):
+            return start
+        if np.abs(change).max() < CONVERGED:
+            break
+    return Motion(motion[0], motion[1])
+
+
+def _slope(image: Image, axis: int) -> Image:
+    if axis == 1:
+        return (np.roll(image, -1, axis=1) - np.roll(image, 1, axis=1)) / 2
+    return np.asarray(np.gradient(image, axis=0), dtype=np.float32)
+
+
+def _wrapped(image: Image) -> Image:
+    return np.concatenate([image, image[:, :1]], axis=1)
+
+
+def _at(wrapped: Image, rows: Image, columns: Image) -> Image:
+    return np.asarray(cv2.remap(wrapped, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
