@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM
 
 from endoct.modalities import registry
@@ -49,12 +50,12 @@ def walls(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return whole, turned
 
 
-def _record(folder: Path, radius_mm: np.ndarray) -> None:
+def _record(folder: Path, radius_mm: np.ndarray, diameter_mm: float = 2 * RADIUS_MM) -> None:
     folder.mkdir()
-    sidecar = f'modality = "profilometer"\nbore_diameter_mm = {2 * RADIUS_MM}\npitch_mm = {PITCH_MM}\n'
+    sidecar = f'modality = "profilometer"\nbore_diameter_mm = {diameter_mm}\npitch_mm = {PITCH_MM}\n'
     (folder / "acquisition.toml").write_text(sidecar + 'handedness = "same"\ntravel = "in"\n', encoding="utf-8")
     for index, turn in enumerate(radius_mm):
-        lines = ["" if lost else f"{r:.5f}" for lost, r in zip(np.arange(N_THETA) % 97 == 5, turn, strict=True)]
+        lines = ["" if lost else f"{r:.5f}" for lost, r in zip(np.arange(turn.size) % 97 == 5, turn, strict=True)]
         text = "radius_mm,brightness\n" + "".join(f"{r},{1.2 - 0.3 * float(r or 4):.4f}\n" for r in lines)
         (folder / f"turn_{index:04d}.csv").write_text(text, encoding="utf-8")
 
@@ -114,3 +115,18 @@ def test_two_of_its_recordings_are_compared(installed: Path, walls: tuple[Path, 
     assert not alignment["z_reversed"]
     assert result["jaccard"] > 0.9
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+
+
+def test_it_is_compared_with_an_oct_recording(installed: Path, quick_specimen: Path, tmp_path: Path) -> None:
+    with xr.open_zarr(quick_specimen / "truth" / "wall.zarr", consolidated=False) as truth:
+        diameter_mm = 2 * truth.attrs["bore_radius_mm"]
+        every = round(PITCH_MM / float(truth["z"][1] - truth["z"][0]))
+        _record(tmp_path / "wall", diameter_mm / 2 + truth["relief_mm"].values[::every, ::2], diameter_mm)
+    run = _endoct(
+        installed, "compare", str(tmp_path / "wall"), str(quick_specimen / "oct"), "-o", str(tmp_path / "out")
+    )
+    assert run.returncode == 0, run.stderr
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    assert result["sides"] == ["profilometer", "oct"]
+    assert result["aligned"] is True
+    assert result["alignment"]["correlation"] > 0.8
