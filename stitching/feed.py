@@ -7,6 +7,8 @@ texture lies unevenly that would pass for feed or roll. One robust solution reco
 no clear answer says so and falls back on the nominal feed.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +54,8 @@ class Feed:
     """Where every strip lies; float64 (n,) unless said otherwise.
 
     ``z_mm`` and ``roll_rad`` relative to the first strip. ``sway_rad`` (n, 2): what θ of the wall has beside θ of
-    the strip and roll, as parts of cos and sin of their sum; 0 on average, because only changes can be seen.
+    the strip and roll, as parts of cos and sin of their sum. Only changes of it can be seen, and a steady one looks
+    like a wrong centre: so it is 0 on average and without a trend along z.
     ``tilt`` (2,): by how much of itself the feed is larger where cos θ and where sin θ of the strip are 1, median
     of the pairs; a wrong centre of the strips shows there. ``confidence``: ratio of the best correlation of the
     pair with the strip before to the next best place, and that ``correlation``; ``trusted``, bool: measured, not
@@ -177,22 +180,25 @@ class _Matcher:
 
     def search(self, step: int, windows: list[tuple[float, float]] | None) -> list[_Place]:
         """Return the best place of every strip on the one ``step`` earlier, within the windows."""
-        return [self._place(k, k + step, None if windows is None else windows[k]) for k in range(self.n - step)]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(
+                pool.map(
+                    lambda k: self._place(k, k + step, None if windows is None else windows[k]), range(self.n - step)
+                )
+            )
 
     def refine(self, step: int, places: list[_Place]) -> Pairs:
         """Return the places to a fraction of a sample, with their harmonics."""
-        motions = [
-            refine_motion(
-                self.textures[k],
-                self.textures[k + step],
-                self.seen[k],
-                self.seen[k + step],
-                Motion.even(place.rows, place.columns),
-            )
-            if place.trusted
-            else Motion.even(place.rows, place.columns)
-            for k, place in enumerate(places)
-        ]
+
+        def motion_of(k: int) -> Motion:
+            start = Motion.even(places[k].rows, places[k].columns)
+            if not places[k].trusted:
+                return start
+            pair = k, k + step
+            return refine_motion(*(self.textures[i] for i in pair), *(self.seen[i] for i in pair), start)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            motions = list(pool.map(motion_of, range(len(places))))
         return Pairs(
             step,
             feed_mm=np.array([motion.rows for motion in motions]).reshape(-1, 3) * self.dz_mm,
@@ -284,7 +290,7 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
     return Feed(
         z_mm=z,
         roll_rad=roll,
-        sway_rad=sway - sway.mean(axis=0),
+        sway_rad=_without_trend(sway, z),
         tilt=np.median(tilts, axis=0) if moved.any() else np.zeros(2),
         confidence=np.concatenate([begin, first.ratio]),
         correlation=np.concatenate([begin, first.correlation]),
@@ -292,6 +298,12 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
         direction=direction,
         measured=bool(trusted.any()),
     )
+
+
+def _without_trend(values: Coordinates, along: Coordinates) -> Coordinates:
+    """Return ``values`` (n, k) less the straight line along (n,) that fits them best."""
+    line = np.stack([np.ones_like(along), along], axis=1)
+    return np.asarray(values - line @ np.linalg.lstsq(line, values, rcond=None)[0])
 
 
 def _in_wall_angle(harmonic: Coordinates, roll_rad: Coordinates) -> Coordinates:

@@ -8,7 +8,7 @@ import numpy as np
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
 MOST_ITERATIONS = 8
-CONVERGED = 0.002
+CONVERGED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,26 +38,27 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
     theta = 2 * np.pi / n_theta * np.arange(n_theta)
     waves = np.stack([np.ones(n_theta), np.cos(theta), np.sin(theta)])
     grid_rows, grid_columns = np.mgrid[:n_rows, :n_theta].astype(np.float32)
-    wrapped = _wrapped(b)
-    slope_rows, slope_columns = _wrapped(_slope(b, 0)), _wrapped(_slope(b, 1))
-    hidden = _wrapped((~seen_b).astype(np.float32))
+    layers = _wrapped(np.dstack([b, _slope(b, 0), _slope(b, 1), (~seen_b).astype(np.float32)]))
     motion = np.stack([start.rows, start.columns])
     for _ in range(MOST_ITERATIONS):
         rows = grid_rows - (motion[0] @ waves).astype(np.float32)
         columns = np.mod(grid_columns - (motion[1] @ waves).astype(np.float32), n_theta)
-        both = seen_a & (rows >= 0) & (rows <= n_rows - 1) & (_at(hidden, rows, columns) == 0)
+        # all four layers at once; what lies outside the strip is masked below
+        moved = cv2.remap(layers, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        both = seen_a & (rows >= 0) & (rows <= n_rows - 1) & (moved[..., 3] == 0)
         if both.sum() < 0.02 * both.size:
             return start
-        off = np.where(both, a - _at(wrapped, rows, columns), 0.0)
-        scale = max(1e-6, 1.48 * float(np.median(np.abs(off[both]))))
+        off = np.where(both, a - moved[..., 0], 0.0)
+        scale = max(1e-6, 1.48 * float(np.median(np.abs(off[both][::4]))))
         weight = np.where(both, 1 / (1 + (off / (2 * scale)) ** 2), 0.0)
-        gradients = [-_at(slope_rows, rows, columns), -_at(slope_columns, rows, columns)]
+        gradients = [-moved[..., 1], -moved[..., 2]]
         normal, right = np.zeros((6, 6)), np.zeros(6)
         # every wave depends on the column alone, so sums over rows are taken first
         for i, left in enumerate(gradients):
-            right[3 * i : 3 * i + 3] = waves @ np.sum(weight * left * off, axis=0)
+            weighted = weight * left
+            right[3 * i : 3 * i + 3] = waves @ np.einsum("kj,kj->j", weighted, off)
             for j, other in enumerate(gradients):
-                along = np.sum(weight * left * other, axis=0)
+                along = np.einsum("kj,kj->j", weighted, other)
                 normal[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = (waves * along) @ waves.T
         change = np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(6), right).reshape(2, 3)
         motion = motion + change
@@ -76,7 +77,3 @@ def _slope(image: Image, axis: int) -> Image:
 
 def _wrapped(image: Image) -> Image:
     return np.concatenate([image, image[:, :1]], axis=1)
-
-
-def _at(wrapped: Image, rows: Image, columns: Image) -> Image:
-    return np.asarray(cv2.remap(wrapped, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))

@@ -65,6 +65,10 @@ class Annulus:
             outer_y_px=self.outer_y_px + dy_px,
         )
 
+    def with_drift(self, dx_px: float, dy_px: float) -> "Annulus":
+        """Return the annulus with its inner circle's centre so far from its outer circle's."""
+        return replace(self, inner_x_px=self.outer_x_px + dx_px, inner_y_px=self.outer_y_px + dy_px)
+
     @property
     def rings(self) -> tuple[Ring, Ring]:
         """The inner and the outer rim as circular edges."""

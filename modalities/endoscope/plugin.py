@@ -100,8 +100,9 @@ class Endoscope:
         theta_rad = c.grid.theta_rad
         by_row, by_column = c.oversample
         fine_z = _finer(z_mm - centre_mm, c.grid.dz_mm, by_row)
-        fine_angle = _finer(theta_rad - c.roll_rad[frame.index], c.grid.dtheta_rad, by_column)
-        columns, rows = pixel_map(c.annuli[frame.index], c.optics.r_px(fine_z), fine_angle)
+        fine_angle = c.image_angle(frame.index, _finer(theta_rad, c.grid.dtheta_rad, by_column))
+        annulus = c.annuli[frame.index].with_drift(*c.drift_px)
+        columns, rows = pixel_map(annulus, c.optics.r_px(fine_z), fine_angle)
 
         light, inside = sample(brightness(frame.samples, c.full_scale), columns, rows)
         clipped = sample_mask(saturated(frame.samples, c.full_scale), columns, rows)

@@ -14,6 +14,8 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
 N_RAYS = 360
+TRACE_RAYS = 240
+LEAST_SUPPORT = 0.1
 MOST_CONTRAST = 1.5
 FEWEST_POINTS = 12
 
@@ -61,9 +63,12 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
         if seen.sum() < FEWEST_POINTS:
             break
         ring = fit_circle(*_points(x, y, path, seen), (x, y, float(np.median(path))))
-        for _ in range(3):
+        for _ in range(2):
             ring = _retrace(image, ring, rising)
-        rings.append(describe(image, Ring(*ring, rising)))
+        described = describe(image, Ring(*ring, rising))
+        if described.contrast * described.coverage < LEAST_SUPPORT and rings:
+            break
+        rings.append(described)
         gain[np.abs(radii - _distances(ring, x, y, path.size)) <= reach] = 0
     return sorted(rings, key=lambda ring: -ring.contrast * ring.coverage)
 
@@ -171,7 +176,7 @@ def _reach(image: Image) -> float:
 
 def _response(image: Image, x_px: float, y_px: float, radii_px: Coordinates, rising: bool) -> tuple[Image, Mask]:
     """Return how much brighter (log ratio) it is on one side of each sample of each ray than on the other."""
-    profile, inside = rays(image, x_px, y_px, radii_px)
+    profile, inside = rays(image, x_px, y_px, radii_px, TRACE_RAYS)
     light = np.log(profile + 0.05 * max(float(np.percentile(image, 95)), 1e-6))
     light = gaussian_filter1d(light, 1.5, axis=0, mode="wrap")
     width = max(2, round(_reach(image)))

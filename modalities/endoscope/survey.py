@@ -25,7 +25,9 @@ SURVEY_SIDE_PX = 480
 REFERENCE_FRAMES = 12
 STRIP_COLUMNS = 1024
 FEED_COLUMNS = 512
-MOST_ROWS = 128
+MOST_ROWS = 96
+FEWEST_FOR_DRIFT = 5
+MOST_TILT = 0.2
 RIM_PX = 2.0
 DISAGREEMENT = 0.05
 CLIP = (-0.3, 0.3)
@@ -35,8 +37,10 @@ CLIP = (-0.3, 0.3)
 class EndoscopeCalibration:
     """What a survey found; everything that unrolling a frame needs beside the frame.
 
-    ``annuli``, one a frame, in pixels of the files; ``z_mm`` of every frame's band centre, ``roll_rad``: θ of the
-    wall minus image angle; ``strip_z_mm``: rows of the flat field from the band's centre.
+    ``annuli``, one a frame, in pixels of the files; ``drift_px`` (x, y): by how much the centre of the circles of
+    constant z drifts from the outer rim to the inner; ``z_mm`` of every frame's band centre. θ of the wall is
+    image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
+    field from the band's centre.
     """
 
     grid: SurfaceGrid
@@ -46,14 +50,24 @@ class EndoscopeCalibration:
     handedness_known: bool
     travel_known: bool
     annuli: tuple[Annulus, ...]
+    drift_px: tuple[float, float]
     z_mm: Coordinates
     roll_rad: Coordinates
+    sway_rad: Coordinates
     optics: Optics
     flat: FlatField
     strip_z_mm: Coordinates
     full_scale: float
     oversample: tuple[int, int]
     taper: float
+
+    def image_angle(self, index: int, theta_rad: Coordinates) -> Coordinates:
+        """Return the angle in frame ``index`` at which the wall's ``theta_rad`` (any shape) is seen."""
+        cos, sin = self.sway_rad[index]
+        sway = cos * np.cos(theta_rad) + sin * np.sin(theta_rad)
+        ray = theta_rad - sway
+        sway = cos * np.cos(ray) + sin * np.sin(ray)
+        return np.asarray(theta_rad - sway - self.roll_rad[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +131,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     feed = _feed(logs, flat, outward_mm, nominal, acquisition, optics, parameters)
     optics = _rim(optics, acquisition, feed, notes)
     z_mm, roll_rad = _places(feed, optics, nominal, acquisition, notes)
+    origin_rad = roll_rad[0] - feed.roll_rad[0]
 
     if optics.rim_sign < 0:
         flat = FlatField(flat.log_light[::-1], flat.pattern[::-1], flat.usable[::-1])
@@ -130,8 +145,10 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
         handedness_known=True,
         travel_known=acquisition.travel != "unknown",
         annuli=settled,
+        drift_px=_drift(settled[0], feed),
         z_mm=z_mm,
         roll_rad=roll_rad,
+        sway_rad=_turned(feed.sway_rad, float(origin_rad)),
         optics=optics,
         flat=flat,
         strip_z_mm=outward_mm,
@@ -251,6 +268,26 @@ def _rim(optics: Optics, acquisition: EndoscopeAcquisition, feed: Feed, notes: l
         f"'{acquisition.outer_rim}'; one of the two is wrong, and the rim was believed."
     )
     return optics
+
+
+def _drift(annulus: Annulus, feed: Feed) -> tuple[float, float]:
+    """Return how far the centre of circles of constant z drifts from the outer rim to the inner, x and y, px.
+
+    The rims are edges of the probe and need not lie on circles of constant z. But around a wrong centre, one side
+    of the wall seems to move farther than the other, by the centre's error over the annulus' width: with enough
+    pairs that is measured better than the rims say it.
+    """
+    dx, dy = annulus.inner_x_px - annulus.outer_x_px, annulus.inner_y_px - annulus.outer_y_px
+    if np.sum(feed.trusted[1:]) < FEWEST_FOR_DRIFT or np.abs(feed.tilt).max() > MOST_TILT:
+        return dx, dy
+    error = feed.tilt * (annulus.outer_px - annulus.inner_px)
+    return dx - float(error[0]), dy - float(error[1])
+
+
+def _turned(harmonic: Coordinates, by_rad: float) -> Coordinates:
+    """Return parts of (cos θ, sin θ), (n, 2), as parts of those of θ + ``by_rad``."""
+    cos, sin = np.cos(by_rad), np.sin(by_rad)
+    return np.stack([harmonic[:, 0] * cos - harmonic[:, 1] * sin, harmonic[:, 0] * sin + harmonic[:, 1] * cos], axis=1)
 
 
 def _places(
