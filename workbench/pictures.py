@@ -7,6 +7,7 @@ A file holds ``image``, ``metadata`` (JSON) and ``curve_0``, ``curve_1``, …, i
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,9 @@ def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[
             "y_extent": [float(v) for v in picture.y_extent],
             "curves": list(picture.curves),
         }
-        arrays = {f"curve_{k}": np.asarray(curve, np.float64) for k, curve in enumerate(picture.curves.values())}
+        arrays: dict[str, Any] = {
+            f"curve_{k}": np.asarray(curve, np.float64) for k, curve in enumerate(picture.curves.values())
+        }
         np.savez_compressed(
             folder / f"{side}-{frame_label}-{picture.name}.npz",
             image=picture.image,
@@ -47,7 +50,7 @@ def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
 
     A folder that does not exist holds no pictures. Raises :class:`EndoctError` where a file cannot be read.
     """
-    found: dict[str, dict[int, list[tuple[int, Picture]]]] = {}
+    found: list[tuple[str, int, int, Picture]] = []
     for path in sorted(folder.glob("*.npz")):
         try:
             with np.load(path, allow_pickle=False) as file:
@@ -66,8 +69,9 @@ def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
             raise EndoctError(
                 f"the picture {path} cannot be read", found=str(error), remedy="run the comparison again"
             ) from error
-        found.setdefault(metadata["side"], {}).setdefault(metadata["place"], []).append((metadata["order"], picture))
-    return {
-        side: {place: tuple(p for _, p in sorted(pictures, key=lambda pair: pair[0])) for place, pictures in sorted(places.items())}
-        for side, places in sorted(found.items())
-    }
+        found.append((metadata["side"], metadata["place"], metadata["order"], picture))
+    pictures: dict[str, dict[int, tuple[Picture, ...]]] = {}
+    for side, place, _, picture in sorted(found, key=lambda entry: entry[:3]):
+        of_side = pictures.setdefault(side, {})
+        of_side[place] = (*of_side.get(place, ()), picture)
+    return pictures

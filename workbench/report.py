@@ -114,7 +114,7 @@ def _headline(findings: Findings) -> Iterator[str]:
         cards = [("Jaccard index", result["jaccard"], f"cells of {a.name} and {b.name}, on the common grid")]
         cards.append(("Dice", result["dice"], "the same cells"))
         headline = result["jaccard"]
-        for name, scores in _scored({"scores": result.get("scores", {}), "truth": result.get("truth", {})}):
+        for name, scores in _scored({"scores": result.get("scores") or {}, "truth": result.get("truth") or {}}):
             if scores["jaccard"] != headline:
                 cards.append(("Jaccard index", scores["jaccard"], name))
     else:
@@ -180,7 +180,7 @@ def _numbers(findings: Findings) -> Iterator[str]:
     result = findings.result
     if findings.aligned:
         headline = {"on the common grid": {"jaccard": result["jaccard"], "dice": result["dice"]}}
-        found = {"scores": result.get("scores", {}), "truth": result.get("truth", {})}
+        found = {"scores": result.get("scores") or {}, "truth": result.get("truth") or {}}
         scored = [row for row in _scored(found) if dict(row[1]).get("jaccard") != result["jaccard"] or len(row[1]) > 2]
         if not any(scores["jaccard"] == result["jaccard"] for _, scores in scored):
             scored = [*_scored(headline), *scored]
@@ -249,9 +249,16 @@ def _scored(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Ma
         if not isinstance(value, Mapping):
             continue
         name = f"{path} › {key_text(str(key))}" if path else key_text(str(key))
-        if isinstance(value.get("jaccard"), int | float):
-            yield name.removeprefix("scores › "), {k: v for k, v in value.items() if not isinstance(v, Mapping)}
+        if "jaccard" in value:
+            scores = {k: v for k, v in value.items() if not isinstance(v, Mapping | str)}
+            yield _where(name.removeprefix("scores › "), value), scores
         yield from _scored(value, name)
+
+
+def _where(name: str, scores: Mapping[str, Any]) -> str:
+    if "rows_of" in scores:
+        return f"on the own rows of {scores['rows_of']}, without interpolating them"
+    return "on the common grid" if name == "grid" else name
 
 
 def _unscored(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str, Any]]:

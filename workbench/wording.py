@@ -60,7 +60,9 @@ def table(rows: Iterable[Sequence[str]], header: Sequence[str] = (), *, code: Se
     )
     if not body:
         return ""
-    head = "".join(f'<th{" class=number" if k and k not in code else ""}>{escape(name)}</th>' for k, name in enumerate(header))
+    head = "".join(
+        f"<th{' class=number' if k and k not in code else ''}>{escape(name)}</th>" for k, name in enumerate(header)
+    )
     return (
         '<div class="scroll"><table>'
         + (f"<thead><tr>{head}</tr></thead>" if header else "")

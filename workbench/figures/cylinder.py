@@ -18,7 +18,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgb
 from numpy.typing import NDArray
@@ -29,8 +29,8 @@ from endoct.workbench.figures.drawing import (
     DEPTH_COLOURS,
     INTENSITY_COLOURS,
     PAGE_WIDTH_IN,
-    STYLE,
     Drawn,
+    journal_style,
     new_figure,
     robust_limits,
     save,
@@ -64,7 +64,7 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
     length_mm = grid.n_z * grid.dz_mm
     outer_mm = grid.radius_mm + float(np.percentile(depth_mm, 99.9)) + REST_MM
     beside = length_mm < 6 * outer_mm
-    with rc_context(STYLE):
+    with journal_style():
         across_in = (PAGE_WIDTH_IN / 2 if beside else PAGE_WIDTH_IN) - 0.5
         spread_mm = length_mm * math.cos(TILT_RAD) + outer_mm * math.sin(TILT_RAD)
         height_in = across_in * 2 * outer_mm / spread_mm + 0.5
@@ -72,7 +72,8 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
         panels = []
         for k, middle_deg in enumerate((90, 270)):
             axes = figure.add_subplot(*((1, 2) if beside else (2, 1)), k + 1)
-            image, extent = cast_half(coarse, depth_mm, seen_values, seen, mapping, outer_mm, math.radians(middle_deg), by_depth)
+            middle_rad = math.radians(middle_deg)
+            image, extent = cast_half(coarse, depth_mm, seen_values, seen, mapping, outer_mm, middle_rad, by_depth)
             axes.imshow(image, extent=extent, aspect=1 / math.cos(TILT_RAD), interpolation="auto")
             axes.set_title(f"({'ab'[k]}) θ from {middle_deg - 90}° to {middle_deg + 90}°", pad=2)
             axes.set_yticks([-grid.radius_mm, 0, grid.radius_mm], [f"{middle_deg + d}°" for d in (-90, 0, 90)])
@@ -80,13 +81,14 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
                 axes.set_xlabel("z at the cut (mm)")
             for spine in axes.spines.values():
                 spine.set_visible(False)
-            bar_mm = 1.0
-            axes.plot([extent[1]] * 2, [-outer_mm, bar_mm - outer_mm], color="black", linewidth=2, solid_capstyle="butt")
-            axes.annotate(f"{bar_mm:g} mm", (extent[1], -outer_mm + bar_mm / 2), xytext=(3, 0), fontsize=6.5, rotation=90,
-                          textcoords="offset points", va="center", annotation_clip=False)
+            _scale_bar(axes, extent[1], -outer_mm)
             panels.append(axes)
-        bar = figure.colorbar(mapping, ax=panels, orientation="horizontal", fraction=0.05, aspect=40, shrink=0.5, extend="both")
-        bar.set_label("wall radius − bore radius (mm)" if by_depth else "intensity (as recorded)", fontsize=7, labelpad=1)
+        bar = figure.colorbar(
+            mapping, ax=panels, orientation="horizontal", fraction=0.05, aspect=40, shrink=0.5, extend="both"
+        )
+        bar.set_label(
+            "wall radius − bore radius (mm)" if by_depth else "intensity (as recorded)", fontsize=7, labelpad=1
+        )
         path = folder / f"cylinder-{side.name}.png"
         width_in = save(figure, path)
     shape = "the wall as measured" if by_depth else "the side has no depth, so the wall is drawn at the bore's radius"
@@ -115,7 +117,7 @@ def cast_half(
     ``depth_mm``, ``values`` and ``seen`` lie on ``grid``. Flanks of cells take the colour of the depth at which a
     ray meets them where ``by_depth``, every other wall the colour of its ``values``.
     """
-    slope = np.float32(math.tan(TILT_RAD))
+    slope = math.tan(TILT_RAD)
     near_mm, far_mm = grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm
     start_mm = near_mm - outer_mm * slope
     pixel_mm = max((far_mm - start_mm) * math.cos(TILT_RAD) / PIXELS_ALONG, 2 * outer_mm / PIXELS_ACROSS)
@@ -124,7 +126,7 @@ def cast_half(
     z0 = np.linspace(start_mm, far_mm, n_along, dtype=np.float32)[np.newaxis, :]
     v = np.linspace(outer_mm, -outer_mm, n_across, dtype=np.float32)[:, np.newaxis]
     z0, v = (plane.ravel() for plane in np.broadcast_arrays(z0, v))
-    entry = np.maximum(0, (np.float32(near_mm) - z0) / slope)
+    entry: Floats = np.maximum(0, (near_mm - z0) / slope).astype(np.float32)
     image = np.zeros((z0.size, 4), np.float32)
 
     def place(index: NDArray[np.intp], w: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
@@ -162,11 +164,20 @@ def cast_half(
     return np.clip(image, 0, 1).reshape(n_across, n_along, 4), extent
 
 
+def _scale_bar(axes: Axes, x_mm: float, bottom_mm: float, length_mm: float = 1.0) -> None:
+    """Draw an upright scale bar: along z the picture is foreshortened."""
+    axes.plot([x_mm, x_mm], [bottom_mm, bottom_mm + length_mm], color="black", linewidth=2, solid_capstyle="butt")
+    axes.annotate(
+        f"{length_mm:g} mm", (x_mm, bottom_mm + length_mm / 2), xytext=(3, 0), textcoords="offset points",
+        fontsize=6.5, rotation=90, va="center", annotation_clip=False,
+    )  # fmt: skip
+
+
 def _normals(grid: SurfaceGrid, depth_mm: Floats) -> tuple[Floats, Floats]:
     """Return the wall's slopes dr/(r dθ) and dr/dz, each (n_z, n_theta), over about 0.06 mm, capped."""
     across = max(1, round(0.03 / grid.dtheta_mm))
     around = (np.roll(depth_mm, -across, axis=1) - np.roll(depth_mm, across, axis=1)) / (2 * across * grid.dtheta_mm)
-    along = np.gradient(depth_mm, grid.dz_mm, axis=0) if grid.n_z > 1 else np.zeros_like(depth_mm)
+    along: Floats = np.gradient(depth_mm, grid.dz_mm, axis=0) if grid.n_z > 1 else np.zeros_like(depth_mm)
     return (
         np.clip(around, -SLOPE_CAP, SLOPE_CAP).astype(np.float32),
         np.clip(along, -SLOPE_CAP, SLOPE_CAP).astype(np.float32),

@@ -6,11 +6,13 @@ Panels of the wall are drawn to scale: one millimetre of arc is as long as one m
 import math
 import re
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
@@ -18,7 +20,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from endoct.stitching.arrays import Mask
@@ -29,7 +31,10 @@ PAGE_WIDTH_IN = 7.2
 
 MAX_PANEL_HEIGHT_IN = 6.6
 DPI = 250
-STYLE = {
+SLACK = 1.06
+"""Figures are made so much larger, and laid out within the middle: nothing is cut off, the margin is trimmed."""
+
+_STYLE: Any = {  # Any: matplotlib types its keys as literals
     "font.size": 8.0,
     "axes.titlesize": 8.0,
     "axes.labelsize": 7.5,
@@ -67,20 +72,24 @@ class Drawn:
     width_in: float
 
 
+def journal_style() -> AbstractContextManager[None]:
+    """Return the context in which every figure is made and drawn: small type and thin lines."""
+    return rc_context(_STYLE)
+
+
 def new_figure(width_in: float, height_in: float) -> Figure:
     """Return an empty figure with a canvas of its own: no global state, safe in any thread."""
-    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="compressed")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(width_in * SLACK, height_in * SLACK), dpi=DPI)
+    figure.set_layout_engine("compressed", rect=(0.5 - 0.5 / SLACK, 0.5 - 0.5 / SLACK, 1 / SLACK, 1 / SLACK))
     return figure
 
 
 def save(figure: Figure, path: Path) -> float:
     """Write ``figure`` as PNG with its white margins trimmed; return its width in inches."""
-    canvas = figure.canvas
-    assert isinstance(canvas, FigureCanvasAgg)  # noqa: S101  (new_figure made it)
-    canvas.draw()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # type: ignore[no-untyped-call]
     # trimmed here: matplotlib's own trimming draws everything twice
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
     inked = (pixels != 255).any(axis=2)
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     margin = round(0.04 * DPI)
@@ -105,11 +114,9 @@ def panel_figure(grid: SurfaceGrid, n_panels: int, *, below_in: float = 0.9) -> 
     return figure, axes
 
 
-def wall_panel(
-    axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True, z_mm: tuple[float, float] | None = None
-) -> None:
+def wall_panel(axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True) -> None:
     """Set up ``axes`` as a panel of the wall: θ in degrees below, arc in mm above, z downwards; hatched = no data."""
-    top, bottom = z_mm or (grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm)
+    top, bottom = grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm
     arc_mm_per_degree = math.radians(1) * grid.radius_mm
     axes.set_xlim(0, 360)
     axes.set_ylim(bottom, top)
@@ -122,9 +129,14 @@ def wall_panel(
         axes.tick_params(labelleft=False)
     axes.set_title(title, pad=4)
     axes.patch.set(facecolor="#dfe6f2", edgecolor="#9aa9c4", hatch="//////", linewidth=0)
-    arc = axes.secondary_xaxis(
-        "top", functions=(lambda degrees: degrees * arc_mm_per_degree, lambda mm: mm / arc_mm_per_degree)
-    )
+
+    def arc_of(degrees: ArrayLike) -> ArrayLike:
+        return np.asarray(degrees) * arc_mm_per_degree
+
+    def degrees_of(arc_mm: ArrayLike) -> ArrayLike:
+        return np.asarray(arc_mm) / arc_mm_per_degree
+
+    arc = axes.secondary_xaxis("top", functions=(arc_of, degrees_of))
     arc.tick_params(labelsize=6, length=2, pad=1)
     arc.set_xlabel("arc (mm)", fontsize=6, labelpad=2)
     _scale_bar(axes, grid)
@@ -190,7 +202,7 @@ def colour_bar(figure: Figure, axes: Axes, image: ScalarMappable, label: str, *,
     )
     bar.set_label(label, fontsize=7, labelpad=1)
     bar.ax.tick_params(labelsize=6.5, length=2)
-    bar.outline.set_linewidth(0.5)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.5)
 
 
 def robust_limits(values: NDArray[Any], valid: Mask, low: float = 0.5, high: float = 99.5) -> tuple[float, float]:

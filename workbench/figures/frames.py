@@ -1,10 +1,10 @@
 """Single frames: as recorded with what was found in them, unrolled, and where on the wall they lie."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
@@ -15,9 +15,9 @@ from endoct.workbench.figures.drawing import (
     MAX_PANEL_HEIGHT_IN,
     PAGE_WIDTH_IN,
     PLACES,
-    STYLE,
     Drawn,
     colour_bar,
+    journal_style,
     new_figure,
     robust_limits,
     save,
@@ -33,17 +33,28 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     """Draw every picture of a side: a row for each frame, as recorded and then as it was understood."""
     if not side.pictures:
         return None
-    rows = len(side.pictures)
-    columns = max(len(pictures) for pictures in side.pictures.values())
-    with rc_context(STYLE):
-        heights = [max(_height_in(p, PAGE_WIDTH_IN / columns) for p in ps) for ps in side.pictures.values()]
-        figure = new_figure(PAGE_WIDTH_IN, sum(heights) + 0.45 * rows + 0.5)
+    frames = list(side.pictures.items())
+    most = max(len(pictures) for _, pictures in frames)
+    # B-scans are wide: a row for each frame. Images of a camera are not: a column for each.
+    down = not _is_image(frames[0][1][0])
+    rows, columns = (len(frames), most) if down else (most, len(frames))
+    width_in = PAGE_WIDTH_IN / columns
+    with journal_style():
+        cells = {
+            (k, n) if down else (n, k): (place, n, picture)
+            for k, (place, pictures) in enumerate(frames)
+            for n, picture in enumerate(pictures)
+        }
+        heights = [
+            max(_height_in(picture, width_in) for (r, _), (_, _, picture) in cells.items() if r == row)
+            for row in range(rows)
+        ]
+        figure = new_figure(PAGE_WIDTH_IN, sum(heights) + 0.5 * rows + 0.5)
         spec = figure.add_gridspec(rows, columns, height_ratios=heights)
-        for row, (place, pictures) in enumerate(side.pictures.items()):
-            for column, picture in enumerate(pictures):
-                axes = figure.add_subplot(spec[row, column])
-                show_picture(axes, picture, legend=row == rows - 1)
-                axes.set_title(f"{place_label(side, place)}\n{picture.title}" if column == 0 else picture.title, pad=3)
+        for (row, column), (place, n, picture) in cells.items():
+            axes = figure.add_subplot(spec[row, column])
+            show_picture(axes, picture, legend=place == frames[-1][0], y_label=down or column == 0)
+            axes.set_title(f"{place_label(side, place)}\n{picture.title}" if n == 0 else picture.title, pad=3)
         path = folder / f"frames-{side.name}.png"
         width_in = save(figure, path)
     names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
@@ -52,7 +63,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
         path,
         "frames",
         f"Single frames, {side.name}",
-        f"Frames at {rows} place{'s' if rows > 1 else ''} along the recording, before and after.{drawn}",
+        f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after.{drawn}",
         width_in,
     )
 
@@ -66,9 +77,9 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
     length_mm, around_mm = grid.n_z * grid.dz_mm, 2 * np.pi * grid.radius_mm
     wall_in = float(np.clip(MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 1.2, 3.4))
     height_in = max(wall_in * length_mm / around_mm, 1.2 * len(side.pictures), 1.0)
-    with rc_context(STYLE):
+    with journal_style():
         figure = new_figure(PAGE_WIDTH_IN if side.pictures else wall_in + 0.8, height_in + 1.3)
-        ratios = [wall_in, PAGE_WIDTH_IN - wall_in - 1.0] if side.pictures else [1.0]
+        ratios = [wall_in, PAGE_WIDTH_IN - wall_in] if side.pictures else [1.0]
         spec = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
         axes = figure.add_subplot(spec[0])
         wall_panel(axes, grid, f"(a) {side.name}, depth")
@@ -106,7 +117,9 @@ def show_picture(
 ) -> None:
     """Draw one picture with its curves; with equal scales where both axes have one unit of length or pixels."""
     image: NDArray[Any] = picture.image
-    (left, right), (top, bottom) = picture.x_extent, picture.y_extent
+    x_scale, x_name = _degrees_for_radians(picture.x_label)
+    left, right = (x_scale * x for x in picture.x_extent)
+    top, bottom = picture.y_extent
     half_x = (right - left) / max(1, image.shape[1] - 1) / 2
     half_y = (bottom - top) / max(1, image.shape[0] - 1) / 2
     options: dict[str, Any] = {
@@ -120,16 +133,16 @@ def show_picture(
     else:
         axes.imshow(image, **options)
     for k, (label, curve) in enumerate(picture.curves.items()):
-        axes.plot(curve[:, 0], curve[:, 1], color=CURVES[k % len(CURVES)], linewidth=0.9, label=label)
+        axes.plot(x_scale * curve[:, 0], curve[:, 1], color=CURVES[k % len(CURVES)], linewidth=0.9, label=label)
     axes.set_xlim(left - half_x, right + half_x)
     axes.set_ylim(bottom + half_y, top - half_y)
     if y_label:
         axes.set_ylabel(picture.y_label)
     if x_label:
-        axes.set_xlabel(picture.x_label)
+        axes.set_xlabel(x_name)
     else:
         axes.tick_params(labelbottom=False)
-    if unit_of(picture.x_label) in ("°", "deg") and right - left > 180:
+    if unit_of(x_name) in ("°", "deg") and right - left > 180:
         axes.set_xticks([0, 90, 180, 270, 360])
     if legend and picture.curves:
         axes.legend(
@@ -145,6 +158,12 @@ def place_label(side: SideFindings, place: int) -> str:
 
 def _last_titles(side: SideFindings) -> str:
     return " / ".join(dict.fromkeys(pictures[-1].title for pictures in side.pictures.values()))
+
+
+def _degrees_for_radians(label: str) -> tuple[float, str]:
+    if unit_of(label) == "rad":
+        return math.degrees(1), label[: label.rindex("(")] + "(°)"
+    return 1.0, label
 
 
 def _is_image(picture: Picture) -> bool:

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
-from endoct.workbench.figures.drawing import BLUE, INK, PAGE_WIDTH_IN, STYLE, VERMILION, Drawn, new_figure, save
+from endoct.workbench.figures.drawing import BLUE, INK, PAGE_WIDTH_IN, VERMILION, Drawn, journal_style, new_figure, save
 from endoct.workbench.findings import SideFindings
 
 TRUSTED_WHEN_SET = ("trusted", "reliable", "observed", "fitted", "valid")
@@ -33,7 +32,7 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
         flagged |= flags
     columns = 2 if len(varying) > 1 else 1
     rows = math.ceil(len(varying) / columns)
-    with rc_context(STYLE):
+    with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 1.05 * rows + 0.5)
         first: Axes | None = None
         for k, (name, values) in enumerate(varying.items()):
@@ -44,7 +43,8 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
         figure.supxlabel("z (mm)", fontsize=7.5)
         path = folder / f"quality-{side.name}.png"
         width_in = save(figure, path)
-    constant = [f"{name} = {_constant(v)}" for name, v in numbers.items() if name not in varying and np.isfinite(v).any()]
+    finite = {name: v[np.isfinite(v)] for name, v in numbers.items() if np.isfinite(v).any()}
+    constant = [f"{name} = {v[0]:.4g}" for name, v in finite.items() if name not in varying]
     caption = (
         f"Against each {side.panorama.frame_dim}'s z in the side's own frame. "
         + (f"Red crosses: {' or '.join(_flag_label(name) for name in suspect)}. " if flagged.any() else "")
@@ -96,7 +96,7 @@ def _numbers(side: SideFindings) -> dict[str, NDArray[np.float64]]:
 def _plot(axes: Axes, name: str, values: NDArray[np.float64], z_mm: NDArray[Any], flagged: Mask) -> None:
     label, unit = _label_and_unit(name)
     shown = np.degrees(values) if unit == "°" and "rad" in name else values
-    wraps = unit == "°" and np.nanmax(shown) - np.nanmin(shown) > 180  # an angle that runs round: no lines over the jump
+    wraps = unit == "°" and np.nanmax(shown) - np.nanmin(shown) > 180
     axes.plot(z_mm, shown, ".", color=BLUE, markersize=2.5)
     if not wraps:
         axes.plot(z_mm, shown, "-", color=BLUE, linewidth=0.5, alpha=0.5)
@@ -122,10 +122,6 @@ def _label_and_unit(name: str) -> tuple[str, str]:
 def _is_constant(values: NDArray[np.float64]) -> bool:
     finite = values[np.isfinite(values)]
     return bool(np.ptp(finite) <= 1e-9 * max(1.0, float(np.abs(finite).max())))
-
-
-def _constant(values: NDArray[np.float64]) -> str:
-    return f"{values[np.isfinite(values)][0]:.4g}"
 
 
 def _speaks_for(name: str) -> bool:

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
@@ -21,9 +20,9 @@ from endoct.workbench.figures.drawing import (
     MASK_COLOURS,
     ORANGE,
     PAPER,
-    STYLE,
     Drawn,
     colour_bar,
+    journal_style,
     letters,
     not_observed_patch,
     panel_figure,
@@ -36,7 +35,7 @@ from endoct.workbench.figures.drawing import (
 from endoct.workbench.findings import Findings, SideFindings
 
 NEITHER, BOTH, ONLY_A, ONLY_B = range(4)
-DIFFERENCE_COLOURS = ListedColormap([PAPER, INK, ORANGE, BLUE])
+DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
 
 
 def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
@@ -49,11 +48,11 @@ def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
             panels.append((f"{side.name}, depth", side, side.depth_mm, DEPTH_COLOURS, "wall radius − bore radius (mm)"))
     if not panels:
         return None
-    with rc_context(STYLE):
+    with journal_style():
         figure, axes = panel_figure(findings.grid, len(panels))
-        for k, (letter, (name, side, values, colours, unit)) in enumerate(zip(letters(len(panels)), panels, strict=True)):
+        for k, (name, side, values, colours, unit) in enumerate(panels):
             coarse, thin, valid = thinned(findings.grid, np.where(side.valid, values, np.nan), side.valid)
-            wall_panel(axes[k], findings.grid, f"{letter} {name}", first=k == 0)
+            wall_panel(axes[k], findings.grid, f"{letters(len(panels))[k]} {name}", first=k == 0)
             low, high = robust_limits(thin, valid)
             image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
             colour_bar(figure, axes[k], image, unit, extend="both")
@@ -78,24 +77,27 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
     """Draw the cells of each side and, where the sides are aligned, the difference image."""
     a, b = findings.sides
     observed = a.valid & b.valid
-    with rc_context(STYLE):
+    with journal_style():
         figure, axes = panel_figure(findings.grid, 3 if findings.aligned else 2, below_in=1.2)
         for k, (letter, side) in enumerate(zip(letters(2), (a, b), strict=True)):
             wall_panel(axes[k], findings.grid, f"{letter} cells, {side.name}", first=k == 0)
             coarse, mask, valid = thinned(findings.grid, side.mask, side.valid)
             show_surface(axes[k], coarse, mask, valid, MASK_COLOURS)
-            _legend(axes[k], [Patch(facecolor=INK, label="cell"), Patch(facecolor=PAPER, edgecolor=INK, lw=0.4, label="bone")])
+            bone = Patch(facecolor=PAPER, edgecolor=INK, linewidth=0.4, label="bone")
+            _legend(axes[k], [Patch(facecolor=INK, label="cell"), bone])
         caption = "Air cells found by each side. "
         if findings.aligned:
             wall_panel(axes[2], findings.grid, "(c) difference", first=False)
             coarse, mask_a, mask_b, seen = thinned(findings.grid, a.mask, b.mask, observed)
-            show_surface(axes[2], coarse, difference_image(mask_a, mask_b), seen, DIFFERENCE_COLOURS, 0, 3)
+            show_surface(
+                axes[2], coarse, difference_image(mask_a, mask_b), seen, ListedColormap(DIFFERENCE_COLOURS), 0, 3
+            )
             difference = difference_image(a.mask, b.mask)
             area_mm2 = findings.grid.dz_mm * findings.grid.dtheta_mm
             counts = {kind: int(((difference == kind) & observed).sum()) for kind in (BOTH, ONLY_A, ONLY_B)}
             names = {BOTH: "both", ONLY_A: f"only {a.name}", ONLY_B: f"only {b.name}"}
             handles = [
-                Patch(facecolor=DIFFERENCE_COLOURS.colors[kind], label=f"{names[kind]}, {count * area_mm2:.2f} mm²")  # type: ignore[index]
+                Patch(facecolor=DIFFERENCE_COLOURS[kind], label=f"{names[kind]}, {count * area_mm2:.2f} mm²")
                 for kind, count in counts.items()
             ]
             _legend(axes[2], [*handles, not_observed_patch()], columns=1)
@@ -128,9 +130,10 @@ def draw_alignment(findings: Findings, folder: Path) -> Drawn | None:
     observed = a.valid & b.valid
     coarse, left, right, seen = thinned(grid, _features(a), _features(b), observed)
     left, right = _scaled(left, seen), _scaled(right, seen)
-    flipped = bool(np.mean((left[seen] - left[seen].mean()) * (right[seen] - right[seen].mean())) < 0) if seen.any() else False
+    both = left[seen], right[seen]
+    flipped = seen.any() and float(np.mean((both[0] - both[0].mean()) * (both[1] - both[1].mean()))) < 0
     right = 1 - right if flipped else right
-    with rc_context(STYLE):
+    with journal_style():
         figure, axes = panel_figure(grid, 3)
         wall_panel(axes[0], grid, f"(a) {a.name} | {b.name}")
         show_surface(axes[0], coarse, np.where(_tiles(coarse), left, right), seen, "gray")
@@ -193,9 +196,7 @@ def _features(side: SideFindings) -> Image:
 
 
 def _feature_name(side: SideFindings) -> str:
-    return f"{side.name}'s " + (
-        "depth" if side.depth_mm is not None else "mask" if side.is_drawn_mask else "intensity"
-    )
+    return f"{side.name}'s " + ("depth" if side.depth_mm is not None else "mask" if side.is_drawn_mask else "intensity")
 
 
 def _scaled(values: NDArray[Any], seen: Mask) -> NDArray[Any]:
@@ -224,4 +225,3 @@ def _legend(axes: Axes, handles: list[Any] | None, *, columns: int = 2) -> None:
         axes.legend(**options)
     else:
         axes.legend(handles=handles, **options)
-
