@@ -40,6 +40,8 @@ class OctCalibration:
     slice_z_mm: float64 (n_slices,), in recording order.
     offset_x_mm, offset_y_mm, axis_depth_mm: float64 (n_slices,): the catheter's offset in the frame of its own
         rotation (A-scan 0 at angle 0), and the depth, from sample 0 and in the medium, at which ρ = 0.
+    ripple_mm: float64 (n_slices, 10): harmonics of where the face departs from the circle (uneven rotation, oblique
+        glass). The wall is delayed by the same, so it is taken off depths, not off angles.
     sines: the paper's fit, one a slice. ``bridged``: bool (n_slices,).
     background: levels of the recording.
     """
@@ -56,6 +58,7 @@ class OctCalibration:
     offset_x_mm: Coordinates
     offset_y_mm: Coordinates
     axis_depth_mm: Coordinates
+    ripple_mm: Coordinates
     sines: tuple[Sine, ...]
     bridged: Mask
     background: Background

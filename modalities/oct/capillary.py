@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.oct.lines import Points, fit_circle
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.sine import Sine, circle_distance_mm, ransac_sine
+from endoct.modalities.oct.sine import RIPPLE_HARMONICS, Sine, circle_distance_mm, ransac_sine, ripple_basis
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
 
@@ -46,7 +46,8 @@ class SliceEvidence:
 class Faces:
     """The outer face in every slice: offset of the catheter and depth of its axis, mm, and how well they fit.
 
-    All float64 (n_slices,); ``bridged`` bool; ``sines``, the paper's fit of each slice.
+    All float64 (n_slices,); ``bridged`` bool; ``sines``, the paper's fit of each slice; ``ripple_mm``, float64
+    (n_slices, 2·RIPPLE_HARMONICS − 2), see :func:`ripple_basis`.
     """
 
     x_mm: Coordinates
@@ -56,6 +57,7 @@ class Faces:
     residual_mm: Coordinates
     bridged: Mask
     sines: tuple[Sine, ...]
+    ripple_mm: Coordinates
 
     def reordered(self, order: NDArray[np.intp]) -> "Faces":
         """Return the same faces with slice ``order[i]`` in place i."""
@@ -67,6 +69,7 @@ class Faces:
             self.residual_mm[order],
             self.bridged[order],
             tuple(self.sines[i] for i in order),
+            self.ripple_mm[order],
         )
 
 
@@ -104,7 +107,11 @@ def locate_faces(
         raise _no_capillary(f"it in {np.count_nonzero(good)} of {len(slices)} slices")
     fitted = _bridge(np.where(good[:, None], fitted, np.nan))
     sines = _sines(slices, fitted, good, radius_mm, parameters)
-    return Faces(fitted[:, 0], fitted[:, 1], fitted[:, 2], fraction, residual, ~good, sines)
+    ripple = [
+        _ripple(evidence.points, circle, radius_mm, parameters) if found else np.zeros(2 * RIPPLE_HARMONICS - 2)
+        for evidence, circle, found in zip(slices, fitted, good, strict=True)
+    ]
+    return Faces(fitted[:, 0], fitted[:, 1], fitted[:, 2], fraction, residual, ~good, sines, np.asarray(ripple))
 
 
 def _axis_depth(
@@ -215,6 +222,16 @@ def _sines(
             )
         sines.append(first_order)
     return tuple(sines)
+
+
+def _ripple(points: Points, circle: Coordinates, radius_mm: float, parameters: OctParameters) -> Coordinates:
+    """Harmonics of where the face departs from the circle, by uneven rotation and oblique glass; a few µm."""
+    residual = points.depth_mm - circle[2] - circle_distance_mm(points.angle_rad, circle[0], circle[1], radius_mm)
+    weight = np.maximum(1 - (residual / (2 * parameters.face_tolerance_mm)) ** 2, 0) ** 2 * points.strength
+    basis = ripple_basis(points.angle_rad)
+    # as if a fifth of the circle's points lay on the circle, so that a face seen in part does not swing where unseen
+    normal = basis.T @ (weight[:, None] * basis) + 0.05 * max(float(weight.sum()), 1.0) * np.eye(basis.shape[1])
+    return np.asarray(np.linalg.solve(normal, basis.T @ (weight * residual)))
 
 
 def _without_outliers(circles: Coordinates) -> Coordinates:

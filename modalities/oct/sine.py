@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from endoct.stitching.arrays import Coordinates, Mask
 
 GAUSS_NEWTON_STEPS = 12
+RIPPLE_HARMONICS = 6
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,12 @@ def circle_distance_mm(angle_rad: ArrayLike, offset_x_mm: ArrayLike, offset_y_mm
     along = x * np.cos(angle) + y * np.sin(angle)
     across = x * np.sin(angle) - y * np.cos(angle)
     return np.asarray(np.sqrt(np.maximum(radius_mm**2 - across**2, 0.0)) - along)
+
+
+def ripple_basis(angle_rad: ArrayLike) -> Coordinates:
+    """Return cosine and sine of harmonics 2 to ``RIPPLE_HARMONICS`` of the angles (n,), float64 (n, 10)."""
+    harmonics = np.asarray(angle_rad, dtype=np.float64)[:, None] * np.arange(2, RIPPLE_HARMONICS + 1)
+    return np.concatenate([np.cos(harmonics), np.sin(harmonics)], axis=1)
 
 
 def ransac_sine(

@@ -67,6 +67,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         offset_x_mm=faces.x_mm,
         offset_y_mm=faces.y_mm,
         axis_depth_mm=faces.axis_depth_mm,
+        ripple_mm=faces.ripple_mm,
         sines=faces.sines,
         bridged=faces.bridged,
         background=background,

@@ -8,7 +8,7 @@ angle kept; right for the radius to first order only.
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.sine import circle_distance_mm
+from endoct.modalities.oct.sine import circle_distance_mm, ripple_basis
 from endoct.stitching.arrays import Coordinates
 
 
@@ -29,7 +29,7 @@ def face_depth_mm(calibration: OctCalibration, index: int, angle_rad: Coordinate
         return calibration.sines[index](angle_rad)
     x, y = calibration.offset_x_mm[index], calibration.offset_y_mm[index]
     distance = circle_distance_mm(angle_rad, x, y, calibration.capillary_radius_mm)
-    return np.asarray(calibration.axis_depth_mm[index] + distance)
+    return np.asarray(distance) + _depth_of_axis(calibration, index, angle_rad)
 
 
 def radius_mm(
@@ -38,7 +38,7 @@ def radius_mm(
     """Return the distance from the capillary's axis of what lies at ``depth_mm`` in the beams at ``angle_rad``."""
     if calibration.parameters.undistort == "sine":
         return np.asarray(depth_mm - calibration.sines[index](angle_rad) + calibration.capillary_radius_mm)
-    along = depth_mm - calibration.axis_depth_mm[index]
+    along = depth_mm - _depth_of_axis(calibration, index, angle_rad)
     x = calibration.offset_x_mm[index] + along * np.cos(angle_rad)
     y = calibration.offset_y_mm[index] + along * np.sin(angle_rad)
     return np.asarray(np.hypot(x, y))
@@ -55,4 +55,12 @@ def beam_of(
     x = radius * np.cos(turned) - calibration.offset_x_mm[index]
     y = radius * np.sin(turned) - calibration.offset_y_mm[index]
     angle = np.mod(np.arctan2(y, x), 2 * np.pi)
-    return angle, np.hypot(x, y) + calibration.axis_depth_mm[index]
+    # the ripple is smooth: over the few degrees that one θ spans along the radius it is that at the bore's surface
+    at_bore = beam_angles_rad(calibration, index, np.ravel(theta_rad))
+    axis = _depth_of_axis(calibration, index, at_bore).reshape(np.shape(theta_rad))
+    return angle, np.hypot(x, y) + axis
+
+
+def _depth_of_axis(calibration: OctCalibration, index: int, angle_rad: Coordinates) -> Coordinates:
+    """The depth at which ρ = 0, in every beam: the circle's, and the face's departure from the circle."""
+    return calibration.axis_depth_mm[index] + ripple_basis(angle_rad) @ calibration.ripple_mm[index]

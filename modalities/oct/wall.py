@@ -1,5 +1,6 @@
 """Where the bore wall lies in one B-scan."""
 
+import cv2
 import numpy as np
 
 from endoct.modalities.oct.calibration import Background
@@ -8,6 +9,7 @@ from endoct.stitching.arrays import Image
 
 SPECKLE_MM2 = 0.025 * 0.008  # lateral times axial resolution: how much wall gives one independent sample
 MOST_SIGMAS = 3.0
+BRIGHT_MM = (0.025, 0.03)  # along θ and depth
 LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: where the noise is all but nil, texture is not
 LEAST_THRESHOLD_SHARE = 0.2
 
@@ -80,7 +82,10 @@ def _evidence(
     evidence = np.zeros((n_theta, n_depth + 1), np.float32)
     evidence[:, :n_depth] = total[:, np.minimum(row + window, n_depth)] - total[:, :n_depth]
     evidence[:, :n_depth][~allowed] = -1e6
-    bright = np.maximum(signal, 0, out=signal)
+    # what is bright over more than a speckle before the surface speaks against it
+    columns, rows = max(1, round(BRIGHT_MM[0] / mm_per_column)) | 1, max(1, round(BRIGHT_MM[1] / mm_per_px)) | 1
+    wide = np.concatenate([signal[-columns:], signal, signal[:columns]])
+    bright = np.maximum(cv2.blur(wide, (rows, columns), borderType=cv2.BORDER_REPLICATE)[columns:-columns], 0)
     evidence[:, 1:] -= np.cumsum(bright, axis=1)
     return evidence
 
