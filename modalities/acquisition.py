@@ -80,7 +80,10 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
         return model.model_validate(dict(keys))
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the sidecar"
+        key = ".".join(str(part) for part in first["loc"])
+        said = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+        if not key:  # the keys do not fit each other
+            raise EndoctError(f"{where}: {said}", remedy="correct the keys") from None
         if first["type"] == "missing":
             about = model.model_fields[key].description if key in model.model_fields else None
             raise EndoctError(
@@ -90,7 +93,7 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
         raise EndoctError(
             f"'{key}' in {where} cannot be used",
             found=repr(first["input"]),
-            expected=first["msg"].removeprefix("Value error, ").lower().removeprefix("input should be "),
+            expected=said,
         ) from None
 
 

@@ -14,7 +14,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.comparing import Side, write_comparison
 from endoct.workbench.progress import SilentStages, Stages
-from endoct.workbench.unrolling import unroll_recording, write_volume
+from endoct.workbench.unrolling import open_side, unroll_recording, write_volume
 
 Preset = Literal["quick", "paper"]
 
@@ -39,9 +39,9 @@ def unroll(
     if output is None:
         if volume:
             raise EndoctError("a volume needs an output", remedy="name one")
-        return unroll_recording(path, modality=modality, settings=settings or {}, stages=stages).panorama
+        return unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages).panorama
     with new_output(Path(output), overwrite=overwrite) as scratch:
-        made = unroll_recording(path, modality=modality, settings=settings or {}, stages=stages)
+        made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
         save_panorama(made.panorama, scratch)
         if volume:
             write_volume(made, scratch, stages)

@@ -11,6 +11,7 @@ import numpy as np
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.masks import read_mask, score_against
 from endoct.fusion.outcome import Comparison
+from endoct.fusion.placement import check_same_bore
 from endoct.fusion.store import save_comparison
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
@@ -20,7 +21,7 @@ from endoct.workbench.inputs import digests, versions
 from endoct.workbench.pictures import save_pictures
 from endoct.workbench.progress import Stages
 from endoct.workbench.report import write_report
-from endoct.workbench.unrolling import Unrolled, unroll_recording
+from endoct.workbench.unrolling import Opened, Unrolled, open_side, unroll_recording
 
 PICTURED_PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Where along the recording frames are shown in the report."""
@@ -42,7 +43,10 @@ def write_comparison(
 
     Raises :class:`EndoctError` where a side cannot be used.
     """
-    recorded = {k: _load(side, "AB"[k], stages) for k, side in enumerate(sides) if not is_mask_image(side.path)}
+    opened = {k: _open(side) for k, side in enumerate(sides) if not is_mask_image(side.path)}
+    if len(opened) == 2:
+        check_same_bore(*(_radius_mm(opened[k]) for k in range(2)))  # before the work of unrolling is done
+    recorded = {k: _unroll(one, "AB"[k], stages) for k, one in opened.items()}
     a, b = (
         recorded[k][0]
         if k in recorded
@@ -86,10 +90,20 @@ def is_mask_image(path: Path) -> bool:
     return len(stack) == 1 and np.unique(stack[0]).size <= 2
 
 
-def _load(side: Side, label: str, stages: Stages) -> tuple[Panorama, Unrolled | None]:
+def _open(side: Side) -> Panorama | Opened:
     if is_panorama(side.path):
-        return load_panorama(side.path), None
-    made = unroll_recording(side.path, modality=side.modality, settings=side.settings, stages=stages, label=label)
+        return load_panorama(side.path)
+    return open_side(side.path, modality=side.modality, settings=side.settings)
+
+
+def _radius_mm(one: Panorama | Opened) -> float:
+    return one.grid.radius_mm if isinstance(one, Panorama) else one.stream.acquisition.bore_diameter_mm / 2
+
+
+def _unroll(one: Panorama | Opened, label: str, stages: Stages) -> tuple[Panorama, Unrolled | None]:
+    if isinstance(one, Panorama):
+        return one, None
+    made = unroll_recording(one, stages, label)
     return made.panorama, made
 
 

@@ -31,6 +31,16 @@ class Unrolled:
     calibration: Calibration
 
 
+@dataclass(frozen=True)
+class Opened:
+    """A recording that is known to be readable, with the parameters to process it with."""
+
+    path: Path
+    manifest: Manifest
+    stream: FrameStream
+    parameters: Any
+
+
 class _Watched:
     """A stream that reports how much of it has been read."""
 
@@ -51,20 +61,27 @@ class _Watched:
         return frame
 
 
-def unroll_recording(
-    path: Path, *, modality: str | None, settings: Mapping[str, Any], stages: Stages, label: str = ""
-) -> Unrolled:
-    """Survey and unroll the recording at ``path``.
+def open_side(path: Path, *, modality: str | None, settings: Mapping[str, Any]) -> Opened:
+    """Open the recording at ``path`` without unrolling it.
 
-    ``settings`` holds keys of its sidecar and of its plug-in's parameters; ``label`` tells apart the stages of
-    two recordings. Raises :class:`EndoctError` where the recording cannot be used.
+    ``settings`` holds keys of its sidecar and of its plug-in's parameters. Raises :class:`EndoctError` where the
+    recording, its sidecar or a setting cannot be used.
     """
     overrides, parameters = split(settings, manifest_for(path, modality))
     manifest, stream = open_recording(path, modality=modality, overrides=overrides)
+    return Opened(path, manifest, stream, parameters)
+
+
+def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolled:
+    """Survey, unroll and settle an opened recording.
+
+    ``label`` tells apart the stages of two recordings. Raises :class:`EndoctError` where it shows no bore wall.
+    """
+    manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
     implementation = manifest.load()
     title = f"{label} {manifest.name}".strip()
     with ThreadPoolExecutor(1) as pool:
-        inputs = pool.submit(digests, path)
+        inputs = pool.submit(digests, opened.path)
         with stages.stage(f"survey {title}") as advance:
             calibration = implementation.survey(_Watched(stream, advance), parameters)
         with stages.stage(f"unroll {title}") as advance:
@@ -94,7 +111,7 @@ def unroll_recording(
         panorama = replace(settled, provenance={**settled.provenance, "inputs": inputs.result()})
     if not panorama.valid.any():
         raise EndoctError(
-            f"nothing of the wall could be seen in {path}",
+            f"nothing of the wall could be seen in {opened.path}",
             found="no valid sample in the panorama",
             expected="a recording of a bore wall",
             remedy=" ".join(panorama.provenance.get("notes", ())) or "look at the frames",

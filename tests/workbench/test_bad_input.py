@@ -149,7 +149,7 @@ def _two_bores(t: Path) -> list[str]:
 
 def _two_masks(t: Path) -> list[str]:
     for name in "ab":
-        cv2.imwrite(str(t / f"{name}.png"), np.zeros((20, 30), np.uint8))
+        cv2.imwrite(str(t / f"{name}.png"), np.eye(20, 30, dtype=np.uint8) * 255)
     return ["compare", str(t / "a.png"), str(t / "b.png"), "-o", str(t / "out.zarr")]
 
 
