@@ -29,11 +29,11 @@ class SegmentParameters(BaseModel):
         default="relief", description="what a side with depth is thresholded on; a side without has its intensity only"
     )
     relief_floor_mm: float = Field(default=0.0, description="relief below this counts as this")
-    relief_cap_mm: float = Field(default=0.4, gt=0, description="relief above this counts as this")
-    darkness_cap: float = Field(default=2.0, gt=0, description="−log of relative intensity above this counts as this")
-    smooth_mm: float = Field(
-        default=0.015, ge=0, description="sigma of the smoothing before the threshold, around θ only"
+    relief_cap_mm: float = Field(default=0.2, gt=0, description="relief above this counts as this")
+    darkness_cap: float = Field(
+        default=1.5, gt=0, description="−log of intensity relative to the wall's above this counts as this, below 0 as 0"
     )
+    smooth_mm: float = Field(default=0.015, ge=0, description="sigma of the smoothing before the threshold")
     open_mm: float = Field(default=0.03, ge=0, description="cells narrower than twice this are removed")
     close_mm: float = Field(default=0.03, ge=0, description="gaps in cells narrower than twice this are closed")
     smallest_mm2: float = Field(default=0.01, ge=0, description="smaller cells, and holes in cells, are removed")
@@ -78,10 +78,10 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters, *, polarity: P
         of = f"wall relief, floored at {low:g} and capped at {high:g} mm"
     else:
         shown = evidence.values if polarity == "dark" else -evidence.values
-        low, high, sense = -np.inf, p.darkness_cap, polarity
+        low, high, sense = 0.0, p.darkness_cap, polarity
         sign = "−" if polarity == "dark" else "+"
-        of = f"{sign}log of intensity relative to the wall's, capped at {high:g}"
-    smooth = _smoothed(shown, evidence.valid, p.smooth_mm / evidence.column_mm)
+        of = f"{sign}log of intensity relative to the wall's, floored at 0 and capped at {high:g}"
+    smooth = _smoothed(shown, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm)
     prepared = np.clip(smooth, low, high)
     try:
         threshold = li_threshold(prepared[evidence.valid])
@@ -93,9 +93,9 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters, *, polarity: P
     return Segmentation(mask, threshold, evidence.unit, of, sense)
 
 
-def _smoothed(values: Image, valid: Mask, sigma_px: float) -> Image:
-    weight = gaussian(valid.astype(np.float32), 0, sigma_px)
-    total = gaussian(np.where(valid, values, np.float32(0)), 0, sigma_px)
+def _smoothed(values: Image, valid: Mask, rows_px: float, columns_px: float) -> Image:
+    weight = gaussian(valid.astype(np.float32), rows_px, columns_px)
+    total = gaussian(np.where(valid, values, np.float32(0)), rows_px, columns_px)
     return np.divide(total, weight, out=np.zeros_like(total), where=valid)
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from endoct.fusion.resample import column_weights, resample, row_weights
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -20,10 +19,13 @@ Kind = Literal["relief", "darkness", "mask"]
 
 MASK_MODALITY = "mask"
 WALL_HARMONICS = 2
-WALL_QUANTILE = 0.3
-"""Up to 70 % of a slice may be cells before its neighbours must say where the wall is."""
+WALL_QUANTILE = 0.25
+SECTORS = 16
 WALL_SCATTER_MM = (0.008, 0.05)
-NEIGHBOURHOOD_MM = 0.7
+NEIGHBOURHOOD_MM = 0.8
+STEADINESS_MM = 0.01
+"""How far a slice's wall typically departs from the course along z."""
+INDEPENDENT_MM_SAMPLES = 8.0
 LIGHT_SIGMA_MM = 0.7
 LIGHT_GRID_MM = 0.05
 FAINTEST = 0.02
@@ -109,27 +111,32 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
     """Return how far every sample lies behind its slice's wall, float32 (n_z, n_theta), mm, 0 where invalid.
 
     The wall of a slice is an offset and the first two harmonics of θ: a bore that wanders is off the capillary's
-    axis. It is fitted by reweighted least squares that trust what lies near or in front of the wall and not what
-    lies behind it; a second fit starts from the median of the slices within ``NEIGHBOURHOOD_MM``, so that a slice
-    that is mostly cells finds its wall where its neighbours have theirs.
+    axis. It changes slowly along z, and nothing lies in front of it, so that a slice that is mostly cells finds
+    its wall where its neighbours have theirs: the wall starts as a low quantile over sectors of θ and
+    ``NEIGHBOURHOOD_MM`` of z, and is then fitted slice by slice by reweighted least squares that trust what lies
+    near or in front of it and not what lies behind, drawn towards the course along z by ``STEADINESS_MM``.
     """
-    n_z, n_theta = depth_mm.shape
-    coarse = max(1, n_theta // 512)
-    theta_rad = 2 * np.pi / n_theta * np.arange(n_theta)
-    basis = _harmonics(theta_rad)
-    seen = valid[:, ::coarse]
-    depth = np.where(seen, depth_mm[:, ::coarse], np.nan).astype(np.float64)
-    start = np.zeros((n_z, basis.shape[1]))
-    enough = seen.sum(axis=1) >= 3 * basis.shape[1]
-    if enough.any():
-        start[enough, 0] = np.nanquantile(depth[enough], WALL_QUANTILE, axis=1)
-    first, trusted = _fit_wall(depth, basis[::coarse], start, widest_mm=0.4)
-    dz_mm = float(np.median(np.diff(z_mm))) if n_z > 1 else NEIGHBOURHOOD_MM
-    reach = max(1, round(NEIGHBOURHOOD_MM / dz_mm))
-    neighbours = median_filter(first, size=(2 * reach + 1, 1), mode="nearest")
-    second, trusted = _fit_wall(depth, basis[::coarse], neighbours, widest_mm=0.12)
-    wall = np.where((trusted > 0.15)[:, np.newaxis], second, neighbours) @ basis.T
-    return np.where(valid, depth_mm - wall, 0.0).astype(np.float32)
+    n_theta = depth_mm.shape[1]
+    step = max(1, n_theta // 512)
+    seen = valid[:, ::step]
+    basis = _harmonics(2 * np.pi / n_theta * np.arange(n_theta))
+    depth = np.where(seen, depth_mm[:, ::step], 0.0).astype(np.float64)
+    near = _nearness(z_mm)
+    wall = _first_wall(depth, seen, basis[::step], z_mm)
+    products = basis[::step, :, np.newaxis] * basis[::step, np.newaxis, :]
+    for width_mm in (0.15, 0.1, 0.07, 0.05, 0.04, 0.03, 0.03, 0.03):
+        residual = depth - wall @ basis[::step].T
+        scatter = np.clip(1.4826 * _median_size(residual, seen & (residual < 0)), *WALL_SCATTER_MM)
+        reach = np.maximum(2.5 * scatter, width_mm)[:, np.newaxis]
+        weight = seen * np.clip(1 - np.where(residual > 0, residual / reach, residual / (3 * reach)) ** 2, 0, None) ** 2
+        trust = weight.sum(axis=1)
+        course = (near * trust) @ wall / np.maximum((near * trust).sum(axis=1), 1e-9)[:, np.newaxis]
+        # neighbouring samples share their speckle: a slice holds few independent ones
+        pull = (INDEPENDENT_MM_SAMPLES * scatter**2 / STEADINESS_MM**2)[:, np.newaxis, np.newaxis] * np.eye(basis.shape[1])
+        normal = np.tensordot(weight, products, axes=1) + pull
+        target = (weight * (depth - course @ basis[::step].T)) @ basis[::step]
+        wall = course + np.linalg.solve(normal, target[:, :, np.newaxis])[:, :, 0]
+    return np.where(valid, depth_mm - wall @ basis.T, 0.0).astype(np.float32)
 
 
 def _harmonics(theta_rad: Coordinates) -> Coordinates:
@@ -137,34 +144,44 @@ def _harmonics(theta_rad: Coordinates) -> Coordinates:
     return np.stack([np.ones_like(theta_rad), *waves], axis=1)
 
 
-def _fit_wall(
-    depth_mm: Coordinates, basis: Coordinates, start: Coordinates, *, widest_mm: float
-) -> tuple[Coordinates, Coordinates]:
-    """Return (coefficients (n_z, k), share of samples trusted (n_z,)) of each slice's wall."""
-    seen = np.isfinite(depth_mm)
-    depth = np.where(seen, depth_mm, 0.0)
-    products = basis[:, :, np.newaxis] * basis[:, np.newaxis, :]
-    coefficients, width = start.copy(), widest_mm
-    weight = seen.astype(np.float64)
-    ridge = 1e-3 * np.eye(basis.shape[1])
-    for _ in range(10):
-        residual = depth - coefficients @ basis.T
-        near = np.where(seen & (residual < 0), residual, np.nan)
-        scatter = np.clip(1.4826 * _median_size(near), *WALL_SCATTER_MM)
-        reach = np.maximum(3 * scatter, width)[:, np.newaxis]
-        weight = np.where(seen, np.clip(1 - (residual / reach) ** 2, 0, None) ** 2, 0.0)
-        normal = np.tensordot(weight, products, axes=1) + ridge
-        # the ridge pulls towards the previous fit, which decides where samples do not
-        change = (weight * residual) @ basis
-        coefficients = coefficients + np.linalg.solve(normal, change[:, :, np.newaxis])[:, :, 0]
-        width *= 0.65
-    return coefficients, (weight > 0.25).sum(axis=1) / depth.shape[1]
+def _nearness(z_mm: Coordinates) -> Coordinates:
+    """Return how much each row counts for the course of the wall at each row, (n_z, n_z)."""
+    near: Coordinates = np.exp(-0.5 * ((z_mm[:, np.newaxis] - z_mm) / NEIGHBOURHOOD_MM) ** 2)
+    return near
 
 
-def _median_size(values: Coordinates) -> Coordinates:
-    empty = ~np.isfinite(values).any(axis=1)
-    filled = np.where(empty[:, np.newaxis], 0.0, values)
-    return np.asarray(np.nanmedian(np.abs(filled), axis=1), dtype=np.float64)
+def _first_wall(depth_mm: Coordinates, seen: Mask, basis: Coordinates, z_mm: Coordinates) -> Coordinates:
+    """Return coefficients (n_z, k) of a wall through low quantiles of the neighbourhood, by sectors of θ."""
+    depth = np.where(seen, depth_mm, np.nan)
+    overall = np.nanquantile(depth, WALL_QUANTILE)
+    sectors = np.array_split(np.arange(depth.shape[1]), SECTORS)
+    middles = np.stack([basis[sector].mean(axis=0) for sector in sectors])
+    wall = np.zeros((z_mm.size, basis.shape[1]))
+    for row, z in enumerate(z_mm):
+        rows = np.abs(z_mm - z) <= 1.5 * NEIGHBOURHOOD_MM
+        blocks = [depth[rows][:, sector] for sector in sectors]
+        known = np.array([np.isfinite(block).mean() > 0.2 for block in blocks])
+        levels = np.array([np.nanquantile(b, WALL_QUANTILE) if k else overall for b, k in zip(blocks, known, strict=True)])
+        wall[row] = _robust_fit(middles, levels, known)
+    return wall
+
+
+def _robust_fit(basis: Coordinates, levels: Coordinates, known: Mask) -> Coordinates:
+    """Fit ``levels``, of which some lie too far behind because their sector is all cells."""
+    fit = np.zeros(basis.shape[1])
+    fit[0] = np.quantile(levels[known], WALL_QUANTILE) if known.any() else levels[0]
+    ridge = 0.05 * np.eye(basis.shape[1])
+    for width_mm in (0.3, 0.2, 0.1, 0.06, 0.06):
+        residual = levels - basis @ fit
+        weight = known * np.where(residual > 0, np.clip(1 - (residual / width_mm) ** 2, 0, None) ** 2, 1.0)
+        fit = fit + np.linalg.solve((basis.T * weight) @ basis + ridge, (basis.T * weight) @ residual)
+    return fit
+
+
+def _median_size(values: Coordinates, where: Mask) -> Coordinates:
+    chosen = np.where(where, np.abs(values), np.nan)
+    chosen[~where.any(axis=1)] = 0.0
+    return np.asarray(np.nanmedian(chosen, axis=1), dtype=np.float64)
 
 
 def darkness(evidence: Evidence) -> Image:
