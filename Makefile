@@ -31,10 +31,10 @@ demo: $(VENV)/.ready-run
 	@echo "The report: $(CURDIR)/demo/comparison/report.html (open it in a browser)"
 
 test: $(VENV)/.ready-dev
-	$(RUN) pytest -m "not slow"
+	$(RUN) pytest -m "not slow" --numprocesses=2 --dist=loadfile
 
 test-all: $(VENV)/.ready-dev
-	$(RUN) pytest
+	$(RUN) pytest --numprocesses=2 --dist=loadfile
 
 lint: $(VENV)/.ready-dev
 	$(RUN) ruff check
