@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
-from scipy.linalg import solveh_banded
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.chain import robust_chain
 from endoct.stitching.circle import gaussian, wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.warp import Motion, refine_motion
@@ -194,8 +194,8 @@ class _Matcher:
             start = Motion.even(places[k].rows, places[k].columns)
             if not places[k].trusted:
                 return start
-            pair = k, k + step
-            return refine_motion(*(self.textures[i] for i in pair), *(self.seen[i] for i in pair), start)
+            a, b = k, k + step
+            return refine_motion(self.textures[a], self.textures[b], self.seen[a], self.seen[b], start)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             motions = list(pool.map(motion_of, range(len(places))))
@@ -266,11 +266,11 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
         typical = float(np.median(first.feed_mm[first.trusted, 0])) if first.trusted.any() else 0.0
         prior_mm = np.full(n - 1, typical)
     sigma_mm = np.maximum(relative_sigma * np.abs(prior_mm), 0.01)
-    z, z_agree = _robust_chain(
+    z, z_agree = robust_chain(
         prior_mm, sigma_mm, [(p.step, p.feed_mm[:, 0], p.trusted) for p in pairs], MEASUREMENT_MM, cyclic=False
     )
     none, even = np.zeros(n - 1), np.ones(n - 1)
-    roll, roll_agree = _robust_chain(
+    roll, roll_agree = robust_chain(
         none,
         ROLL_PRIOR_RAD * even,
         [(p.step, p.roll_rad[:, 0], p.trusted) for p in pairs],
@@ -283,7 +283,7 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
     turned = [_in_wall_angle(p.roll_rad[:, 1:], roll[: n - p.step]) for p in pairs]
     for part in (0, 1):
         links = [(p.step, t[:, part], p.trusted) for p, t in zip(pairs, turned, strict=True)]
-        sway[:, part], _ = _robust_chain(none, SWAY_PRIOR_RAD * even, links, MEASUREMENT_RAD, cyclic=False)
+        sway[:, part], _ = robust_chain(none, SWAY_PRIOR_RAD * even, links, MEASUREMENT_RAD, cyclic=False)
     moved = trusted & (np.abs(first.feed_mm[:, 0]) > 1e-6)
     tilts = first.feed_mm[moved, 1:] / first.feed_mm[moved, :1]
     begin = np.ones(1)
@@ -310,45 +310,3 @@ def _in_wall_angle(harmonic: Coordinates, roll_rad: Coordinates) -> Coordinates:
     """Return parts of (cos, sin) of a strip's θ, (n, 2), as parts of those of θ + roll."""
     cos, sin = np.cos(roll_rad), np.sin(roll_rad)
     return np.stack([harmonic[:, 0] * cos - harmonic[:, 1] * sin, harmonic[:, 0] * sin + harmonic[:, 1] * cos], axis=1)
-
-
-def _robust_chain(
-    prior: Coordinates,
-    prior_sigma: Coordinates,
-    links: list[tuple[int, Coordinates, Mask]],
-    sigma: float,
-    *,
-    cyclic: bool,
-) -> tuple[Coordinates, Mask]:
-    """Return places (n,) by least squares with Cauchy weights on the links, and which links of step 1 agree.
-
-    ``links`` are (step, place[k + step] − place[k], whether to be trusted). Iteratively reweighted; the normal
-    equations have two bands beside the diagonal. The first place is 0.
-    """
-    n = prior.size + 1
-    _, value, trusted = links[0]
-    place = np.concatenate([[0.0], np.cumsum(np.where(trusted, value, prior))])
-
-    def misfit(step: int, value: Coordinates) -> Coordinates:
-        off = np.nan_to_num(value) - (place[step:] - place[:-step])
-        return wrap_rad(off) if cyclic else off
-
-    terms = [(1, prior, 1 / prior_sigma**2)]
-    terms += [(step, value, np.where(trusted, 1 / sigma**2, 0.0)) for step, value, trusted in links]
-    for _ in range(50):
-        bands, right = np.zeros((3, n)), np.zeros(n)
-        bands[2, 0] = 1e12
-        for step, value, certainty in terms:
-            off = misfit(step, value)
-            weight = certainty / (1 + off**2 * certainty / 9)
-            bands[2, :-step] += weight
-            bands[2, step:] += weight
-            bands[2 - step, step:] -= weight
-            right[step:] += weight * off
-            right[:-step] -= weight * off
-        change = solveh_banded(bands[-min(3, n) :], right)
-        place = place + change
-        if np.abs(change).max() < 1e-7:
-            break
-    step, value, trusted = links[0]
-    return place, ~trusted | (np.abs(misfit(step, value)) <= 6 * sigma)

@@ -71,7 +71,7 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
 
 def _slope(image: Image, axis: int) -> Image:
     if axis == 1:
-        return (np.roll(image, -1, axis=1) - np.roll(image, 1, axis=1)) / 2
+        return np.asarray((np.roll(image, -1, axis=1) - np.roll(image, 1, axis=1)) / 2, dtype=np.float32)
     return np.asarray(np.gradient(image, axis=0), dtype=np.float32)
 
 

@@ -14,6 +14,7 @@ LEAST_SUPPORT = 0.25
 LARGEST_RADIUS_RATIO = 0.85
 SMALLEST_RADIUS_RATIO = 0.1
 FARTHEST_CENTRES = 0.2
+MOST_CHANGE = 0.05
 REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check that the frames show the mirror's ring"
 
 
@@ -125,10 +126,7 @@ def _nested(inner: Ring, outer: Ring) -> bool:
 
 @dataclass(frozen=True)
 class Followed:
-    """An annulus measured in one frame, and how far it can be believed.
-
-    ``residual_px``: what one rim's radius moved against the other, beyond reason where the rims were lost.
-    """
+    """An annulus measured in one frame; ``support``: contrast times coverage of its fainter rim."""
 
     annulus: Annulus
     support: float
@@ -159,29 +157,23 @@ def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool)
     one centre to the other. Only the place moves. Where a frame's rims were lost, or lie apart from its
     neighbours', the place is interpolated.
     """
-    values = np.array(
-        [
-            (f.annulus.inner_x_px, f.annulus.inner_y_px, f.annulus.inner_px)
-            + (f.annulus.outer_x_px, f.annulus.outer_y_px, f.annulus.outer_px)
-            for f in followed
-        ]
-    )
+    inner = np.array([(f.annulus.inner_x_px, f.annulus.inner_y_px, f.annulus.inner_px) for f in followed])
+    outer = np.array([(f.annulus.outer_x_px, f.annulus.outer_y_px, f.annulus.outer_px) for f in followed])
     found = np.array([f.support for f in followed]) >= LEAST_SUPPORT
-    found &= (np.abs(values[:, 2] / reference.inner_px - 1) < 0.05) & (
-        np.abs(values[:, 5] / reference.outer_px - 1) < 0.05
-    )
+    found &= np.abs(inner[:, 2] / reference.inner_px - 1) < MOST_CHANGE
+    found &= np.abs(outer[:, 2] / reference.outer_px - 1) < MOST_CHANGE
     if not found.any():
         return [reference] * len(followed), found
-    inner_x, inner_y, inner_px, outer_x, outer_y, outer_px = np.median(values[found], axis=0)
-    between = np.median(values[found, :2] - values[found, 3:5], axis=0)
+    between = np.median(inner[found, :2] - outer[found, :2], axis=0)
+    inner_px, outer_px = float(np.median(inner[found, 2])), float(np.median(outer[found, 2]))
     if given:
         inner_px, outer_px = reference.inner_px, reference.outer_px
-    place = (values[:, 3:5] + values[:, :2] - between) / 2
+    place = (outer[:, :2] + inner[:, :2] - between) / 2
     found &= ~_outlying(place, found, tolerance_px=0.01 * outer_px)
     index = np.arange(len(followed))
     x, y = (np.interp(index, index[found], place[found, axis]) for axis in (0, 1))
     return [
-        Annulus(float(a + between[0]), float(b + between[1]), float(inner_px), float(a), float(b), float(outer_px))
+        Annulus(float(a + between[0]), float(b + between[1]), inner_px, float(a), float(b), outer_px)
         for a, b in zip(x, y, strict=True)
     ], found
 

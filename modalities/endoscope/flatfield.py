@@ -7,9 +7,11 @@ follows the bright side of what is seen, and a pattern is looked for only where 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
@@ -30,7 +32,7 @@ class FlatField:
     usable: Mask
 
 
-def estimate_flat_field(logs: Image, views: float, least_transmission: float) -> FlatField:
+def estimate_flat_field(logs: NDArray[np.floating[Any]], views: float, least_transmission: float) -> FlatField:
     """Return the flat field of strips in logarithms, (n, n_rows, n_theta), NaN where not seen.
 
     ``views``: how many different places of the wall each pixel has seen; ``least_transmission``: dirt that takes
@@ -47,7 +49,7 @@ def estimate_flat_field(logs: Image, views: float, least_transmission: float) ->
     return FlatField(light + pattern, pattern, np.asarray(usable & seen))
 
 
-def _quantile(logs: Image, share: float) -> Image:
+def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:
     """Return a quantile over the strips, NaN only where none has seen anything."""
     result = np.empty(logs.shape[1:], np.float32)
     for row in range(logs.shape[1]):
@@ -73,12 +75,8 @@ def _light(typical: Image, harmonics: int) -> Image:
     weight_of_wave = np.zeros(len(basis))
     for _ in range(20):
         misfit = coarse - profile[:, None] - np.tensordot(weight_of_wave, basis, 1)
-        scale = max(
-            0.02,
-            1.48 * float(np.median(misfit[seen & (misfit > 0)], overwrite_input=True))
-            if (seen & (misfit > 0)).any()
-            else 0.0,
-        )
+        above = misfit[seen & (misfit > 0)]
+        scale = max(0.02, 1.48 * float(np.median(above))) if above.size else 0.02
         reach = np.where(misfit < 0, 1.5 * scale, 3 * scale)
         weight = np.where(seen, 1 / (1 + (misfit / reach) ** 2) ** 2, 0.0)
         flat = basis.reshape(len(basis), -1)

@@ -43,7 +43,7 @@ class EndoscopeAcquisition(Acquisition):
     )
     outer_rim: Rim | None = Field(
         default=None,
-        description="whether the annulus' outer rim shows the wall ahead (farther in, apex toward the camera) or behind",
+        description="the wall that the annulus' outer rim shows: ahead (farther in, apex toward the camera) or behind",
     )
     annulus: AnnulusKeys | None = Field(
         default=None, description="x, y, inner_px, outer_px of the mirror's ring, where finding it fails"

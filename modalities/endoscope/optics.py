@@ -10,8 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
+
+DISAGREEMENT = 0.05
 
 
 @dataclass(frozen=True)
@@ -117,3 +120,42 @@ Optics = LinearOptics | ConeOptics
 def turned(optics: Optics) -> Optics:
     """Return the same mirror with its outer rim looking the other way."""
     return replace(optics, rim_sign=-optics.rim_sign)
+
+
+def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: float, notes: list[str]) -> Optics:
+    """Return z(r) of an annulus as the sidecar has it; add a note where it contradicts itself.
+
+    Raises :class:`EndoctError` where the sidecar has neither the mirror's optics nor the visible length.
+    """
+    keys = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
+    angle, focal, distance = (getattr(acquisition, key) for key in keys)
+    sign = -1 if acquisition.outer_rim == "behind" else 1
+    length = acquisition.visible_length_mm
+    if angle is not None and focal is not None and distance is not None:
+        cone = ConeOptics(
+            inner_px,
+            outer_px,
+            float(np.deg2rad(angle)),
+            focal,
+            distance,
+            acquisition.bore_diameter_mm / 2,
+            acquisition.distortion,
+            sign,
+        )
+        if length is not None and abs(cone.visible_length_mm / length - 1) > DISAGREEMENT:
+            notes.append(
+                f"The mirror's optics let the annulus span {cone.visible_length_mm:.2f} mm, visible_length_mm says "
+                f"{length:.2f} mm; the optics were used."
+            )
+        return cone
+    missing = [key for key in keys if getattr(acquisition, key) is None]
+    if length is None:
+        raise EndoctError(
+            "the scale along the bore is not known",
+            found=f"neither visible_length_mm nor {' and '.join(missing)} in the sidecar",
+            expected="the length that the annulus spans, or all of the mirror's optics",
+            remedy="add visible_length_mm: put a scale into a bore of that diameter and read off what the ring shows",
+        )
+    if len(missing) < len(keys):
+        notes.append(f"The mirror's optics were not used, because the sidecar lacks {' and '.join(missing)}.")
+    return LinearOptics(inner_px, outer_px, length, sign)

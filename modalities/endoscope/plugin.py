@@ -9,10 +9,11 @@ import numpy as np
 
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream, Picture, Sniff, inward_positions_mm
+from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.light import brightness, log_light, saturated
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.modalities.endoscope.survey import EndoscopeCalibration, survey
+from endoct.modalities.endoscope.survey import survey
 from endoct.modalities.endoscope.unroll import means, pixel_map, sample, sample_cyclic, sample_mask
 from endoct.modalities.recording import IMAGE_SUFFIXES, ImageStack, image_files, is_tiff, open_stack
 from endoct.stitching.arrays import Coordinates, readonly
@@ -125,7 +126,7 @@ class Endoscope:
             diagnostics={"valid_fraction": float(good.mean())},
         )
 
-    def settle(self, panorama: Panorama, calibration: EndoscopeCalibration) -> Panorama:
+    def settle(self, panorama: Panorama, calibration: EndoscopeCalibration) -> Panorama:  # noqa: ARG002
         """Return the panorama as it is: an image has no depth to reconcile."""
         return panorama
 

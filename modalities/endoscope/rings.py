@@ -171,7 +171,7 @@ def describe(image: Image, ring: Ring) -> Ring:
 
 
 def _reach(image: Image) -> float:
-    return max(2.0, 0.02 * min(image.shape))
+    return max(2.0, 0.02 * float(min(image.shape)))
 
 
 def _response(image: Image, x_px: float, y_px: float, radii_px: Coordinates, rising: bool) -> tuple[Image, Mask]:

@@ -1,6 +1,5 @@
 """One pass over a recording: annulus, light, feed and roll, and from them where every frame lies on the wall."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,14 +8,15 @@ from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, FrameStream, inward_positions_mm
 from endoct.modalities.endoscope.annulus import Annulus, Followed, find_annulus, follow, settle_annuli
+from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.endoscope.optics import ConeOptics, LinearOptics, Optics, turned
+from endoct.modalities.endoscope.optics import DISAGREEMENT, Optics, stated_optics, turned
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.unroll import pixel_map, sample
 from endoct.modalities.recording import map_frames
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed, estimate_feed
 from endoct.stitching.grid import SurfaceGrid
@@ -29,45 +29,7 @@ MOST_ROWS = 96
 FEWEST_FOR_DRIFT = 5
 MOST_TILT = 0.2
 RIM_PX = 2.0
-DISAGREEMENT = 0.05
 CLIP = (-0.3, 0.3)
-
-
-@dataclass(frozen=True, eq=False)
-class EndoscopeCalibration:
-    """What a survey found; everything that unrolling a frame needs beside the frame.
-
-    ``annuli``, one a frame, in pixels of the files; ``drift_px`` (x, y): by how much the centre of the circles of
-    constant z drifts from the outer rim to the inner; ``z_mm`` of every frame's band centre. θ of the wall is
-    image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
-    field from the band's centre.
-    """
-
-    grid: SurfaceGrid
-    row_z_mm: Coordinates
-    per_frame: Mapping[str, NDArray[Any]]
-    notes: tuple[str, ...]
-    handedness_known: bool
-    travel_known: bool
-    annuli: tuple[Annulus, ...]
-    drift_px: tuple[float, float]
-    z_mm: Coordinates
-    roll_rad: Coordinates
-    sway_rad: Coordinates
-    optics: Optics
-    flat: FlatField
-    strip_z_mm: Coordinates
-    full_scale: float
-    oversample: tuple[int, int]
-    taper: float
-
-    def image_angle(self, index: int, theta_rad: Coordinates) -> Coordinates:
-        """Return the angle in frame ``index`` at which the wall's ``theta_rad`` (any shape) is seen."""
-        cos, sin = self.sway_rad[index]
-        sway = cos * np.cos(theta_rad) + sin * np.sin(theta_rad)
-        ray = theta_rad - sway
-        sway = cos * np.cos(ray) + sin * np.sin(ray)
-        return np.asarray(theta_rad - sway - self.roll_rad[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +54,8 @@ class _Look:
         image = reduced(brightness(frame.samples, self.scale), self.factor)
         followed = follow(image, self.annulus)
         place = settle_annuli([followed], self.annulus, given=True)[0][0]
-        angle = 2 * np.pi / STRIP_COLUMNS * np.arange(STRIP_COLUMNS)
-        columns, rows = pixel_map(place, self.r_px / self.factor, angle)
+        angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
+        columns, rows = pixel_map(place, self.r_px, angle)
         strip, inside = sample(image, columns, rows)
         logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
         clipped = reduced(saturated(frame.samples, self.scale).astype(np.float32), self.factor)
@@ -110,18 +72,19 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     notes: list[str] = []
     scale, factor, reference = _reference(stream, acquisition)
     annulus = reference.scaled(factor)
-    optics = _optics(acquisition, annulus, notes)
+    optics = stated_optics(acquisition, annulus.inner_px, annulus.outer_px, notes)
     margin_mm = RIM_PX * max(1, factor) * optics.mm_per_px
     half_mm = optics.visible_length_mm / 2 - margin_mm
     n_rows = int(np.clip(round((annulus.outer_px - annulus.inner_px) / factor), 8, MOST_ROWS))
     outward_mm = np.linspace(-half_mm, half_mm, n_rows)
-    look = _Look(scale, factor, reference, optics.r_px(optics.rim_sign * outward_mm))
+    look = _Look(scale, factor, reference, np.divide(optics.r_px(optics.rim_sign * outward_mm), factor))
     glimpses = list(map_frames(look, stream))
 
     annuli, found = settle_annuli([g.followed for g in glimpses], reference, given=True)
     if not found.all():
         notes.append(
-            f"The annulus could not be measured in {np.sum(~found)} of {len(found)} frames and was taken from their neighbours."
+            f"The annulus could not be measured in {np.sum(~found)} of {len(found)} frames; "
+            "its place there is that of the frames around."
         )
     logs = np.stack([g.strip for g in glimpses])
     nominal = _nominal_mm(stream, acquisition)
@@ -130,7 +93,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     )
     feed = _feed(logs, flat, outward_mm, nominal, acquisition, optics, parameters)
     optics = _rim(optics, acquisition, feed, notes)
-    z_mm, roll_rad = _places(feed, optics, nominal, acquisition, notes)
+    z_mm, roll_rad = _places(feed, optics, nominal, acquisition, parameters, notes)
     origin_rad = roll_rad[0] - feed.roll_rad[0]
 
     if optics.rim_sign < 0:
@@ -175,41 +138,6 @@ def _reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> tuple[
     return scale, factor, annuli[0].moved(float(x) - annuli[0].outer_x_px, float(y) - annuli[0].outer_y_px)
 
 
-def _optics(acquisition: EndoscopeAcquisition, annulus: Annulus, notes: list[str]) -> Optics:
-    keys = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
-    angle, focal, distance = (getattr(acquisition, key) for key in keys)
-    sign = -1 if acquisition.outer_rim == "behind" else 1
-    length = acquisition.visible_length_mm
-    if angle is not None and focal is not None and distance is not None:
-        cone = ConeOptics(
-            annulus.inner_px,
-            annulus.outer_px,
-            float(np.deg2rad(angle)),
-            focal,
-            distance,
-            acquisition.bore_diameter_mm / 2,
-            acquisition.distortion,
-            sign,
-        )
-        if length is not None and abs(cone.visible_length_mm / length - 1) > DISAGREEMENT:
-            notes.append(
-                f"The mirror's optics let the annulus span {cone.visible_length_mm:.2f} mm, visible_length_mm says "
-                f"{length:.2f} mm; the optics were used."
-            )
-        return cone
-    missing = [key for key in keys if getattr(acquisition, key) is None]
-    if length is None:
-        raise EndoctError(
-            "the scale along the bore is not known",
-            found=f"neither visible_length_mm nor {' and '.join(missing)} in the sidecar",
-            expected="the length that the annulus spans, or all of the mirror's optics",
-            remedy="add visible_length_mm: put a scale into a bore of that diameter and read off what the ring shows",
-        )
-    if len(missing) < len(keys):
-        notes.append(f"The mirror's optics were not used, because the sidecar lacks {' and '.join(missing)}.")
-    return LinearOptics(annulus.inner_px, annulus.outer_px, length, sign)
-
-
 def _nominal_mm(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Coordinates | None:
     """Return the nominal z of every frame (n,), or None where the sidecar does not say."""
     if acquisition.positions_mm is None and acquisition.pitch_mm is None:
@@ -239,7 +167,7 @@ def _feed(
     parameters: EndoscopeParameters,
 ) -> Feed:
     """Return feed in mm outward in the image (multiply by the rim's sign for z) and roll, from reduced strips."""
-    n, n_rows, n_columns = logs.shape
+    n, n_rows, _ = logs.shape
     textures = np.empty((n, n_rows, FEED_COLUMNS), np.float32)
     for k in range(n):
         texture = np.clip(logs[k].astype(np.float32) - flat.log_light, CLIP[0], CLIP[1])
@@ -260,7 +188,8 @@ def _rim(optics: Optics, acquisition: EndoscopeAcquisition, feed: Feed, notes: l
         return optics
     if acquisition.outer_rim is None:
         notes.append(
-            "The sidecar does not say which way the outer rim looks; the frames move as if it looked behind, and so it was taken."
+            "The sidecar does not say which way the outer rim looks; by the way the frames move it looks behind, "
+            "and that was used."
         )
         return turned(optics)
     notes.append(
@@ -291,7 +220,12 @@ def _turned(harmonic: Coordinates, by_rad: float) -> Coordinates:
 
 
 def _places(
-    feed: Feed, optics: Optics, nominal: Coordinates | None, acquisition: EndoscopeAcquisition, notes: list[str]
+    feed: Feed,
+    optics: Optics,
+    nominal: Coordinates | None,
+    acquisition: EndoscopeAcquisition,
+    parameters: EndoscopeParameters,
+    notes: list[str],
 ) -> tuple[Coordinates, Coordinates]:
     """Return z (0 nearest the mouth) and roll (the sidecar's θ origin there) of every frame."""
     n = feed.z_mm.size
@@ -306,12 +240,14 @@ def _places(
     if distrusted:
         fallback = "the nominal feed" if nominal is not None else "the median of the others"
         notes.append(
-            f"{distrusted} of {n - 1} pairs of neighbouring frames could not be matched; {fallback} was used there."
+            f"{distrusted} of {n - 1} pairs of neighbouring frames could not be matched; "
+            f"where the frames around them did not settle it, {fallback} was used."
         )
     z_mm = optics.rim_sign * feed.z_mm
     if nominal is not None and feed.measured:
         measured, expected = float(np.ptp(z_mm)), float(np.ptp(nominal))
-        if abs(measured / max(expected, 1e-9) - 1) > DISAGREEMENT:
+        tolerance = max(DISAGREEMENT, 2 * parameters.feed_sigma / np.sqrt(n - 1))
+        if abs(measured - expected) > tolerance * expected:
             notes.append(f"The frames span {measured:.2f} mm as measured and {expected:.2f} mm by the nominal feed.")
     z_mm = z_mm - z_mm.min()
     roll_rad = feed.roll_rad - feed.roll_rad[int(np.argmin(z_mm))] + acquisition.theta_origin_rad

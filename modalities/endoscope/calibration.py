@@ -1,0 +1,51 @@
+"""What the survey of an endoscope's recording found."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.endoscope.annulus import Annulus
+from endoct.modalities.endoscope.flatfield import FlatField
+from endoct.modalities.endoscope.optics import Optics
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.grid import SurfaceGrid
+
+
+@dataclass(frozen=True, eq=False)
+class EndoscopeCalibration:
+    """What a survey found; everything that unrolling a frame needs beside the frame.
+
+    ``annuli``, one a frame, in pixels of the files; ``drift_px`` (x, y): by how much the centre of the circles of
+    constant z drifts from the outer rim to the inner; ``z_mm`` of every frame's band centre. θ of the wall is
+    image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
+    field from the band's centre.
+    """
+
+    grid: SurfaceGrid
+    row_z_mm: Coordinates
+    per_frame: Mapping[str, NDArray[Any]]
+    notes: tuple[str, ...]
+    handedness_known: bool
+    travel_known: bool
+    annuli: tuple[Annulus, ...]
+    drift_px: tuple[float, float]
+    z_mm: Coordinates
+    roll_rad: Coordinates
+    sway_rad: Coordinates
+    optics: Optics
+    flat: FlatField
+    strip_z_mm: Coordinates
+    full_scale: float
+    oversample: tuple[int, int]
+    taper: float
+
+    def image_angle(self, index: int, theta_rad: Coordinates) -> Coordinates:
+        """Return the angle in frame ``index`` at which the wall's ``theta_rad`` (any shape) is seen."""
+        cos, sin = self.sway_rad[index]
+        sway = cos * np.cos(theta_rad) + sin * np.sin(theta_rad)
+        ray = theta_rad - sway
+        sway = cos * np.cos(ray) + sin * np.sin(ray)
+        return np.asarray(theta_rad - sway - self.roll_rad[index])
