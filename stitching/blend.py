@@ -12,9 +12,7 @@ from endoct.stitching.strip import Strip
 ROW_TOLERANCE_MM = 1e-6
 
 
-def blend(
-    strips: Iterable[Strip], grid: SurfaceGrid, row_z_mm: Coordinates
-) -> tuple[Image, Image | None, Mask, Image]:
+def blend(strips: Iterable[Strip], grid: SurfaceGrid, row_z_mm: Coordinates) -> tuple[Image, Image | None, Mask, Image]:
     """Return (intensity, depth_mm or None, valid, weight), each (n_z, n_theta), of all ``strips``.
 
     Every strip's rows must be among ``row_z_mm`` and its columns must be the grid's: plug-ins sample
