@@ -23,6 +23,7 @@ FIXED_LINE_MM = 0.005
 LEAST_PRESENCE = 0.4
 DARK_SHARE = 0.4
 STRAY_MM = 0.08
+CERTAIN_FRACTION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,8 @@ def locate_faces(
     for i, evidence in enumerate(slices):
         fitted[i], fraction[i], residual[i] = _refine(evidence, starts[i], axis_depth, radius_mm, parameters)
     good = (fraction >= parameters.least_inlier_fraction) & (np.abs(fitted[:, 2] - axis_depth) < SAME_LINE_MM)
-    good &= np.isfinite(_without_outliers(np.where(good[:, None], fitted, np.nan))[:, 0])
+    steady = np.isfinite(_without_outliers(np.where(good[:, None], fitted, np.nan))[:, 0])
+    good &= steady | (fraction > CERTAIN_FRACTION)
     if 2 * np.count_nonzero(good) < len(slices):
         raise _no_capillary(f"it in {np.count_nonzero(good)} of {len(slices)} slices")
     fitted = _bridge(np.where(good[:, None], fitted, np.nan))
@@ -235,13 +237,16 @@ def _ripple(points: Points, circle: Coordinates, radius_mm: float, parameters: O
 
 
 def _without_outliers(circles: Coordinates) -> Coordinates:
-    """Replace circles that stray from the median of their neighbours by NaN."""
+    """Replace circles that stray from both neighbours and from the median of six by NaN."""
     kept = circles.copy()
     for i in range(len(circles)):
-        around = np.concatenate([circles[max(0, i - 3) : i], circles[i + 1 : i + 4]])
-        around = around[np.isfinite(around[:, 0])]
-        if len(around) >= 2 and np.hypot(*(circles[i] - np.median(around, axis=0))[:2]) > STRAY_MM:
-            kept[i] = np.nan
+        before, after = circles[max(0, i - 3) : i], circles[i + 1 : i + 4]
+        before, after = before[np.isfinite(before[:, 0])], after[np.isfinite(after[:, 0])]
+        around = np.concatenate([before, after])
+        if len(around) >= 2:
+            typical = np.concatenate([before[-1:], after[:1], np.median(around, axis=0)[None]])
+            if np.min(np.hypot(*(typical - circles[i])[:, :2].T)) > STRAY_MM:
+                kept[i] = np.nan
     return kept
 
 

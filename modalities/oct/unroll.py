@@ -8,6 +8,7 @@ from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.projection import maximum_intensity
+from endoct.modalities.oct.trust import trusted
 from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
 from endoct.modalities.oct.wall import brightest, fill_rows, first_edge
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -21,7 +22,7 @@ class BeamProfile:
     Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced,
     its fixed rows filled; ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from
     depth sample 0 (where there is no surface: of the last sample); ``surface``, whether there is one;
-    ``intensity``, the projection; ``alive``, whether the beam shows anything beyond noise.
+    ``intensity``, the projection; ``trusted``, whether what it shows is the wall.
     """
 
     angle_rad: Coordinates
@@ -30,7 +31,7 @@ class BeamProfile:
     wall_mm: Coordinates
     surface: Mask
     intensity: Image
-    alive: Mask
+    trusted: Mask
 
 
 def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
@@ -56,7 +57,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         wall_mm=np.minimum(row, n_depth - 1) * mm,
         surface=surface,
         intensity=maximum_intensity(image, first_row),
-        alive=np.ptp(image, axis=1) > 0,
+        trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, calibration.background, mm, calibration.grid.dtheta_mm),
     )
 
 
@@ -73,7 +74,7 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     wanted = beam_angles_rad(calibration, frame.index, grid.theta_rad)
     step = 2 * np.pi / grid.n_theta
     nearest = np.round((wanted - beams.angle_rad[0]) / step).astype(np.intp) % grid.n_theta
-    valid = beams.alive & (not calibration.bridged[frame.index])
+    valid = beams.trusted & (not calibration.bridged[frame.index])
     return Strip(
         z_mm=np.array([frame.z_mm]),
         theta_rad=grid.theta_rad,
