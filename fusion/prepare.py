@@ -22,11 +22,12 @@ WALL_HARMONICS = 2
 WALL_QUANTILE = 0.25
 SECTORS = 16
 WALL_SCATTER_MM = (0.008, 0.05)
-NEIGHBOURHOOD_MM = 0.8
-STEADINESS_MM = 0.01
-"""How far a slice's wall typically departs from the course along z."""
-INDEPENDENT_MM_SAMPLES = 8.0
-LIGHT_SIGMA_MM = 0.7
+NEIGHBOURHOOD_MM = 1.2
+STEADINESS_MM = (0.003, 0.02)
+"""Bounds of how far a slice's wall departs from the course along z; how far it does is seen in slices mostly wall."""
+SAMPLES_A_SPECKLE = 8.0
+LIGHT_SIGMA_MM = 1.2
+LIGHT_WIDTHS = (1.0, 0.6, 0.4, 0.3, 0.2, 0.15, 0.15)
 LIGHT_GRID_MM = 0.05
 FAINTEST = 0.02
 """Intensity below this share of the median counts as this: the logarithm of dark noise says nothing."""
@@ -114,7 +115,8 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
     axis. It changes slowly along z, and nothing lies in front of it, so that a slice that is mostly cells finds
     its wall where its neighbours have theirs: the wall starts as a low quantile over sectors of θ and
     ``NEIGHBOURHOOD_MM`` of z, and is then fitted slice by slice by reweighted least squares that trust what lies
-    near or in front of it and not what lies behind, drawn towards the course along z by ``STEADINESS_MM``.
+    near or in front of it and not what lies behind, drawn towards the course along z the more
+    the steadier the slices that are mostly wall are.
     """
     n_theta = depth_mm.shape[1]
     step = max(1, n_theta // 512)
@@ -131,17 +133,27 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
         weight = seen * np.clip(1 - np.where(residual > 0, residual / reach, residual / (3 * reach)) ** 2, 0, None) ** 2
         trust = weight.sum(axis=1)
         course = (near * trust) @ wall / np.maximum((near * trust).sum(axis=1), 1e-9)[:, np.newaxis]
+        normal = np.tensordot(weight, products, axes=1)
+        target = ((weight * (depth - course @ basis[::step].T)) @ basis[::step])[:, :, np.newaxis]
+        alone = np.linalg.solve(normal + 1e-3 * np.eye(basis.shape[1]), target)[:, :, 0]
+        steadiness_mm = _steadiness(alone, trust / depth.shape[1])
         # neighbouring samples share their speckle: a slice holds few independent ones
-        pull = (INDEPENDENT_MM_SAMPLES * scatter**2 / STEADINESS_MM**2)[:, np.newaxis, np.newaxis] * np.eye(basis.shape[1])
-        normal = np.tensordot(weight, products, axes=1) + pull
-        target = (weight * (depth - course @ basis[::step].T)) @ basis[::step]
-        wall = course + np.linalg.solve(normal, target[:, :, np.newaxis])[:, :, 0]
+        pull = (SAMPLES_A_SPECKLE * scatter**2)[:, np.newaxis, np.newaxis] * np.diag(1 / steadiness_mm**2)
+        wall = course + np.linalg.solve(normal + pull, target)[:, :, 0]
     return np.where(valid, depth_mm - wall @ basis.T, 0.0).astype(np.float32)
 
 
 def _harmonics(theta_rad: Coordinates) -> Coordinates:
     waves = [f(k * theta_rad) for k in range(1, WALL_HARMONICS + 1) for f in (np.cos, np.sin)]
     return np.stack([np.ones_like(theta_rad), *waves], axis=1)
+
+
+def _steadiness(departures_mm: Coordinates, trusted: Coordinates) -> Coordinates:
+    """Return how far walls fitted alone depart from the course along z, by coefficient, from slices mostly wall."""
+    mostly_wall = trusted > 0.5
+    if mostly_wall.sum() < 5:
+        return np.full(departures_mm.shape[1], STEADINESS_MM[0])
+    return np.clip(1.4826 * np.median(np.abs(departures_mm[mostly_wall]), axis=0), *STEADINESS_MM)
 
 
 def _nearness(z_mm: Coordinates) -> Coordinates:
@@ -208,11 +220,17 @@ def _light(log: Evidence) -> Image:
     n_rows = max(1, int((log.z_mm[-1] - log.z_mm[0]) / max(LIGHT_GRID_MM, log.dz_mm)) + 1)
     coarse = on_grid(log, np.linspace(log.z_mm[0], log.z_mm[-1], n_rows), n_theta)
     sigmas = LIGHT_SIGMA_MM / coarse.dz_mm, LIGHT_SIGMA_MM / coarse.column_mm
-    level = np.full_like(coarse.values, np.median(coarse.values[coarse.valid]) if coarse.valid.any() else 0.0)
-    for width in (1.0, 0.6, 0.4, 0.3, 0.3):
-        residual = coarse.values - level
-        weight = (coarse.valid * np.exp(-0.5 * (residual / width) ** 2)).astype(np.float32) + np.float32(1e-6)
-        level = level + gaussian(weight * residual, *sigmas) / gaussian(weight, *sigmas)
+    seen = coarse.values[coarse.valid]
+    level = np.full_like(coarse.values, np.quantile(seen, 1 - WALL_QUANTILE) if seen.size else 0.0)
+    for width in LIGHT_WIDTHS:
+        residual = level - coarse.values  # positive: darker than the wall
+        lighter = -residual[coarse.valid & (residual < 0)]
+        scatter = 1.4826 * float(np.median(lighter)) if lighter.size else 0.0
+        reach = max(2.5 * scatter, width)
+        share = np.clip(1 - np.where(residual > 0, residual / reach, residual / (3 * reach)) ** 2, 0, None) ** 2
+        weight = (coarse.valid * share).astype(np.float32)
+        # where there is no wall in reach, the level stays
+        level = level - gaussian(weight * residual, *sigmas) / (gaussian(weight, *sigmas) + np.float32(1e-3))
     columns = column_weights(
         n_theta,
         (log.theta0_rad + 2 * np.pi / log.values.shape[1] * np.arange(log.values.shape[1])) * n_theta / (2 * np.pi),
