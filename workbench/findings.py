@@ -1,14 +1,14 @@
 """What a comparison folder holds, read back for its report."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from endoct.fusion.comparison import Comparison, load_comparison
 from endoct.modalities.contract import Picture
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
@@ -47,6 +47,15 @@ class SideFindings:
         return np.asarray(values, dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class Overlap:
+    """How far two masks agree: ``of`` what with what, ``where``, and the scores (Jaccard index, Dice, areas)."""
+
+    of: tuple[str, str]
+    where: str
+    scores: Mapping[str, float | None]
+
+
 @dataclass(frozen=True, eq=False)
 class Findings:
     """A comparison folder: ``result`` as in ``result.json``, the common grid in side A's frame, and the sides."""
@@ -57,48 +66,59 @@ class Findings:
 
     @property
     def aligned(self) -> bool:
-        """Whether the two sides could be brought onto each other; if not, nothing may be overlaid."""
+        """Whether the two sides could be brought onto each other; if not, nothing may be overlaid or scored."""
         return bool(self.result["aligned"])
+
+    @property
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """Every agreement that was scored: of the two sides where they are aligned, and with masks given as truth."""
+        return tuple(_overlaps(self.result))
 
 
 def read_findings(folder: Path) -> Findings:
     """Read what ``endoct compare`` wrote. Raises :class:`EndoctError` where ``folder`` is no whole comparison."""
     try:
         result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-        with xr.open_zarr(folder / "comparison.zarr", chunks=None) as dataset:
-            dataset.load()
-        names = tuple(str(name) for name in dataset["side"].values)
-        panoramas = [load_panorama(folder / "panoramas" / f"{name}.zarr") for name in names]
-        z_mm, theta_rad = dataset["z"].values, dataset["theta"].values
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError) as error:
         raise EndoctError(
             f"{folder} is no comparison", found=str(error), expected="a folder written by `endoct compare`"
         ) from error
+    comparison = load_comparison(folder / "comparison.zarr")
     pictures = load_pictures(folder / "pictures")
-    steps_mm = np.diff(z_mm)
-    grid = SurfaceGrid.full_circle(
-        z_mm.size,
-        theta_rad.size,
-        z0_mm=float(z_mm[0]),
-        dz_mm=float(np.median(steps_mm)) if steps_mm.size else panoramas[0].grid.dz_mm,
-        theta0_rad=float(theta_rad[0]),
-        radius_mm=panoramas[0].grid.radius_mm,
-    )
-    a, b = (
-        _side(dataset.sel(side=name), name, panorama, pictures.get(name, {}))
-        for name, panorama in zip(names, panoramas, strict=True)
-    )
-    return Findings(result, grid, (a, b))
+    a, b = (_side(comparison, k, name, folder, pictures.get(name, {})) for k, name in enumerate(comparison.sides))
+    return Findings(result, comparison.grid, (a, b))
 
 
-def _side(part: xr.Dataset, name: str, panorama: Panorama, pictures: Mapping[int, tuple[Picture, ...]]) -> SideFindings:
-    depth_mm = part["depth_mm"].values if "depth_mm" in part else None
+def _side(
+    comparison: Comparison, k: int, name: str, folder: Path, pictures: Mapping[int, tuple[Picture, ...]]
+) -> SideFindings:
+    depth_mm = comparison.depth_mm[k]
     return SideFindings(
         name=name,
-        intensity=part["intensity"].values,
-        depth_mm=depth_mm if depth_mm is not None and np.isfinite(depth_mm).any() else None,
-        mask=part["mask"].values.astype(np.bool_),
-        valid=part["valid"].values.astype(np.bool_),
-        panorama=panorama,
+        intensity=comparison.intensity[k],
+        depth_mm=depth_mm if np.isfinite(depth_mm).any() else None,
+        mask=comparison.mask[k],
+        valid=comparison.valid[k],
+        panorama=load_panorama(folder / "panoramas" / f"{name}.zarr"),
         pictures=pictures,
     )
+
+
+def _overlaps(result: Mapping[str, Any]) -> Iterator[Overlap]:
+    if result["aligned"]:
+        first, second = result["sides"]
+        scores = result.get("scores") or {}
+        yield Overlap(
+            (first, second),
+            "on the common grid",
+            {"jaccard": result["jaccard"], "dice": result["dice"]} | _numbers(scores.get("grid", {})),
+        )
+        if rows := scores.get("own_rows"):
+            yield Overlap((first, second), f"on the own rows of {rows['rows_of']}, not interpolated", _numbers(rows))
+    for path, sides in (result.get("truth") or {}).items():
+        for side, scores in sides.items():
+            yield Overlap((side, "given truth"), f"against {Path(path).name}", _numbers(scores))
+
+
+def _numbers(scores: Mapping[str, Any]) -> dict[str, float | None]:
+    return {key: value for key, value in scores.items() if value is None or isinstance(value, int | float)}

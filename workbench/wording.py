@@ -88,6 +88,8 @@ def _float_text(name: str, value: float) -> str:
         return f"{value:.4f} rad ({math.degrees(value):.2f}°)"
     if unit == "mm":
         return f"{value:.3f} mm" if abs(value) >= 0.0005 or value == 0 else f"{value:.2g} mm"
+    if unit == "mm²":
+        return f"{value:.2f} mm²"
     if any(word in name for word in SHARES):
         return f"{value:.3f}"
     return f"{value:.4g} {unit}".strip()

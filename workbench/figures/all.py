@@ -1,5 +1,6 @@
 """All figures of a comparison, in the order in which a reader wants them."""
 
+import gc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,7 +14,13 @@ from endoct.workbench.findings import Findings
 
 def draw_all(findings: Findings, folder: Path) -> list[Drawn]:
     """Draw every figure that ``findings`` have matter for into ``folder``, which must exist."""
-    return [drawn for draw in _drawings(findings, folder) if (drawn := draw()) is not None]
+    drawn = []
+    for draw in _drawings(findings, folder):
+        figure = draw()
+        gc.collect()  # a figure refers to itself in circles, and holds megabytes
+        if figure is not None:
+            drawn.append(figure)
+    return drawn
 
 
 def _drawings(findings: Findings, folder: Path) -> Iterator[Callable[[], Drawn | None]]:

@@ -5,6 +5,7 @@ Panels of the wall are drawn to scale: one millimetre of arc is as long as one m
 
 import math
 import re
+import textwrap
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -54,7 +55,8 @@ INK, PAPER = "#3a3a3a", "#f4f4f2"
 CURVES = (VERMILION, SKY, GREEN, ORANGE)
 PLACES = (PURPLE, ORANGE, BLUE)
 
-INTENSITY_COLOURS, DEPTH_COLOURS = "gray", "viridis"
+INTENSITY_COLOURS, DEPTH_COLOURS = "gray", "magma_r"
+"""Perceptually uniform both; depth runs from the pale of bone to black, so that cells are dark in every panel."""
 MASK_COLOURS = ListedColormap([PAPER, INK])
 
 
@@ -124,7 +126,7 @@ def wall_panel(axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True)
     axes.set_xticks([0, 90, 180, 270, 360])
     axes.set_xlabel("θ (°)")
     if first:
-        axes.set_ylabel("z from the mouth (mm)")
+        axes.set_ylabel("z, inward (mm)")
     else:
         axes.tick_params(labelleft=False)
     axes.set_title(title, pad=4)
@@ -223,6 +225,11 @@ def unit_of(label: str) -> str:
     """Return what stands in the last parentheses of an axis label, "" where there are none."""
     found = re.search(r"\(([^()]*)\)\s*$", label)
     return found.group(1) if found else ""
+
+
+def wrapped(text: str, width_in: float) -> str:
+    """Return ``text`` in lines that fit over a panel of ``width_in``, at the size of titles."""
+    return "\n".join(textwrap.wrap(text, max(12, round(width_in * 14))))
 
 
 def letters(count: int) -> Sequence[str]:

@@ -1,6 +1,7 @@
 """Single frames: as recorded with what was found in them, unrolled, and where on the wall they lie."""
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from endoct.workbench.figures.drawing import (
     thinned,
     unit_of,
     wall_panel,
+    wrapped,
 )
 from endoct.workbench.findings import SideFindings
 
@@ -41,20 +43,22 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     width_in = PAGE_WIDTH_IN / columns
     with journal_style():
         cells = {
-            (k, n) if down else (n, k): (place, n, picture)
+            (k, n) if down else (n, k): (place, picture)
             for k, (place, pictures) in enumerate(frames)
             for n, picture in enumerate(pictures)
         }
         heights = [
-            max(_height_in(picture, width_in) for (r, _), (_, _, picture) in cells.items() if r == row)
+            max(_height_in(picture, width_in) for (r, _), (_, picture) in cells.items() if r == row)
             for row in range(rows)
         ]
         figure = new_figure(PAGE_WIDTH_IN, sum(heights) + 0.5 * rows + 0.5)
         spec = figure.add_gridspec(rows, columns, height_ratios=heights)
-        for (row, column), (place, n, picture) in cells.items():
+        for (row, column), (place, picture) in cells.items():
             axes = figure.add_subplot(spec[row, column])
             show_picture(axes, picture, legend=place == frames[-1][0], y_label=down or column == 0)
-            axes.set_title(f"{place_label(side, place)}\n{picture.title}" if n == 0 else picture.title, pad=3)
+            # most plug-ins say in the title which frame it is; where one does not, it is said here
+            named = picture.title if re.search(r"\d", picture.title) else f"{place_label(side, place)}: {picture.title}"
+            axes.set_title(wrapped(named, width_in), pad=3)
         path = folder / f"frames-{side.name}.png"
         width_in = save(figure, path)
     names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
@@ -106,8 +110,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
         "depth",
         f"Colour-coded depth, {side.name}",
         "(a) Depth of the wall on the side's own rows and in its own frame, before any alignment: no interpolation. "
-        "Hatched: not observed."
-        + (f" Beside: {_last_titles(side)} at the lines of their colour." if side.pictures else ""),
+        "Hatched: not observed." + (" Beside: the frames at the lines of their colour." if side.pictures else ""),
         width_in,
     )
 
@@ -154,10 +157,6 @@ def place_label(side: SideFindings, place: int) -> str:
     """Return "slice 12, z = 2.40 mm": where a pictured frame lies, in the order of ascending z from 0."""
     label = f"{side.panorama.frame_dim} {place}"
     return label + (f", z = {side.frame_z_mm[place]:.2f} mm" if place < side.frame_z_mm.size else "")
-
-
-def _last_titles(side: SideFindings) -> str:
-    return " / ".join(dict.fromkeys(pictures[-1].title for pictures in side.pictures.values()))
 
 
 def _degrees_for_radians(label: str) -> tuple[float, str]:

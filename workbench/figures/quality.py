@@ -1,7 +1,6 @@
 """Per-frame quality and geometry along the bore, whatever a modality reports."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
+from endoct.stitching.circle import wrap_rad
+from endoct.workbench.doubts import doubted_frames, flag_text
 from endoct.workbench.figures.drawing import BLUE, INK, PAGE_WIDTH_IN, VERMILION, Drawn, journal_style, new_figure, save
 from endoct.workbench.findings import SideFindings
-
-TRUSTED_WHEN_SET = ("trusted", "reliable", "observed", "fitted", "valid")
-"""Flags named so (or ending so) speak for a frame; every other flag, "bridged" say, speaks against it."""
 
 UNITS = {"mm": "mm", "rad": "°", "px": "px", "hz": "Hz", "deg": "°", "s": "s"}
 MAX_COMPONENTS = 4
@@ -26,7 +24,7 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
     varying = {name: v for name, v in numbers.items() if np.isfinite(v).any() and not _is_constant(v)}
     if not varying or z_mm.size < 2:
         return None
-    suspect = not_trusted(side)
+    suspect = {name: flags for name, flags in doubted_frames(side).items() if flags.any()}
     flagged = np.zeros(z_mm.size, dtype=np.bool_)
     for flags in suspect.values():
         flagged |= flags
@@ -40,51 +38,29 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
             first = first or axes
             _plot(axes, name, values, z_mm, flagged)
             axes.tick_params(labelbottom=k + columns >= len(varying))
-        figure.supxlabel("z (mm)", fontsize=7.5)
+        figure.supxlabel("z, inward (mm)", fontsize=7.5)
         path = folder / f"quality-{side.name}.png"
         width_in = save(figure, path)
     finite = {name: v[np.isfinite(v)] for name, v in numbers.items() if np.isfinite(v).any()}
     constant = [f"{name} = {v[0]:.4g}" for name, v in finite.items() if name not in varying]
     caption = (
         f"Against each {side.panorama.frame_dim}'s z in the side's own frame. "
-        + (f"Red crosses: {' or '.join(_flag_label(name) for name in suspect)}. " if flagged.any() else "")
+        + (f"Red crosses: {' or '.join(flag_text(name) for name in suspect)}. " if flagged.any() else "")
         + (f"The same throughout: {', '.join(constant)}." if constant else "")
     )
     return Drawn(path, "quality", f"Quality per {side.panorama.frame_dim}, {side.name}", caption, width_in)
 
 
-def not_trusted(side: SideFindings) -> Mapping[str, Mask]:
-    """Return per flag that a modality reports the frames, bool (n_frames,), for which it speaks against them."""
-    found = {}
-    for name, values in side.panorama.per_frame.items():
-        if values.dtype == np.bool_ and values.ndim == 1:
-            found[name] = ~values if _speaks_for(name) else values
-    return found
-
-
-def flag_sentences(side: SideFindings) -> list[str]:
-    """Say per flag which frames it concerns: "4 of 40 slices are bridged: 3, 17–19 (z = 0.60, 3.40–3.80 mm)."."""
-    sentences = []
-    for name, flags in not_trusted(side).items():
-        if flags.any():
-            runs = _runs(np.flatnonzero(flags))
-            where = ", ".join(_span(*run) for run in runs)
-            place = ""
-            if side.frame_z_mm.size == flags.size:
-                at = [f"{side.frame_z_mm[a]:.2f}" + (f"–{side.frame_z_mm[b]:.2f}" if b > a else "") for a, b in runs]
-                place = f" (z = {', '.join(at)} mm)"
-            frame = side.panorama.frame_dim
-            verb = "is" if flags.sum() == 1 else "are"
-            sentences.append(f"{flags.sum()} of {flags.size} {frame}s {verb} {_flag_label(name)}: {where}{place}.")
-    return sentences
-
-
 def _numbers(side: SideFindings) -> dict[str, NDArray[np.float64]]:
     """Return every number per frame by name, each float64 (n_frames,); a short vector becomes its components."""
     numbers: dict[str, NDArray[np.float64]] = {}
-    place = f"{side.panorama.frame_dim}_z_mm"
+    dim = side.panorama.frame_dim
     for name, values in side.panorama.per_frame.items():
-        if name in (place, "index") or values.dtype == np.bool_ or not np.issubdtype(values.dtype, np.number):
+        if (
+            name in (f"{dim}_z_mm", f"{dim}_index")
+            or values.dtype == np.bool_
+            or not np.issubdtype(values.dtype, np.number)
+        ):
             continue
         if values.ndim == 1:
             numbers[name] = values.astype(np.float64)
@@ -95,8 +71,9 @@ def _numbers(side: SideFindings) -> dict[str, NDArray[np.float64]]:
 
 def _plot(axes: Axes, name: str, values: NDArray[np.float64], z_mm: NDArray[Any], flagged: Mask) -> None:
     label, unit = _label_and_unit(name)
-    shown = np.degrees(values) if unit == "°" and "rad" in name else values
-    wraps = unit == "°" and np.nanmax(shown) - np.nanmin(shown) > 180
+    shown = np.degrees(_around_mean(values)) if name.endswith("_rad") else values
+    # an angle that runs right round gets no lines over its jumps
+    wraps = name.endswith("_rad") and np.nanmax(shown) - np.nanmin(shown) > 300
     axes.plot(z_mm, shown, ".", color=BLUE, markersize=2.5)
     if not wraps:
         axes.plot(z_mm, shown, "-", color=BLUE, linewidth=0.5, alpha=0.5)
@@ -111,6 +88,14 @@ def _plot(axes: Axes, name: str, values: NDArray[np.float64], z_mm: NDArray[Any]
     axes.ticklabel_format(axis="y", useOffset=False)
 
 
+def _around_mean(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return angles within half a turn of their mean on the circle, so that none jumps at 0/2π without need."""
+    finite = angle_rad[np.isfinite(angle_rad)]
+    mean = float(np.angle(np.exp(1j * finite).mean()))
+    mean = mean if mean > -np.pi / 2 else mean + 2 * np.pi
+    return np.asarray(mean + wrap_rad(angle_rad - mean))
+
+
 def _label_and_unit(name: str) -> tuple[str, str]:
     base, bracket, component = name.partition("[")
     words = base.split("_")
@@ -122,22 +107,3 @@ def _label_and_unit(name: str) -> tuple[str, str]:
 def _is_constant(values: NDArray[np.float64]) -> bool:
     finite = values[np.isfinite(values)]
     return bool(np.ptp(finite) <= 1e-9 * max(1.0, float(np.abs(finite).max())))
-
-
-def _speaks_for(name: str) -> bool:
-    return name.split("_")[-1] in TRUSTED_WHEN_SET
-
-
-def _flag_label(name: str) -> str:
-    return ("not " if _speaks_for(name) else "") + name.replace("_", " ")
-
-
-def _runs(indices: NDArray[np.intp]) -> list[tuple[int, int]]:
-    breaks = np.flatnonzero(np.diff(indices) > 1)
-    starts = indices[np.r_[0, breaks + 1]]
-    ends = indices[np.r_[breaks, indices.size - 1]]
-    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
-
-
-def _span(first: int, last: int) -> str:
-    return str(first) if first == last else f"{first}–{last}"

@@ -1,0 +1,85 @@
+"""What a reader of a comparison should not rely on, in full sentences."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from endoct.stitching.arrays import Mask
+from endoct.workbench.findings import Findings, SideFindings
+
+LEAST_VALID_SHARE = 0.9
+"""Where less of the wall was observed, the report says so."""
+
+SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "ok")
+"""Flags whose names end so speak for a frame; every other flag, "bridged" say, speaks against it."""
+
+
+def doubts(findings: Findings) -> list[str]:
+    """Return everything that was not trusted: the alignment, what was not seen, frames, and the sides' own notes."""
+    return [*_on_the_whole(findings), *(sentence for side in findings.sides for sentence in _on_side(findings, side))]
+
+
+def doubted_frames(side: SideFindings) -> Mapping[str, Mask]:
+    """Return per flag that a modality reports the frames, bool (n_frames,), for which it speaks against them."""
+    flags = {name: v for name, v in side.panorama.per_frame.items() if v.dtype == np.bool_ and v.ndim == 1}
+    return {name: ~values if _speaks_for(name) else values for name, values in flags.items()}
+
+
+def flag_text(name: str) -> str:
+    """Return what it means that the flag ``name`` speaks against a frame: "bridged", "pair not trusted"."""
+    words = name.split("_")
+    return " ".join([*words[:-1], "not", words[-1]] if _speaks_for(name) else words)
+
+
+def _on_the_whole(findings: Findings) -> Iterator[str]:
+    result = findings.result
+    if not findings.aligned:
+        yield f"The two sides were not aligned: {without_stop(result.get('reason'))}."
+        return
+    if (result.get("parameters") or {}).get("compare", {}).get("force"):
+        yield "The alignment was believed because that was asked for, however little it stood out."
+    share = result.get("valid_fraction")
+    if share is not None and share < LEAST_VALID_SHARE:
+        yield f"Both sides observed only {share:.1%} of the wall over the length that they share."
+    if findings.result["jaccard"] is None:
+        yield "Neither side shows a cell where both observed the wall, so there is nothing to score."
+
+
+def _on_side(findings: Findings, side: SideFindings) -> Iterator[str]:
+    share = float(side.panorama.valid.mean())
+    if share < LEAST_VALID_SHARE:
+        yield f"{side.name}: only {share:.1%} of its own panorama is observed wall."
+    for name, frames in doubted_frames(side).items():
+        if frames.any():
+            yield f"{side.name}: {_sentence(side, flag_text(name), frames)}"
+    for note in findings.result.get("notes", {}).get(side.name, ()):
+        yield f"{side.name}: {note}"
+
+
+def without_stop(text: object) -> str:
+    """Return a sentence without its full stop, to be put into another."""
+    return str(text or "").strip().rstrip(".")
+
+
+def _sentence(side: SideFindings, what: str, frames: Mask) -> str:
+    """Return "3 of 40 slices (3, 17–18; z = 0.60, 3.40–3.60 mm): bridged."."""
+    dim = side.panorama.frame_dim
+    where = [(int(run[0]), int(run[-1])) for run in _runs(frames)]
+    said = ", ".join(_span(str(first), str(last)) for first, last in where)
+    z_mm = side.frame_z_mm
+    if z_mm.size == frames.size:
+        said += f"; z = {', '.join(_span(f'{z_mm[a]:.2f}', f'{z_mm[b]:.2f}') for a, b in where)} mm"
+    return f"{np.count_nonzero(frames)} of {frames.size} {dim}s ({said}): {what}."
+
+
+def _runs(frames: Mask) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
+    indices = np.flatnonzero(frames)
+    return np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
+
+
+def _span(first: str, last: str) -> str:
+    return first if first == last else f"{first}–{last}"
+
+
+def _speaks_for(name: str) -> bool:
+    return name.split("_")[-1] in SPEAKS_FOR
