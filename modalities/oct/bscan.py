@@ -26,7 +26,7 @@ def reduce_theta(samples: NDArray[Any], n_columns: int) -> Image:
 def sector_angles_rad(n_ascans: int, n_columns: int) -> Coordinates:
     """Return the rotation angle from A-scan 0 at the centre of each sector, float64 (n_columns,), rad."""
     width = n_ascans / n_columns
-    return (np.arange(n_columns) * width + (width - 1) / 2) * (2 * np.pi / n_ascans)
+    return np.asarray((np.arange(n_columns) * width + (width - 1) / 2) * (2 * np.pi / n_ascans), dtype=np.float64)
 
 
 def logarithmic(image: Image, intensity: str) -> Image:

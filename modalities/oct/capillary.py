@@ -157,7 +157,7 @@ def _peaks(lines: Coordinates, mm_per_px: float) -> Coordinates:
 
 def _dark_behind(
     slices: Sequence[SliceEvidence],
-    index: np.ndarray,
+    index: NDArray[np.intp],
     lines: Coordinates,
     radius_mm: float,
     gap_mm: float,
@@ -165,19 +165,23 @@ def _dark_behind(
 ) -> bool:
     """Whether darkness follows the line, and then something bright, in the recording's median profile."""
     n_px = round(2.5 * gap_mm / mm_per_px)
-    profiles = [np.nanmedian(_filled(behind(slices[i], line, radius_mm, mm_per_px, n_px)), axis=0) for i, line in zip(index, lines, strict=True)]
-    profile = np.nanmedian(_filled(np.asarray(profiles)), axis=0)
+    profiles = [
+        np.nanmedian(_filled(behind(slices[i], line, radius_mm, mm_per_px, n_px)), axis=0)
+        for i, line in zip(index, lines, strict=True)
+    ]
+    profile = np.nanmedian(_filled(np.asarray(profiles, dtype=np.float32)), axis=0)
     first, last = round(0.04 / mm_per_px), max(round(0.3 * gap_mm / mm_per_px), round(0.08 / mm_per_px))
     if profile.size <= last + 2 or not np.isfinite(profile[first:last]).all():
         return False
-    dark, bright = float(np.median(profile[first:last])), float(np.nanmax(profile[last:]))
+    darkest, dark = float(np.nanmin(profile)), float(np.median(profile[first:last]))
+    wall = float(np.nanmax(profile[last:]))
     line = float(np.nanmax(profile[: max(2, round(0.015 / mm_per_px))]))
-    return dark < line - 0.5 * max(line - np.nanmin(profile), 0) and dark < np.nanmin(profile) + DARK_SHARE * (bright - np.nanmin(profile))
+    return dark < darkest + 0.5 * (line - darkest) and dark < darkest + DARK_SHARE * (wall - darkest)
 
 
-def _filled(samples: np.ndarray) -> np.ndarray:
+def _filled(samples: Image) -> Image:
     """Columns without any sample get 0 in place of NaN, which a median could not take."""
-    return np.where(np.isfinite(samples).any(axis=0), samples, 0.0)
+    return np.where(np.isfinite(samples).any(axis=0), samples, np.float32(0))
 
 
 def _refine(

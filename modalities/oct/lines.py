@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from endoct.modalities.oct.enhance import equalise, local_threshold, wavelet_denoise
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.sine import circle_distance_mm
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates, Image, Mask
 
 MOST_LINES = 10
 POINTS_PER_COLUMN = 8
@@ -49,7 +50,7 @@ def line_points(image: Image, angle_rad: Coordinates, mm_per_px: float, paramete
 
 def _ridge(image: Image, mm_per_px: float) -> Image:
     """How much brighter than behind it, and by half its weight than before it, each sample is."""
-    near, far, half = max(2, round(0.018 / mm_per_px)), max(5, round(0.055 / mm_per_px)), max(0, round(0.004 / mm_per_px))
+    half, near, far = round(0.004 / mm_per_px), max(2, round(0.018 / mm_per_px)), max(5, round(0.055 / mm_per_px))
     n = image.shape[1]
     total = np.concatenate([np.zeros((image.shape[0], 1)), np.cumsum(image, axis=1, dtype=np.float64)], axis=1)
 
@@ -65,7 +66,13 @@ def _ridge(image: Image, mm_per_px: float) -> Image:
 
 
 def find_lines(
-    points: Points, angle_rad: Coordinates, depth_mm: float, mm_per_px: float, radius_mm: float, trials: int, rng: Generator
+    points: Points,
+    angle_rad: Coordinates,
+    depth_mm: float,
+    mm_per_px: float,
+    radius_mm: float,
+    trials: int,
+    rng: Generator,
 ) -> Coordinates:
     """Return the lines through ``points`` as circles seen from off their axis, strongest first.
 
@@ -73,8 +80,8 @@ def find_lines(
     of points on the line over all A-scans. Random sample consensus, one line after another.
     """
     step = 2 * np.pi / angle_rad.size
-    column = np.round((points.angle_rad - angle_rad[0]) / step).astype(int) % angle_rad.size
-    row = np.round(points.depth_mm / mm_per_px).astype(int)
+    column = np.round((points.angle_rad - angle_rad[0]) / step).astype(np.intp) % angle_rad.size
+    row = np.round(points.depth_mm / mm_per_px).astype(np.intp)
     n_rows = int(np.ceil(depth_mm / mm_per_px)) + 1
     evidence = np.zeros((angle_rad.size, n_rows), np.float32)
     evidence[column, np.minimum(row, n_rows - 1)] = points.strength
@@ -99,7 +106,8 @@ def find_lines(
         if support[best] < LEAST_SUPPORT:
             break
         x, y, zero = fit_circle(points, left, circles[best, :3], radius_mm, width_mm=3 * mm_per_px)
-        on = left & (np.abs(points.depth_mm - zero - circle_distance_mm(points.angle_rad, x, y, radius_mm)) < 3.5 * mm_per_px)
+        distance = circle_distance_mm(points.angle_rad, x, y, radius_mm)
+        on = left & (np.abs(points.depth_mm - zero - distance) < 3.5 * mm_per_px)
         if np.hypot(x, y) < 0.8 * radius_mm:
             found.append((x, y, zero, float(points.strength[on].sum() / angle_rad.size)))
         left &= ~on
@@ -111,7 +119,7 @@ def find_lines(
 
 def fit_circle(
     points: Points,
-    use: np.ndarray,
+    use: Mask,
     start: Coordinates,
     radius_mm: float,
     *,
@@ -133,8 +141,8 @@ def fit_circle(
         if np.count_nonzero(weight) < 6:
             break
         across = x * sine - y * cosine
-        root = np.sqrt(np.maximum(radius_mm**2 - across**2, 1e-6))
-        jacobian = np.stack([-cosine - across * sine / root, -sine + across * cosine / root, np.ones_like(angle)], axis=1)
+        slope = across / np.sqrt(np.maximum(radius_mm**2 - across**2, 1e-6))
+        jacobian = np.stack([-cosine - slope * sine, -sine + slope * cosine, np.ones_like(angle)], axis=1)
         normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-6 * np.eye(3)
         gradient = jacobian.T @ (weight * residual)
         if zero_mm is not None:
@@ -148,7 +156,7 @@ def fit_circle(
 
 
 def _circles_through_triples(
-    points: Points, column: np.ndarray, n_columns: int, radius_mm: float, trials: int, rng: Generator
+    points: Points, column: NDArray[np.intp], n_columns: int, radius_mm: float, trials: int, rng: Generator
 ) -> Coordinates:
     """Circles through three points about a third of a turn apart, float64 (n, 3): x, y, depth of the axis."""
     if points.strength.size < 30:
@@ -157,7 +165,8 @@ def _circles_through_triples(
     start = np.searchsorted(column[order], np.arange(n_columns + 1))
     first = rng.integers(0, n_columns, trials)
     third = n_columns // 3
-    columns = (first[:, None] + third * np.arange(3) + rng.integers(-third // 4, third // 4 + 1, (trials, 3))) % n_columns
+    spread = rng.integers(-third // 4, third // 4 + 1, (trials, 3))
+    columns = (first[:, None] + third * np.arange(3) + spread) % n_columns
     count = start[columns + 1] - start[columns]
     full = (count > 0).all(axis=1)
     columns, count = columns[full], count[full]

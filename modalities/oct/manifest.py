@@ -17,16 +17,16 @@ class OctAcquisition(Acquisition):
     )
     pullback_pitch_mm: float = Field(gt=0, description="pullback between two slices; the scale along the bore")
     capillary_outer_diameter_mm: float = Field(
-        gt=0, description="outer diameter of the capillary (or sheath) around the catheter: the ruler for the wall's radius"
+        gt=0, description="outer diameter of the capillary (or sheath) around the catheter; the ruler for all radii"
     )
     travel: Travel = Field(default="out", description="which way the catheter moved: out (a pullback), in or unknown")
     handedness: Handedness = Field(
-        default="unknown", description="same: A-scans run with θ; mirrored: against it; unknown: a comparison tries both"
+        default="unknown", description="same: A-scans run with θ; mirrored: against it; unknown: comparing tries both"
     )
     intensity: Literal["log", "linear"] = Field(
         default="log", description="whether samples are logarithmic (decibels) or linear; never guessed"
     )
-    db_per_count: float | None = Field(default=None, gt=0, description="decibels a count, where samples are logarithmic")
+    db_per_count: float | None = Field(default=None, gt=0, description="decibels a count, of logarithmic samples")
     scan: Literal["step", "helical"] = Field(
         default="step", description="step: pulled back between turns; helical: pulled back while turning"
     )

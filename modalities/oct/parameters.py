@@ -17,13 +17,13 @@ class OctParameters(BaseModel):
         default="edge", description="the wall is the first real edge, or the index of the maximum (Laves 2019)"
     )
     n_theta: int | None = Field(
-        default=None, ge=64, le=65536, description="columns of the panorama; at most, and by default, 2048 or the A-scans"
+        default=None, ge=64, le=65536, description="columns of the panorama; default 2048, at most the A-scans"
     )
 
     # the outer face of the capillary
-    start_amplitude_mm: float | None = Field(default=None, ge=0, description="start value A of the sine, for all slices")
-    start_phase_rad: float | None = Field(default=None, description="start value φ of the sine, for all slices")
-    start_offset_mm: float | None = Field(default=None, description="start value D of the sine: depth of the outer face")
+    start_amplitude_mm: float | None = Field(default=None, ge=0, description="start value A of the sine, all slices")
+    start_phase_rad: float | None = Field(default=None, description="start value φ of the sine, all slices")
+    start_offset_mm: float | None = Field(default=None, description="start value D of the sine, all slices")
     face_tolerance_mm: float = Field(default=0.015, gt=0, description="how far an inlier lies from the fitted face")
     ransac_trials: int = Field(default=1500, ge=50, description="sines tried for each line of a slice")
     least_inlier_fraction: float = Field(
@@ -32,7 +32,7 @@ class OctParameters(BaseModel):
     seed: int = Field(default=0, ge=0, description="of the random choice of A-scans")
 
     # enhancement before the fit
-    denoise_threshold: float = Field(default=1.0, ge=0, description="soft threshold of wavelet coefficients, in noise σ")
+    denoise_threshold: float = Field(default=1.0, ge=0, description="soft threshold of wavelets, in noise σ")
     clahe_clip_limit: float = Field(default=2.0, gt=0, description="contrast limit of the histogram equalisation")
     clahe_tile_mm: float = Field(default=0.6, gt=0, description="depth of one of its tiles")
     threshold_window_mm: float = Field(default=0.15, gt=0, description="depth of the local threshold's window")

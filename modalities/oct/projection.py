@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from endoct.modalities.oct.wall import Rows
 from endoct.stitching.arrays import Image
 
 
-def maximum_intensity(image: Image, first_row: np.ndarray) -> Image:
+def maximum_intensity(image: Image, first_row: Rows) -> Image:
     """Return the maximum of each A-scan of ``image`` (n, depth) cropped from ``first_row`` (n,) on, float32 (n,).
 
     Laves 2019, Extracting mastoid pattern: crop, then maximum intensity projection along depth.

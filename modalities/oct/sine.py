@@ -32,7 +32,9 @@ class Sine:
         return self.amplitude_mm * np.sin(self.omega * x + self.phase_rad) + self.offset_mm
 
 
-def circle_distance_mm(angle_rad: ArrayLike, offset_x_mm: ArrayLike, offset_y_mm: ArrayLike, radius_mm: float) -> Coordinates:
+def circle_distance_mm(
+    angle_rad: ArrayLike, offset_x_mm: ArrayLike, offset_y_mm: ArrayLike, radius_mm: float
+) -> Coordinates:
     """Return the length ρ(α) of a beam from a catheter at (x, y) to a circle about the axis, float64, mm.
 
     Shapes broadcast. The catheter must lie inside the circle.
@@ -65,8 +67,8 @@ def ransac_sine(
     matrix = np.stack([np.sin(x_rad[triples]), np.cos(x_rad[triples]), np.ones(triples.shape)], axis=-1)
     regular = np.abs(np.linalg.det(matrix)) > 0.1
     linear = np.linalg.solve(matrix[regular], y_mm[triples[regular], None])[..., 0]
-    first = [start.amplitude_mm * np.cos(start.phase_rad), start.amplitude_mm * np.sin(start.phase_rad), start.offset_mm]
-    linear = np.vstack([first, linear])
+    a, phi = start.amplitude_mm, start.phase_rad
+    linear = np.vstack([[a * np.cos(phi), a * np.sin(phi), start.offset_mm], linear])
     some = rng.permutation(x_rad.size)[:256]
     basis = np.stack([np.sin(x_rad[some]), np.cos(x_rad[some]), np.ones(some.size)])
     count = np.count_nonzero(np.abs(linear @ basis - y_mm[some]) < tolerance_mm, axis=1)

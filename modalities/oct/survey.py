@@ -81,7 +81,7 @@ def _examine(
     n_ascans, n_depth = frame.samples.shape
     fine = reduce_theta(frame.samples, n_theta)
     n_columns = min(SURVEY_COLUMNS, n_theta)
-    coarse = logarithmic(reduce_theta(frame.samples, n_columns), acquisition.intensity)
+    coarse = logarithmic(reduce_theta(fine, n_columns), acquisition.intensity)
     kept = np.linspace(0, n_theta, min(KEPT_ASCANS, n_theta), endpoint=False).astype(int)
     angle_rad = sector_angles_rad(n_ascans, n_columns)
     if float(np.ptp(coarse)) > 0:
@@ -147,14 +147,15 @@ def _background(
     first, last = round(0.03 / mm_per_px), round((0.03 + max(0.3 * gap_mm, 0.08)) / mm_per_px)
     n_px = max(round(2.5 * gap_mm / mm_per_px), 2 * last)
     dark, bright = [], []
-    for i in np.flatnonzero(~faces.bridged):
+    for i in map(int, np.flatnonzero(~faces.bridged)):
         circle = np.array([faces.x_mm[i], faces.y_mm[i], faces.axis_depth_mm[i]])
         filled = _with_ascans(slices[i], fill_rows(slices[i].ascans, fixed_rows))
         samples = behind(filled, circle, radius_mm, mm_per_px, n_px)
         band = samples[:, first:last]
         means = band.mean(axis=1)
         dark.append(band[means <= np.nanpercentile(means, 40)].ravel())
-        smooth = uniform_filter1d(np.nan_to_num(samples, nan=float(np.nanmin(samples))), max(1, round(0.04 / mm_per_px)), axis=1)
+        samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
+        smooth = uniform_filter1d(samples, max(1, round(0.04 / mm_per_px)), axis=1)
         bright.append(np.median(smooth[:, first:].max(axis=1)))
     noise_samples = np.concatenate(dark)
     noise_samples = noise_samples[np.isfinite(noise_samples)]

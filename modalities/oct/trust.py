@@ -4,6 +4,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.wall import Rows
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
 SURFACE_MM = 0.1
@@ -15,9 +16,7 @@ BRIGHT_SHARE = 0.5
 TAIL_SIGMAS = 1.5
 
 
-def trusted(
-    level: Image, row: np.ndarray, background: Background, mm_per_px: float, mm_per_column: float
-) -> Mask:
+def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, mm_per_column: float) -> Mask:
     """Return for every A-scan of a logarithmic B-scan (θ, depth) whether its surface at ``row`` is the wall's.
 
     Not so where a bright surface has nothing behind it while the wall elsewhere in the slice has: something opaque,
@@ -48,7 +47,7 @@ def trusted(
     return good
 
 
-def _mean(total: Coordinates, first: np.ndarray, last: np.ndarray) -> Coordinates:
+def _mean(total: Coordinates, first: Rows, last: Rows) -> Coordinates:
     """Mean over rows ``first`` to ``last`` of every A-scan, NaN where these leave the depth range."""
     n_depth = total.shape[1] - 1
     inside = (last <= n_depth) & (last > first)

@@ -32,9 +32,7 @@ def face_depth_mm(calibration: OctCalibration, index: int, angle_rad: Coordinate
     return np.asarray(distance) + _depth_of_axis(calibration, index, angle_rad)
 
 
-def radius_mm(
-    calibration: OctCalibration, index: int, angle_rad: Coordinates, depth_mm: Coordinates
-) -> Coordinates:
+def radius_mm(calibration: OctCalibration, index: int, angle_rad: Coordinates, depth_mm: Coordinates) -> Coordinates:
     """Return the distance from the capillary's axis of what lies at ``depth_mm`` in the beams at ``angle_rad``."""
     if calibration.parameters.undistort == "sine":
         return np.asarray(depth_mm - calibration.sines[index](angle_rad) + calibration.capillary_radius_mm)
@@ -63,4 +61,4 @@ def beam_of(
 
 def _depth_of_axis(calibration: OctCalibration, index: int, angle_rad: Coordinates) -> Coordinates:
     """The depth at which ρ = 0, in every beam: the circle's, and the face's departure from the circle."""
-    return calibration.axis_depth_mm[index] + ripple_basis(angle_rad) @ calibration.ripple_mm[index]
+    return np.asarray(calibration.axis_depth_mm[index] + ripple_basis(angle_rad) @ calibration.ripple_mm[index])

@@ -44,10 +44,10 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     n_depth = image.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
     level = logarithmic(image, acquisition.intensity)
+    mm_per_column = calibration.grid.dtheta_mm
     if parameters.wall == "maximum":
         row = brightest(image, first_row)
     else:
-        mm_per_column = calibration.grid.dtheta_mm
         row = first_edge(level, first_row, calibration.background, mm, mm_per_column, parameters)
     surface = row < n_depth
     return BeamProfile(
@@ -57,7 +57,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         wall_mm=np.minimum(row, n_depth - 1) * mm,
         surface=surface,
         intensity=maximum_intensity(image, first_row),
-        trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, calibration.background, mm, calibration.grid.dtheta_mm),
+        trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, calibration.background, mm, mm_per_column),
     )
 
 

@@ -2,10 +2,13 @@
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.modalities.oct.calibration import Background
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Image
+
+Rows = NDArray[np.intp]
 
 SPECKLE_MM2 = 0.025 * 0.008  # lateral times axial resolution: how much wall gives one independent sample
 MOST_SIGMAS = 3.0
@@ -28,23 +31,23 @@ def fill_rows(image: Image, rows: tuple[int, ...]) -> Image:
     return filled
 
 
-def brightest(image: Image, first_row: np.ndarray) -> np.ndarray:
+def brightest(image: Image, first_row: Rows) -> Rows:
     """Return the index of the maximum from ``first_row`` (n,) on of every A-scan of ``image`` (n, depth).
 
     Laves 2019, Extracting mastoid pattern, taken literally.
     """
     beyond = np.arange(image.shape[1]) >= first_row[:, None]
-    return np.argmax(np.where(beyond, image, -np.inf), axis=1)
+    return np.asarray(np.argmax(np.where(beyond, image, -np.inf), axis=1))
 
 
 def first_edge(
     image: Image,
-    first_row: np.ndarray,
+    first_row: Rows,
     background: Background,
     mm_per_px: float,
     mm_per_column: float,
     parameters: OctParameters,
-) -> np.ndarray:
+) -> Rows:
     """Return the row of the wall's surface in every A-scan of ``image`` (θ, depth); n_depth where there is none.
 
     A surface has darkness before it, from ``first_row`` (n_theta,) on, and brightness for ``wall_window_mm`` behind
@@ -52,13 +55,15 @@ def first_edge(
     by dynamic programming; changing depth costs evidence in proportion, but a jump (the rim of a cell) costs no
     more than ``jump_cost``. The path closes over the turn.
     """
-    evidence = _evidence(image, first_row, background, mm_per_px, mm_per_column, parameters)
-    return _best_path(evidence, parameters.slope_cost_per_mm * mm_per_px, parameters.jump_cost)
+    nearest = int(first_row.min())
+    beyond = np.ascontiguousarray(image[:, nearest:])
+    evidence = _evidence(beyond, first_row - nearest, background, mm_per_px, mm_per_column, parameters)
+    return nearest + _best_path(evidence, parameters.slope_cost_per_mm * mm_per_px, parameters.jump_cost)
 
 
 def _evidence(
     image: Image,
-    first_row: np.ndarray,
+    first_row: Rows,
     background: Background,
     mm_per_px: float,
     mm_per_column: float,
@@ -90,7 +95,7 @@ def _evidence(
     return evidence
 
 
-def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> np.ndarray:
+def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> Rows:
     """The closed path of states (columns of ``evidence``) over all rows that gathers the most evidence.
 
     One turn is extended at both ends by a quarter, so that where the path starts and ends does not matter.
