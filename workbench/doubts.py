@@ -21,7 +21,7 @@ def doubts(findings: Findings) -> list[str]:
 
 def doubted_frames(side: SideFindings) -> Mapping[str, Mask]:
     """Return per flag that a modality reports the frames, bool (n_frames,), for which it speaks against them."""
-    flags = {name: v for name, v in side.panorama.per_frame.items() if v.dtype == np.bool_ and v.ndim == 1}
+    flags = {name: v for name, v in sorted(side.panorama.per_frame.items()) if v.dtype == np.bool_ and v.ndim == 1}
     return {name: ~values if _speaks_for(name) else values for name, values in flags.items()}
 
 

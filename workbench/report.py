@@ -90,7 +90,8 @@ def _headline(findings: Findings) -> Iterator[str]:
             "corresponds to a place on the other, so the two are not scored against each other and there is no "
             "difference image. Everything below shows each side by itself.</p>\n"
         )
-    yield f'<ul class="cards">{"".join(_cards(findings))}</ul>\n'
+    if cards := "".join(_cards(findings)):
+        yield f'<ul class="cards">{cards}</ul>\n'
     yield f"<p>{escape(_conditions(findings))}</p>\n"
     count = len(doubts(findings))
     if count:
@@ -103,8 +104,9 @@ def _headline(findings: Findings) -> Iterator[str]:
 def _verdict(alignment: Mapping[str, Any]) -> str:
     said = f"Aligned with confidence {alignment['confidence']:.2f}"
     if alignment.get("correlation") and alignment.get("ratio"):
-        said += f" (correlation {alignment['correlation']:.2f}, {alignment['ratio']:.1f} times the runner-up)"
-    return said.replace("-", "−") + "."
+        correlation = f"{alignment['correlation']:.2f}".replace("-", "−")
+        said += f" (correlation {correlation}, {alignment['ratio']:.1f} times the runner-up)"
+    return said + "."
 
 
 def _placement(a: str, b: str, alignment: Mapping[str, Any]) -> str:

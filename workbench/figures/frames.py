@@ -30,6 +30,9 @@ from endoct.workbench.figures.drawing import (
 )
 from endoct.workbench.findings import SideFindings
 
+DASHES: tuple[Any, ...] = ("-", (0, (4, 4)))
+"""Every other curve is dashed, so that two that coincide are both seen."""
+
 
 def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     """Draw every picture of a side: a row for each frame, as recorded and then as it was understood."""
@@ -86,6 +89,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
         ratios = [wall_in, PAGE_WIDTH_IN - wall_in] if side.pictures else [1.0]
         spec = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
         axes = figure.add_subplot(spec[0])
+        axes.set_anchor("N")
         wall_panel(axes, grid, f"(a) {side.name}, depth")
         coarse, depth_mm, valid = thinned(grid, panorama.depth_mm, panorama.valid)
         low, high = robust_limits(depth_mm, valid)
@@ -136,7 +140,14 @@ def show_picture(
     else:
         axes.imshow(image, **options)
     for k, (label, curve) in enumerate(picture.curves.items()):
-        axes.plot(x_scale * curve[:, 0], curve[:, 1], color=CURVES[k % len(CURVES)], linewidth=0.9, label=label)
+        axes.plot(
+            x_scale * curve[:, 0],
+            curve[:, 1],
+            color=CURVES[k % len(CURVES)],
+            linewidth=0.9,
+            linestyle=DASHES[k % 2],
+            label=label,
+        )
     axes.set_xlim(left - half_x, right + half_x)
     axes.set_ylim(bottom + half_y, top - half_y)
     if y_label:

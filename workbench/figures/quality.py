@@ -55,7 +55,7 @@ def _numbers(side: SideFindings) -> dict[str, NDArray[np.float64]]:
     """Return every number per frame by name, each float64 (n_frames,); a short vector becomes its components."""
     numbers: dict[str, NDArray[np.float64]] = {}
     dim = side.panorama.frame_dim
-    for name, values in side.panorama.per_frame.items():
+    for name, values in sorted(side.panorama.per_frame.items()):  # a Zarr group keeps no order
         if (
             name in (f"{dim}_z_mm", f"{dim}_index")
             or values.dtype == np.bool_

@@ -85,7 +85,7 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
             show_surface(axes[k], coarse, mask, valid, MASK_COLOURS)
             bone = Patch(facecolor=PAPER, edgecolor=INK, linewidth=0.4, label="bone")
             _legend(axes[k], [Patch(facecolor=INK, label="cell"), bone])
-        caption = "Air cells found by each side. "
+        title, caption = "Cells", "Air cells found by each side. "
         if findings.aligned:
             wall_panel(axes[2], findings.grid, "(c) difference", first=False)
             coarse, mask_a, mask_b, seen = thinned(findings.grid, a.mask, b.mask, observed)
@@ -101,6 +101,7 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
                 for kind, count in counts.items()
             ]
             _legend(axes[2], [*handles, not_observed_patch()], columns=1)
+            title = "Cells, and where the two differ"
             caption += (
                 f"(c) A cell for both, for one only, or for neither (light); scored only where both sides observed "
                 f"the wall, {observed.mean():.1%} of the grid."
@@ -109,7 +110,7 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
             caption += "No difference image: the two sides could not be aligned."
         path = folder / "masks.png"
         width_in = save(figure, path)
-    return Drawn(path, "masks", "Cells, and where the two differ", caption, width_in)
+    return Drawn(path, "masks", title, caption, width_in)
 
 
 def difference_image(a: Mask, b: Mask) -> NDArray[np.uint8]:

@@ -1,0 +1,306 @@
+"""The report says what result.json says, shows what there is, and needs nothing but itself."""
+
+import base64
+import hashlib
+import html
+import io
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from endoct.fusion.comparison import Comparison, save_comparison
+from endoct.modalities.contract import Picture
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import save_panorama
+from endoct.workbench.pictures import load_pictures, save_pictures
+from endoct.workbench.report import write_report
+
+GRID = SurfaceGrid.full_circle(60, 256, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)
+FRAME_Z_MM = 0.2 * np.arange(15)
+BRIDGED = (3, 8, 9)
+LARGEST_PAGE_BYTES = 8_000_000
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What one side of a mock comparison has."""
+
+    name: str
+    depth: bool = True
+    drawn: bool = False
+
+
+def write_comparison(folder: Path, a: Kind, b: Kind, *, aligned: bool = True, **changed: Any) -> dict[str, Any]:
+    """Write what ``endoct compare`` leaves for the report; return the result."""
+    rng = np.random.default_rng(1)
+    theta, z = np.meshgrid(GRID.theta_rad, GRID.z_mm)
+    cells = np.hypot(1.25 * (theta - 2.0), z - 1.5) < 0.5
+    cells |= np.hypot(1.25 * (np.mod(theta + np.pi, 2 * np.pi) - np.pi), z - 0.7) < 0.3  # over the seam
+    valid = np.ones((2, *GRID.shape), np.bool_)
+    valid[0, :6], valid[1, 40:43] = False, False
+    depth_mm = np.where(cells, 0.6, 0.0).astype(np.float32) + rng.normal(0, 0.01, GRID.shape).astype(np.float32)
+    intensity = np.where(cells, 40, 150).astype(np.float32) + rng.normal(0, 5, GRID.shape).astype(np.float32)
+    mask = np.stack([cells, np.roll(cells, 2, axis=1)]) & valid
+    depths = np.stack([np.where(valid[k] & side.depth, depth_mm, np.nan) for k, side in enumerate((a, b))])
+    seen = valid.all(axis=0)
+    both, either = (mask.all(axis=0) & seen).sum(), (mask.any(axis=0) & seen).sum()
+    jaccard = float(both / either)
+    names = (a.name, b.name)
+    folder.mkdir(parents=True)
+    intensities = np.stack([mask[k] if side.drawn else intensity for k, side in enumerate((a, b))])
+    save_comparison(
+        Comparison(GRID, names, intensities, depths, mask, valid, None, None, {}), folder / "comparison.zarr"
+    )
+    for k, side in enumerate((a, b)):
+        save_panorama(_panorama(side, intensities[k], depths[k], valid[k]), folder / "panoramas" / f"{side.name}.zarr")
+        if not side.drawn:
+            save_pictures(folder / "pictures", side.name, "0007", _pictures())
+    scores = {"jaccard": jaccard, "dice": 2 * jaccard / (1 + jaccard), "both_mm2": 1.25, "only_a_mm2": 0.1}
+    result = {
+        "sides": list(names),
+        "aligned": aligned,
+        "reason": None if aligned else "The best place is only 1.1 times as good as the runner-up.",
+        "alignment": {
+            "theta_shift_rad": 1.5, "z_shift_mm": -0.4321, "z_scale": 1.0123, "mirrored": True, "z_reversed": False,
+            "confidence": 0.629, "correlation": 0.934, "ratio": 3.06,
+        }
+        if aligned
+        else None,
+        "jaccard": jaccard if aligned else None,
+        "dice": scores["dice"] if aligned else None,
+        "threshold": {a.name: {"value": 0.4123, "unit": "1", "of": "darkness <capped>"}},
+        "scores": {"grid": scores, "own_rows": {**scores, "rows_of": b.name, "jaccard": 0.8765}} if aligned else None,
+        "valid_fraction": 0.943,
+        "overlap_mm": 2.7,
+        "notes": {a.name: [], b.name: ["Depth rows 92–93 hold fixed lines & were interpolated."]},
+        "versions": {"endoct": "0.1.0", "numpy": "2.4.0"},
+        "inputs": {"specimen/oct/pullback.tif": "cd" * 32},
+        "parameters": {"compare": {"n_theta": 2048, "odd": "<script>alert(1)</script>"}},
+        "seconds": {"align": 1.25, "write": 0.5},
+        **changed,
+    }  # fmt: skip
+    (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    return result
+
+
+def _panorama(side: Kind, intensity: Any, depth_mm: Any, valid: Any) -> Panorama:
+    per_frame = {
+        "slice_z_mm": FRAME_Z_MM,
+        "slice_index": np.arange(15),
+        "residual_mm": 0.004 + 0.001 * np.sin(FRAME_Z_MM),
+        "phase_rad": np.mod(6.2 + 0.02 * np.arange(15), 2 * np.pi),
+        "omega": np.ones(15),
+        "bridged": np.isin(np.arange(15), BRIDGED),
+        "pair_trusted": np.ones(15, np.bool_),
+    }
+    return Panorama(
+        GRID, GRID.z_mm, intensity, depth_mm if side.depth else None, valid, valid.astype(np.float32),
+        "mask" if side.drawn else side.name.split("-")[0], True, True, "slice", {} if side.drawn else per_frame,
+    )  # fmt: skip
+
+
+def _pictures() -> tuple[Picture, ...]:
+    angle = np.linspace(0, 6.2, 100)
+    curve = np.stack([angle, 1 + 0.2 * np.sin(angle)], axis=1)
+    curve[10:20] = np.nan
+    noise = np.random.default_rng(2).random((50, 100)).astype(np.float32)
+    labels = {"x_label": "rotation (rad)", "y_label": "depth (mm)", "x_extent": (0.0, 6.2), "y_extent": (0.0, 2.5)}
+    return (
+        Picture("raw", "B-scan as recorded", noise, **labels, curves={"outer face": curve}),
+        Picture("flat", "B-scan undistorted", noise, **labels, curves={}),
+    )
+
+
+class _Page(HTMLParser):
+    """Collects what a page loads and what it says."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.source = page.read_text(encoding="utf-8")
+        self.tags: list[str] = []
+        self.images: list[str] = []
+        self.links: list[str] = []
+        self.said: list[str] = []
+        self.feed(self.source)
+        self.text = re.sub(r"\s+", " ", " ".join(self.said))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        values = dict(attrs)
+        if tag == "img":
+            self.images.append(values["src"] or "")
+        self.links += [value for key, value in attrs if key in ("href", "src", "srcset", "data") and value]
+
+    def handle_data(self, data: str) -> None:
+        if self.tags[-1:] != ["style"]:
+            self.said.append(data)
+
+
+Made = tuple[Path, dict[str, Any], _Page]
+
+
+@pytest.fixture(scope="module")
+def make(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
+    def made(*sides: Kind, **changed: Any) -> Made:
+        folder = tmp_path_factory.mktemp("report") / "comparison"
+        result = write_comparison(folder, *sides, **changed)
+        return folder, result, _Page(write_report(folder))
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def aligned(make: Callable[..., Made]) -> Made:
+    return make(Kind("endoscope", depth=False), Kind("oct"))
+
+
+@pytest.fixture(scope="module")
+def unaligned(make: Callable[..., Made]) -> Made:
+    return make(Kind("endoscope", depth=False), Kind("oct"), aligned=False)
+
+
+def test_the_headline_says_what_the_result_says(aligned: Made) -> None:
+    _, result, page = aligned
+    headline = page.text[: page.text.index("Panoramas")]
+    assert f"{result['jaccard']:.3f}" in headline
+    assert f"{result['dice']:.3f}" in headline
+    assert f"{0.8765:.3f} cells of endoscope and oct, on the own rows of oct, not interpolated" in headline
+    assert "Aligned with confidence 0.63 (correlation 0.93, 3.1 times the runner-up)" in headline
+    assert "turned by 85.94° and shifted by −0.432 mm" in headline
+    assert "scaled by 1.0123; mirrored in θ." in headline
+    assert "94.3%" in headline
+    assert "60 × 256 samples (z × θ), 50 µm along the bore" in headline
+    assert "Cells of endoscope: darkness <capped>, above 0.412." in headline
+
+
+def test_an_unaligned_comparison_says_so_and_shows_no_score(unaligned: Made) -> None:
+    folder, _, page = unaligned
+    assert "Not aligned: the two sides could not be brought onto each other." in page.text
+    assert "The best place is only 1.1 times as good as the runner-up. Without an alignment" in page.text
+    assert "Jaccard" not in page.text
+    assert "Dice" not in page.text
+    shown = {path.stem for path in (folder / "figures").iterdir()}
+    assert shown >= {"panoramas", "masks", "depth-oct", "frames-oct", "frames-endoscope", "cylinder-oct", "quality-oct"}
+    assert "alignment" not in shown
+
+
+def test_the_page_needs_no_network_and_no_script(aligned: Made) -> None:
+    _, _, page = aligned
+    assert {"script", "link", "iframe", "object", "base"}.isdisjoint(page.tags)
+    assert all(link.startswith(("data:image/webp;base64,", "#")) for link in page.links)
+    style = page.source[page.source.index("<style>") : page.source.index("</style>")]
+    assert "url(" not in style
+    assert "@import" not in style
+    assert len(page.source.encode()) < LARGEST_PAGE_BYTES
+
+
+def test_every_figure_is_embedded_and_lies_beside_the_page(aligned: Made) -> None:
+    folder, _, page = aligned
+    files = list((folder / "figures").iterdir())
+    assert {path.stem for path in files} == {
+        "panoramas", "masks", "alignment", "depth-oct", "frames-endoscope", "frames-oct", "cylinder-oct",
+        "quality-endoscope", "quality-oct",
+    }  # fmt: skip
+    assert len(page.images) == len(files)
+    for source in page.images:
+        image = Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2])))
+        image.load()
+        assert np.asarray(image).std() > 1
+    for path in files:
+        with Image.open(path) as image:
+            assert image.size[0] > 800
+            assert image.info["dpi"] == pytest.approx((250, 250), abs=0.1)
+            pixels = np.asarray(image)
+        for edge in (pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]):
+            assert (edge == 255).all(), f"{path.name} is cut off"
+
+
+def test_the_report_says_what_was_not_trusted(aligned: Made) -> None:
+    _, _, page = aligned
+    said = page.text[page.text.index("What was not trusted") :]
+    assert "oct: 3 of 15 slices (3, 8–9; z = 0.60, 1.60–1.80 mm): bridged." in said
+    assert "oct: Depth rows 92–93 hold fixed lines & were interpolated." in said
+    assert "pair" not in said[: said.index("How it was made")]
+    assert "3 things were not trusted" in page.text
+
+
+def test_little_observed_wall_is_not_trusted(make: Callable[..., Made]) -> None:
+    _, _, page = make(Kind("oct-1"), Kind("oct-2"), valid_fraction=0.41, jaccard=None, dice=None, scores=None)
+    assert "Both sides observed only 41.0% of the wall" in page.text
+    assert "Neither side shows a cell" in page.text
+    assert "cylinder-oct-1.png" in page.text
+    assert "cylinder-oct-2.png" in page.text
+
+
+def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made]) -> None:
+    folder, result, page = make(
+        Kind("mask", depth=False, drawn=True),
+        Kind("endoscope", depth=False),
+        truth={"truth/cells.png": {"endoscope": {"jaccard": 0.8125, "dice": 0.8965, "both_mm2": 1.0}}},
+    )
+    shown = {path.stem for path in (folder / "figures").iterdir()}
+    assert {"panoramas", "masks", "alignment", "cylinder-endoscope"} <= shown
+    assert not any(name.startswith("depth") or name.endswith("-mask") for name in shown)
+    assert "endoscope and given truth, against cells.png" in page.text
+    assert "0.812" in page.text
+    assert f"{result['jaccard']:.3f}" in page.text
+
+
+def test_texts_are_escaped(aligned: Made) -> None:
+    _, _, page = aligned
+    assert "<script>alert(1)</script>" in page.text
+    assert html.escape("<script>alert(1)</script>") in page.source
+
+
+def test_only_figures_and_page_are_written_and_again_the_same(aligned: Made) -> None:
+    folder, _, _ = aligned
+
+    def digests() -> dict[str, str]:
+        return {
+            str(path.relative_to(folder.parent)): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in folder.parent.rglob("*")
+            if path.is_file()
+        }
+
+    first = digests()
+    write_report(folder)
+    assert digests() == first
+    written = {name.split("/")[1] for name in first}
+    assert written == {"comparison.zarr", "panoramas", "pictures", "result.json", "figures", "report.html"}
+
+
+def test_what_is_no_comparison_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match="no comparison"):
+        write_report(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_are_read_as_they_were_written(tmp_path: Path) -> None:
+    written = _pictures()
+    save_pictures(tmp_path, "oct-1", "0012", written)
+    save_pictures(tmp_path, "oct-1", "0003", written[:1])
+    read = load_pictures(tmp_path)
+    assert list(read) == ["oct-1"]
+    assert list(read["oct-1"]) == [3, 12]
+    for before, after in zip(written, read["oct-1"][12], strict=True):
+        assert (after.name, after.title, after.x_label, after.y_label) == (
+            before.name,
+            before.title,
+            before.x_label,
+            before.y_label,
+        )
+        assert (after.x_extent, after.y_extent) == (before.x_extent, before.y_extent)
+        np.testing.assert_array_equal(after.image, before.image)
+        assert list(after.curves) == list(before.curves)
+        for label, curve in before.curves.items():
+            np.testing.assert_array_equal(after.curves[label], curve)
