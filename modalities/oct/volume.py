@@ -75,7 +75,8 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
         slices: Iterable[Image] = map_frames(partial(resample, calibration=calibration, radii_mm=radii), stream)
         for row, samples in zip(rows, slices, strict=True):
             array[int(row)] = _as_recorded(samples, dtype)
-        zarr.consolidate_metadata(str(store / "volume"))
+        for place in (store / "volume", store):  # a reader may begin at either
+            zarr.consolidate_metadata(str(place))
 
 
 def _as_recorded(samples: Image, dtype: np.dtype[Any]) -> NDArray[Any]:
