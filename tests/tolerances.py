@@ -9,3 +9,15 @@ IMAGE_ATOL = 1e-5
 # What an alignment must reach: 0.05 mm along the bore, 1° around it.
 ALIGNMENT_Z_MM = 0.05
 ALIGNMENT_THETA_RAD = 0.0175
+
+# The endoscope, against the simulator's truth: the annulus in pixels, and every frame's place up to a common shift.
+ANNULUS_PX = 1.0
+FRAME_Z_MM = 0.03
+FRAME_ROLL_RAD = 0.0052  # 0.3°
+
+# Feed and roll of strips cut from a known texture: the residue of linear interpolation between samples.
+FEED_ATOL_MM = 0.002
+ROLL_ATOL_RAD = 0.001
+
+# A circle through hundreds of edge points of a noisy drawing, in pixels.
+RING_PX = 0.15

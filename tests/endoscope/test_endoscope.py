@@ -1,0 +1,224 @@
+"""The plug-in as a whole, on a simulated specimen with truth and on frames made for one question."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+import xarray as xr
+from skimage.filters import threshold_li
+from tolerances import ANNULUS_PX, FRAME_ROLL_RAD, FRAME_Z_MM
+
+from endoct.modalities.conformance import CHECKS, Subject
+from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.manifest import MANIFEST
+from endoct.modalities.endoscope.parameters import EndoscopeParameters
+from endoct.modalities.endoscope.plugin import ENDOSCOPE
+from endoct.modalities.recording import map_frames
+from endoct.modalities.registry import open_recording
+from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.blend import blend
+from endoct.stitching.circle import wrap_rad
+from endoct.stitching.errors import EndoctError
+
+N_SHORT = 7
+
+
+def survey(path: Path, **overrides: Any) -> EndoscopeCalibration:
+    _, stream = open_recording(path, modality="endoscope", overrides=overrides)
+    return ENDOSCOPE.survey(stream, EndoscopeParameters())
+
+
+def panorama(path: Path, calibration: EndoscopeCalibration) -> tuple[Image, Mask]:
+    _, stream = open_recording(path)
+    strips = map_frames(lambda frame: ENDOSCOPE.unroll(frame, calibration), stream)
+    intensity, _, valid, _ = blend(strips, calibration.grid, calibration.row_z_mm)
+    return intensity, valid
+
+
+@pytest.fixture(scope="module")
+def specimen(quick_specimen: Path) -> tuple[Path, dict[str, Any], EndoscopeCalibration]:
+    truth = json.loads((quick_specimen / "truth" / "recording.json").read_text(encoding="utf-8"))["endoscope"]
+    recording = quick_specimen / "endoscope"
+    return recording, truth, survey(recording)
+
+
+@pytest.fixture
+def short(quick_specimen: Path, tmp_path: Path) -> Callable[..., Path]:
+    """Make a recording of some of the specimen's frames, in the order asked for."""
+
+    def make(*indices: int, name: str = "short", leave_out: tuple[str, ...] = ()) -> Path:
+        folder = tmp_path / name
+        folder.mkdir()
+        frames = sorted((quick_specimen / "endoscope").glob("frame_*"))
+        for k, index in enumerate(indices):
+            shutil.copy(frames[index], folder / f"frame_{k:04d}{frames[index].suffix}")
+        lines = (quick_specimen / "endoscope" / "acquisition.toml").read_text(encoding="utf-8").splitlines()
+        kept = [line for line in lines if line.split("=")[0].strip() not in leave_out]
+        (folder / "acquisition.toml").write_text("\n".join(kept), encoding="utf-8")
+        return folder
+
+    return make
+
+
+def test_the_annulus_is_where_it_was_drawn(specimen: tuple[Path, dict[str, Any], EndoscopeCalibration]) -> None:
+    _, truth, calibration = specimen
+    found = calibration.per_frame
+    centre = np.array(truth["centre_px"])
+    np.testing.assert_allclose(found["annulus_x_px"], centre[:, 0], atol=ANNULUS_PX)
+    np.testing.assert_allclose(found["annulus_y_px"], centre[:, 1], atol=ANNULUS_PX)
+    np.testing.assert_allclose(found["annulus_inner_px"], truth["inner_px"], atol=ANNULUS_PX)
+    np.testing.assert_allclose(found["annulus_outer_px"], truth["outer_px"], atol=ANNULUS_PX)
+    assert found["annulus_found"].all()
+
+
+def test_every_frame_lies_where_it_was_taken(specimen: tuple[Path, dict[str, Any], EndoscopeCalibration]) -> None:
+    _, truth, calibration = specimen
+    off_mm = calibration.z_mm - np.array(truth["z_mm"])
+    np.testing.assert_allclose(off_mm, np.median(off_mm), atol=FRAME_Z_MM)
+    off_rad = wrap_rad(calibration.roll_rad + truth["theta_origin_rad"] - np.array(truth["roll_rad"]))
+    np.testing.assert_allclose(off_rad, np.median(off_rad), atol=FRAME_ROLL_RAD)
+    assert calibration.per_frame["pair_trusted"].all()
+    assert calibration.z_mm.min() == 0
+
+
+def test_cells_stand_out_of_the_panorama(specimen: tuple[Path, dict[str, Any], EndoscopeCalibration]) -> None:
+    """Thresholded by Li's method, against truth through the true transform."""
+    recording, truth, calibration = specimen
+    intensity, valid = panorama(recording, calibration)
+    assert valid.mean() > 0.9
+    with xr.open_zarr(recording.parent / "truth" / "wall.zarr", consolidated=False) as wall:
+        rows = np.rint((calibration.row_z_mm + truth["z_origin_mm"]) / float(wall.z[1])).astype(int)
+        theta = calibration.grid.theta_rad + truth["theta_origin_rad"]
+        columns = np.rint(theta / float(wall.theta[1])).astype(int) % wall.sizes["theta"]
+        cell = wall.cell.values[np.ix_(np.clip(rows, 0, wall.sizes["z"] - 1), columns)]
+    darkness = np.clip(-np.log(np.maximum(intensity, 1e-6)), 0, 2)
+    mask = darkness > threshold_li(darkness[valid])
+    jaccard = (mask & cell & valid).sum() / ((mask | cell) & valid).sum()
+    assert jaccard > 0.75
+    assert np.median(intensity[valid & ~cell]) == pytest.approx(1, abs=0.1)
+
+
+def test_no_seam_where_theta_begins(specimen: tuple[Path, dict[str, Any], EndoscopeCalibration]) -> None:
+    recording, _, calibration = specimen
+    intensity, valid = panorama(recording, calibration)
+    steps = np.abs(np.diff(intensity, axis=1, append=intensity[:, :1]))
+    steps[~(valid & np.roll(valid, -1, axis=1))] = np.nan
+    typical = np.nanmean(steps, axis=0)
+    assert typical[-1] < 2 * np.median(typical)
+
+
+def test_frames_overlap_without_bands(specimen: tuple[Path, dict[str, Any], EndoscopeCalibration]) -> None:
+    """The rows' typical brightness on bone changes little from row to row: where strips begin and end too."""
+    recording, _, calibration = specimen
+    intensity, valid = panorama(recording, calibration)
+    rows = np.nanquantile(np.where(valid, intensity, np.nan), 0.6, axis=1)
+    inner = slice(20, -20)
+    assert np.abs(np.diff(rows[inner])).max() < 0.06
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+def test_conformance(check: Callable[[Subject], None], conforming: Subject) -> None:
+    check(conforming)
+
+
+@pytest.fixture(scope="module")
+def conforming(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Subject:
+    folder = tmp_path_factory.mktemp("conforming")
+    for name in ["acquisition.toml", *(f"frame_{k:04d}.png" for k in range(4))]:
+        shutil.copy(quick_specimen / "endoscope" / name, folder / name)
+    return Subject(MANIFEST, folder)
+
+
+def test_one_frame_is_a_recording(short: Callable[..., Path]) -> None:
+    calibration = survey(short(5))
+    assert calibration.z_mm.tolist() == [0.0]
+    assert calibration.grid.n_z * calibration.grid.dz_mm == pytest.approx(calibration.optics.visible_length_mm, abs=0.1)
+
+
+def test_the_order_of_recording_does_not_turn_the_wall(short: Callable[..., Path]) -> None:
+    """Recorded inward and outward, frame by frame the same place in a bore whose z grows inward."""
+    inward = survey(short(*range(N_SHORT), name="a"), travel="in", outer_rim="ahead")
+    outward = survey(short(*reversed(range(N_SHORT)), name="b"), travel="out", outer_rim="ahead")
+    np.testing.assert_allclose(outward.z_mm[::-1], inward.z_mm, atol=0.003)
+
+
+def test_a_rim_not_given_is_told_from_the_travel(short: Callable[..., Path]) -> None:
+    given = survey(short(*range(N_SHORT), name="a"), travel="in", outer_rim="ahead")
+    moved_in = given.z_mm[-1] > given.z_mm[0]
+    against = survey(short(*range(N_SHORT), name="b", leave_out=("outer_rim",)), travel="out" if moved_in else "in")
+    assert against.optics.rim_sign == -1
+    assert any("outer rim" in note for note in against.notes)
+    np.testing.assert_allclose(against.z_mm, given.z_mm.max() - given.z_mm, atol=0.003)
+    agreeing = survey(short(*range(N_SHORT), name="c", leave_out=("outer_rim",)), travel="in" if moved_in else "out")
+    assert agreeing.optics.rim_sign == 1
+
+
+def test_travel_is_known_by_the_sidecar(short: Callable[..., Path]) -> None:
+    path = short(*range(3))
+    assert survey(path, travel="in").travel_known
+    assert not survey(path, travel="unknown").travel_known
+
+
+def test_a_given_annulus_is_used(short: Callable[..., Path]) -> None:
+    path = short(0, 1, 2, leave_out=("annulus",))
+    free = survey(path)
+    found = free.annuli[0]
+    keys = {"x": found.outer_x_px, "y": found.outer_y_px, "inner_px": 1.03 * found.inner_px, "outer_px": found.outer_px}
+    given = survey(path, annulus=keys)
+    assert given.annuli[0].inner_px == pytest.approx(1.03 * found.inner_px)
+    assert given.annuli[1].outer_x_px == pytest.approx(free.annuli[1].outer_x_px, abs=1.0)
+
+
+def test_pages_of_sixteen_bits_are_the_same_wall(short: Callable[..., Path], tmp_path: Path) -> None:
+    path = short(0, 1, 2)
+    frames = [cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in sorted(path.glob("*.png"))]
+    pages = tmp_path / "pages"
+    pages.mkdir()
+    tifffile.imwrite(
+        pages / "frames.tif",
+        np.stack([f[..., ::-1] if f.ndim == 3 else f for f in frames]).astype(np.uint16) * 257,
+        photometric="rgb" if frames[0].ndim == 3 else "minisblack",
+    )
+    shutil.copy(path / "acquisition.toml", pages)
+    eight, sixteen = survey(path), survey(pages)
+    np.testing.assert_allclose(sixteen.z_mm, eight.z_mm, atol=1e-6)
+    np.testing.assert_allclose(panorama(pages, sixteen)[0], panorama(path, eight)[0], atol=1e-4)
+
+
+def test_without_a_scale_or_a_feed_the_error_says_what_is_missing(short: Callable[..., Path]) -> None:
+    path = short(0, 1, leave_out=("visible_length_mm", "focal_px"))
+    with pytest.raises(EndoctError, match="visible_length_mm"):
+        survey(path)
+    apart = short(0, 30, name="apart", leave_out=("feed_pitch_mm",))
+    with pytest.raises(EndoctError, match="feed_pitch_mm"):
+        survey(apart)
+
+
+def test_frames_without_an_annulus_are_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), rng.integers(0, 255, (240, 320), np.uint8))
+    with pytest.raises(EndoctError, match="annulus"):
+        survey(tmp_path, bore_diameter_mm=2.5, visible_length_mm=1.0)
+
+
+@pytest.mark.parametrize(
+    ("samples", "claims"),
+    [
+        (np.full((64, 80, 3), 90, np.uint8), True),
+        (cv2.circle(np.zeros((64, 80), np.uint8), (40, 32), 28, 200, -1), True),
+        (np.random.default_rng(0).integers(60, 200, (64, 80), np.uint8), False),
+    ],
+    ids=["colour", "a grey disc", "grey all over"],
+)
+def test_photographs_are_told_by_what_they_show(samples: np.ndarray, claims: bool, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), samples)
+    verdict = ENDOSCOPE.sniff(tmp_path)
+    assert verdict.claims == claims
+    assert verdict.reason
