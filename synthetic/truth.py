@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from endoct.stitching.store import write_dataset
 from endoct.synthetic.camera import band_centre_mm
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.wall import Wall
@@ -95,4 +96,4 @@ def _write_wall(path: Path, wall: Wall) -> None:
     truth["relief_mm"].attrs = {"units": "mm", "long_name": "wall radius minus bore radius"}
     truth["cell"].attrs = {"long_name": "the surface at the bore's radius is missing"}
     truth["cell_id"].attrs = {"long_name": "1 + the cell's index in sample.json, 0 where there is none"}
-    truth.to_zarr(path, mode="w-", zarr_format=3, consolidated=False)
+    write_dataset(truth, path)
