@@ -114,6 +114,16 @@ def stream_is_a_sequence(subject: Subject) -> None:
     raise NotConforming("indexing past the last frame does not raise IndexError")
 
 
+def travel_turns_z_around(subject: Subject) -> None:
+    """Frames lie inward from the mouth; a recording that travelled the other way has the same places in reverse."""
+    inward, outward = (
+        np.array([stream[index].z_mm for index in range(len(stream))])
+        for stream in (subject.open(travel="in"), subject.open(travel="out"))
+    )
+    demand(inward.min() == 0 and outward.min() == 0, "the frame nearest the mouth is not at z = 0")
+    demand(np.allclose(inward + outward, inward.max(), rtol=0, atol=1e-9), "travel in and out do not mirror z")
+
+
 def stream_is_picklable(subject: Subject) -> None:
     """A worker process gets the same frames."""
     copy: FrameStream = pickled(subject.stream, "the stream")

@@ -1,10 +1,13 @@
 """Checks of a plug-in's survey, of the strips it makes, and of the panorama they become."""
 
 import re
-from typing import Any
+import tempfile
+from pathlib import Path
+from typing import Any, cast
 from unittest.mock import patch
 
 import numpy as np
+import xarray as xr
 
 from endoct.modalities.conformance.subject import (
     NotConforming,
@@ -17,8 +20,10 @@ from endoct.modalities.conformance.subject import (
     same,
     same_strip,
 )
+from endoct.modalities.contract import VolumetricModality
 from endoct.stitching.blend import blend
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import save_panorama
 
 
 def calibration_is_complete(subject: Subject) -> None:
@@ -112,10 +117,39 @@ def theta_is_a_circle(subject: Subject) -> None:
 
 def settling_keeps_the_grid(subject: Subject) -> None:
     """The finished panorama has the grid of the assembled one, and is finite where valid."""
+    assembled = _assembled(subject)
+    settled = subject.modality.settle(assembled, subject.calibration)
+    demand(settled.grid == assembled.grid and same(settled.z_mm, assembled.z_mm), "settling changes the grid")
+    demand(settled.modality == subject.manifest.name, "settling changes the modality's name")
+    for name in ("intensity", "depth_mm"):
+        image = getattr(settled, name)
+        demand(image is None or np.isfinite(image[settled.valid]).all(), f"{name} is not finite where it is valid")
+
+
+def volumes_are_written(subject: Subject) -> None:
+    """Where a volume is promised, it is written into the panorama's store, on the panorama's rows and columns."""
+    if "volume" not in subject.manifest.provides:
+        return
+    demand(hasattr(subject.modality, "write_volume"), "a volume is promised, but there is no write_volume")
+    volumetric = cast(VolumetricModality, subject.modality)
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "panorama.zarr"
+        save_panorama(_assembled(subject), store)
+        volumetric.write_volume(subject.stream, subject.calibration, store)
+        with xr.open_zarr(store, group="volume", chunks=None) as volume:
+            dims = {str(name): variable.dims for name, variable in volume.data_vars.items()}
+            demand(("z", "theta", "depth") in dims.values(), f"no variable of the volume has z, theta, depth: {dims}")
+            demand(
+                (volume.sizes["z"], volume.sizes["theta"]) == subject.calibration.grid.shape,
+                "the volume is not on the grid",
+            )
+
+
+def _assembled(subject: Subject) -> Panorama:
     calibration, manifest = subject.calibration, subject.manifest
     strips = (subject.modality.unroll(subject.stream[index], calibration) for index in range(len(subject.stream)))
     intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
-    assembled = Panorama(
+    return Panorama(
         grid=calibration.grid,
         z_mm=calibration.row_z_mm,
         intensity=intensity,
@@ -127,12 +161,6 @@ def settling_keeps_the_grid(subject: Subject) -> None:
         travel_known=calibration.travel_known,
         frame_dim=manifest.frame_dim,
     )
-    settled = subject.modality.settle(assembled, calibration)
-    demand(settled.grid == assembled.grid and same(settled.z_mm, assembled.z_mm), "settling changes the grid")
-    demand(settled.modality == manifest.name, "settling changes the modality's name")
-    for name in ("intensity", "depth_mm"):
-        image = getattr(settled, name)
-        demand(image is None or np.isfinite(image[settled.valid]).all(), f"{name} is not finite where it is valid")
 
 
 def illustrations_can_be_drawn(subject: Subject) -> None:

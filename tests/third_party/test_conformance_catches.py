@@ -170,6 +170,10 @@ BREACHES: dict[str, tuple[str, Callable[[SimpleNamespace], Any]]] = {
         "stream_is_a_sequence",
         broken(open=lambda right, *a: SimpleEndless(right.open(*a))),
     ),
+    "travel that is ignored": (
+        "travel_turns_z_around",
+        broken(open=lambda right, path, a: right.open(path, a.model_copy(update={"travel": "in"}))),
+    ),
     "a stream with a lambda": (
         "stream_is_picklable",
         broken(open=lambda right, *a: _opened(right, *a, change=lambda frame: frame)),
@@ -220,6 +224,10 @@ BREACHES: dict[str, tuple[str, Callable[[SimpleNamespace], Any]]] = {
     "settling that leaves NaN": (
         "settling_keeps_the_grid",
         broken(settle=lambda right, p, c: replace(p, valid=np.ones(p.grid.shape, bool))),
+    ),
+    "a volume promised and not written": (
+        "volumes_are_written",
+        sloppy(provides=frozenset({"intensity", "depth", "volume"})),
     ),
     "pictures of one name": (
         "illustrations_can_be_drawn",

@@ -118,7 +118,7 @@ def test_two_of_its_recordings_are_compared(installed: Path, walls: tuple[Path, 
 
 
 def test_it_is_compared_with_an_oct_recording(installed: Path, quick_specimen: Path, tmp_path: Path) -> None:
-    with xr.open_zarr(quick_specimen / "truth" / "wall.zarr", consolidated=False) as truth:
+    with xr.open_zarr(quick_specimen / "truth" / "wall.zarr") as truth:
         diameter_mm = 2 * truth.attrs["bore_radius_mm"]
         every = round(PITCH_MM / float(truth["z"][1] - truth["z"][0]))
         _record(tmp_path / "wall", diameter_mm / 2 + truth["relief_mm"].values[::every, ::2], diameter_mm)
