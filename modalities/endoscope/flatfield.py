@@ -19,6 +19,7 @@ WALL_QUANTILE = 0.6
 VIEWS_FOR_PATTERN = 6
 MOST_FRAMES = 48
 SURE_PATTERN = 0.06
+SATURATED_LOG = -0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,11 @@ def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:
 
 
 def _light(typical: Image, harmonics: int) -> Image:
-    """Return a profile along r plus harmonics in θ that follow the bright side of ``typical`` robustly."""
+    """Return a profile along r plus harmonics in θ that follow the bright side of ``typical`` robustly.
+
+    What is darker than the rest is ever less believed, from least squares at first: so the darker side of the
+    light is not taken for a cell.
+    """
     n_rows, n_theta = typical.shape
     theta = 2 * np.pi / n_theta * np.arange(n_theta)
     waves = np.stack([f(k * theta) for k in range(1, harmonics + 1) for f in (np.cos, np.sin)])
@@ -73,12 +78,14 @@ def _light(typical: Image, harmonics: int) -> Image:
     basis = _basis(waves[:, every], along)
     profile = _row_quantiles(coarse, seen, 0.6)
     weight_of_wave = np.zeros(len(basis))
-    for _ in range(20):
+    clipped = coarse >= SATURATED_LOG
+    for tightness in np.geomspace(8, 1, 12).tolist() + [1.0] * 8:
         misfit = coarse - profile[:, None] - np.tensordot(weight_of_wave, basis, 1)
         above = misfit[seen & (misfit > 0)]
         scale = max(0.02, 1.48 * float(np.median(above))) if above.size else 0.02
-        reach = np.where(misfit < 0, 1.5 * scale, 3 * scale)
+        reach = np.where(misfit < 0, 1.5 * scale, 3 * scale) * tightness
         weight = np.where(seen, 1 / (1 + (misfit / reach) ** 2) ** 2, 0.0)
+        weight[clipped & (misfit < 0)] = 0  # the light may well be brighter than the camera could say
         flat = basis.reshape(len(basis), -1)
         ridge = 1e-4 * weight.sum() + 1e-9
         normal = (flat * weight.ravel()) @ flat.T + ridge * np.eye(len(basis))
