@@ -10,14 +10,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 
-from endoct.fusion.prepare import Evidence, prepare
+from endoct.fusion.evidence import Evidence, Polarity
+from endoct.fusion.prepare import prepare
 from endoct.fusion.threshold import li_threshold
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import gaussian
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-
-Polarity = Literal["dark", "bright"]
 
 
 class SegmentParameters(BaseModel):
@@ -30,8 +29,8 @@ class SegmentParameters(BaseModel):
     )
     relief_floor_mm: float = Field(default=0.0, description="relief below this counts as this")
     relief_cap_mm: float = Field(default=0.2, gt=0, description="relief above this counts as this")
-    darkness_cap: float = Field(
-        default=1.5, gt=0, description="−log of intensity relative to the wall's above this counts as this, below 0 as 0"
+    contrast_cap: float = Field(
+        default=1.5, gt=0, description="|log| of intensity relative to the wall's above this counts as this"
     )
     smooth_mm: float = Field(default=0.015, ge=0, description="sigma of the smoothing before the threshold")
     open_mm: float = Field(default=0.03, ge=0, description="cells narrower than twice this are removed")
@@ -61,27 +60,27 @@ def segment(panorama: Panorama, parameters: SegmentParameters | None = None, *, 
     :class:`EndoctError` where nothing is valid or the evidence is constant.
     """
     parameters = parameters or SegmentParameters()
-    evidence = prepare(panorama, prefer=parameters.segment)
-    return find_cells(evidence, parameters, polarity=polarity).mask
+    return find_cells(prepare(panorama, prefer=parameters.segment, polarity=polarity), parameters).mask
 
 
-def find_cells(evidence: Evidence, parameters: SegmentParameters, *, polarity: Polarity = "dark") -> Segmentation:
+def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentation:
     """Return the cells that ``evidence`` shows: Li's threshold, then opening, closing, and small ones removed.
 
-    Evidence that is a mask is taken as it is.
+    Evidence that is a mask is taken as it is. Raises :class:`EndoctError` where all evidence is alike.
     """
+    p = parameters
+    polarity: Polarity | None = None
     if evidence.kind == "mask":
         return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None)
-    p = parameters
     if evidence.kind == "relief":
-        shown, low, high, sense = evidence.values, p.relief_floor_mm, p.relief_cap_mm, None
-        of = f"wall relief, floored at {low:g} and capped at {high:g} mm"
+        low, high, unit = p.relief_floor_mm, p.relief_cap_mm, "mm"
+        of = f"relief behind the wall, floored at {low:g} and capped at {high:g} mm"
     else:
-        shown = evidence.values if polarity == "dark" else -evidence.values
-        low, high, sense = 0.0, p.darkness_cap, polarity
-        sign = "−" if polarity == "dark" else "+"
-        of = f"{sign}log of intensity relative to the wall's, floored at 0 and capped at {high:g}"
-    smooth = _smoothed(shown, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm)
+        polarity = "dark" if evidence.kind == "darkness" else "bright"
+        low, high, unit = 0.0, p.contrast_cap, "1"
+        sign = "−log" if polarity == "dark" else "log"
+        of = f"{sign} of intensity relative to the wall's, floored at 0 and capped at {high:g}"
+    smooth = _smoothed(evidence.values, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm)
     prepared = np.clip(smooth, low, high)
     try:
         threshold = li_threshold(prepared[evidence.valid])
@@ -90,7 +89,7 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters, *, polarity: P
             "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
         ) from error
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
-    return Segmentation(mask, threshold, evidence.unit, of, sense)
+    return Segmentation(mask, threshold, unit, of, polarity)
 
 
 def _smoothed(values: Image, valid: Mask, rows_px: float, columns_px: float) -> Image:
@@ -132,18 +131,13 @@ def label(mask: Mask) -> tuple[NDArray[np.int32], int]:
     Samples that touch at a corner are connected.
     """
     labels, n = ndimage.label(mask, structure=np.ones((3, 3)))
-    first, last = labels[:, 0], labels[:, -1]
-    pairs = [
-        (last[max(d, 0) : n_z + min(d, 0)], first[max(-d, 0) : n_z - max(d, 0)])
-        for d in (-1, 0, 1)
-        for n_z in (mask.shape[0],)
-    ]
-    left = np.concatenate([pair[0] for pair in pairs])
-    right = np.concatenate([pair[1] for pair in pairs])
-    joined = (left > 0) & (right > 0)
-    graph = sparse.coo_array((np.ones(joined.sum()), (left[joined], right[joined])), shape=(n + 1, n + 1))
+    # columns −1 and 0 are neighbours: a row with itself and with the rows above and below
+    last, first = np.pad(labels[:, -1], 1), labels[:, 0]
+    left, right = np.stack([last[:-2], last[1:-1], last[2:]]), np.broadcast_to(first, (3, first.size))
+    touch = (left > 0) & (right > 0)
+    graph = sparse.coo_array((np.ones(touch.sum()), (left[touch], right[touch])), shape=(n + 1, n + 1))
     n_joined, component = connected_components(graph, directed=False)
-    # component of the background (0) is 0, because it is visited first
+    # the background, 0, is visited first and stays 0
     return component.astype(np.int32)[labels], int(n_joined) - 1
 
 

@@ -7,10 +7,11 @@ import numpy as np
 from pydantic import Field
 
 from endoct.fusion.alignment import Alignment, NotAligned, align, open_orientations
-from endoct.fusion.cells import Polarity, Segmentation, SegmentParameters, find_cells
+from endoct.fusion.cells import Segmentation, SegmentParameters, find_cells
+from endoct.fusion.evidence import Evidence, Polarity, clipped
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore, common_grid
-from endoct.fusion.prepare import MASK_MODALITY, Evidence, prepare
+from endoct.fusion.prepare import MASK_MODALITY, prepare
 from endoct.fusion.scores import Agreement, agreement
 from endoct.fusion.store import load_comparison, save_comparison
 from endoct.stitching.arrays import Mask
@@ -95,37 +96,39 @@ def _segment(
     alignment: Alignment | None,
     parameters: CompareParameters,
 ) -> tuple[Segmentation, Segmentation]:
-    agree = alignment is None or alignment.correlation >= 0
-    a, b = (
-        _segment_side(side, own, other, agree, parameters)
-        for side, own, other in zip(sides, evidence, evidence[::-1], strict=True)
-    )
-    if a.polarity and b.polarity and parameters.polarity == "auto" and not agree:
-        b = find_cells(evidence[1], parameters, polarity="bright")
-    return a, b
+    """Find each side's cells on its own samples.
+
+    Whether cells are dark or bright is the sign of the correlation with what knows: the other side, if it has depth
+    or is a mask, or the side's own relief. Where nothing knows, A's cells are dark, and B's as the two correlate.
+    """
+    opposed = alignment is not None and alignment.correlation < 0
+    found = []
+    for k, (side, own) in enumerate(zip(sides, evidence, strict=True)):
+        shown = own
+        looks: Polarity = "dark"
+        if own.kind == "relief" and parameters.segment == "intensity":
+            shown = prepare(side, prefer="intensity")
+            looks = "bright" if _correlation(own, shown) < 0 else "dark"
+        elif not own.knows_cells and (evidence[1 - k].knows_cells or k == 1):
+            looks = "bright" if opposed else "dark"
+        if parameters.polarity != "auto":
+            looks = parameters.polarity
+        if shown.kind == "darkness" and looks == "bright":
+            shown = prepare(side, prefer="intensity", polarity="bright")
+        found.append(find_cells(shown, parameters))
+    return found[0], found[1]
 
 
-def _segment_side(
-    side: Panorama, own: Evidence, other: Evidence, agree: bool, parameters: CompareParameters
-) -> Segmentation:
-    polarity: Polarity = "dark" if parameters.polarity == "auto" else parameters.polarity
-    if own.kind == "relief" and parameters.segment == "intensity":
-        shown = prepare(side, prefer="intensity")
-        both = own.valid & shown.valid
-        along = np.corrcoef(np.clip(own.values[both], 0, parameters.relief_cap_mm), shown.values[both])[0, 1]
-        if parameters.polarity == "auto" and along < 0:
-            polarity = "bright"
-        return find_cells(shown, parameters, polarity=polarity)
-    if parameters.polarity == "auto" and own.kind == "darkness" and other.kind != "darkness" and not agree:
-        polarity = "bright"
-    return find_cells(own, parameters, polarity=polarity)
+def _correlation(relief: Evidence, darkness: Evidence) -> float:
+    both = relief.valid & darkness.valid
+    return float(np.corrcoef(clipped(relief).values[both], clipped(darkness).values[both])[0, 1])
 
 
 def _on_own_rows(
     a: Panorama, b: Panorama, segmented: tuple[Segmentation, Segmentation], alignment: Alignment
 ) -> Agreement:
     """Return the agreement on B's own samples, to which A is brought; B is not interpolated at all."""
-    placement = Placement(a, alignment.inverse(), b.grid, b.z_mm, ROW_EXTENT * b.grid.dz_mm)
+    placement = Placement(a, alignment.inverse(), b.grid, b.z_mm, b.grid.dz_mm)
     mask, seen = placement.mask(segmented[0].mask, a.valid)
     return agreement(mask, segmented[1].mask, seen & b.valid, b.grid.dz_mm * b.grid.dtheta_mm)
 
@@ -170,6 +173,3 @@ def _result(
         "valid_fraction": float(both[overlap_rows].mean()) if overlap_rows.any() else 0.0,
         "overlap_mm": float(overlap_rows.sum()) * dz_mm,
     }
-
-
-ROW_EXTENT = 0.0

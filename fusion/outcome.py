@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.alignment import Alignment
+from endoct.fusion.pose import Alignment
 from endoct.stitching.arrays import Image, Mask, readonly
 from endoct.stitching.grid import SurfaceGrid
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from endoct.fusion.alignment import Alignment, blurred
-from endoct.fusion.prepare import Evidence, on_grid
+from endoct.fusion.evidence import Evidence, blurred, on_grid
+from endoct.fusion.pose import Alignment
 from endoct.stitching.arrays import Coordinates, Image
 
 FINEST_DZ_MM = 0.03

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from endoct.fusion.alignment import Alignment
 from endoct.fusion.outcome import Comparison
+from endoct.fusion.pose import Alignment
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import write_dataset

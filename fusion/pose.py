@@ -1,0 +1,74 @@
+"""How one side lies in the other's frame."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from endoct.stitching.arrays import Coordinates
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Maps side B into side A's frame: θ_A = θ_shift ± θ_B, z_A = z_shift + z_scale·(±z_B).
+
+    θ_B counts negative if ``mirrored``, z_B if ``z_reversed``. ``correlation`` is that of the two sides' evidence
+    for cells in place (its sign says whether they agree or are each other's negative), ``ratio`` how its score
+    compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``overlap_mm2`` the
+    wall both have seen.
+    """
+
+    theta_shift_rad: float
+    z_shift_mm: float
+    z_scale: float = 1.0
+    mirrored: bool = False
+    z_reversed: bool = False
+    confidence: float = 0.0
+    correlation: float = 0.0
+    ratio: float = 1.0
+    overlap_mm2: float = 0.0
+
+    def theta_to_a(self, theta_b_rad: ArrayLike) -> Coordinates:
+        """Return θ in A's frame, in [0, 2π), of θ in B's (any shape)."""
+        sense = -1.0 if self.mirrored else 1.0
+        return np.mod(self.theta_shift_rad + sense * np.asarray(theta_b_rad, dtype=np.float64), 2 * np.pi)
+
+    def theta_to_b(self, theta_a_rad: ArrayLike) -> Coordinates:
+        """Return θ in B's frame, in [0, 2π), of θ in A's (any shape)."""
+        sense = -1.0 if self.mirrored else 1.0
+        return np.mod(sense * (np.asarray(theta_a_rad, dtype=np.float64) - self.theta_shift_rad), 2 * np.pi)
+
+    def z_to_a(self, z_b_mm: ArrayLike) -> Coordinates:
+        """Return z in A's frame, mm, of z in B's (any shape)."""
+        direction = -1.0 if self.z_reversed else 1.0
+        return np.asarray(self.z_shift_mm + self.z_scale * direction * np.asarray(z_b_mm, dtype=np.float64))
+
+    def z_to_b(self, z_a_mm: ArrayLike) -> Coordinates:
+        """Return z in B's frame, mm, of z in A's (any shape)."""
+        direction = -1.0 if self.z_reversed else 1.0
+        return np.asarray(direction * (np.asarray(z_a_mm, dtype=np.float64) - self.z_shift_mm) / self.z_scale)
+
+    def inverse(self) -> "Alignment":
+        """Return the alignment that maps A into B's frame."""
+        direction = -1.0 if self.z_reversed else 1.0
+        sense = -1.0 if self.mirrored else 1.0
+        return replace(
+            self,
+            theta_shift_rad=float(np.mod(-sense * self.theta_shift_rad, 2 * np.pi)),
+            z_shift_mm=-direction * self.z_shift_mm / self.z_scale,
+            z_scale=1 / self.z_scale,
+        )
+
+
+@dataclass(frozen=True)
+class NotAligned:
+    """No place stood out: why, in a full sentence, and the best there was."""
+
+    reason: str
+    best: Alignment | None = None
+
+
+Orientation = tuple[bool, bool]
+"""(mirrored, z_reversed)"""
+
+ALL_ORIENTATIONS: tuple[Orientation, ...] = ((False, False), (True, False), (False, True), (True, True))

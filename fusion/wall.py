@@ -1,0 +1,114 @@
+"""How far the surface lies behind the wall around it: the wall is fitted between the cells, slice by slice."""
+
+import numpy as np
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+
+WALL_HARMONICS = 2
+WALL_QUANTILE = 0.25
+"""Up to three quarters of a neighbourhood may be cells."""
+SECTORS = 16
+REACHES_MM = (0.15, 0.1, 0.07, 0.05, 0.04, 0.03, 0.03, 0.03)
+"""How far behind the wall samples are still trusted a little, in the rounds of the fit; noise widens it."""
+WALL_SCATTER_MM = (0.008, 0.05)
+NEIGHBOURHOOD_MM = 1.2
+STEADINESS_MM = (0.003, 0.02)
+"""Bounds of how far a slice's wall departs from the course along z; how far it does is seen in slices mostly wall."""
+SAMPLES_A_SPECKLE = 8.0
+
+
+def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
+    """Return how far every sample lies behind its slice's wall, float32 (n_z, n_theta), mm, 0 where invalid.
+
+    The wall of a slice is an offset and the first two harmonics of θ: a bore that wanders is off the capillary's
+    axis. It changes slowly along z, and nothing lies in front of it, so that a slice that is mostly cells finds
+    its wall where its neighbours have theirs: the wall starts as a low quantile over sectors of θ and
+    ``NEIGHBOURHOOD_MM`` of z, and is then fitted slice by slice by reweighted least squares that trust what lies
+    near or in front of it and not what lies behind, drawn towards the course along z the more, the steadier the
+    slices that are mostly wall are.
+    """
+    n_theta = depth_mm.shape[1]
+    step = max(1, n_theta // 512)
+    seen = valid[:, ::step]
+    basis = _harmonics(2 * np.pi / n_theta * np.arange(n_theta))
+    depth = np.where(seen, depth_mm[:, ::step], 0.0).astype(np.float64)
+    near = _nearness(z_mm)
+    wall = _first_wall(depth, seen, basis[::step], z_mm)
+    products = basis[::step, :, np.newaxis] * basis[::step, np.newaxis, :]
+    for least_mm in REACHES_MM:
+        residual = depth - wall @ basis[::step].T
+        scatter = np.clip(1.4826 * _median_size(residual, seen & (residual < 0)), *WALL_SCATTER_MM)
+        reach = np.maximum(2.5 * scatter, least_mm)[:, np.newaxis]
+        weight = seen * trust_in(residual, reach)
+        trust = weight.sum(axis=1)
+        course = (near * trust) @ wall / np.maximum((near * trust).sum(axis=1), 1e-9)[:, np.newaxis]
+        normal = np.tensordot(weight, products, axes=1)
+        target = ((weight * (depth - course @ basis[::step].T)) @ basis[::step])[:, :, np.newaxis]
+        alone = np.linalg.solve(normal + 1e-3 * np.eye(basis.shape[1]), target)[:, :, 0]
+        steadiness_mm = _steadiness(alone, trust / depth.shape[1])
+        # neighbouring samples share their speckle: a slice holds few independent ones
+        pull = (SAMPLES_A_SPECKLE * scatter**2)[:, np.newaxis, np.newaxis] * np.diag(1 / steadiness_mm**2)
+        wall = course + np.linalg.solve(normal + pull, target)[:, :, 0]
+    return np.where(valid, depth_mm - wall @ basis.T, 0.0).astype(np.float32)
+
+
+def _harmonics(theta_rad: Coordinates) -> Coordinates:
+    waves = [f(k * theta_rad) for k in range(1, WALL_HARMONICS + 1) for f in (np.cos, np.sin)]
+    return np.stack([np.ones_like(theta_rad), *waves], axis=1)
+
+
+def _steadiness(departures_mm: Coordinates, trusted: Coordinates) -> Coordinates:
+    """Return how far walls fitted alone depart from the course along z, by coefficient, from slices mostly wall."""
+    mostly_wall = trusted > 0.5
+    if mostly_wall.sum() < 5:
+        return np.full(departures_mm.shape[1], STEADINESS_MM[0])
+    return np.clip(1.4826 * np.median(np.abs(departures_mm[mostly_wall]), axis=0), *STEADINESS_MM)
+
+
+def _nearness(z_mm: Coordinates) -> Coordinates:
+    """Return how much each row counts for the course of the wall at each row, (n_z, n_z)."""
+    near: Coordinates = np.exp(-0.5 * ((z_mm[:, np.newaxis] - z_mm) / NEIGHBOURHOOD_MM) ** 2)
+    return near
+
+
+def _first_wall(depth_mm: Coordinates, seen: Mask, basis: Coordinates, z_mm: Coordinates) -> Coordinates:
+    """Return coefficients (n_z, k) of a wall through low quantiles of the neighbourhood, by sectors of θ."""
+    depth = np.where(seen, depth_mm, np.nan)
+    overall = np.nanquantile(depth, WALL_QUANTILE)
+    sectors = np.array_split(np.arange(depth.shape[1]), SECTORS)
+    middles = np.stack([basis[sector].mean(axis=0) for sector in sectors])
+    walls = []
+    places = np.linspace(z_mm[0], z_mm[-1], 1 + int(np.ceil(2 * np.ptp(z_mm) / NEIGHBOURHOOD_MM)))
+    for place in places:
+        rows = np.abs(z_mm - place) <= max(1.5 * NEIGHBOURHOOD_MM, float(np.abs(z_mm - place).min()))
+        blocks = [depth[rows][:, sector] for sector in sectors]
+        known = np.array([np.isfinite(block).mean() > 0.2 for block in blocks])
+        levels = np.array(
+            [np.nanquantile(b, WALL_QUANTILE) if k else overall for b, k in zip(blocks, known, strict=True)]
+        )
+        walls.append(_robust_fit(middles, levels, known))
+    return np.stack([np.interp(z_mm, places, coefficient) for coefficient in np.stack(walls, axis=1)], axis=1)
+
+
+def _robust_fit(basis: Coordinates, levels: Coordinates, known: Mask) -> Coordinates:
+    """Fit ``levels``, of which some lie too far behind because their sector is all cells."""
+    fit = np.zeros(basis.shape[1])
+    fit[0] = np.quantile(levels[known], WALL_QUANTILE) if known.any() else levels[0]
+    ridge = 0.05 * np.eye(basis.shape[1])
+    for width_mm in (0.3, 0.2, 0.1, 0.06, 0.06):
+        residual = levels - basis @ fit
+        weight = known * np.where(residual > 0, np.clip(1 - (residual / width_mm) ** 2, 0, None) ** 2, 1.0)
+        fit = fit + np.linalg.solve((basis.T * weight) @ basis + ridge, (basis.T * weight) @ residual)
+    return fit
+
+
+def _median_size(values: Coordinates, where: Mask) -> Coordinates:
+    chosen = np.where(where, np.abs(values), np.nan)
+    chosen[~where.any(axis=1)] = 0.0
+    return np.asarray(np.nanmedian(chosen, axis=1), dtype=np.float64)
+
+
+def trust_in(residual: Coordinates | Image, reach: Coordinates | float) -> Coordinates:
+    """Return Tukey's weight, which falls to 0 at ``reach`` behind the wall and at three times that before it."""
+    relative = np.where(residual > 0, residual / reach, residual / (3 * reach))
+    return np.asarray(np.clip(1 - relative**2, 0, None) ** 2, dtype=np.float64)
