@@ -21,7 +21,7 @@ class EndoscopeCalibration:
     ``annuli``, one a frame, in pixels of the files; ``drift_px`` (x, y): by how much the centre of the circles of
     constant z drifts from the outer rim to the inner; ``z_mm`` of every frame's band centre. θ of the wall is
     image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
-    field from the band's centre.
+    field from the band's centre; ``exposure`` (n,): logarithm of what each frame is brighter than its light says.
     """
 
     grid: SurfaceGrid
@@ -37,6 +37,7 @@ class EndoscopeCalibration:
     sway_rad: Coordinates
     optics: Optics
     flat: FlatField
+    exposure: Coordinates
     strip_z_mm: Coordinates
     full_scale: float
     oversample: tuple[int, int]

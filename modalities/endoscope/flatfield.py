@@ -20,6 +20,7 @@ VIEWS_FOR_PATTERN = 6
 MOST_FRAMES = 48
 SURE_PATTERN = 0.06
 SATURATED_LOG = -0.01
+SURE_EXPOSURE = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,22 @@ def estimate_flat_field(logs: NDArray[np.floating[Any]], views: float, least_tra
         pattern = _pattern(np.where(seen, typical - light, 0.0).astype(np.float32))
     usable = np.exp(pattern) >= least_transmission
     return FlatField(light + pattern, pattern, np.asarray(usable & seen))
+
+
+def frame_exposure(logs: NDArray[np.floating[Any]], flat: FlatField) -> Coordinates:
+    """Return by how much each frame is brighter than the recording, natural logarithm, float64 (n,).
+
+    Judged by the bright fifth of a frame, which is bone unless a cell fills nearly all of it. Cells and texture
+    move even that by a few per cent, so only what goes beyond is taken for a change of exposure.
+    """
+    bright = [
+        float(np.quantile(seen, 0.8))
+        if (seen := (frame - flat.log_light)[flat.usable & np.isfinite(frame)]).size
+        else 0.0
+        for frame in logs
+    ]
+    change = np.array(bright) - np.median(bright)
+    return np.asarray(np.sign(change) * np.maximum(np.abs(change) - SURE_EXPOSURE, 0))
 
 
 def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:

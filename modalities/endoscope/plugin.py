@@ -113,7 +113,7 @@ class Endoscope:
         clean = sample_cyclic(c.flat.usable.astype(np.float32), flat_rows, flat_columns) > 0.5
         shape = z_mm.size, theta_rad.size
         good = means((inside & ~clipped & clean).astype(np.float32), *shape) > 0.99
-        intensity = means(np.exp(log_light(light) - flat), *shape)
+        intensity = means(np.exp(log_light(light) - flat - np.float32(c.exposure[frame.index])), *shape)
 
         weight = _row_weight(c, z_mm - centre_mm, half_mm)
         return Strip(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from endoct.modalities.contract import Frame, FrameStream, inward_positions_mm
 from endoct.modalities.endoscope.annulus import Annulus, Followed, find_annulus, follow, settle_annuli
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field
+from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.optics import DISAGREEMENT, Optics, stated_optics, turned
@@ -91,7 +91,8 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     flat = estimate_flat_field(
         logs, _views(nominal, optics.visible_length_mm, len(logs)), parameters.least_transmission
     )
-    feed = _feed(logs, flat, outward_mm, nominal, acquisition, optics, parameters)
+    exposure = frame_exposure(logs, flat)
+    feed = _feed(logs, flat, exposure, outward_mm, nominal, acquisition, optics, parameters)
     optics = _rim(optics, acquisition, feed, notes)
     z_mm, roll_rad = _places(feed, optics, nominal, acquisition, parameters, notes)
     origin_rad = roll_rad[0] - feed.roll_rad[0]
@@ -103,7 +104,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     return EndoscopeCalibration(
         grid=grid,
         row_z_mm=grid.z_mm,
-        per_frame=_per_frame(z_mm, roll_rad, settled, found, feed, glimpses),
+        per_frame=_per_frame(z_mm, roll_rad, settled, found, feed, exposure, glimpses),
         notes=tuple(notes),
         handedness_known=True,
         travel_known=acquisition.travel != "unknown",
@@ -114,6 +115,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
         sway_rad=_turned(feed.sway_rad, float(origin_rad)),
         optics=optics,
         flat=flat,
+        exposure=exposure,
         strip_z_mm=outward_mm,
         full_scale=scale,
         oversample=oversample,
@@ -160,6 +162,7 @@ def _views(nominal: Coordinates | None, visible_mm: float, n: int) -> float:
 def _feed(
     logs: NDArray[np.float16],
     flat: FlatField,
+    exposure: Coordinates,
     outward_mm: Coordinates,
     nominal: Coordinates | None,
     acquisition: EndoscopeAcquisition,
@@ -170,7 +173,7 @@ def _feed(
     n, n_rows, _ = logs.shape
     textures = np.empty((n, n_rows, FEED_COLUMNS), np.float32)
     for k in range(n):
-        texture = np.clip(logs[k].astype(np.float32) - flat.log_light, CLIP[0], CLIP[1])
+        texture = np.clip(logs[k].astype(np.float32) - flat.log_light - np.float32(exposure[k]), CLIP[0], CLIP[1])
         texture[~flat.usable] = np.nan
         textures[k] = texture.reshape(n_rows, FEED_COLUMNS, -1).mean(axis=2)
     return estimate_feed(
@@ -286,6 +289,7 @@ def _per_frame(
     annuli: tuple[Annulus, ...],
     found: Mask,
     feed: Feed,
+    exposure: Coordinates,
     glimpses: list[_Glimpse],
 ) -> dict[str, NDArray[Any]]:
     return {
@@ -302,5 +306,6 @@ def _per_frame(
         "pair_correlation": feed.correlation,
         "pair_confidence": feed.confidence,
         "pair_trusted": feed.trusted,
+        "exposure": np.exp(exposure),
         "saturated_fraction": np.array([g.saturated_fraction for g in glimpses]),
     }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from endoct.modalities.endoscope.flatfield import estimate_flat_field
+from endoct.modalities.endoscope.flatfield import estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.stitching.circle import gaussian
 
@@ -63,6 +63,16 @@ def test_a_short_recording_has_no_pattern_to_take_cells_for() -> None:
     logs, _ = strips(4, dirt=0.8)
     flat = estimate_flat_field(logs, views=1, least_transmission=0.5)
     assert not flat.pattern.any()
+
+
+def test_a_change_of_exposure_is_seen_and_a_change_of_cells_is_not() -> None:
+    logs, _ = strips(30)
+    flat = estimate_flat_field(logs, views=8, least_transmission=0.5)
+    assert not frame_exposure(logs, flat).any()
+    logs[7] += 0.5
+    exposure = frame_exposure(logs, flat)
+    assert exposure[7] == pytest.approx(0.5, abs=0.08)
+    assert np.flatnonzero(exposure).tolist() == [7]
 
 
 def test_what_was_never_seen_is_not_usable() -> None:
