@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from endoct.fusion.comparison import Comparison, load_comparison
+from endoct.fusion.prepare import MASK_MODALITY
 from endoct.modalities.contract import Picture
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
@@ -38,7 +39,7 @@ class SideFindings:
     @property
     def is_drawn_mask(self) -> bool:
         """Whether the side is a mask drawn by hand: it has no intensity worth showing."""
-        return self.panorama.modality == "mask"
+        return self.panorama.modality == MASK_MODALITY
 
     @property
     def frame_z_mm(self) -> Coordinates:

@@ -21,7 +21,7 @@ def value_text(name: str, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | str):
-        return f"{value} {unit}" if isinstance(value, int) and (unit := _unit(name)) else str(value)
+        return f"{value} {unit}" if isinstance(value, int) and (unit := _words_and_unit(name)[1]) else str(value)
     if isinstance(value, float):
         return _float_text(name, value).replace("-", "−")
     if isinstance(value, Sequence):
@@ -31,10 +31,7 @@ def value_text(name: str, value: Any) -> str:
 
 def key_text(key: str) -> str:
     """Return a key in words, without the unit that its value is shown with: "z_shift_mm" as "z shift"."""
-    words = key.split("_")
-    if len(words) > 1 and words[-1] in UNIT_BY_SUFFIX:
-        words = words[:-1]
-    return " ".join(words)
+    return " ".join(_words_and_unit(key)[0])
 
 
 def flattened(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str, Any]]:
@@ -75,15 +72,21 @@ def bullets(sentences: Iterable[str]) -> str:
     return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>\n"
 
 
-def _unit(name: str) -> str:
-    suffix = name.rsplit("_", 1)[-1]
-    return UNIT_BY_SUFFIX.get(suffix, "") if suffix != name else ""
+def _words_and_unit(key: str) -> tuple[list[str], str]:
+    """Return ("z", "shift") and "mm" for "z_shift_mm"; ("cost",) and "per mm" for "cost_per_mm"."""
+    words = key.split("_")
+    unit = UNIT_BY_SUFFIX.get(words[-1], "")
+    if len(words) == 1 or not unit:
+        return words, ""
+    if words[-2] == "per":
+        return words[:-2], f"per {unit}"
+    return words[:-1], unit
 
 
 def _float_text(name: str, value: float) -> str:
     if not math.isfinite(value):
         return NOTHING
-    unit = _unit(name)
+    unit = _words_and_unit(name)[1]
     if unit == "rad":
         return f"{value:.4f} rad ({math.degrees(value):.2f}°)"
     if unit == "mm":

@@ -54,7 +54,7 @@ def write_comparison(folder: Path, a: Kind, b: Kind, *, aligned: bool = True, **
     depths = np.stack([np.where(valid[k] & side.depth, depth_mm, np.nan) for k, side in enumerate((a, b))])
     seen = valid.all(axis=0)
     both, either = (mask.all(axis=0) & seen).sum(), (mask.any(axis=0) & seen).sum()
-    jaccard = float(both / either)
+    jaccard = float(both / max(either, 1))
     names = (a.name, b.name)
     folder.mkdir(parents=True)
     intensities = np.stack([mask[k] if side.drawn else intensity for k, side in enumerate((a, b))])

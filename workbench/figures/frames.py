@@ -86,7 +86,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
     height_in = max(wall_in * length_mm / around_mm, 1.2 * len(side.pictures), 1.0)
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN if side.pictures else wall_in + 0.8, height_in + 1.3)
-        ratios = [wall_in, PAGE_WIDTH_IN - wall_in] if side.pictures else [1.0]
+        ratios = [wall_in + 0.5, PAGE_WIDTH_IN - wall_in - 0.5] if side.pictures else [1.0]
         spec = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
         axes = figure.add_subplot(spec[0])
         axes.set_anchor("N")
