@@ -10,22 +10,23 @@ from numpy.typing import NDArray
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.sine import Sine
-from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Background:
     """Levels of a recording, in its (logarithmic) samples.
 
     Attributes: ``noise`` and ``noise_sigma`` of the dark space between capillary and wall; ``wall``, the typical
-    level just below the wall's surface; ``fixed_rows``, depth rows of the detector's fixed lines.
+    level just below the wall's surface; ``line_excess``, float32 (n_depth,), how far the
+    detector's fixed lines stand out of the darkness, 0 where there are none.
     """
 
     noise: float
     noise_sigma: float
     wall: float
-    fixed_rows: tuple[int, ...]
+    line_excess: Image
 
 
 @dataclass(frozen=True, eq=False)

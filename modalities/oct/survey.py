@@ -5,7 +5,8 @@ from functools import partial
 from typing import cast
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
+from numpy.typing import NDArray
+from scipy.ndimage import label, median_filter, uniform_filter1d
 
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
@@ -14,7 +15,7 @@ from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.wall import fill_rows
+from endoct.modalities.oct.wall import bridge_rows
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
@@ -23,7 +24,10 @@ from endoct.stitching.grid import SurfaceGrid
 SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96
 MOST_COLUMNS = 2048
-FIXED_SIGMAS = 1.0
+LINE_SIGMAS = 1.0
+SKIRT_SIGMAS = 0.12
+LINE_WIDTH_MM = 0.15
+LINE_BACKGROUND_MM = 0.35
 FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
 
@@ -37,13 +41,13 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     z_mm = np.array([z for z, _ in examined])
     inward = np.argsort(z_mm, kind="stable")
     slices = [examined[i][1] for i in inward]
-    fixed_rows = _fixed_rows(slices)
     _reject_empty(slices)
 
     mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
+    line_excess = _line_excess(slices, mm_per_px)
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     faces = locate_faces(slices, radius_mm, bore_mm - radius_mm, mm_per_px, parameters)
-    background = _background(slices, faces, fixed_rows, radius_mm, bore_mm - radius_mm, mm_per_px)
+    background = _background(slices, faces, line_excess, radius_mm, bore_mm - radius_mm, mm_per_px)
     recorded = np.argsort(inward, kind="stable")
     faces = faces.reordered(recorded)
     row_z_mm = z_mm[inward]
@@ -58,7 +62,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         grid=grid,
         row_z_mm=row_z_mm,
         per_frame=_per_frame(z_mm, faces, acquisition),
-        notes=_notes(faces, fixed_rows, acquisition),
+        notes=_notes(faces, line_excess, acquisition),
         acquisition=acquisition,
         parameters=parameters,
         n_ascans=n_ascans,
@@ -126,19 +130,26 @@ def _reject_empty(slices: Sequence[SliceEvidence]) -> None:
         )
 
 
-def _fixed_rows(slices: Sequence[SliceEvidence]) -> tuple[int, ...]:
-    """Depth rows that stand out everywhere at once: the detector's fixed lines."""
-    ascans = np.concatenate([s.ascans[:: max(1, len(slices) // 40)] for s in slices])
+def _line_excess(slices: Sequence[SliceEvidence], mm_per_px: float) -> Image:
+    """How far a depth row stands out everywhere at once: the detector's fixed lines with their skirts, else 0."""
+    ascans = np.concatenate([s.ascans for s in slices])[:: max(1, len(slices) // 40)]
     level = np.percentile(ascans, 20, axis=0)
-    excess = level - median_filter(level, 31, mode="nearest")
-    sigma = 1.4826 * float(np.median(np.abs(ascans - np.median(ascans, axis=0))))
-    return tuple(int(row) for row in np.flatnonzero(excess > FIXED_SIGMAS * max(sigma, 1e-6)))
+    excess = level - median_filter(level, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
+    sigma = max(1.4826 * float(np.median(np.abs(ascans - np.median(ascans, axis=0)))), 1e-6)
+    core = excess > LINE_SIGMAS * sigma
+    line = core.copy()
+    skirts, count = label(excess > SKIRT_SIGMAS * sigma)
+    for k in range(1, count + 1):
+        rows = skirts == k
+        if core[rows].any() and np.count_nonzero(rows) <= LINE_WIDTH_MM / mm_per_px:
+            line |= rows
+    return np.where(line, np.maximum(excess, 0), 0).astype(np.float32)
 
 
 def _background(
     slices: Sequence[SliceEvidence],
     faces: Faces,
-    fixed_rows: tuple[int, ...],
+    line_excess: Image,
     radius_mm: float,
     gap_mm: float,
     mm_per_px: float,
@@ -149,7 +160,7 @@ def _background(
     dark, bright = [], []
     for i in map(int, np.flatnonzero(~faces.bridged)):
         circle = np.array([faces.x_mm[i], faces.y_mm[i], faces.axis_depth_mm[i]])
-        filled = _with_ascans(slices[i], fill_rows(slices[i].ascans, fixed_rows))
+        filled = _with_ascans(slices[i], bridge_rows(slices[i].ascans, line_excess > 0))
         samples = behind(filled, circle, radius_mm, mm_per_px, n_px)
         band = samples[:, first:last]
         means = band.mean(axis=1)
@@ -161,7 +172,7 @@ def _background(
     noise_samples = noise_samples[np.isfinite(noise_samples)]
     noise = float(np.median(noise_samples))
     sigma = 1.4826 * float(np.median(np.abs(noise_samples - noise)))
-    return Background(noise, sigma, float(np.median(bright)), fixed_rows)
+    return Background(noise, sigma, float(np.median(bright)), line_excess)
 
 
 def _with_ascans(evidence: SliceEvidence, ascans: Image) -> SliceEvidence:
@@ -187,7 +198,7 @@ def _per_frame(z_mm: Coordinates, faces: Faces, acquisition: OctAcquisition) -> 
     }
 
 
-def _notes(faces: Faces, fixed_rows: tuple[int, ...], acquisition: OctAcquisition) -> tuple[str, ...]:
+def _notes(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tuple[str, ...]:
     notes = []
     if count := int(np.count_nonzero(faces.bridged)):
         notes.append(
@@ -202,11 +213,18 @@ def _notes(faces: Faces, fixed_rows: tuple[int, ...], acquisition: OctAcquisitio
                 f"The sidecar's first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
                 f"face at {expected + difference:.3f} mm; the capillary was trusted."
             )
-    if fixed_rows:
-        notes.append(f"Depth rows {_ranges(fixed_rows)} hold fixed lines of the detector and were interpolated.")
+    face_mm = float(np.min(faces.axis_depth_mm - np.hypot(faces.x_mm, faces.y_mm)))
+    face_mm += acquisition.capillary_outer_diameter_mm / 2
+    beyond = np.flatnonzero(line_excess > 0)
+    beyond = beyond[beyond * acquisition.axial_pixel_mm / acquisition.medium_index > face_mm]
+    if beyond.size:
+        notes.append(
+            f"Depth rows {_ranges(beyond)} hold fixed lines of the detector, which were taken out; a wall just there "
+            "is less certain."
+        )
     return tuple(notes)
 
 
-def _ranges(rows: tuple[int, ...]) -> str:
-    runs = np.split(np.asarray(rows), np.flatnonzero(np.diff(rows) > 1) + 1)
+def _ranges(rows: NDArray[np.intp]) -> str:
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     return ", ".join(f"{run[0]}–{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs)

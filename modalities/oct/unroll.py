@@ -10,7 +10,7 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.projection import maximum_intensity
 from endoct.modalities.oct.trust import trusted
 from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
-from endoct.modalities.oct.wall import brightest, fill_rows, first_edge
+from endoct.modalities.oct.wall import bridge_rows, brightest, first_edge, without_lines
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.strip import Strip
 
@@ -19,10 +19,10 @@ from endoct.stitching.strip import Strip
 class BeamProfile:
     """What each of ``n_theta`` sectors of a turn shows.
 
-    Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced,
-    its fixed rows filled; ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from
-    depth sample 0 (where there is no surface: of the last sample); ``surface``, whether there is one;
-    ``intensity``, the projection; ``trusted``, whether what it shows is the wall.
+    Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced;
+    ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from depth sample 0 (where there is
+    no surface: of the last sample); ``surface``, whether there is one; ``intensity``, the projection; ``trusted``,
+    whether what it shows is the wall.
     """
 
     angle_rad: Coordinates
@@ -38,15 +38,16 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     """Find the wall in every sector of one B-scan."""
     parameters, acquisition = calibration.parameters, calibration.acquisition
     n_theta, mm = calibration.grid.n_theta, calibration.mm_per_px
-    image = fill_rows(reduce_theta(frame.samples, n_theta), calibration.background.fixed_rows)
+    image = reduce_theta(frame.samples, n_theta)
+    lines = calibration.background.line_excess > 0
     angle = sector_angles_rad(frame.samples.shape[0], n_theta)
     face = face_depth_mm(calibration, frame.index, angle)
     n_depth = image.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
-    level = logarithmic(image, acquisition.intensity)
+    level = without_lines(logarithmic(image, acquisition.intensity), calibration.background)
     mm_per_column = calibration.grid.dtheta_mm
     if parameters.wall == "maximum":
-        row = brightest(image, first_row)
+        row = brightest(bridge_rows(image, lines), first_row)
     else:
         row = first_edge(level, first_row, calibration.background, mm, mm_per_column, parameters)
     surface = row < n_depth
@@ -56,7 +57,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         face_mm=face,
         wall_mm=np.minimum(row, n_depth - 1) * mm,
         surface=surface,
-        intensity=maximum_intensity(image, first_row),
+        intensity=maximum_intensity(bridge_rows(image, lines), first_row),
         trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, calibration.background, mm, mm_per_column),
     )
 

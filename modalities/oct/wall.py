@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.oct.calibration import Background
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.stitching.arrays import Image
+from endoct.stitching.arrays import Image, Mask
 
 Rows = NDArray[np.intp]
 
@@ -15,15 +15,35 @@ MOST_SIGMAS = 3.0
 BRIGHT_MM = (0.025, 0.03)  # along θ and depth
 LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: where the noise is all but nil, texture is not
 LEAST_THRESHOLD_SHARE = 0.2
+HIDDEN_SHARE = 0.6
 
 
-def fill_rows(image: Image, rows: tuple[int, ...]) -> Image:
-    """Return ``image`` (θ, depth) with the detector's fixed ``rows`` interpolated from the rows beside them."""
-    if not rows:
+def without_lines(level: Image, background: Background) -> Image:
+    """Return a logarithmic B-scan (θ, depth) without the detector's fixed lines.
+
+    Where a line is fainter than the wall, the span between line and wall is stretched to that between noise and
+    wall. Where it is not, it hides what lies under it, and the rows are interpolated from those beside.
+    """
+    excess = background.line_excess
+    if not excess.any():
+        return level
+    contrast = max(background.wall - background.noise, 1e-6)
+    hidden = excess > HIDDEN_SHARE * contrast
+    gain = contrast / (contrast - np.where(hidden, 0, excess))
+    shown = np.flatnonzero((excess > 0) & ~hidden)
+    cleaned = level.copy()
+    darkness = np.float32(background.noise)
+    cleaned[:, shown] = darkness + (level[:, shown] - darkness - excess[shown]) * gain[shown].astype(np.float32)
+    return bridge_rows(cleaned, hidden)
+
+
+def bridge_rows(image: Image, hidden: Mask) -> Image:
+    """Return ``image`` (θ, depth) with the rows ``hidden``, bool (depth,), interpolated from the rows beside them."""
+    good = np.flatnonzero(~hidden)
+    if good.size in (0, hidden.size):
         return image
-    good = np.setdiff1d(np.arange(image.shape[1]), rows)
     filled = image.copy()
-    for row in rows:
+    for row in np.flatnonzero(hidden):
         after = int(np.searchsorted(good, row))
         low, high = good[max(0, after - 1)], good[min(after, good.size - 1)]
         share = 0.5 if low == high else (row - low) / (high - low)
