@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,11 +89,14 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
         )
     logs = np.stack([g.strip for g in glimpses])
     nominal = _nominal_mm(stream, acquisition)
-    flat = estimate_flat_field(
-        logs, _views(nominal, optics.visible_length_mm, len(logs)), parameters.least_transmission
-    )
+    views = _views(nominal, optics.visible_length_mm, len(logs))
+    flat = estimate_flat_field(logs, views, parameters.least_transmission)
     exposure = frame_exposure(logs, flat)
     feed = _feed(logs, flat, exposure, outward_mm, nominal, acquisition, optics, parameters)
+    settled = tuple(a.scaled(factor) for a in annuli)
+    drift_px = _drift(settled[0], feed)
+    logs = _recentred(logs, settled[0], settled[0].with_drift(*drift_px), look.r_px * factor)
+    flat = estimate_flat_field(logs, views, parameters.least_transmission)
     optics = _rim(optics, acquisition, feed, notes)
     z_mm, roll_rad = _places(feed, optics, nominal, acquisition, parameters, notes)
     origin_rad = roll_rad[0] - feed.roll_rad[0]
@@ -100,7 +104,6 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     if optics.rim_sign < 0:
         flat = FlatField(flat.log_light[::-1], flat.pattern[::-1], flat.usable[::-1])
     grid, oversample = _grid(z_mm, half_mm, optics, annulus, acquisition, parameters)
-    settled = tuple(a.scaled(factor) for a in annuli)
     return EndoscopeCalibration(
         grid=grid,
         row_z_mm=grid.z_mm,
@@ -109,7 +112,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
         handedness_known=True,
         travel_known=acquisition.travel != "unknown",
         annuli=settled,
-        drift_px=_drift(settled[0], feed),
+        drift_px=drift_px,
         z_mm=z_mm,
         roll_rad=roll_rad,
         sway_rad=_turned(feed.sway_rad, float(origin_rad)),
@@ -214,6 +217,28 @@ def _drift(annulus: Annulus, feed: Feed) -> tuple[float, float]:
         return dx, dy
     error = feed.tilt * (annulus.outer_px - annulus.inner_px)
     return dx - float(error[0]), dy - float(error[1])
+
+
+def _recentred(logs: NDArray[np.float16], old: Annulus, new: Annulus, r_px: Coordinates) -> NDArray[np.float16]:
+    """Return strips of circles around the centres of ``old`` as strips of circles around those of ``new``.
+
+    ``r_px`` (n_rows,) are the circles' radii, evenly spaced or nearly so; NaN where a circle leaves the strip.
+    """
+    angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
+    (x, y), (old_x, old_y) = new.centre_at(r_px), old.centre_at(r_px)
+    dx, dy = (x - old_x)[:, None], (y - old_y)[:, None]
+    outward = dx * np.cos(angle) + dy * np.sin(angle)
+    around = (dy * np.cos(angle) - dx * np.sin(angle)) / r_px[:, None]
+    step = np.gradient(r_px)[:, None]
+    rows = (np.arange(r_px.size)[:, None] + outward / step).astype(np.float32)
+    columns = np.mod(np.arange(STRIP_COLUMNS) + around / angle[1], STRIP_COLUMNS).astype(np.float32)
+    outside = (rows < 0) | (rows > r_px.size - 1)
+    moved = np.empty_like(logs)
+    for k, strip in enumerate(logs):
+        whole = np.concatenate([strip, strip[:, :1]], axis=1).astype(np.float32)
+        samples = cv2.remap(whole, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        moved[k] = np.where(outside, np.nan, samples)
+    return moved
 
 
 def _turned(harmonic: Coordinates, by_rad: float) -> Coordinates:
