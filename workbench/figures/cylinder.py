@@ -28,6 +28,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.figures.drawing import (
     DEPTH_COLOURS,
     INTENSITY_COLOURS,
+    MAX_PANEL_HEIGHT_IN,
     PAGE_WIDTH_IN,
     Drawn,
     journal_style,
@@ -67,7 +68,7 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
     with journal_style():
         across_in = (PAGE_WIDTH_IN / 2 if beside else PAGE_WIDTH_IN) - 0.5
         spread_mm = length_mm * math.cos(TILT_RAD) + outer_mm * math.sin(TILT_RAD)
-        height_in = across_in * 2 * outer_mm / spread_mm + 0.5
+        height_in = min(across_in * 2 * outer_mm / spread_mm, MAX_PANEL_HEIGHT_IN / (1 if beside else 2)) + 0.5
         figure = new_figure(PAGE_WIDTH_IN, (1 if beside else 2) * height_in + 0.7)
         panels = []
         for k, middle_deg in enumerate((90, 270)):
@@ -86,9 +87,7 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
         bar = figure.colorbar(
             mapping, ax=panels, orientation="horizontal", fraction=0.05, aspect=40, shrink=0.5, extend="both"
         )
-        bar.set_label(
-            "wall radius − bore radius (mm)" if by_depth else "intensity (as recorded)", fontsize=7, labelpad=1
-        )
+        bar.set_label("wall radius − bore radius (mm)" if by_depth else "intensity (a.u.)", fontsize=7, labelpad=1)
         path = folder / f"cylinder-{side.name}.png"
         width_in = save(figure, path)
     shape = "the wall as measured" if by_depth else "the side has no depth, so the wall is drawn at the bore's radius"

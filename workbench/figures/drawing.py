@@ -101,16 +101,27 @@ def save(figure: Figure, path: Path) -> float:
     return float(trimmed.shape[1] / DPI)
 
 
+def z_stretch(grid: SurfaceGrid) -> float:
+    """Return how many times z is drawn longer than the arc: 1, but more on a wall too short to be seen at scale."""
+    return max(1.0, 0.2 * 2 * math.pi * grid.radius_mm / (grid.n_z * grid.dz_mm))
+
+
+def scale_text(grid: SurfaceGrid) -> str:
+    """Return the words with which a caption says how a panel of ``grid`` is scaled."""
+    stretch = z_stretch(grid)
+    return "drawn to scale" if stretch == 1 else f"z drawn {stretch:.3g} times longer than the arc"
+
+
 def panel_figure(grid: SurfaceGrid, n_panels: int, *, below_in: float = 0.9) -> tuple[Figure, list[Axes]]:
     """Return a figure with ``n_panels`` panels of the wall side by side, as large as the page allows.
 
     ``below_in`` is left for colour bars or legends under each panel.
     """
-    length_mm, around_mm = grid.n_z * grid.dz_mm, 2 * math.pi * grid.radius_mm
+    length_mm, around_mm = grid.n_z * grid.dz_mm * z_stretch(grid), 2 * math.pi * grid.radius_mm
     width_in = (PAGE_WIDTH_IN - 0.5) / n_panels - 0.12
     width_in = min(width_in, MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 3.6)
     width_in = max(width_in, 0.9)
-    height_in = max(width_in * length_mm / around_mm, 0.35)
+    height_in = width_in * length_mm / around_mm
     figure = new_figure(n_panels * (width_in + 0.14) + 0.5, height_in + below_in + 0.55)
     axes = [figure.add_subplot(1, n_panels, k + 1) for k in range(n_panels)]
     return figure, axes
@@ -122,7 +133,7 @@ def wall_panel(axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True)
     arc_mm_per_degree = math.radians(1) * grid.radius_mm
     axes.set_xlim(0, 360)
     axes.set_ylim(bottom, top)
-    axes.set_aspect(1 / arc_mm_per_degree)
+    axes.set_aspect(z_stretch(grid) / arc_mm_per_degree)
     axes.set_xticks([0, 90, 180, 270, 360])
     axes.set_xlabel("θ (°)")
     if first:

@@ -27,6 +27,7 @@ from endoct.workbench.figures.drawing import (
     unit_of,
     wall_panel,
     wrapped,
+    z_stretch,
 )
 from endoct.workbench.findings import SideFindings
 
@@ -81,7 +82,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
     if panorama.depth_mm is None or not (panorama.valid & np.isfinite(panorama.depth_mm)).any():
         return None
     grid = panorama.grid
-    length_mm, around_mm = grid.n_z * grid.dz_mm, 2 * np.pi * grid.radius_mm
+    length_mm, around_mm = grid.n_z * grid.dz_mm * z_stretch(grid), 2 * np.pi * grid.radius_mm
     wall_in = float(np.clip(MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 1.2, 3.4))
     height_in = max(wall_in * length_mm / around_mm, 1.2 * len(side.pictures), 1.0)
     with journal_style():

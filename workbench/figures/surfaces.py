@@ -28,6 +28,7 @@ from endoct.workbench.figures.drawing import (
     panel_figure,
     robust_limits,
     save,
+    scale_text,
     show_surface,
     thinned,
     wall_panel,
@@ -43,7 +44,7 @@ def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
     panels: list[tuple[str, SideFindings, Image, str, str]] = []
     for side in findings.sides:
         if not side.is_drawn_mask:
-            panels.append((side.name, side, side.intensity, INTENSITY_COLOURS, "intensity (as recorded)"))
+            panels.append((side.name, side, side.intensity, INTENSITY_COLOURS, "intensity (a.u.)"))
         if side.depth_mm is not None:
             panels.append((f"{side.name}, depth", side, side.depth_mm, DEPTH_COLOURS, "wall radius − bore radius (mm)"))
     if not panels:
@@ -67,7 +68,7 @@ def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
         path,
         "panoramas",
         "The unrolled wall",
-        f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; drawn to scale. "
+        f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(findings.grid)}. "
         "Hatched: not observed by that side. Colour bars end at the 0.5th and 99.5th percentile.",
         width_in,
     )
