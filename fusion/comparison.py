@@ -133,6 +133,15 @@ def _on_own_rows(
     return agreement(mask, segmented[1].mask, seen & b.valid, b.grid.dz_mm * b.grid.dtheta_mm)
 
 
+def _reached(valid: Mask) -> Mask:
+    """Return the rows from the first to the last that a side saw anything of, bool (n_z,)."""
+    rows = np.flatnonzero(valid.any(axis=1))
+    reached = np.zeros(valid.shape[0], np.bool_)
+    if rows.size:
+        reached[rows[0] : rows[-1] + 1] = True
+    return reached
+
+
 def _names(a: Panorama, b: Panorama) -> tuple[str, str]:
     if a.modality != b.modality:
         return a.modality, b.modality
@@ -149,7 +158,7 @@ def _result(
 ) -> dict[str, Any]:
     aligned = isinstance(found, Alignment)
     on_grid, own_rows = scores
-    overlap_rows = valid.any(axis=2).all(axis=0)
+    overlap_rows = _reached(valid[0]) & _reached(valid[1])
     both = valid[0] & valid[1]
     return {
         "sides": list(names),

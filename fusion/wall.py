@@ -8,8 +8,10 @@ WALL_HARMONICS = 2
 WALL_QUANTILE = 0.25
 """Up to three quarters of a neighbourhood may be cells."""
 SECTORS = 16
-REACHES_MM = (0.15, 0.1, 0.07, 0.05, 0.04, 0.03, 0.03, 0.03)
+REACHES_MM = (0.05, 0.05, 0.04, 0.03, 0.03, 0.03, 0.03)
 """How far behind the wall samples are still trusted a little, in the rounds of the fit; noise widens it."""
+LEAST_TRUST = 0.15
+"""Where less of a neighbourhood than this is trusted, the wall was missed: there the reach is three times as far."""
 WALL_SCATTER_MM = (0.008, 0.05)
 NEIGHBOURHOOD_MM = 1.2
 STEADINESS_MM = (0.003, 0.02)
@@ -40,6 +42,8 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
         scatter = np.clip(1.4826 * _median_size(residual, seen & (residual < 0)), *WALL_SCATTER_MM)
         reach = np.maximum(2.5 * scatter, least_mm)[:, np.newaxis]
         weight = seen * trust_in(residual, reach)
+        missed = near @ weight.sum(axis=1) < LEAST_TRUST * (near @ seen.sum(axis=1))
+        weight[missed] = (seen * trust_in(residual, 3 * reach))[missed]
         trust = weight.sum(axis=1)
         course = (near * trust) @ wall / np.maximum((near * trust).sum(axis=1), 1e-9)[:, np.newaxis]
         normal = np.tensordot(weight, products, axes=1)

@@ -1,0 +1,172 @@
+"""Two panoramas in, one comparison out."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from endoct.fusion.comparison import (
+    CompareParameters,
+    Comparison,
+    compare_panoramas,
+    load_comparison,
+    save_comparison,
+)
+from endoct.stitching.circle import wrap_rad
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+
+COARSE = CompareParameters(n_theta=512)
+
+
+@pytest.fixture(scope="module")
+def compared(pair) -> Comparison:  # type: ignore[no-untyped-def]
+    return compare_panoramas(pair.a, pair.b)
+
+
+def test_the_result(compared: Comparison, pair) -> None:  # type: ignore[no-untyped-def]
+    result = json.loads(json.dumps(compared.result))
+    assert result["sides"] == ["camera", "ranger"]
+    assert result["aligned"] is True
+    assert result["reason"] is None
+    assert abs(wrap_rad(result["alignment"]["theta_shift_rad"] - pair.truth.theta_shift_rad)) < 0.01
+    assert result["jaccard"] > 0.75
+    assert result["scores"]["own_rows"]["jaccard"] > 0.75
+    assert result["dice"] == pytest.approx(2 * result["jaccard"] / (1 + result["jaccard"]))
+    assert result["polarity"] == {"camera": "dark", "ranger": None}
+    assert result["threshold"]["ranger"]["unit"] == "mm"
+    assert 0 < result["threshold"]["ranger"]["value"] < 0.2
+    assert result["valid_fraction"] == pytest.approx(1.0)
+    # A spans 6 mm, B 5.8 mm from 1.2 mm on
+    assert result["overlap_mm"] == pytest.approx(4.8, abs=0.15)
+
+
+def test_the_grid_covers_both_sides(compared: Comparison) -> None:
+    assert compared.grid.dz_mm == pytest.approx(0.05)
+    assert compared.grid.n_theta == 2048
+    assert compared.grid.z_mm[0] == pytest.approx(0.0, abs=1e-6)
+    assert compared.grid.z_mm[-1] == pytest.approx(7.0, abs=0.1)
+    assert compared.valid[0][compared.grid.z_mm < 5.9].all()
+    assert not compared.valid[0][compared.grid.z_mm > 6.1].any()
+    assert not compared.valid[1][compared.grid.z_mm < 1.0].any()
+    assert np.isnan(compared.depth_mm[0]).all()
+    assert np.array_equal(np.isfinite(compared.depth_mm[1]), compared.valid[1])
+    assert not (compared.mask & ~compared.valid).any()
+
+
+def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:
+    save_comparison(compared, tmp_path / "c.zarr")
+    with xr.open_zarr(tmp_path / "c.zarr") as dataset:
+        assert dataset["mask"].dims == ("side", "z", "theta")
+        assert list(dataset["side"].values) == ["camera", "ranger"]
+        assert dataset["z"].attrs["units"] == "mm"
+        assert dataset["theta"].attrs["units"] == "rad"
+        assert {"intensity", "depth_mm", "mask", "valid"} <= set(dataset.data_vars)
+    loaded = load_comparison(tmp_path / "c.zarr")
+    assert loaded.grid == compared.grid
+    assert loaded.alignment == compared.alignment
+    assert loaded.sides == compared.sides
+    assert loaded.result == json.loads(json.dumps(compared.result))
+    for name in ("intensity", "depth_mm", "mask", "valid"):
+        assert np.array_equal(getattr(loaded, name), getattr(compared, name), equal_nan=name == "depth_mm")
+
+
+def test_something_else_on_disk(tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match="is no comparison"):
+        load_comparison(tmp_path / "nothing.zarr")
+
+
+def rolled(panorama: Panorama, columns: int) -> Panorama:
+    def turn(image: np.ndarray | None) -> np.ndarray | None:
+        return None if image is None else np.roll(image, columns, axis=1)
+
+    return replace(
+        panorama,
+        **{name: turn(getattr(panorama, name)) for name in ("intensity", "depth_mm", "valid", "weight")},  # type: ignore[arg-type]
+    )
+
+
+@settings(max_examples=6)
+@given(columns=st.integers(1, 511))
+def test_rolling_both_rolls_the_answer_and_nothing_else(pair, columns: int) -> None:  # type: ignore[no-untyped-def]
+    before = compare_panoramas(pair.a, pair.b, COARSE)
+    after = compare_panoramas(rolled(pair.a, columns), rolled(pair.b, columns), COARSE)
+    assert before.alignment is not None
+    assert after.alignment is not None
+    assert after.grid.shape == before.grid.shape
+    turn = wrap_rad(after.alignment.theta_shift_rad - before.alignment.theta_shift_rad)
+    assert abs(turn) < 1e-3
+    assert abs(after.alignment.z_shift_mm - before.alignment.z_shift_mm) < 1e-3
+    assert after.result["jaccard"] == pytest.approx(before.result["jaccard"], abs=2e-3)
+    # the last bit of rounding may move a sample over the threshold
+    assert np.mean(np.roll(before.mask, columns, axis=2) != after.mask) < 1e-3
+    assert np.array_equal(np.roll(before.valid, columns, axis=2), after.valid)
+
+
+def test_bright_cells_are_recognised_by_their_correlation_with_depth(pair_of: Callable) -> None:
+    pair = pair_of(2, bright_cells=True)
+    found = compare_panoramas(pair.a, pair.b, COARSE)
+    assert found.result["polarity"]["camera"] == "bright"
+    assert found.result["scores"]["own_rows"]["jaccard"] > 0.7
+    overridden = compare_panoramas(pair.a, pair.b, COARSE.model_copy(update={"polarity": "dark"}))
+    assert overridden.result["polarity"]["camera"] == "dark"
+    assert overridden.result["jaccard"] < 0.3
+
+
+def test_depth_may_be_left_aside_for_intensity(pair) -> None:  # type: ignore[no-untyped-def]
+    found = compare_panoramas(pair.a, pair.b, COARSE.model_copy(update={"segment": "intensity"}))
+    assert found.result["aligned"]
+    assert "intensity" in found.result["threshold"]["ranger"]["of"]
+    assert found.result["polarity"]["ranger"] == "dark"
+
+
+def test_two_sides_of_one_modality(pair_of: Callable) -> None:
+    pair = pair_of(5)
+    found = compare_panoramas(pair.a, pair.a, COARSE)
+    assert found.sides == ("camera-1", "camera-2")
+    assert found.result["jaccard"] > 0.98
+    assert found.result["polarity"] == {"camera-1": "dark", "camera-2": "dark"}
+
+
+def test_other_bores_are_written_but_not_scored(pair_of: Callable, tmp_path: Path) -> None:
+    pair = pair_of(0, other_bore=True)
+    found = compare_panoramas(pair.a, pair.b, COARSE)
+    assert found.alignment is None
+    assert found.reason
+    assert found.result["aligned"] is False
+    assert found.result["alignment"] is found.result["jaccard"] is found.result["dice"] is None
+    assert found.mask[0].any()
+    assert found.mask[1].any()
+    # B lies by its nominal orientation: both start at z = 0
+    assert found.valid[1][0].all()
+    save_comparison(found, tmp_path / "c.zarr")
+    assert load_comparison(tmp_path / "c.zarr").alignment is None
+
+
+def test_bridged_rows_do_not_count(pair) -> None:  # type: ignore[no-untyped-def]
+    valid = np.ones(pair.b.grid.shape, np.bool_)
+    valid[10:13] = False
+    found = compare_panoramas(pair.a, replace(pair.b, valid=valid), COARSE)
+    assert found.alignment is not None
+    lost = np.abs(found.grid.z_mm - found.alignment.z_to_a(pair.b.z_mm[11])) < 0.2
+    assert not found.valid[1][lost].any()
+    assert found.result["valid_fraction"] < 1
+
+
+def test_another_diameter_is_refused(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
+    other = panorama_of(pair.a.intensity, dz_mm=0.05, radius_mm=1.3)
+    with pytest.raises(EndoctError, match=r"different bores.*2\.6 and 2\.5 mm"):
+        compare_panoramas(other, pair.b)
+
+
+def test_the_inputs_stay_as_they_are(pair) -> None:  # type: ignore[no-untyped-def]
+    before = [pair.a.intensity.copy(), pair.b.depth_mm.copy()]
+    compare_panoramas(pair.a, pair.b, COARSE)
+    assert np.array_equal(before[0], pair.a.intensity)
+    assert np.array_equal(before[1], pair.b.depth_mm)
