@@ -1,0 +1,191 @@
+"""The command line as users run it, on one simulated specimen."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import xarray as xr
+import zarr
+
+from endoct.stitching.store import load_panorama
+from endoct.workbench import cli, compare, unroll
+
+Run = Callable[..., tuple[int, str]]
+
+OCT_PER_SLICE = {
+    "sine_amplitude_mm",
+    "sine_omega",
+    "sine_phase_rad",
+    "sine_offset_mm",
+    "offset_mm",
+    "offset_direction_rad",
+    "inlier_fraction",
+    "residual_mm",
+    "bridged",
+}
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run one command line; return its status and what it printed to stdout."""
+
+    def run_once(*arguments: object) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["endoct", *map(str, arguments)])
+        with pytest.raises(SystemExit) as leave:
+            cli.main()
+        return int(leave.value.code or 0), capsys.readouterr().out
+
+    return run_once
+
+
+@pytest.fixture(scope="module")
+def compared(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("compared") / "comparison"
+    compare(quick_specimen / "endoscope", quick_specimen / "oct", folder)
+    return folder
+
+
+def test_compare_writes_what_the_design_fixes(compared: Path, quick_specimen: Path) -> None:
+    result = json.loads((compared / "result.json").read_text())
+    assert result["sides"] == ["endoscope", "oct"]
+    assert result["aligned"] is True
+    assert result["reason"] is None
+    assert {"theta_shift_rad", "z_shift_mm", "z_scale", "mirrored", "z_reversed", "confidence"} <= set(
+        result["alignment"]
+    )
+    assert {"value", "unit", "of"} == set(result["threshold"]["oct"])
+    assert {"versions", "inputs", "parameters", "seconds", "valid_fraction", "scores"} <= set(result)
+    assert str(quick_specimen / "oct" / "pullback.tif") in result["inputs"]
+    with xr.open_zarr(compared / "comparison.zarr") as stored:
+        assert stored["mask"].dims == ("side", "z", "theta")
+        assert stored.sizes["theta"] == 2048
+        assert list(stored["side"].values) == ["endoscope", "oct"]
+        assert np.isnan(stored["depth_mm"].sel(side="endoscope")).all()
+        mask, valid = stored["mask"].values.astype(bool), stored["valid"].values.astype(bool)
+    both = valid[0] & valid[1]
+    # the Jaccard index that is told is that of the masks that are stored
+    told = (mask[0] & mask[1] & both).sum() / ((mask[0] | mask[1]) & both).sum()
+    assert told == pytest.approx(result["jaccard"], abs=1e-6)
+    assert (compared / "report.html").is_file()
+    assert list((compared / "figures").glob("*.png"))
+
+
+def test_demo_seed_scores_as_the_paper_or_better(compared: Path) -> None:
+    # the paper had 0.736 between a mask drawn by hand and its OCT
+    assert json.loads((compared / "result.json").read_text())["scores"]["own_rows"]["jaccard"] > 0.736
+
+
+def test_unroll_writes_a_panorama_that_xarray_reads(quick_specimen: Path, tmp_path: Path, run: Run) -> None:
+    store = tmp_path / "oct.zarr"
+    status, said = run("unroll", quick_specimen / "oct", "-o", store, "--volume", "--json")
+    assert status == 0
+    facts = json.loads(said)
+    with xr.open_zarr(store) as stored:
+        assert stored["intensity"].dims == ("z", "theta")
+        assert stored["depth_mm"].shape == (facts["rows"], facts["columns"])
+        assert set(stored.data_vars) >= OCT_PER_SLICE
+        assert "slice_z_mm" in stored.coords
+    volume = zarr.open_group(store / "volume", mode="r")
+    (cylinder,) = (array for name, array in volume.arrays() if array.ndim == 3)
+    assert cylinder.shape[:2] == (facts["rows"], facts["columns"])
+    assert cylinder.chunks[0] == 1
+    assert run("unroll", quick_specimen / "oct", "-o", store)[0] == 1
+    assert run("info", store)[0] == 0
+
+
+def test_python_and_command_line_give_the_same(quick_specimen: Path, tmp_path: Path, run: Run) -> None:
+    assert run("unroll", quick_specimen / "endoscope", "-o", tmp_path / "e.zarr")[0] == 0
+    stored = load_panorama(tmp_path / "e.zarr")
+    made = unroll(quick_specimen / "endoscope")
+    assert np.array_equal(stored.intensity, made.intensity)
+    assert np.array_equal(stored.valid, made.valid)
+    assert stored.per_frame.keys() == made.per_frame.keys()
+
+
+def test_panoramas_compare_like_their_recordings(compared: Path, tmp_path: Path, run: Run) -> None:
+    a, b = (compared / "panoramas" / f"{name}.zarr" for name in ("endoscope", "oct"))
+    status, said = run("compare", a, b, "-o", tmp_path / "again", "--json")
+    assert status == 0
+    first = json.loads((compared / "result.json").read_text())
+    assert json.loads(said)["jaccard"] == first["jaccard"]
+    assert json.loads(said)["alignment"] == first["alignment"]
+
+
+def test_a_mask_drawn_over_a_panorama_is_a_side_and_a_truth(compared: Path, tmp_path: Path, run: Run) -> None:
+    oct_store = compared / "panoramas" / "oct.zarr"
+    panorama = load_panorama(oct_store)
+    assert panorama.depth_mm is not None
+    drawn = tmp_path / "drawn.png"
+    cv2.imwrite(str(drawn), np.where(panorama.depth_mm > 0.05, 255, 0).astype(np.uint8))
+    status, said = run("compare", oct_store, drawn, "-o", tmp_path / "c", "--truth", drawn, "--json")
+    result = json.loads(said)
+    assert status == 0
+    assert result["sides"] == ["oct", "mask"]
+    assert result["jaccard"] > 0.7
+    assert str(drawn) in result["truth"]
+
+
+def test_two_different_patterns_are_not_aligned_and_status_3(tmp_path: Path, run: Run) -> None:
+    for name, seed in (("a", 1), ("b", 2)):
+        rng = np.random.default_rng(seed)
+        mask = np.zeros((200, 512), np.uint8)
+        for _ in range(25):
+            centre = int(rng.integers(512)), int(rng.integers(200))
+            cv2.circle(mask, centre, int(rng.integers(5, 20)), 255, -1)
+        cv2.imwrite(str(tmp_path / f"{name}.png"), mask)
+        (tmp_path / f"{name}.toml").write_text(
+            'modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.04\n'
+        )
+    status, said = run("compare", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "c", "--json")
+    result = json.loads(said)
+    assert status == 3
+    assert result["aligned"] is False
+    assert result["reason"]
+    assert result["jaccard"] is None
+    assert result["dice"] is None
+    assert result["alignment"] is None
+    assert (tmp_path / "c" / "report.html").is_file()
+
+
+def test_a_report_is_written_again(compared: Path, run: Run) -> None:
+    (compared / "report.html").unlink()
+    assert run("report", compared)[0] == 0
+    assert (compared / "report.html").is_file()
+
+
+def test_modalities_lists_both(run: Run) -> None:
+    status, said = run("modalities", "--json")
+    assert status == 0
+    rows = {row["name"]: row for row in json.loads(said)}
+    assert "depth" in rows["oct"]["provides"]
+    assert rows["endoscope"]["provides"] == ["intensity"]
+
+
+def test_info_says_what_the_sidecar_lacks_and_writes_one(quick_specimen: Path, tmp_path: Path, run: Run) -> None:
+    folder = tmp_path / "oct"
+    folder.mkdir()
+    (folder / "pullback.tif").symlink_to(quick_specimen / "oct" / "pullback.tif")
+    status, said = run("info", folder, "--modality", "oct", "--json")
+    assert status == 0
+    assert "capillary_outer_diameter_mm" in json.loads(said)["missing"]
+    assert run("info", folder, "--modality", "oct", "--write-sidecar")[0] == 0
+    template = (folder / "acquisition.toml").read_text()
+    assert "# axial_pixel_mm =" in template
+    assert 'modality = "oct"' in template
+    filled = template
+    for key, value in (
+        ("axial_pixel_mm", 0.005),
+        ("pullback_pitch_mm", 0.2),
+        ("bore_diameter_mm", 2.5),
+        ("capillary_outer_diameter_mm", 1.7),
+    ):
+        filled = filled.replace(f"# {key} = ", f"{key} = {value}")
+    (folder / "acquisition.toml").write_text(filled)
+    status, said = run("info", folder, "--json")
+    assert status == 0
+    assert json.loads(said)["frames"] == 40
+    assert run("info", folder, "--write-sidecar")[0] == 1
