@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from endoct.modalities.endoscope.rings import Ring, describe, edge_points, find_rings, fit_circle
+from endoct.modalities.endoscope.rings import FEWEST_POINTS, Ring, describe, edge_points, find_rings, fit_circle
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
 
@@ -133,14 +133,22 @@ class Followed:
 
 
 def follow(image: Image, near: Annulus) -> Followed:
-    """Measure the annulus in one grey image, starting ``near`` where it was found before."""
+    """Measure the annulus in one grey image, starting ``near`` where it was found before; farther off if it is lost."""
+    followed = _measure(image, near, (0.06, 0.03, 0.015))
+    if followed.support < 2 * LEAST_SUPPORT:
+        farther = _measure(image, near, (0.3, 0.1, 0.03, 0.015))
+        return max(followed, farther, key=lambda one: one.support)
+    return followed
+
+
+def _measure(image: Image, near: Annulus, reaches: tuple[float, ...]) -> Followed:
+    """Fit both rims to the steepest edges within ever shorter reaches, which are parts of the outer radius."""
     rims = []
     support = []
     for rim in near.rings:
-        for reach in (0.06, 0.03, 0.015):
-            reach_px = max(2.0, reach * near.outer_px)
-            x, y = edge_points(image, rim, reach_px)
-            if x.size >= 12:
+        for reach in reaches:
+            x, y = edge_points(image, rim, max(2.0, reach * near.outer_px))
+            if x.size >= FEWEST_POINTS:
                 rim = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
         rims.append(rim)
         support.append(_support(describe(image, rim)))

@@ -94,6 +94,13 @@ def test_the_place_is_followed_and_the_radii_belong_to_the_recording() -> None:
     assert len({a.outer_px for a in annuli}) == 1
 
 
+def test_an_annulus_that_jumped_is_found_again() -> None:
+    moved = TRUE.moved(14.0, -9.0)
+    followed = follow(drawing(moved), TRUE)
+    assert followed.support > 0.25
+    assert_found(followed.annulus, moved)
+
+
 def test_a_frame_that_lost_its_rims_takes_the_place_of_those_around() -> None:
     good = [Followed(TRUE.moved(0.2 * k, 0.0), 1.0) for k in range(7)]
     good[3] = Followed(TRUE.moved(30.0, 5.0), 0.02)
