@@ -27,6 +27,7 @@ MOST_COLUMNS = 2048
 LINE_SIGMAS = 1.0
 SKIRT_SIGMAS = 0.12
 LINE_WIDTH_MM = 0.15
+LINE_OF_FACE_MM = 0.06  # nearer to the outer face, what stands out is the face itself
 LINE_BACKGROUND_MM = 0.35
 FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
@@ -214,7 +215,7 @@ def _notes(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tup
                 f"face at {expected + difference:.3f} mm; the capillary was trusted."
             )
     face_mm = float(np.min(faces.axis_depth_mm - np.hypot(faces.x_mm, faces.y_mm)))
-    face_mm += acquisition.capillary_outer_diameter_mm / 2
+    face_mm += acquisition.capillary_outer_diameter_mm / 2 + LINE_OF_FACE_MM
     beyond = np.flatnonzero(line_excess > 0)
     beyond = beyond[beyond * acquisition.axial_pixel_mm / acquisition.medium_index > face_mm]
     if beyond.size:

@@ -1,7 +1,7 @@
 """Which A-scans show the wall, and not an opaque thing before it or its shadow."""
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from endoct.modalities.oct.calibration import Background
 from endoct.modalities.oct.wall import Rows
@@ -36,8 +36,10 @@ def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, m
     measured = surface & np.isfinite(tail)
     usual = float(np.median(tail[measured])) if measured.any() else 0.0
     if usual > TAIL_SIGMAS * background.noise_sigma:
-        smooth = uniform_filter1d(np.where(measured, tail, usual), near, mode="wrap")
-        opaque = measured & (smooth < OPAQUE_SHARE * usual) & (bright > BRIGHT_SHARE * contrast)
+        dark = measured & (tail < OPAQUE_SHARE * usual) & (bright > BRIGHT_SHARE * contrast)
+        # a narrow one is a gap in the speckle
+        share = uniform_filter1d(dark.astype(np.float32), 2 * near + 1, mode="wrap")
+        opaque = dark & (maximum_filter1d(share, 2 * near + 1, mode="wrap") > 0.8)
     good = ~opaque
     reach = max(1, round(SHADOW_EDGE_MM / mm_per_column))
     for first, length in _runs(~surface):

@@ -1,0 +1,94 @@
+"""The wall in one B-scan."""
+
+import numpy as np
+import pytest
+
+from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.projection import maximum_intensity
+from endoct.modalities.oct.trust import trusted
+from endoct.modalities.oct.wall import bridge_rows, brightest, first_edge, without_lines
+from endoct.stitching.arrays import Image
+
+N_THETA, N_DEPTH, PIXEL_MM, COLUMN_MM = 600, 200, 0.005, 0.013
+BACKGROUND = Background(noise=50.0, noise_sigma=15.0, wall=110.0, line_excess=np.zeros(N_DEPTH, np.float32))
+FIRST_ROW = np.full(N_THETA, 20)
+
+
+def bscan(wall: np.ndarray, level: float = 110.0, seed: int = 0) -> Image:
+    rng = np.random.default_rng(seed)
+    behind = np.arange(N_DEPTH) - wall[:, None]
+    mean = np.where(behind >= 0, np.maximum(level - 0.5 * behind, 50), 50)
+    return (mean + rng.normal(0, 15, mean.shape)).astype(np.float32)
+
+
+def test_a_wavy_wall_with_a_pit_is_followed() -> None:
+    wall = np.round(100 + 20 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
+    wall[200:240] += 40
+    row = first_edge(bscan(wall), FIRST_ROW, BACKGROUND, PIXEL_MM, COLUMN_MM, OctParameters())
+    error = np.abs(row - wall)
+    assert np.median(error) <= 1
+    assert np.mean(error > 3) < 0.02
+
+
+def test_turning_the_bscan_turns_the_wall() -> None:
+    wall = np.round(100 + 20 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
+    wall[590:] += 30
+    wall[:15] += 30
+    image = bscan(wall)
+    row = first_edge(image, FIRST_ROW, BACKGROUND, PIXEL_MM, COLUMN_MM, OctParameters())
+    turned = first_edge(np.roll(image, 137, axis=0), FIRST_ROW, BACKGROUND, PIXEL_MM, COLUMN_MM, OctParameters())
+    np.testing.assert_array_equal(np.roll(row, 137), turned)
+
+
+def test_noise_alone_has_no_surface() -> None:
+    row = first_edge(bscan(np.full(N_THETA, N_DEPTH)), FIRST_ROW, BACKGROUND, PIXEL_MM, COLUMN_MM, OctParameters())
+    # at the very end of the range a few samples decide, which is as good as no surface
+    assert np.all(row > N_DEPTH - 15)
+
+
+def test_a_bright_speck_before_the_wall_is_not_the_wall() -> None:
+    wall = np.full(N_THETA, 120)
+    image = bscan(wall)
+    image[300:302, 60:62] = 250
+    row = first_edge(image, FIRST_ROW, BACKGROUND, PIXEL_MM, COLUMN_MM, OctParameters())
+    assert np.max(np.abs(row[290:310] - 120)) < 8
+
+
+def test_something_opaque_and_its_shadow_are_not_trusted() -> None:
+    wall = np.full(N_THETA, 60)
+    rng = np.random.default_rng(1)
+    image = (np.where(np.arange(N_DEPTH) >= wall[:, None], 105, 50) + rng.normal(0, 5, (N_THETA, N_DEPTH))).astype(
+        np.float32
+    )
+    image[100:140] = rng.normal(50, 5, (40, N_DEPTH))
+    image[105:135, 40:60] = 200
+    row = wall.copy()
+    row[100:140], row[105:135] = N_DEPTH, 40
+    good = trusted(image, row, BACKGROUND, PIXEL_MM, COLUMN_MM)
+    assert not good[102:138].any()
+    assert good[:90].all()
+    assert good[150:].all()
+
+
+def test_the_maximum_is_taken_literally() -> None:
+    image = np.zeros((3, 10), np.float32)
+    image[:, 2], image[0, 5], image[1, 7], image[2, 9] = 9, 3, 4, 5
+    np.testing.assert_array_equal(brightest(image, np.array([3, 3, 3])), [5, 7, 9])
+    np.testing.assert_array_equal(maximum_intensity(image, np.array([3, 3, 3])), [3, 4, 5])
+
+
+def test_rows_under_a_line_are_interpolated() -> None:
+    image = np.tile(np.array([1.0, 2.0, 99.0, 99.0, 5.0], np.float32), (2, 1))
+    np.testing.assert_allclose(bridge_rows(image, np.array([0, 0, 1, 1, 0], bool))[0], [1, 2, 3, 4, 5])
+
+
+@pytest.mark.parametrize("level", [50.0, 110.0])
+def test_a_faint_line_is_taken_out_of_noise_and_wall_alike(level: float) -> None:
+    # under a line 20 counts above the noise, darkness is seen at 70 and a wall at 110 as it is
+    excess = np.zeros(N_DEPTH, np.float32)
+    excess[80] = 20
+    background = Background(50.0, 15.0, 110.0, excess)
+    image = np.full((4, N_DEPTH), level, np.float32)
+    image[:, 80] = max(level, 70)
+    np.testing.assert_allclose(without_lines(image, background), level, atol=1e-4)
