@@ -50,7 +50,8 @@ def compare_panoramas(a: Panorama, b: Panorama, parameters: CompareParameters | 
     evidence = prepare(a), prepare(b)
     found = _align(a, b, evidence, parameters)
     alignment = found if isinstance(found, Alignment) else None
-    segmented = _segment((a, b), evidence, alignment, parameters)
+    (cells_a, told_a), (cells_b, told_b) = _segment((a, b), evidence, alignment, parameters)
+    segmented = cells_a, cells_b
     placing = alignment or IN_PLACE
     finer_mm = min(a.grid.dz_mm, placing.z_scale * b.grid.dz_mm)
     grid = common_grid(a, b, placing, dz_mm=parameters.dz_mm or max(finer_mm, FINEST_DZ_MM), n_theta=parameters.n_theta)
@@ -68,7 +69,7 @@ def compare_panoramas(a: Panorama, b: Panorama, parameters: CompareParameters | 
     on_grid = agreement(mask[0], mask[1], valid[0] & valid[1], grid.dz_mm * grid.dtheta_mm)
     own_rows = _on_own_rows(a, b, segmented, placing)
     reason = found.reason if isinstance(found, NotAligned) else None
-    result = _result(names, found, segmented, (on_grid, own_rows), valid, grid.dz_mm)
+    result = _result(names, found, segmented, (told_a, told_b), (on_grid, own_rows), valid, grid.dz_mm)
     return Comparison(grid, names, intensity, depth_mm, mask, valid, alignment, reason, result)
 
 
@@ -95,28 +96,43 @@ def _segment(
     evidence: tuple[Evidence, Evidence],
     alignment: Alignment | None,
     parameters: CompareParameters,
-) -> tuple[Segmentation, Segmentation]:
-    """Find each side's cells on its own samples.
+) -> tuple[tuple[Segmentation, str | None], tuple[Segmentation, str | None]]:
+    """Find each side's cells on its own samples; with each, what told whether they are dark or bright."""
+    a, b = (_segment_side(sides[k], evidence[k], evidence[1 - k], alignment, parameters, first=k == 0) for k in (0, 1))
+    return a, b
 
-    Whether cells are dark or bright is the sign of the correlation with what knows: the other side, if it has depth
+
+def _segment_side(
+    side: Panorama,
+    own: Evidence,
+    other: Evidence,
+    alignment: Alignment | None,
+    parameters: CompareParameters,
+    *,
+    first: bool,
+) -> tuple[Segmentation, str | None]:
+    """Find one side's cells.
+
+    Whether they are dark or bright is the sign of the correlation with what knows: the other side, if it has depth
     or is a mask, or the side's own relief. Where nothing knows, A's cells are dark, and B's as the two correlate.
     """
-    opposed = alignment is not None and alignment.correlation < 0
-    found = []
-    for k, (side, own) in enumerate(zip(sides, evidence, strict=True)):
-        shown = own
-        looks: Polarity = "dark"
-        if own.kind == "relief" and parameters.segment == "intensity":
-            shown = prepare(side, prefer="intensity")
-            looks = "bright" if _correlation(own, shown) < 0 else "dark"
-        elif not own.knows_cells and (evidence[1 - k].knows_cells or k == 1):
-            looks = "bright" if opposed else "dark"
-        if parameters.polarity != "auto":
-            looks = parameters.polarity
-        if shown.kind == "darkness" and looks == "bright":
-            shown = prepare(side, prefer="intensity", polarity="bright")
-        found.append(find_cells(shown, parameters))
-    return found[0], found[1]
+    shown = own if parameters.segment == "relief" or own.kind == "mask" else prepare(side, prefer="intensity")
+    if shown.knows_cells:
+        return find_cells(shown, parameters), None
+    if parameters.polarity != "auto":
+        polarity: Polarity = parameters.polarity
+        told_by = "given"
+    elif own.kind == "relief":
+        polarity = "bright" if _correlation(own, shown) < 0 else "dark"
+        told_by = "correlation with its own relief"
+    elif alignment is not None and (other.knows_cells or not first):
+        polarity = "bright" if alignment.correlation < 0 else "dark"
+        told_by = f"correlation with the other side's {other.kind}"
+    else:
+        polarity, told_by = "dark", "assumed"
+    if polarity == "bright":
+        shown = prepare(side, prefer="intensity", polarity="bright")
+    return find_cells(shown, parameters), told_by
 
 
 def _correlation(relief: Evidence, darkness: Evidence) -> float:
@@ -152,6 +168,7 @@ def _result(
     names: tuple[str, str],
     found: Alignment | NotAligned,
     segmented: tuple[Segmentation, Segmentation],
+    told_by: tuple[str | None, str | None],
     scores: tuple[Agreement, Agreement],
     valid: Mask,
     dz_mm: float,
@@ -173,6 +190,7 @@ def _result(
             for name, side in zip(names, segmented, strict=True)
         },
         "polarity": {name: side.polarity for name, side in zip(names, segmented, strict=True)},
+        "polarity_from": dict(zip(names, told_by, strict=True)),
         "scores": {
             "grid": on_grid.as_json(),
             "own_rows": {"rows_of": names[1], **own_rows.as_json()},

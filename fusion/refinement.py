@@ -69,8 +69,11 @@ def _gauss_newton(fine: Evidence, coarse: Evidence, start: Alignment, z_scale_ra
         target = coarse.values[use].astype(np.float64)
         lever = np.broadcast_to((direction * coarse.z_mm)[:, np.newaxis], use.shape)[use]
         middle = float(lever.mean())
-        gain, offset = np.polyfit(value, target, 1)
-        residual = target - gain * value - offset
+        (of_value, common), (_, of_target) = np.cov(value, target)
+        if not (of_value > 0 and of_target > 0):
+            return start
+        gain = common / of_value
+        residual = target - target.mean() - gain * (value - value.mean())
         size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
         weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
         columns_of = np.stack([gain * dtheta, gain * dz, gain * dz * (lever - middle), value, np.ones_like(value)])
@@ -88,7 +91,7 @@ def _gauss_newton(fine: Evidence, coarse: Evidence, start: Alignment, z_scale_ra
             theta_shift_rad=found.theta_shift_rad + float(np.clip(step[0], -0.1, 0.1)),
             z_scale=scale,
             z_shift_mm=found.z_shift_mm + float(np.clip(step[1], -0.1, 0.1)) - (scale - found.z_scale) * middle,
-            correlation=float(np.corrcoef(value, target)[0, 1]),
+            correlation=float(common / np.sqrt(of_value * of_target)),
         )
         if abs(step[0]) < 1e-5 and abs(step[1]) < 1e-5 and abs(step[2]) < 1e-6:
             break

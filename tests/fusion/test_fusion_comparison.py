@@ -132,6 +132,7 @@ def test_two_sides_of_one_modality(pair_of: Callable) -> None:
     assert found.sides == ("camera-1", "camera-2")
     assert found.result["jaccard"] > 0.98
     assert found.result["polarity"] == {"camera-1": "dark", "camera-2": "dark"}
+    assert found.result["polarity_from"]["camera-1"] == "assumed"
 
 
 def test_other_bores_are_written_but_not_scored(pair_of: Callable, tmp_path: Path) -> None:
@@ -170,3 +171,27 @@ def test_the_inputs_stay_as_they_are(pair) -> None:  # type: ignore[no-untyped-d
     compare_panoramas(pair.a, pair.b, COARSE)
     assert np.array_equal(before[0], pair.a.intensity)
     assert np.array_equal(before[1], pair.b.depth_mm)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_very_short_recordings_are_refused_not_broken(pair, panorama_of: Callable, rows: int) -> None:  # type: ignore[no-untyped-def]
+    short = panorama_of(pair.b.intensity[:rows], dz_mm=0.2, depth_mm=pair.b.depth_mm[:rows])
+    found = compare_panoramas(pair.a, short, COARSE)
+    assert found.alignment is None or found.alignment.confidence > 0.2
+    assert found.grid.n_theta == 512
+    both = compare_panoramas(short, short, COARSE)
+    assert both.grid.n_z >= rows
+
+
+def test_noise_is_refused(panorama_of: Callable) -> None:
+    rng = np.random.default_rng(0)
+    noise = [panorama_of(rng.gamma(2, 1, (60, 512)), dz_mm=0.1) for _ in range(2)]
+    found = compare_panoramas(*noise, COARSE)
+    assert found.alignment is None
+    assert found.result["aligned"] is False
+
+
+def test_a_side_nothing_of_which_is_valid(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
+    blind = panorama_of(np.ones((20, 64)), dz_mm=0.1, valid=np.zeros((20, 64), np.bool_))
+    with pytest.raises(EndoctError, match="nothing of the wall is valid"):
+        compare_panoramas(pair.a, blind)
