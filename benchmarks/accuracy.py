@@ -63,7 +63,9 @@ def true_pose(panorama: Panorama, truth: dict, stated_mirrored: bool) -> Pose:
     z_bore = np.asarray(truth["z_mm"])[index]
     if "roll_rad" in truth:  # the panorama's angle of a frame is image angle + estimated roll
         turn = np.asarray(truth["roll_rad"])[index] - panorama.per_frame["roll_rad"]
-        theta0 = float(np.angle(np.median(np.exp(1j * (turn - turn[0])).real) + 0j) + np.median(wrap_rad(turn - turn[0])))
+        theta0 = float(
+            np.angle(np.median(np.exp(1j * (turn - turn[0])).real) + 0j) + np.median(wrap_rad(turn - turn[0]))
+        )
         return Pose(theta0 + float(turn[0]), 1, z_panorama, z_bore)
     sense = int(truth["theta_sense"]) * (-1 if stated_mirrored else 1)
     return Pose(float(truth["theta_origin_rad"]), sense, z_panorama, z_bore)
@@ -86,9 +88,7 @@ def jaccard(a: NDArray[np.bool_], b: NDArray[np.bool_], where: NDArray[np.bool_]
 def evaluate(specimen: Path, work: Path, literal: bool) -> dict[str, float | bool | str]:
     """Compare the specimen's recordings and hold the result against its truth."""
     settings = LITERAL if literal else {}
-    comparison = compare(
-        specimen / "endoscope", specimen / "oct", work, settings_b=settings, overwrite=True
-    )
+    comparison = compare(specimen / "endoscope", specimen / "oct", work, settings_b=settings, overwrite=True)
     result = json.loads((work / "result.json").read_text())
     truth = json.loads((specimen / "truth" / "recording.json").read_text())
     wall = xr.open_zarr(specimen / "truth" / "wall.zarr", consolidated=False).load()
@@ -146,11 +146,17 @@ def main() -> None:
         specimen = folder / f"{arguments.preset}-{seed}"
         if not specimen.exists():
             simulate(specimen, preset=arguments.preset, seed=seed)
-        rows.append(evaluate(specimen, folder / f"{specimen.name}{'-literal' * arguments.literal}-compared", arguments.literal))
-        print("  ".join(f"{k}={v:.3f}" if isinstance(v, float) else f"{k}={v}" for k, v in rows[-1].items()), flush=True)
+        rows.append(
+            evaluate(specimen, folder / f"{specimen.name}{'-literal' * arguments.literal}-compared", arguments.literal)
+        )
+        print(
+            "  ".join(f"{k}={v:.3f}" if isinstance(v, float) else f"{k}={v}" for k, v in rows[-1].items()), flush=True
+        )
     for key in sorted({k for row in rows for k, v in row.items() if isinstance(v, float)}):
         values = np.array([row[key] for row in rows if key in row])
-        print(f"{key:12s} median {np.median(values):.3f}  min {values.min():.3f}  max {values.max():.3f}  n {values.size}")
+        print(
+            f"{key:12s} median {np.median(values):.3f}  min {values.min():.3f}  max {values.max():.3f}  n {values.size}"
+        )
     if arguments.csv:
         with arguments.csv.open("w", newline="") as file:
             writer = csv.DictWriter(file, sorted({k for row in rows for k in row}))

@@ -17,7 +17,7 @@ def new_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     The scratch path does not exist yet: the caller makes a file or a folder there. Raises
     :class:`EndoctError` where ``path`` exists and ``overwrite`` is not set, or cannot be written.
     """
-    path = Path(os.path.abspath(path))
+    path = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() would replace a link by what it points to
     if path.exists() and not overwrite:
         raise EndoctError(f"{path} exists already", remedy="choose another output, or say --overwrite")
     try:
