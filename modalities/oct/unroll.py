@@ -67,7 +67,11 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
 
     θ of a column is where the beam crosses the nominal bore surface, so that an opening there is put at its own
     θ; its depth is that of the surface the beam meets. Where a living beam meets no surface in range (a deep
-    cell), the depth is that of the last sample, a lower bound; bridged slices and dead A-scans are not valid.
+    cell), the depth is that of the last sample, a lower bound; bridged slices, dead A-scans and what stands before
+    the wall are not valid.
+
+    Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
+    beam from c towards R·(cos, sin)(θ), where its distance from the axis is R + depth; R is the nominal bore radius.
     """
     beams = profile_beams(frame, calibration)
     grid = calibration.grid

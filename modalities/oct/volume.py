@@ -20,12 +20,17 @@ from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.store import write_dataset
 
+INSIDE_MM = 0.05
+
 
 def volume_radii_mm(calibration: OctCalibration) -> Coordinates:
-    """Return the radii of the volume's samples: from the outer face to the end of the depth range, float64, mm."""
+    """Return the radii of the volume's samples, float64, mm: to the end of the depth range.
+
+    They start a little inside the capillary, so that its outer face shows; the glass is not to scale.
+    """
     farthest = calibration.n_depth * calibration.mm_per_px - float(np.median(calibration.axis_depth_mm))
     farthest += float(np.max(np.hypot(calibration.offset_x_mm, calibration.offset_y_mm)))
-    return np.asarray(np.arange(calibration.capillary_radius_mm, farthest, calibration.mm_per_px))
+    return np.asarray(np.arange(calibration.capillary_radius_mm - INSIDE_MM, farthest, calibration.mm_per_px))
 
 
 def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates) -> Image:

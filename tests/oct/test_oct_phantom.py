@@ -191,8 +191,7 @@ def test_volume(unrolled: Unrolled, make_phantom: Any, tmp_path: Path) -> None:
     air = radius > 1.0
     rise = radius[air][1:][np.argmax(np.diff(profile[air]))]
     assert rise == pytest.approx(1.2, abs=0.02)
-    assert radius[0] == pytest.approx(0.8)
-    assert profile[:2].max() > profile[20:40].max() + 20
+    assert radius[np.argmax(profile[radius < 1.0])] == pytest.approx(0.8, abs=0.01)
 
 
 def pit_free(theta: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -206,7 +205,7 @@ def test_pictures(unrolled: Unrolled, make_phantom: Any) -> None:
     assert max(recorded.image.shape) <= 1000
     wall = undistorted.curves["wall"][:, 1]
     assert np.nanmedian(wall) == pytest.approx(1.2, abs=0.02)
-    assert undistorted.y_extent[0] == pytest.approx(0.8)
+    assert undistorted.y_extent[0] == pytest.approx(0.75)
 
 
 def test_a_helical_scan_closes_at_the_seam(unrolled: Unrolled, make_phantom: Any) -> None:
