@@ -1,6 +1,6 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -77,7 +77,7 @@ def _align(
     a: Panorama, b: Panorama, evidence: tuple[Evidence, Evidence], parameters: CompareParameters
 ) -> Alignment | NotAligned:
     if _drawn_on(a, b) or _drawn_on(b, a):
-        return Alignment(theta_shift_rad=0.0, z_shift_mm=0.0, confidence=1.0)
+        return replace(IN_PLACE, confidence=1.0, correlation=_correlation(*evidence))
     orientations = open_orientations(
         handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known
     )
@@ -135,9 +135,13 @@ def _segment_side(
     return find_cells(shown, parameters), told_by
 
 
-def _correlation(relief: Evidence, darkness: Evidence) -> float:
-    both = relief.valid & darkness.valid
-    return float(np.corrcoef(clipped(relief).values[both], clipped(darkness).values[both])[0, 1])
+def _correlation(one: Evidence, other: Evidence) -> float:
+    """Return the correlation of two kinds of evidence on the same samples, 0 where one of them is constant."""
+    both = one.valid & other.valid
+    if both.sum() < 2:
+        return 0.0
+    (of_one, common), (_, of_other) = np.cov(clipped(one).values[both], clipped(other).values[both])
+    return float(common / np.sqrt(of_one * of_other)) if of_one > 0 and of_other > 0 else 0.0
 
 
 def _on_own_rows(

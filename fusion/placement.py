@@ -63,11 +63,12 @@ def _signed_distance(mask: Mask, sample_mm: tuple[float, float]) -> Image:
 
 
 def common_grid(a: Panorama, b: Panorama, alignment: Alignment, *, dz_mm: float, n_theta: int) -> SurfaceGrid:
-    """Return the grid in A's frame that covers the rows of both sides."""
+    """Return the grid in A's frame that covers the rows of both sides; A's first row is one of its rows."""
     ends = np.concatenate([a.z_mm[[0, -1]], alignment.z_to_a(b.z_mm[[0, -1]])])
-    first, last = float(ends.min()), float(ends.max())
-    n_z = int(np.floor((last - first) / dz_mm + 1e-6)) + 1
-    return SurfaceGrid.full_circle(n_z, n_theta, z0_mm=first, dz_mm=dz_mm, radius_mm=a.grid.radius_mm)
+    before = int(np.floor((a.z_mm[0] - ends.min()) / dz_mm + 1e-6))
+    after = int(np.floor((ends.max() - a.z_mm[0]) / dz_mm + 1e-6))
+    z0_mm = float(a.z_mm[0]) - before * dz_mm
+    return SurfaceGrid.full_circle(before + after + 1, n_theta, z0_mm=z0_mm, dz_mm=dz_mm, radius_mm=a.grid.radius_mm)
 
 
 def check_same_bore(radius_a_mm: float, radius_b_mm: float) -> None:

@@ -78,7 +78,7 @@ def _peaks(correlation: Image, overlap: Image, start: Alignment, column_mm: floa
             float(score[row, column]),
             replace(
                 start,
-                theta_shift_rad=start.theta_shift_rad + 2 * np.pi * float(column) / n_theta,
+                theta_shift_rad=float(np.mod(start.theta_shift_rad + 2 * np.pi * column / n_theta, 2 * np.pi)),
                 z_shift_mm=start.z_shift_mm + float(row) * SEARCH_DZ_MM,
                 correlation=float(correlation[row, column]),
                 overlap_mm2=float(overlap[row, column]) * SEARCH_DZ_MM * column_mm,

@@ -93,3 +93,10 @@ def test_a_mask_that_nothing_places(sidecar: str | None, message: str, pair, tmp
 def test_an_empty_mask(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(EndoctError, match="shows no cells"):
         read_mask(drawn(tmp_path / "m.png", np.zeros(pair.b.grid.shape, np.bool_)), pair.b)
+
+
+def test_a_mask_on_bright_cells_tells_the_polarity_in_place(pair_of: Callable, tmp_path: Path) -> None:
+    pair = pair_of(6, bright_cells=True)
+    found = compare_panoramas(pair.a, read_mask(drawn(tmp_path / "m.png", pair.cells_a), pair.a), COARSE)
+    assert found.result["polarity"]["camera"] == "bright"
+    assert found.result["jaccard"] > 0.75
