@@ -19,5 +19,5 @@ FRAME_ROLL_RAD = 0.0052  # 0.3°
 FEED_ATOL_MM = 0.002
 ROLL_ATOL_RAD = 0.001
 
-# A circle through hundreds of edge points of a noisy drawing, in pixels.
-RING_PX = 0.15
+# A circle through hundreds of edge points of a noisy drawing, in pixels; half of it is the unknown gamma of cameras.
+RING_PX = 0.25
