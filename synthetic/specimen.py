@@ -3,10 +3,8 @@
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,6 +12,7 @@ import tifffile
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from endoct.modalities.recording import map_frames
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.bscan import build_appearance, render_bscan
 from endoct.synthetic.camera import render_frame
@@ -25,7 +24,6 @@ from endoct.synthetic.truth import write_truth
 from endoct.synthetic.wall import Wall, build_wall
 
 Progress = Callable[[str, float], None]
-Out = TypeVar("Out")
 
 
 def simulate(
@@ -87,9 +85,8 @@ def _write_oct(folder: Path, sample: Sample, wall: Wall, tell: Progress, workers
     appearance = build_appearance(sample, wall)
 
     def pages() -> Iterator[NDArray[np.uint8]]:
-        for i, page in enumerate(
-            _in_order(lambda i: render_bscan(sample, wall, appearance, i), size.n_slices, workers), 1
-        ):
+        rendered = map_frames(lambda i: render_bscan(sample, wall, appearance, i), range(size.n_slices), workers)
+        for i, page in enumerate(rendered, 1):
             yield page
             tell("oct", i / size.n_slices)
 
@@ -110,21 +107,7 @@ def _write_endoscope(folder: Path, sample: Sample, wall: Wall, tell: Progress, w
             raise EndoctError(f"frame {index} could not be encoded as PNG")
         return np.asarray(data, dtype=np.uint8)
 
-    for i, data in enumerate(_in_order(png, n_frames, workers)):
+    for i, data in enumerate(map_frames(png, range(n_frames), workers)):
         (folder / f"frame_{i:04d}.png").write_bytes(data.tobytes())
         tell("endoscope", (i + 1) / n_frames)
     (folder / "acquisition.toml").write_text(toml(endoscope_sidecar(sample)), encoding="utf-8")
-
-
-def _in_order(render: Callable[[int], Out], n: int, workers: int) -> Iterator[Out]:
-    """Yield ``render(0)``, ``render(1)``, … from threads, with at most ``workers`` + 1 results waiting."""
-    with ThreadPoolExecutor(workers) as pool:
-        indices = iter(range(n))
-        pending = [pool.submit(render, i) for i in islice(indices, workers + 1)]
-        try:
-            while pending:
-                result = pending.pop(0).result()
-                pending.extend(pool.submit(render, i) for i in islice(indices, 1))
-                yield result
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
