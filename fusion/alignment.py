@@ -5,7 +5,9 @@ range of z scales and every orientation left open. Its sign carries no informati
 place is refined to a fraction of a sample. How far it stands out decides whether it is believed.
 """
 
-from endoct.fusion.evidence import Evidence, clipped
+from dataclasses import replace
+
+from endoct.fusion.evidence import Evidence, clipped, negated
 from endoct.fusion.pose import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation
 from endoct.fusion.refinement import refine
 from endoct.fusion.search import search
@@ -38,8 +40,7 @@ def align(
 
     ``force`` believes the best place however little it stands out.
     """
-    a, b = clipped(a), clipped(b)
-    found = search(a, b, orientations, z_scale_range)
+    found = search(clipped(a), clipped(b), orientations, z_scale_range)
     if found is None:
         return NotAligned("The two sides share no structure: at least one shows no cells.")
     if found.confidence < BELIEVABLE and not force:
@@ -47,8 +48,13 @@ def align(
             f"No place of one side on the other stands out: the best correlates at {abs(found.correlation):.2f}, "
             f"{found.ratio:.2f} times the runner-up."
         )
-        return NotAligned(reason + _what_if(a, b, orientations, z_scale_range), found)
-    return refine(a, b, found, z_scale_range)
+        return NotAligned(reason + _what_if(clipped(a), clipped(b), orientations, z_scale_range), found)
+    if found.correlation < 0 and "darkness" in (a.kind, b.kind):
+        # bright cells: clipping has cut away just what tells them from the wall
+        a, b = (a, negated(b)) if b.kind == "darkness" else (negated(a), b)
+        refined = refine(clipped(a), clipped(b), found, z_scale_range)
+        return replace(refined, correlation=-refined.correlation)
+    return refine(clipped(a), clipped(b), found, z_scale_range)
 
 
 def _what_if(

@@ -15,7 +15,8 @@ class Alignment:
     θ_B counts negative if ``mirrored``, z_B if ``z_reversed``. ``correlation`` is that of the two sides' evidence
     for cells in place (its sign says whether they agree or are each other's negative), ``ratio`` how its score
     compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``overlap_mm2`` the
-    wall both have seen.
+    wall both have seen. ``uneven_rad`` is the largest smooth departure from a rigid turn that was found and left
+    uncorrected: what uneven rotation and an off-axis probe leave in θ.
     """
 
     theta_shift_rad: float
@@ -27,6 +28,7 @@ class Alignment:
     correlation: float = 0.0
     ratio: float = 1.0
     overlap_mm2: float = 0.0
+    uneven_rad: float = 0.0
 
     def theta_to_a(self, theta_b_rad: ArrayLike) -> Coordinates:
         """Return θ in A's frame, in [0, 2π), of θ in B's (any shape)."""

@@ -12,6 +12,10 @@ FINEST_DZ_MM = 0.03
 MOST_COLUMNS = 1024
 BLURS_MM = (0.12, 0.06, 0.03)
 ROUNDS = 12
+WAVES = 2
+"""Harmonics of θ by which the two sides may depart from a rigid turn while it is sought."""
+WAVE_RAD = 0.02
+"""How large such a departure typically is."""
 FARTHEST_MM = 0.5
 """A refinement that leaves the search's peak by more has lost it."""
 
@@ -22,20 +26,30 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     The side with the coarser rows is compared at its own samples, where the other is interpolated: nothing is
     interpolated across wide rows. The relation of the two is linear with a free gain of either sign; samples
     that fit badly count little. Where it does not converge near ``start``, the search's answer stands.
+
+    Uneven rotation of a catheter and a probe off the axis bend θ by waves. Where cells lie on one side only, a rigid
+    turn would follow the wave there; so the first harmonics are sought too and then left out of the alignment, but
+    for their size, ``uneven_rad``.
     """
     if a.dz_mm > b.dz_mm:
         low, high = z_scale_range
         return refine(b, a, start.inverse(), (1 / high, 1 / low)).inverse()
     fine, coarse = _handy(a), _handy(b)
-    found = start
+    found, wave_rad = start, np.zeros(2 * WAVES)
     for sigma_mm in BLURS_MM:
-        found = _gauss_newton(blurred(fine, sigma_mm), blurred(coarse, sigma_mm), found, z_scale_range)
+        found, wave_rad = _gauss_newton(
+            blurred(fine, sigma_mm), blurred(coarse, sigma_mm), found, wave_rad, z_scale_range, sigma_mm
+        )
     ends = coarse.z_mm[[0, -1]].mean()
     moved_mm = abs(float(found.z_to_a(ends) - start.z_to_a(ends)))
     turned_rad = abs(float(np.angle(np.exp(1j * (found.theta_shift_rad - start.theta_shift_rad)))))
     if not (moved_mm < FARTHEST_MM and turned_rad * a.radius_mm < FARTHEST_MM):
         return start
-    return replace(found, theta_shift_rad=float(np.mod(found.theta_shift_rad, 2 * np.pi)))
+    return replace(
+        found,
+        theta_shift_rad=float(np.mod(found.theta_shift_rad, 2 * np.pi)),
+        uneven_rad=float(np.abs(wave_rad @ _waves(np.linspace(0, 2 * np.pi, 360))).max()),
+    )
 
 
 def _handy(evidence: Evidence) -> Evidence:
@@ -51,40 +65,56 @@ def _handy(evidence: Evidence) -> Evidence:
     return on_new if evidence.dz_mm < FINEST_DZ_MM else replace(on_new, dz_mm=evidence.dz_mm)
 
 
-def _gauss_newton(fine: Evidence, coarse: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
+def _gauss_newton(
+    fine: Evidence,
+    coarse: Evidence,
+    start: Alignment,
+    start_wave_rad: Coordinates,
+    z_scale_range: tuple[float, float],
+    sigma_mm: float,
+) -> tuple[Alignment, Coordinates]:
     slope_z, slope_theta = _slopes(fine)
     theta_rad = coarse.theta0_rad + 2 * np.pi / coarse.values.shape[1] * np.arange(coarse.values.shape[1])
+    waves = _waves(theta_rad)
     direction = -1.0 if start.z_reversed else 1.0
-    found = start
+    found, wave_rad = start, start_wave_rad
     for _ in range(ROUNDS):
         z_mm = found.z_to_a(coarse.z_mm)
         rows = np.interp(z_mm, fine.z_mm, np.arange(fine.z_mm.size), left=-1, right=-1)
         n_theta = fine.values.shape[1]
-        columns = (found.theta_to_a(theta_rad) - fine.theta0_rad) * n_theta / (2 * np.pi)
+        columns = (found.theta_to_a(theta_rad) + wave_rad @ waves - fine.theta0_rad) * n_theta / (2 * np.pi)
         there = _bilinear(fine.valid.astype(np.float32), rows, columns)
         use = coarse.valid & (there > 0.999)
         if use.sum() < 100:
-            return start
+            return start, start_wave_rad
         value, dz, dtheta = (_bilinear(image, rows, columns)[use] for image in (fine.values, slope_z, slope_theta))
         target = coarse.values[use].astype(np.float64)
         lever = np.broadcast_to((direction * coarse.z_mm)[:, np.newaxis], use.shape)[use]
         middle = float(lever.mean())
         (of_value, common), (_, of_target) = np.cov(value, target)
         if not (of_value > 0 and of_target > 0):
-            return start
+            return start, start_wave_rad
         gain = common / of_value
         residual = target - target.mean() - gain * (value - value.mean())
         size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
         weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
-        columns_of = np.stack([gain * dtheta, gain * dz, gain * dz * (lever - middle), value, np.ones_like(value)])
+        turns = [gain * dtheta * np.broadcast_to(wave, use.shape)[use] for wave in waves]
+        columns_of = np.stack(
+            [gain * dtheta, gain * dz, gain * dz * (lever - middle), value, np.ones_like(value), *turns]
+        )
         normal = (columns_of * weight) @ columns_of.T
-        normal[np.diag_indices(5)] *= 1 + 1e-6
+        normal[np.diag_indices(len(normal))] *= 1 + 1e-6
+        # WAVE_RAD as a prior, against residuals of which all within one blur count as one
+        one_px = 4 * np.pi * sigma_mm**2 / (coarse.dz_mm * coarse.column_mm)
+        stiffness = max(1.0, one_px) * float((weight * residual**2).mean()) / WAVE_RAD**2
+        normal[np.diag_indices(len(normal))] += np.r_[np.zeros(5), np.full(wave_rad.size, stiffness)]
+        slope = (columns_of * weight) @ residual - np.r_[np.zeros(5), stiffness * wave_rad]
         try:
-            step = np.linalg.solve(normal, (columns_of * weight) @ residual)
+            step = np.linalg.solve(normal, slope)
         except np.linalg.LinAlgError:
-            return start
-        if not np.isfinite(step[:3]).all():
-            return start
+            return start, start_wave_rad
+        if not np.isfinite(step).all():
+            return start, start_wave_rad
         scale = float(np.clip(found.z_scale + step[2], *z_scale_range))
         found = replace(
             found,
@@ -93,9 +123,14 @@ def _gauss_newton(fine: Evidence, coarse: Evidence, start: Alignment, z_scale_ra
             z_shift_mm=found.z_shift_mm + float(np.clip(step[1], -0.1, 0.1)) - (scale - found.z_scale) * middle,
             correlation=float(common / np.sqrt(of_value * of_target)),
         )
+        wave_rad = wave_rad + np.clip(step[5:], -0.05, 0.05)
         if abs(step[0]) < 1e-5 and abs(step[1]) < 1e-5 and abs(step[2]) < 1e-6:
             break
-    return found
+    return found, wave_rad
+
+
+def _waves(theta_rad: Coordinates) -> Coordinates:
+    return np.stack([f(k * theta_rad) for k in range(1, WAVES + 1) for f in (np.cos, np.sin)])
 
 
 def _slopes(fine: Evidence) -> tuple[Image, Image]:
