@@ -7,7 +7,7 @@ import math
 import re
 import textwrap
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
@@ -89,6 +90,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 def save(figure: Figure, path: Path) -> float:
     """Write ``figure`` as PNG with its white margins trimmed; return its width in inches."""
     canvas = FigureCanvasAgg(figure)
+    _settle_layout(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
     # trimmed here: matplotlib's own trimming draws everything twice
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
@@ -99,6 +101,23 @@ def save(figure: Figure, path: Path) -> float:
     trimmed = pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1]
     Image.fromarray(np.ascontiguousarray(trimmed)).save(path, dpi=(DPI, DPI), compress_level=4)
     return float(trimmed.shape[1] / DPI)
+
+
+def _settle_layout(figure: Figure) -> None:
+    """Lay the figure out once and for all, to far less than a pixel.
+
+    The layout's solver rounds differently from run to run; the last bit of a place can move a pixel.
+    """
+    if (engine := figure.get_layout_engine()) is not None:
+        with suppress(ValueError):  # as matplotlib does when it draws: a figure of several grids stays as it is
+            engine.execute(figure)
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        place = axes.get_position(original=True).get_points()
+        axes.set_position(Bbox(np.round(place, 5)), which="original")
+    for text in figure.texts:
+        x, y = text.get_position()
+        text.set_position((round(x, 5), round(y, 5)))
 
 
 def z_stretch(grid: SurfaceGrid) -> float:
