@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, median_filter, uniform_filter1d
+from scipy.ndimage import label, percentile_filter, uniform_filter1d
 
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
@@ -29,6 +29,8 @@ SKIRT_SIGMAS = 0.12
 LINE_WIDTH_MM = 0.15
 LINE_OF_FACE_MM = 0.06  # nearer to the outer face, what stands out is the face itself
 LINE_BACKGROUND_MM = 0.35
+LINE_BEYOND_MM = (0.07, 0.13)  # behind a line and its echo, nearer than the end of what bone there returns
+DARK_SHARE = 0.2
 FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
 
@@ -132,10 +134,17 @@ def _reject_empty(slices: Sequence[SliceEvidence]) -> None:
 
 
 def _line_excess(slices: Sequence[SliceEvidence], mm_per_px: float) -> Image:
-    """How far a depth row stands out everywhere at once: the detector's fixed lines with their skirts, else 0."""
+    """How far a depth row stands out everywhere at once: the detector's fixed lines with their skirts, else 0.
+
+    Judged where the row is dark, that is where it is dark a little deeper: bone interferes with a line and so can
+    make it fainter as well as brighter.
+    """
     ascans = np.concatenate([s.ascans for s in slices])[:: max(1, len(slices) // 40)]
-    level = np.percentile(ascans, 20, axis=0)
-    excess = level - median_filter(level, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
+    near, far = (max(1, round(reach / mm_per_px)) for reach in LINE_BEYOND_MM)
+    deeper = np.pad(uniform_filter1d(ascans, far - near, axis=1), ((0, 0), (0, far)), mode="edge")[:, far:]
+    dark = deeper <= np.quantile(deeper, DARK_SHARE, axis=0)
+    level = np.nanmedian(np.where(dark, ascans, np.nan), axis=0)
+    excess = level - percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
     sigma = max(1.4826 * float(np.median(np.abs(ascans - np.median(ascans, axis=0)))), 1e-6)
     core = excess > LINE_SIGMAS * sigma
     line = core.copy()
