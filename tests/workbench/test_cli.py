@@ -137,9 +137,7 @@ def test_two_different_patterns_are_not_aligned_and_status_3(tmp_path: Path, run
             centre = int(rng.integers(512)), int(rng.integers(200))
             cv2.circle(mask, centre, int(rng.integers(5, 20)), 255, -1)
         cv2.imwrite(str(tmp_path / f"{name}.png"), mask)
-        (tmp_path / f"{name}.toml").write_text(
-            'modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.04\n'
-        )
+        (tmp_path / f"{name}.toml").write_text('modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.04\n')
     status, said = run("compare", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "c", "--json")
     result = json.loads(said)
     assert status == 3
