@@ -63,10 +63,7 @@ def true_pose(panorama: Panorama, truth: dict, stated_mirrored: bool) -> Pose:
     z_bore = np.asarray(truth["z_mm"])[index]
     if "roll_rad" in truth:  # the panorama's angle of a frame is image angle + estimated roll
         turn = np.asarray(truth["roll_rad"])[index] - panorama.per_frame["roll_rad"]
-        theta0 = float(
-            np.angle(np.median(np.exp(1j * (turn - turn[0])).real) + 0j) + np.median(wrap_rad(turn - turn[0]))
-        )
-        return Pose(theta0 + float(turn[0]), 1, z_panorama, z_bore)
+        return Pose(float(turn[0] + np.median(wrap_rad(turn - turn[0]))), 1, z_panorama, z_bore)
     sense = int(truth["theta_sense"]) * (-1 if stated_mirrored else 1)
     return Pose(float(truth["theta_origin_rad"]), sense, z_panorama, z_bore)
 
@@ -91,7 +88,7 @@ def evaluate(specimen: Path, work: Path, literal: bool) -> dict[str, float | boo
     comparison = compare(specimen / "endoscope", specimen / "oct", work, settings_b=settings, overwrite=True)
     result = json.loads((work / "result.json").read_text())
     truth = json.loads((specimen / "truth" / "recording.json").read_text())
-    wall = xr.open_zarr(specimen / "truth" / "wall.zarr", consolidated=False).load()
+    wall = xr.open_zarr(specimen / "truth" / "wall.zarr").load()
     endoscope, oct_ = (load_panorama(work / "panoramas" / f"{name}.zarr") for name in ("endoscope", "oct"))
     pose_e = true_pose(endoscope, truth["endoscope"], False)
     pose_o = true_pose(oct_, truth["oct"], oct_.provenance["acquisition"]["handedness"] == "mirrored")
