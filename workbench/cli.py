@@ -5,7 +5,7 @@ import signal
 import sys
 from types import FrameType
 
-DONE, UNUSABLE_INPUT, WRONG_USAGE, NOT_ALIGNED, INTERRUPTED = 0, 1, 2, 3, 130
+from endoct.workbench.status import DONE, INTERRUPTED, UNUSABLE_INPUT
 
 
 def main() -> None:

@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, UseAppendAction, arg
 
-from endoct.workbench.cli import DONE, NOT_ALIGNED
 from endoct.workbench.progress import ConsoleStages, SilentStages, Stages
+from endoct.workbench.status import DONE, NOT_ALIGNED
 
 Output = Annotated[Path, arg(name="output", aliases=["-o"])]
 Settings = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE")]
