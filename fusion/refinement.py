@@ -1,6 +1,6 @@
 """The last fraction of a sample of an alignment: robust Gauss–Newton over the samples both sides have."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,17 @@ WAVE_RAD = 0.02
 FARTHEST_MM = 0.5
 """A refinement that leaves the search's peak by more has lost it."""
 
+RIGID = 5
+"""Unknowns before the waves: turn, shift, scale, gain and level."""
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """An alignment, and the coefficients of the waves in θ beside it."""
+
+    alignment: Alignment
+    wave_rad: Coordinates
+
 
 def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
     """Return ``start`` with turn, shift and scale refined, and the correlation there.
@@ -35,11 +46,10 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
         low, high = z_scale_range
         return refine(b, a, start.inverse(), (1 / high, 1 / low)).inverse()
     fine, coarse = _handy(a), _handy(b)
-    found, wave_rad = start, np.zeros(2 * WAVES)
+    fit = _Fit(start, np.zeros(2 * WAVES))
     for sigma_mm in BLURS_MM:
-        found, wave_rad = _gauss_newton(
-            blurred(fine, sigma_mm), blurred(coarse, sigma_mm), found, wave_rad, z_scale_range, sigma_mm
-        )
+        fit = _gauss_newton(blurred(fine, sigma_mm), blurred(coarse, sigma_mm), fit, z_scale_range, sigma_mm)
+    found = fit.alignment
     ends = coarse.z_mm[[0, -1]].mean()
     moved_mm = abs(float(found.z_to_a(ends) - start.z_to_a(ends)))
     turned_rad = abs(float(np.angle(np.exp(1j * (found.theta_shift_rad - start.theta_shift_rad)))))
@@ -48,7 +58,7 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     return replace(
         found,
         theta_shift_rad=float(np.mod(found.theta_shift_rad, 2 * np.pi)),
-        uneven_rad=float(np.abs(wave_rad @ _waves(np.linspace(0, 2 * np.pi, 360))).max()),
+        uneven_rad=float(np.abs(fit.wave_rad @ _waves(np.linspace(0, 2 * np.pi, 360))).max()),
     )
 
 
@@ -66,67 +76,77 @@ def _handy(evidence: Evidence) -> Evidence:
 
 
 def _gauss_newton(
-    fine: Evidence,
-    coarse: Evidence,
-    start: Alignment,
-    start_wave_rad: Coordinates,
-    z_scale_range: tuple[float, float],
-    sigma_mm: float,
-) -> tuple[Alignment, Coordinates]:
-    slope_z, slope_theta = _slopes(fine)
-    theta_rad = coarse.theta0_rad + 2 * np.pi / coarse.values.shape[1] * np.arange(coarse.values.shape[1])
-    waves = _waves(theta_rad)
-    direction = -1.0 if start.z_reversed else 1.0
-    found, wave_rad = start, start_wave_rad
+    fine: Evidence, coarse: Evidence, start: _Fit, z_scale_range: tuple[float, float], sigma_mm: float
+) -> _Fit:
+    """Return ``start`` improved until it stands still; ``start`` itself where too little is left to go by."""
+    slopes = _slopes(fine)
+    fit = start
     for _ in range(ROUNDS):
-        z_mm = found.z_to_a(coarse.z_mm)
-        rows = np.interp(z_mm, fine.z_mm, np.arange(fine.z_mm.size), left=-1, right=-1)
-        n_theta = fine.values.shape[1]
-        columns = (found.theta_to_a(theta_rad) + wave_rad @ waves - fine.theta0_rad) * n_theta / (2 * np.pi)
-        there = _bilinear(fine.valid.astype(np.float32), rows, columns)
-        use = coarse.valid & (there > 0.999)
-        if use.sum() < 100:
-            return start, start_wave_rad
-        value, dz, dtheta = (_bilinear(image, rows, columns)[use] for image in (fine.values, slope_z, slope_theta))
-        target = coarse.values[use].astype(np.float64)
-        lever = np.broadcast_to((direction * coarse.z_mm)[:, np.newaxis], use.shape)[use]
-        middle = float(lever.mean())
-        (of_value, common), (_, of_target) = np.cov(value, target)
-        if not (of_value > 0 and of_target > 0):
-            return start, start_wave_rad
-        gain = common / of_value
-        residual = target - target.mean() - gain * (value - value.mean())
-        size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
-        weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
-        turns = [gain * dtheta * np.broadcast_to(wave, use.shape)[use] for wave in waves]
-        columns_of = np.stack(
-            [gain * dtheta, gain * dz, gain * dz * (lever - middle), value, np.ones_like(value), *turns]
-        )
-        normal = (columns_of * weight) @ columns_of.T
-        normal[np.diag_indices(len(normal))] *= 1 + 1e-6
-        # WAVE_RAD as a prior, against residuals of which all within one blur count as one
-        one_px = 4 * np.pi * sigma_mm**2 / (coarse.dz_mm * coarse.column_mm)
-        stiffness = max(1.0, one_px) * float((weight * residual**2).mean()) / WAVE_RAD**2
-        normal[np.diag_indices(len(normal))] += np.r_[np.zeros(5), np.full(wave_rad.size, stiffness)]
-        slope = (columns_of * weight) @ residual - np.r_[np.zeros(5), stiffness * wave_rad]
+        equations = _equations(fine, coarse, slopes, fit, sigma_mm)
+        if equations is None:
+            return start
+        normal, slope, middle_mm, correlation = equations
         try:
             step = np.linalg.solve(normal, slope)
         except np.linalg.LinAlgError:
-            return start, start_wave_rad
+            return start
         if not np.isfinite(step).all():
-            return start, start_wave_rad
+            return start
+        turn_rad, shift_mm = np.clip(step[:2], -0.1, 0.1)
+        found = fit.alignment
         scale = float(np.clip(found.z_scale + step[2], *z_scale_range))
         found = replace(
             found,
-            theta_shift_rad=found.theta_shift_rad + float(np.clip(step[0], -0.1, 0.1)),
+            theta_shift_rad=found.theta_shift_rad + float(turn_rad),
             z_scale=scale,
-            z_shift_mm=found.z_shift_mm + float(np.clip(step[1], -0.1, 0.1)) - (scale - found.z_scale) * middle,
-            correlation=float(common / np.sqrt(of_value * of_target)),
+            z_shift_mm=found.z_shift_mm + float(shift_mm) - (scale - found.z_scale) * middle_mm,
+            correlation=correlation,
         )
-        wave_rad = wave_rad + np.clip(step[5:], -0.05, 0.05)
+        fit = _Fit(found, fit.wave_rad + np.clip(step[RIGID:], -0.05, 0.05))
         if abs(step[0]) < 1e-5 and abs(step[1]) < 1e-5 and abs(step[2]) < 1e-6:
             break
-    return found, wave_rad
+    return fit
+
+
+def _equations(
+    fine: Evidence, coarse: Evidence, slopes: tuple[Image, Image], fit: _Fit, sigma_mm: float
+) -> tuple[Coordinates, Coordinates, float, float] | None:
+    """Return normal matrix and slope for a step in turn, shift, scale, gain, level and waves.
+
+    With them the middle of the overlap along z, about which the scale changes, and the correlation. None where
+    the two hardly overlap or one is constant there.
+    """
+    found, n_theta = fit.alignment, fine.values.shape[1]
+    theta_rad = coarse.theta0_rad + 2 * np.pi / coarse.values.shape[1] * np.arange(coarse.values.shape[1])
+    waves = _waves(theta_rad)
+    rows = np.interp(found.z_to_a(coarse.z_mm), fine.z_mm, np.arange(fine.z_mm.size), left=-1, right=-1)
+    columns = (found.theta_to_a(theta_rad) + fit.wave_rad @ waves - fine.theta0_rad) * n_theta / (2 * np.pi)
+    use = coarse.valid & (_bilinear(fine.valid.astype(np.float32), rows, columns) > 0.999)
+    if use.sum() < 100:
+        return None
+    value, dz, dtheta = (_bilinear(image, rows, columns)[use] for image in (fine.values, *slopes))
+    target = coarse.values[use].astype(np.float64)
+    (of_value, common), (_, of_target) = np.cov(value, target)
+    if not (of_value > 0 and of_target > 0):
+        return None
+    gain = common / of_value
+    residual = target - target.mean() - gain * (value - value.mean())
+    size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
+    weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
+    along_mm = np.broadcast_to((-1.0 if found.z_reversed else 1.0) * coarse.z_mm[:, np.newaxis], use.shape)[use]
+    middle_mm = float(along_mm.mean())
+    turns = [gain * dtheta * np.broadcast_to(wave, use.shape)[use] for wave in waves]
+    effects = np.stack(
+        [gain * dtheta, gain * dz, gain * dz * (along_mm - middle_mm), value, np.ones_like(value), *turns]
+    )
+    normal = (effects * weight) @ effects.T
+    # WAVE_RAD as a prior, against residuals of which all within one blur count as one
+    one_px = 4 * np.pi * sigma_mm**2 / (coarse.dz_mm * coarse.column_mm)
+    stiffness = max(1.0, one_px) * float((weight * residual**2).mean()) / WAVE_RAD**2
+    diagonal = np.diag_indices(len(normal))
+    normal[diagonal] = normal[diagonal] * (1 + 1e-6) + np.r_[np.zeros(RIGID), np.full(len(waves), stiffness)]
+    slope = (effects * weight) @ residual - np.r_[np.zeros(RIGID), stiffness * fit.wave_rad]
+    return normal, slope, middle_mm, float(common / np.sqrt(of_value * of_target))
 
 
 def _waves(theta_rad: Coordinates) -> Coordinates:
