@@ -7,13 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
-
 from endoct.modalities.acquisition import Acquisition
+from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, VolumetricModality
 from endoct.modalities.recording import map_frames
 from endoct.modalities.registry import manifest_for, open_recording
-from endoct.stitching.blend import blend
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.inputs import digests, versions
@@ -86,20 +84,10 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
             calibration = implementation.survey(_Watched(stream, advance), parameters)
         with stages.stage(f"unroll {title}") as advance:
             strips = map_frames(partial(implementation.unroll, calibration=calibration), _Watched(stream, advance))
-            intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
-        with stages.stage(f"settle {title}"):
-            blended = Panorama(
-                grid=calibration.grid,
-                z_mm=calibration.row_z_mm,
-                intensity=intensity,
-                depth_mm=depth_mm,
-                valid=valid,
-                weight=weight,
-                modality=manifest.name,
-                handedness_known=calibration.handedness_known,
-                travel_known=calibration.travel_known,
-                frame_dim=manifest.frame_dim,
-                per_frame=_by_depth(calibration, manifest.frame_dim),
+            blended = assemble(
+                strips,
+                calibration,
+                manifest,
                 provenance={
                     "notes": list(calibration.notes),
                     "parameters": parameters.model_dump(mode="json"),
@@ -107,6 +95,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
                     "versions": versions(),
                 },
             )
+        with stages.stage(f"settle {title}"):
             settled = implementation.settle(blended, calibration)
         panorama = replace(settled, provenance={**settled.provenance, "inputs": inputs.result()})
     if not panorama.valid.any():
@@ -128,10 +117,3 @@ def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
     implementation = cast(VolumetricModality, unrolled.manifest.load())
     with stages.stage("volume") as advance:
         implementation.write_volume(_Watched(unrolled.stream, advance), unrolled.calibration, store)
-
-
-def _by_depth(calibration: Calibration, frame_dim: str) -> dict[str, np.ndarray[Any, Any]]:
-    z_mm = np.asarray(calibration.per_frame["z_mm"])
-    order = np.argsort(z_mm, kind="stable")
-    values = {key: np.asarray(value)[order] for key, value in calibration.per_frame.items() if key != "z_mm"}
-    return {f"{frame_dim}_z_mm": z_mm[order], f"{frame_dim}_index": order, **values}

@@ -9,6 +9,7 @@ from unittest.mock import patch
 import numpy as np
 import xarray as xr
 
+from endoct.modalities.assembly import assemble
 from endoct.modalities.conformance.subject import (
     NotConforming,
     Replaced,
@@ -146,21 +147,10 @@ def volumes_are_written(subject: Subject) -> None:
 
 
 def _assembled(subject: Subject) -> Panorama:
-    calibration, manifest = subject.calibration, subject.manifest
-    strips = (subject.modality.unroll(subject.stream[index], calibration) for index in range(len(subject.stream)))
-    intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
-    return Panorama(
-        grid=calibration.grid,
-        z_mm=calibration.row_z_mm,
-        intensity=intensity,
-        depth_mm=depth_mm,
-        valid=valid,
-        weight=weight,
-        modality=manifest.name,
-        handedness_known=calibration.handedness_known,
-        travel_known=calibration.travel_known,
-        frame_dim=manifest.frame_dim,
+    strips = (
+        subject.modality.unroll(subject.stream[index], subject.calibration) for index in range(len(subject.stream))
     )
+    return assemble(strips, subject.calibration, subject.manifest)
 
 
 def illustrations_can_be_drawn(subject: Subject) -> None:

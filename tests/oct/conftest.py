@@ -10,11 +10,11 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
+from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import Calibration, FrameStream
-from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.manifest import MANIFEST, OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.plugin import OCT
-from endoct.stitching.blend import blend
 from endoct.stitching.panorama import Panorama
 
 CAPILLARY_MM = 0.8
@@ -104,19 +104,7 @@ def unroll(folder: Path, acquisition: OctAcquisition, **parameters: Any) -> tupl
     stream = OCT.open(folder, acquisition)
     calibration = OCT.survey(stream, OctParameters(**parameters))
     strips = [OCT.unroll(stream[i], calibration) for i in range(len(stream))]
-    intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
-    blended = Panorama(
-        grid=calibration.grid,
-        z_mm=calibration.row_z_mm,
-        intensity=intensity,
-        depth_mm=depth_mm,
-        valid=valid,
-        weight=weight,
-        modality="oct",
-        handedness_known=calibration.handedness_known,
-        travel_known=calibration.travel_known,
-        frame_dim="slice",
-    )
+    blended = assemble(strips, calibration, MANIFEST)
     return stream, calibration, OCT.settle(blended, calibration)
 
 

@@ -1,0 +1,47 @@
+"""Strips of one recording put together into its panorama."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Calibration, Manifest
+from endoct.stitching.blend import blend
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.strip import Strip
+
+
+def assemble(
+    strips: Iterable[Strip],
+    calibration: Calibration,
+    manifest: Manifest,
+    provenance: Mapping[str, Any] | None = None,
+) -> Panorama:
+    """Return the blended panorama of all ``strips``, not yet settled, with the calibration's figures per frame.
+
+    Raises :class:`EndoctError` for a strip off the calibration's grid.
+    """
+    intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
+    return Panorama(
+        grid=calibration.grid,
+        z_mm=calibration.row_z_mm,
+        intensity=intensity,
+        depth_mm=depth_mm,
+        valid=valid,
+        weight=weight,
+        modality=manifest.name,
+        handedness_known=calibration.handedness_known,
+        travel_known=calibration.travel_known,
+        frame_dim=manifest.frame_dim,
+        per_frame=_inward(calibration.per_frame, manifest.frame_dim),
+        provenance=provenance or {},
+    )
+
+
+def _inward(per_frame: Mapping[str, NDArray[Any]], frame_dim: str) -> dict[str, NDArray[Any]]:
+    """Return figures per frame by ascending z, with each frame's index in the recording."""
+    z_mm = np.asarray(per_frame["z_mm"])
+    order = np.argsort(z_mm, kind="stable")
+    values = {key: np.asarray(value)[order] for key, value in per_frame.items() if key != "z_mm"}
+    return {f"{frame_dim}_z_mm": z_mm[order], f"{frame_dim}_index": order, **values}
