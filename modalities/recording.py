@@ -42,11 +42,15 @@ class ImageStack:
 
     ``stack[i]`` is a read-only array in the file's dtype, (row, column) or (row, column, channel) with
     channels as RGB; transparency is dropped. Raises :class:`EndoctError` where a file is truncated or
-    unreadable, or a frame differs in shape or dtype from the first, or is not finite.
+    unreadable, or a frame differs in shape or dtype from the first, or is not finite. ``files`` names the files
+    where each holds one frame.
     """
 
-    def __init__(self, path: Path, n_frames: int, read: Callable[[int], NDArray[Any]]) -> None:
+    def __init__(
+        self, path: Path, n_frames: int, read: Callable[[int], NDArray[Any]], files: tuple[Path, ...] = ()
+    ) -> None:
         self.path = path
+        self.files = files
         self._n_frames = n_frames
         self._read = read
         first = self._frame(0)
@@ -315,7 +319,7 @@ def _open_folder(folder: Path) -> ImageStack:
             found=f"{len(images)} images, {len(arrays)} .npy files",
             expected="one TIFF, one .npy or numbered images",
         )
-    return ImageStack(folder, len(images), _ReadImages(tuple(images)))
+    return ImageStack(folder, len(images), _ReadImages(tuple(images)), tuple(images))
 
 
 def _check_size(path: Path, needed: int) -> None:

@@ -15,6 +15,7 @@ from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey
 from endoct.modalities.endoscope.unroll import means, pixel_map, sample, sample_cyclic, sample_mask
+from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.recording import IMAGE_SUFFIXES, ImageStack, image_files, is_tiff, open_stack
 from endoct.stitching.arrays import Coordinates, readonly
 from endoct.stitching.errors import EndoctError
@@ -79,6 +80,9 @@ class Endoscope:
                 found=f"frames of {shape}",
                 expected="grey or RGB images of at least 32 × 32 pixels",
             )
+        if acquisition.positions_mm is None and acquisition.pitch_mm is not None:
+            by_number = positions_by_number(stack.files, acquisition.pitch_mm)
+            acquisition = acquisition.model_copy(update={"positions_mm": by_number})
         nominal = inward_positions_mm(
             len(stack),
             pitch_mm=acquisition.pitch_mm or 0.0,

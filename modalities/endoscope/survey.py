@@ -16,6 +16,7 @@ from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.optics import DISAGREEMENT, Optics, stated_optics, turned
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.unroll import pixel_map, sample
+from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError
@@ -108,7 +109,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
         grid=grid,
         row_z_mm=grid.z_mm,
         per_frame=_per_frame(z_mm, roll_rad, settled, found, feed, exposure, glimpses),
-        notes=tuple(notes),
+        notes=(*notes, *notes_on_gaps(acquisition.positions_mm)),
         handedness_known=True,
         travel_known=acquisition.travel != "unknown",
         annuli=settled,

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from endoct.modalities.contract import Frame, Sniff, inward_positions_mm
+from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.recording import ImageStack, open_stack
 from endoct.stitching.arrays import Coordinates
@@ -23,6 +24,9 @@ class Pullback:
 
     def __init__(self, path: Path, acquisition: OctAcquisition) -> None:
         self._stack: ImageStack = open_stack(path)
+        if acquisition.positions_mm is None:
+            by_number = positions_by_number(self._stack.files, acquisition.pullback_pitch_mm)
+            acquisition = acquisition.model_copy(update={"positions_mm": by_number})
         self._acquisition = acquisition
         shape = self._stack.frame_shape
         if len(shape) != 2 or shape[0] < LEAST_DEPTH or shape[1] < LEAST_ASCANS:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label, percentile_filter, uniform_filter1d
 
 from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import Background, OctCalibration
 from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces
@@ -232,7 +233,7 @@ def _notes(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tup
             f"Depth rows {_ranges(beyond)} hold fixed lines of the detector, which were taken out; a wall just there "
             "is less certain."
         )
-    return tuple(notes)
+    return (*notes, *notes_on_gaps(acquisition.positions_mm))
 
 
 def _ranges(rows: NDArray[np.intp]) -> str:
