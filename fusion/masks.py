@@ -39,6 +39,10 @@ def read_mask(path: Path, like: Panorama | None = None) -> Panorama:
 
     Raises :class:`EndoctError` where the image cannot be read, shows nothing, or nothing says where it lies.
     """
+    if path.is_dir():
+        raise EndoctError(
+            f"{path} is no mask", found="a folder", expected="one image drawn over a panorama, PNG or TIFF"
+        )
     stack = open_stack(path)
     if len(stack) != 1:
         raise EndoctError(f"{path} is no mask", found=f"{len(stack)} images", expected="one")

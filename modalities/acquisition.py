@@ -84,11 +84,15 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
         said = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
         if not key:  # the keys do not fit each other
             raise EndoctError(f"{where}: {said}", remedy="correct the keys") from None
-        if first["type"] == "missing":
-            about = model.model_fields[key].description if key in model.model_fields else None
+        missing = [str(e["loc"][0]) for e in error.errors() if e["type"] == "missing" and len(e["loc"]) == 1]
+        if missing:
+            fields = model.model_fields
+            told = ", ".join(
+                f"'{name}'" + (f" ({fields[name].description})" if fields[name].description else "") for name in missing
+            )
             raise EndoctError(
-                f"{where} lacks '{key}'" + (f" ({about})" if about else ""),
-                remedy=f"add it to {SIDECAR_NAME}, or give it with --set {key}=VALUE",
+                f"{where} lacks {told}",
+                remedy=f"add what is missing to {SIDECAR_NAME}, or give it with --set {missing[0]}=VALUE",
             ) from None
         raise EndoctError(
             f"'{key}' in {where} cannot be used",

@@ -57,10 +57,11 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
             f"{path} could be {' or '.join(claims)}",
             remedy=f"say which with --modality, or with 'modality' in {sidecar_path(path)}",
         )
+    inside = sorted(str(sidecar.parent) for sidecar in path.glob(f"*/{SIDECAR_NAME}"))
     raise EndoctError(
         f"no modality reads {path}",
         found=", ".join(f"{name}: {verdict.reason}" for name, verdict in verdicts.items()),
-        remedy="see `endoct modalities` for what can be read",
+        remedy=f"name one of {', '.join(inside)}" if inside else "see `endoct modalities` for what can be read",
     )
 
 

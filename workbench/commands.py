@@ -231,7 +231,7 @@ def info(
         table = Table(show_header=False, box=None)
         for key, value in facts.items():
             table.add_row(key, str(value))
-        Console().print(table)
+        _Console().print(table)
     return DONE
 
 
@@ -250,8 +250,16 @@ def modalities(json: bool = False) -> int:
     table = Table("name", "title", "provides", "reads", box=None)
     for row in rows:
         table.add_row(row["name"], row["title"], ", ".join(row["provides"]), " ".join(row["suffixes"]))
-    Console().print(table)
+    _Console().print(table)
     return DONE
+
+
+class _Console(Console):
+    """A console that leaves it to the entry point what a reader who went away means."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise what was caught."""
+        raise BrokenPipeError
 
 
 def _tell_result(folder: Path, *, as_json: bool) -> int:
@@ -276,7 +284,7 @@ def _stages(as_json: bool) -> Stages:
 
 
 def _say(line: str) -> None:
-    Console().print(line, highlight=False, markup=False, soft_wrap=True)
+    _Console().print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _print_json(value: object) -> None:

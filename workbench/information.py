@@ -79,6 +79,8 @@ def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool)
     """
     manifest = manifest_for(path, modality)
     sidecar = sidecar_path(path)
+    if sidecar.exists() and not overwrite:
+        raise EndoctError(f"{sidecar} exists already", remedy="edit it, or say --overwrite to lay its keys out anew")
     kept = read_keys(path) | {"modality": manifest.name}
     lines = [f"# What the files of {path.name} do not say themselves. Leave out what is not known.", ""]
     for key, field in manifest.acquisition.model_fields.items():
