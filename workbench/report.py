@@ -23,6 +23,8 @@ from endoct.workbench.wording import bullets, value_text
 CSS_PIXELS_PER_INCH = 148
 EMBEDDED_QUALITY = 88
 """Quality of the WebP copies in the page; the files in figures/ are lossless."""
+LEAST_UNEVEN_DEG = 1.0
+"""Unevenness below this is not worth a sentence."""
 
 FIGURE_SECTIONS = {
     "panoramas": "Panoramas",
@@ -114,7 +116,18 @@ def _placement(a: str, b: str, alignment: Mapping[str, Any]) -> str:
     return (
         f"{b} lies in the frame of {a} turned by {math.degrees(alignment['theta_shift_rad']):.2f}° and shifted by "
         f"{value_text('z_mm', alignment['z_shift_mm'])} along the bore, its z scaled by {alignment['z_scale']:.4f}; "
-        f"{' and '.join(turns) if turns else 'neither mirrored nor reversed'}."
+        f"{' and '.join(turns) if turns else 'neither mirrored nor reversed'}.{_unevenness(alignment)}"
+    )
+
+
+def _unevenness(alignment: Mapping[str, Any]) -> str:
+    """Say what the alignment found of uneven rotation and left as it is."""
+    uneven_deg = math.degrees(alignment.get("uneven_rad") or 0.0)
+    if uneven_deg < LEAST_UNEVEN_DEG:
+        return ""
+    return (
+        f" Around θ the two depart smoothly from that turn, by up to {uneven_deg:.1f}°, as uneven rotation of a "
+        "catheter or a probe off the axis make them; this is not corrected and costs overlap."
     )
 
 
