@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from endoct.fusion.evidence import Evidence, Polarity
 from endoct.fusion.prepare import prepare
 from endoct.fusion.threshold import li_threshold
-from endoct.stitching.arrays import Image, Mask
-from endoct.stitching.circle import gaussian
+from endoct.stitching.arrays import Mask
+from endoct.stitching.circle import masked_gaussian
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
@@ -80,7 +80,9 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
         low, high, unit = 0.0, p.contrast_cap, "1"
         sign = "−log" if polarity == "dark" else "log"
         of = f"{sign} of intensity relative to the wall's, floored at 0 and capped at {high:g}"
-    smooth = _smoothed(evidence.values, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm)
+    smooth = masked_gaussian(
+        evidence.values, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
+    )
     prepared = np.clip(smooth, low, high)
     try:
         threshold = li_threshold(prepared[evidence.valid])
@@ -90,12 +92,6 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
         ) from error
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
     return Segmentation(mask, threshold, unit, of, polarity)
-
-
-def _smoothed(values: Image, valid: Mask, rows_px: float, columns_px: float) -> Image:
-    weight = gaussian(valid.astype(np.float32), rows_px, columns_px)
-    total = gaussian(np.where(valid, values, np.float32(0)), rows_px, columns_px)
-    return np.divide(total, weight, out=np.zeros_like(total), where=valid)
 
 
 def clean(mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParameters) -> Mask:

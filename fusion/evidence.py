@@ -7,7 +7,7 @@ import numpy as np
 
 from endoct.fusion.resample import column_weights, resample, row_weights
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import gaussian
+from endoct.stitching.circle import masked_gaussian
 
 Kind = Literal["relief", "darkness", "brightness", "mask"]
 Polarity = Literal["dark", "bright"]
@@ -70,10 +70,7 @@ def negated(evidence: Evidence) -> Evidence:
 def blurred(evidence: Evidence, sigma_mm: float) -> Evidence:
     """Return ``evidence`` smoothed by a Gaussian over its valid samples."""
     sigmas = sigma_mm / evidence.dz_mm, sigma_mm / evidence.column_mm
-    weight = gaussian(evidence.valid.astype(np.float32), *sigmas)
-    total = gaussian(np.where(evidence.valid, evidence.values, np.float32(0)), *sigmas)
-    values: Image = np.divide(total, weight, out=np.zeros_like(total), where=evidence.valid)
-    return replace(evidence, values=values)
+    return replace(evidence, values=masked_gaussian(evidence.values, evidence.valid, *sigmas))
 
 
 def reoriented(evidence: Evidence, *, mirrored: bool, z_reversed: bool, z_scale: float) -> Evidence:

@@ -1,6 +1,5 @@
 """Masks drawn by hand: as a side of a comparison, or as the truth to score one against."""
 
-import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,7 +10,7 @@ from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore
 from endoct.fusion.prepare import MASK_MODALITY
 from endoct.fusion.scores import agreement
-from endoct.modalities.acquisition import validate
+from endoct.modalities.acquisition import read_toml, validate
 from endoct.modalities.recording import open_stack
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
@@ -52,7 +51,7 @@ def read_mask(path: Path, like: Panorama | None = None) -> Panorama:
         raise EndoctError(f"the mask {path} shows no cells", found="one and the same value everywhere")
     sidecar = path.with_suffix(".toml")
     if sidecar.is_file():
-        return _panorama(cell, _grid(cell, _read_sidecar(sidecar)), path, on=None)
+        return _panorama(cell, _grid(cell, validate(MaskSidecar, read_toml(sidecar), str(sidecar))), path, on=None)
     if like is None or cell.shape != like.grid.shape:
         found = f"{cell.shape[0]} × {cell.shape[1]} samples"
         raise EndoctError(
@@ -79,16 +78,6 @@ def score_against(comparison: Comparison, truth: Panorama) -> dict[str, Any]:
         side: agreement(comparison.mask[k], cells, comparison.valid[k] & seen, area_mm2).as_json()
         for k, side in enumerate(comparison.sides)
     }
-
-
-def _read_sidecar(path: Path) -> MaskSidecar:
-    try:
-        keys = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise EndoctError(f"{path} is not valid TOML", found=str(error)) from error
-    except OSError as error:
-        raise EndoctError(f"{path} cannot be read", found=error.strerror or str(error)) from error
-    return validate(MaskSidecar, keys, str(path))
 
 
 def _grid(cell: Mask, sidecar: MaskSidecar) -> SurfaceGrid:

@@ -51,9 +51,9 @@ def read_keys(recording: Path) -> dict[str, Any]:
     path = sidecar_path(recording)
     if not path.is_file():
         return {}
-    keys = _read_toml(path)
+    keys = read_toml(path)
     if isinstance(name := keys.get("calibration"), str):
-        extra = _read_toml(path.parent / name)
+        extra = read_toml(path.parent / name)
         if both := sorted(keys.keys() & extra.keys()):
             raise EndoctError(f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them")
         keys |= extra
@@ -101,7 +101,8 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
         ) from None
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file. Raises :class:`EndoctError` where it cannot be read."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

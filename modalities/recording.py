@@ -296,6 +296,8 @@ def _open_npy(path: Path) -> ImageStack:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise EndoctError(f"{path} is no readable .npy", found=str(error), remedy="save it again") from error
+    if not isinstance(array, np.ndarray):
+        raise EndoctError(f"{path} is no readable .npy", found="an archive of arrays", remedy="save one array")
     shape = array.shape if array.ndim > 2 else (1, *array.shape)
     if len(shape) not in (3, 4) or not array.flags.c_contiguous or not isinstance(array, np.memmap):
         raise EndoctError(
@@ -307,7 +309,7 @@ def _open_npy(path: Path) -> ImageStack:
 
 
 def _open_folder(folder: Path) -> ImageStack:
-    arrays = sorted(folder.glob("*.npy"))
+    arrays = sorted(file for file in folder.glob("*.npy") if not file.name.startswith("."))
     images = image_files(folder)
     if len(arrays) == 1 and not images:
         return open_stack(arrays[0])

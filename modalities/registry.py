@@ -44,6 +44,8 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
     if not path.exists():
         raise EndoctError(f"{path} does not exist", remedy="check the path")
     name = modality or read_keys(path).get("modality")
+    if name is not None and not isinstance(name, str):
+        raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=repr(name), expected="a text")
     if name is not None:
         if name not in manifests():
             raise EndoctError(f"unknown modality '{name}'", expected=f"one of {', '.join(manifests())}")

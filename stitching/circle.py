@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates, Image, Mask
 
 
 def wrap_rad(angle_rad: ArrayLike) -> Coordinates:
@@ -23,6 +23,13 @@ def gaussian(image: Image, sigma_rows_px: float, sigma_columns_px: float) -> Ima
         padded, cv2.CV_32F, _kernel(sigma_columns_px), _kernel(sigma_rows_px), borderType=cv2.BORDER_REPLICATE
     )
     return np.ascontiguousarray(blurred[:, pad : pad + image.shape[1]], dtype=np.float32)
+
+
+def masked_gaussian(image: Image, valid: Mask, sigma_rows_px: float, sigma_columns_px: float) -> Image:
+    """Blur as :func:`gaussian` does over the ``valid`` samples alone, bool (n_z, n_theta); 0 where not valid."""
+    weight = gaussian(valid.astype(np.float32), sigma_rows_px, sigma_columns_px)
+    total = gaussian(np.where(valid, image, np.float32(0)), sigma_rows_px, sigma_columns_px)
+    return np.divide(total, weight, out=np.zeros_like(total), where=valid)
 
 
 def _kernel(sigma_px: float) -> Image:

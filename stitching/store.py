@@ -85,9 +85,12 @@ def load_panorama(path: Path) -> Panorama:
         )
     try:
         with xr.open_zarr(path, chunks=None) as dataset:
-            dataset.load()
+            return _panorama(dataset.load())
     except (OSError, ValueError, KeyError) as error:
         raise EndoctError(f"{path} cannot be read", found=str(error), remedy="unroll the recording again") from error
+
+
+def _panorama(dataset: xr.Dataset) -> Panorama:
     attributes = dataset.attrs
     surface = {"intensity", "valid", "weight", "depth_mm"}
     per_frame = {str(name): v.values for name, v in dataset.data_vars.items() if name not in surface}

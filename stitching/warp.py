@@ -60,6 +60,8 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
             for j, other in enumerate(gradients):
                 along = np.einsum("kj,kj->j", weighted, other)
                 normal[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = (waves * along) @ waves.T
+        if not np.trace(normal) > 0:  # nothing in view tells a motion
+            return start
         change = np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(6), right).reshape(2, 3)
         motion = motion + change
         if np.abs(motion - np.stack([start.rows, start.columns])).max() > 0.05 * max(n_rows, n_theta / 4):

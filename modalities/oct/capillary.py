@@ -201,6 +201,10 @@ def _refine(
     return (circle[0], circle[1], circle[2]), columns / evidence.n_columns, rms
 
 
+def _given(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
+
+
 def _sines(
     slices: Sequence[SliceEvidence], circles: Coordinates, good: Mask, radius_mm: float, parameters: OctParameters
 ) -> tuple[Sine, ...]:
@@ -209,9 +213,9 @@ def _sines(
     for i, (evidence, (x, y, depth)) in enumerate(zip(slices, circles, strict=True)):
         eccentricity = float(np.hypot(x, y))
         first_order = Sine(
-            amplitude_mm=parameters.start_amplitude_mm or eccentricity,
+            amplitude_mm=_given(parameters.start_amplitude_mm, eccentricity),
             omega=1.0,
-            phase_rad=float(np.mod(-np.arctan2(y, x) - np.pi / 2, 2 * np.pi)),
+            phase_rad=float(np.mod(_given(parameters.start_phase_rad, -np.arctan2(y, x) - np.pi / 2), 2 * np.pi)),
             offset_mm=float(depth + radius_mm - eccentricity**2 / (4 * radius_mm)),
         )
         points = evidence.points

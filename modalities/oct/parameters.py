@@ -43,4 +43,3 @@ class OctParameters(BaseModel):
     slope_cost_per_mm: float = Field(default=100, ge=0, description="evidence lost by a change of depth along θ")
     jump_cost: float = Field(default=10.0, ge=0, description="evidence lost at most by one jump of the wall along θ")
     clearance_mm: float = Field(default=0.03, gt=0, description="nearest to the outer face at which a wall is sought")
-    projection_mm: float = Field(default=0.5, gt=0, description="depth from the wall on of the maximum projection")

@@ -73,7 +73,7 @@ def ransac_sine(
     basis = np.stack([np.sin(x_rad[some]), np.cos(x_rad[some]), np.ones(some.size)])
     count = np.count_nonzero(np.abs(linear @ basis - y_mm[some]) < tolerance_mm, axis=1)
     p, q, d = linear[int(np.argmax(count))]
-    best = Sine(float(np.hypot(p, q)), 1.0, float(np.arctan2(q, p)), float(d))
+    best = Sine(float(np.hypot(p, q)), 1.0, float(np.mod(np.arctan2(q, p), 2 * np.pi)), float(d))
     for _ in range(3):
         inliers = np.abs(best(x_rad) - y_mm) < tolerance_mm
         if np.count_nonzero(inliers) < 4:

@@ -258,3 +258,10 @@ def test_who_stops_early_leaves_no_thread_behind() -> None:
     assert next(mapped) == 0
     mapped.close()
     assert threading.active_count() == before
+
+
+def test_an_archive_named_npy_is_refused(tmp_path: Path) -> None:
+    with (tmp_path / "pullback.npy").open("wb") as file:
+        np.savez(file, a=np.zeros(3))
+    with pytest.raises(EndoctError, match="an archive of arrays"):
+        open_stack(tmp_path / "pullback.npy")

@@ -128,3 +128,9 @@ def test_the_registry_imports_neither_torch_nor_opencv() -> None:
     names, heavy = run.stdout.splitlines()
     assert names == "['endoscope', 'oct']"
     assert heavy == "[]"
+
+
+def test_a_modality_that_is_no_text_is_said(tmp_path: Path) -> None:
+    (tmp_path / "acquisition.toml").write_text('modality = ["oct"]\n')
+    with pytest.raises(EndoctError, match="is no name"):
+        manifest_for(tmp_path)
