@@ -133,4 +133,4 @@ def test_the_registry_imports_neither_torch_nor_opencv() -> None:
 def test_a_modality_that_is_no_text_is_said(tmp_path: Path) -> None:
     (tmp_path / "acquisition.toml").write_text('modality = ["oct"]\n')
     with pytest.raises(EndoctError, match="is no name"):
-        manifest_for(tmp_path)
+        registry.manifest_for(tmp_path)
