@@ -50,8 +50,8 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     for sigma_mm in BLURS_MM:
         fit = _gauss_newton(blurred(fine, sigma_mm), blurred(coarse, sigma_mm), fit, z_scale_range, sigma_mm)
     found = fit.alignment
-    ends = coarse.z_mm[[0, -1]].mean()
-    moved_mm = abs(float(found.z_to_a(ends) - start.z_to_a(ends)))
+    middle_mm = coarse.z_mm[[0, -1]].mean()
+    moved_mm = abs(float(found.z_to_a(middle_mm) - start.z_to_a(middle_mm)))
     turned_rad = abs(float(np.angle(np.exp(1j * (found.theta_shift_rad - start.theta_shift_rad)))))
     if not (moved_mm < FARTHEST_MM and turned_rad * a.radius_mm < FARTHEST_MM):
         return start

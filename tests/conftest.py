@@ -26,7 +26,7 @@ def recordings() -> Path:
 @pytest.fixture(scope="session")
 def quick_specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One simulated specimen of the preset `quick`: oct/, endoscope/ and truth/. Tests must not change it."""
-    from endoct.synthetic.specimen import simulate  # torch loads in seconds: only who needs a specimen waits
+    from endoct.synthetic.specimen import simulate  # only who needs a specimen loads it
 
     specimen = tmp_path_factory.mktemp("quick") / "specimen"
     simulate(specimen, preset="quick", seed=1000)

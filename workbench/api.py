@@ -92,7 +92,7 @@ def simulate(
     ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. Raises
     :class:`EndoctError` where it cannot be read or ``output`` exists.
     """
-    from endoct.synthetic.specimen import simulate as render  # torch loads in seconds: only who simulates waits
+    from endoct.synthetic.specimen import simulate as render  # only who simulates loads it
 
     stages = stages or SilentStages()
     sample = _read_json(Path(replay)) if replay is not None else None

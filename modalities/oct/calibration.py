@@ -89,10 +89,6 @@ class OctCalibration:
         """Outer radius of the capillary, mm."""
         return self.acquisition.capillary_outer_diameter_mm / 2
 
-    def theta_of_rotation(self, angle_rad: Coordinates) -> Coordinates:
-        """Return the panorama's θ of a direction given as rotation angle from A-scan 0, rad in [0, 2π)."""
-        return np.asarray(np.mod(self.acquisition.theta_origin_rad + self.sense * angle_rad, 2 * np.pi))
-
     def rotation_of_theta(self, theta_rad: Coordinates) -> Coordinates:
         """Return the rotation angle from A-scan 0 of a panorama's θ, rad in [0, 2π)."""
         return np.asarray(np.mod(self.sense * (theta_rad - self.acquisition.theta_origin_rad), 2 * np.pi))
