@@ -5,6 +5,7 @@ with its apex at distance d, at radius d·tan a·tan ψ / (tan a − tan ψ); re
 2a − ψ from the axis. So the outer rim of the annulus looks ahead.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,3 +39,13 @@ def wall_z_mm(
     rays = cone_rays(r_px, focal_px, distance_mm, half_angle_rad)
     z: Coordinates = rays.z_mm + (radius_mm - rays.rho_mm) * rays.slope
     return z
+
+
+def focal_length_px(optics: Mapping[str, float], inner_px: float, outer_px: float, radius_mm: float) -> float:
+    """Return the focal length with which the annulus spans ``visible_length_mm`` of the nominal wall."""
+    length, d, a = optics["visible_length_mm"], optics["mirror_distance_mm"], np.deg2rad(optics["half_angle_deg"])
+    focal = (radius_mm + d) * (outer_px - inner_px) / length
+    for _ in range(30):  # the span is very nearly inversely proportional to the focal length
+        z = wall_z_mm(np.array([inner_px, outer_px]), focal, d, a, radius_mm)
+        focal *= float(z[1] - z[0]) / length
+    return float(focal)

@@ -1,56 +1,63 @@
 """Draws the parameters of a specimen. Nothing random happens elsewhere but noise and texture."""
 
-import math
-from functools import cache
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from pydantic import BaseModel
 
 from endoct.stitching.arrays import Coordinates
-from endoct.synthetic.cells import pit_mm, reach_mm
-from endoct.synthetic.cone import wall_z_mm
-from endoct.synthetic.parameters import Bore, Cell, Endoscope, Harmonic, Oct, Sample, Shadow, SheathLine, Speck, Travel
+from endoct.synthetic.cells import draw_cells
+from endoct.synthetic.cone import focal_length_px
+from endoct.synthetic.parameters import (
+    Bore,
+    Debris,
+    Droplet,
+    Endoscope,
+    Harmonic,
+    LostAscans,
+    Oct,
+    Sample,
+    Shadow,
+    SheathLine,
+    Speck,
+    Travel,
+)
 from endoct.synthetic.presets import PRESETS, Preset, PresetName
 from endoct.synthetic.randomness import Stage, generator
+from endoct.synthetic.ranges import Drawer, Wish, check_wishes, default_ranges
 
 MARGIN_MM = 0.9
-OFFSET_RANGE_MM = (0.06, 0.30)
-MOST_CELL_FRACTION = 0.295
-MOST_OUTLINE = 0.5
+LEAST_OFFSET_MM = 0.06
+NO_WISHES: Mapping[str, Wish] = {}
 
 
-def draw(preset: PresetName, seed: int) -> Sample:
-    """Return the sample of ``seed``; presets differ in size, not in difficulty."""
+def draw(
+    preset: PresetName, seed: int, *, bore_seed: int | None = None, wishes: Mapping[str, Wish] = NO_WISHES
+) -> Sample:
+    """Return the sample of ``seed``.
+
+    The bore depends on ``bore_seed`` alone (by default on ``seed``), so that several specimens can be recordings
+    of one bore. ``wishes``, "part.name" → (low, high) or words, replace what the preset draws from. Raises
+    :class:`EndoctError` where a wish names no parameter or goes beyond what it may be.
+    """
+    check_wishes(wishes)
     size = PRESETS[preset]
-    rng = generator(seed, Stage.DRAW)
-    visible_mm = _uniform(rng, Endoscope, "visible_length_mm")
-    oct_z, frame_z, length_mm = _positions(rng, size, visible_mm)
-    bore = _bore(rng, length_mm)
+    wishes = {**size.ranges, **wishes}
+    bore_seed = seed if bore_seed is None else bore_seed
+    bore = _bore(Drawer(generator(bore_seed, Stage.BORE), wishes), size)
+    one = Drawer(generator(seed, Stage.DRAW), wishes)
+    visible_mm = one.number(Endoscope, "visible_length_mm")
+    oct_, camera = one.numbers(Oct), one.numbers(Endoscope) | {"visible_length_mm": visible_mm}
+    oct_z, frame_z = _positions(one.rng, size, bore.length_mm, oct_, camera)
     return Sample(
         preset=preset,
         seed=seed,
+        bore_seed=bore_seed,
         bore=bore,
-        oct=_oct(rng, size, oct_z, length_mm),
-        endoscope=_endoscope(rng, frame_z, visible_mm, bore.diameter_mm / 2),
+        oct=_oct(one, size, oct_, oct_z, bore.length_mm),
+        endoscope=_endoscope(one, size, camera, frame_z, bore),
     )
-
-
-@cache
-def _ranges(model: type[BaseModel]) -> dict[str, tuple[float, float]]:
-    """Return the range of every number in ``model`` that has one."""
-    fields = model.model_json_schema()["properties"].items()
-    return {name: (float(field["minimum"]), float(field["maximum"])) for name, field in fields if "maximum" in field}
-
-
-def _uniform(rng: Generator, model: type[BaseModel], name: str) -> float:
-    return float(rng.uniform(*_ranges(model)[name]))
-
-
-def _ranged(rng: Generator, model: type[BaseModel]) -> dict[str, Any]:
-    """Draw every number of ``model`` that has a range, uniformly within it."""
-    return {name: _uniform(rng, model, name) for name in _ranges(model)}
 
 
 def _drift(rng: Generator, n: int) -> Coordinates:
@@ -66,117 +73,98 @@ def _listed(values: Coordinates) -> tuple[float, ...]:
     return tuple(values.tolist())
 
 
-def _harmonics(values: Coordinates) -> tuple[Harmonic, ...]:
-    return tuple((float(cos), float(sin)) for cos, sin in values)
+def _pairs(values: Coordinates) -> tuple[tuple[float, float], ...]:
+    return tuple((float(first), float(second)) for first, second in values)
 
 
-def _positions(rng: Generator, size: Preset, visible_mm: float) -> tuple[Coordinates, Coordinates, float]:
-    """Return z of slices and of frames, ascending, so that 60–100 % of the shorter is in both; and the length."""
-    oct_z = size.pitch_mm * np.arange(size.n_slices) + 0.004 * rng.normal(size=size.n_slices)
+def _bore(one: Drawer, size: Preset) -> Bore:
+    drawn = one.numbers(Bore)
+    recorded_mm = size.pitch_mm * max(size.n_slices, size.n_frames)
+    # room for two recordings that share 60 % of their length, with a visible band of up to 1.1 mm
+    length_mm = 2 * MARGIN_MM + 1.4 * recorded_mm + 1.1 + one.rng.uniform(0, 0.5)
+    bone = one.word("bore.bone", dict.fromkeys(size.bone, 1.0))
+    bore = Bore(**drawn | {"diameter_mm": round(drawn["diameter_mm"], 2), "bone": bone}, length_mm=length_mm)
+    return bore.model_copy(update={"cells": draw_cells(one.rng, bore)})
+
+
+def _positions(
+    rng: Generator, size: Preset, length_mm: float, oct_: Mapping[str, float], camera: Mapping[str, float]
+) -> tuple[Coordinates, Coordinates]:
+    """Return z of slices and of frames, ascending, so that 60–100 % of the shorter recording is in both."""
+    oct_z = size.pitch_mm * np.arange(size.n_slices) + oct_["pullback_jitter_mm"] * rng.normal(size=size.n_slices)
     oct_z = np.sort(oct_z - oct_z.min())
-    feed = size.pitch_mm * (1 + 0.1 * np.clip(rng.normal(size=size.n_frames - 1), -2.5, 2.5))
+    feed = size.pitch_mm * (1 + camera["feed_jitter"] * np.clip(rng.normal(size=size.n_frames - 1), -2.5, 2.5))
+    feed *= 1 + (rng.random(size.n_frames - 1) < camera["dropped"])
     frame_z = np.concatenate([[0.0], np.cumsum(feed)])
-    oct_span, frame_span = float(oct_z[-1]), float(frame_z[-1]) + visible_mm
-    shared = rng.uniform(0.6, 1.0) * min(oct_span, frame_span)
+    visible_mm, room_mm = camera["visible_length_mm"], length_mm - 2 * MARGIN_MM
+    oct_span = float(oct_z[-1]) + size.pitch_mm  # a helical pullback goes on to the end of its last turn
+    frame_span = min(float(frame_z[-1]) + visible_mm, room_mm)
+    frame_z *= min(1.0, (frame_span - visible_mm) / float(frame_z[-1]))
+    least = max(0.6 * min(oct_span, frame_span), oct_span + frame_span - room_mm)
+    shared = rng.uniform(least, min(oct_span, frame_span))
     start = oct_span - shared if rng.random() < 0.5 else shared - frame_span
-    frame_z += start + visible_mm / 2
-    mouth = min(0.0, start) - MARGIN_MM - rng.uniform(0, 0.5)
-    end = max(oct_span, start + frame_span) + MARGIN_MM
-    return oct_z - mouth, frame_z - mouth, float(end - mouth)
+    mouth = min(0.0, start) - MARGIN_MM - rng.uniform(0, 1) * (room_mm - (oct_span + frame_span - shared))
+    return oct_z - mouth, frame_z + start + visible_mm / 2 - mouth
 
 
-def _bore(rng: Generator, length_mm: float) -> Bore:
-    drawn = _ranged(rng, Bore)
-    bore = Bore(**drawn | {"diameter_mm": round(drawn["diameter_mm"], 2)}, length_mm=length_mm)
-    return bore.model_copy(update={"cells": _cells(rng, bore)})
-
-
-def _cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
-    """Draw cells until the wanted part of the wall is cut away; one that would exceed 0.295 is drawn anew."""
-    radius_mm = bore.diameter_mm / 2
-    z_mm = np.arange(0, bore.length_mm, 0.02)[:, None]
-    theta_rad = np.linspace(0, 2 * np.pi, 512, endpoint=False)[None, :]
-    cut = np.zeros((z_mm.size, theta_rad.size), np.bool_)
-    cells: list[Cell] = []
-    while cut.mean() < bore.cell_fraction:
-        cell = _cell(rng, bore.length_mm)
-        near = np.abs(z_mm[:, 0] - cell.z_mm) <= reach_mm(cell)
-        more = cut.copy()
-        more[near] |= pit_mm(cell, z_mm[near], theta_rad, radius_mm) > 0
-        if more.mean() <= MOST_CELL_FRACTION:
-            cut = more
-            cells.append(cell)
-    return tuple(cells)
-
-
-def _cell(rng: Generator, length_mm: float) -> Cell:
-    diameter = float(np.exp(rng.uniform(np.log(0.2), np.log(1.5))))
-    orders = np.arange(2, 8)
-    outline = 0.3 * rng.normal(size=(orders.size, 2)) / orders[:, None] / math.sqrt(2)
-    outline *= min(1.0, MOST_OUTLINE / float(np.hypot(*outline.T).sum()))
-    return Cell(
-        **_ranged(rng, Cell)
-        | {
-            "z_mm": float(rng.uniform(0, length_mm)),
-            "diameter_mm": diameter,
-            "depth_mm": float(np.exp(rng.uniform(np.log(0.05), np.log(min(1.5, 1.1 * diameter))))),
-            "rim_gain": float(rng.uniform(0.2, 0.8)) if rng.random() < 0.2 else 0.0,
-        },
-        outline=_harmonics(outline),
-    )
-
-
-def _oct(rng: Generator, size: Preset, z_mm: Coordinates, length_mm: float) -> Oct:
-    n = size.n_slices
-    drawn = _ranged(rng, Oct)
-    sheath = _sheath(rng, drawn["axial_pixel_mm"])
+def _oct(one: Drawer, size: Preset, drawn: dict[str, Any], z_mm: Coordinates, length_mm: float) -> Oct:
+    n, rng = size.n_slices, one.rng
+    sheath = _sheath(one, drawn["axial_pixel_mm"])
 
     # the catheter leaves room for the capillary's wall, and that wall takes what room there is
-    low, high = OFFSET_RANGE_MM
     room = drawn["capillary_outer_diameter_mm"] / 2 - sheath[-1].radius_mm
-    thin, thick = _ranges(Oct)["glass_mm"]
-    high = min(high, room - thin)
-    middle = rng.uniform(low + 0.03, high - 0.03)
-    offset = middle + min(middle - low, high - middle, rng.uniform(0.02, 0.06)) * _drift(rng, n)
-    offset = np.clip(offset, low, high)
+    thin, thick = default_ranges(Oct)["glass_mm"]
+    middle = min(drawn["offset_mean_mm"], room - thin - drawn["offset_drift_mm"])
+    low = min(LEAST_OFFSET_MM, middle)
+    offset = np.clip(middle + drawn["offset_drift_mm"] * _drift(rng, n), low, room - thin)
+    drawn["glass_mm"] = float(np.clip(drawn["glass_mm"], thin, np.clip(room - offset.max(), thin, thick)))
     direction = rng.uniform(0, 2 * np.pi) + rng.uniform(0.2, 1.2) * _drift(rng, n)
-    drawn["glass_mm"] = float(rng.uniform(thin, np.clip(room - offset.max(), thin, thick)))
 
-    travel: Travel = "out" if rng.random() < 0.75 else "in"
-    order = slice(None, None, -1) if travel == "out" else slice(None)
-    shadows = (_ranged(rng, Shadow) for _ in range(rng.poisson(0.5 * length_mm)))
+    travel: Travel = "out" if one.word("oct.travel", {"out": 0.75, "in": 0.25}) == "out" else "in"
+    forward = 1 if travel == "in" else -1
+    scan = one.word("oct.scan", {"step": 1 - size.helical, "helical": size.helical})
+    advance = forward * size.pitch_mm if scan == "helical" else 0.0
+    start = one.word("oct.start", {"triggered": 1.0, "free": 0.0})
+    jitter = drawn["start_jitter_rad"] * rng.normal(size=n)
+    shadows = (one.numbers(Shadow) for _ in range(rng.poisson(0.5 * length_mm)))
     return Oct(
         **drawn,
         sheath=sheath,
         shadows=tuple(Shadow(**s, z_mm=float(rng.uniform(0, length_mm))) for s in shadows),
         n_glints=int(rng.poisson(6 * length_mm)),
+        scan="helical" if scan == "helical" else "step",
+        start="free" if start == "free" else "triggered",
         travel=travel,
         sense=1 if rng.random() < 0.5 else -1,
-        z_mm=_listed(z_mm[order]),
+        z_mm=_listed(z_mm[::forward] - min(0.0, advance)),
+        z_advance_mm=advance,
         offset_mm=_listed(offset),
         offset_direction_rad=_listed(np.mod(direction, 2 * np.pi)),
-        start_angle_rad=_listed(np.deg2rad(0.3) * rng.normal(size=n)),
-        rotation_error_rad=_rotation_error(rng, n),
-        states_first_sample=bool(rng.random() < 0.2),
+        start_angle_rad=_listed(rng.uniform(0, 2 * np.pi, n) if start == "free" else jitter),
+        turn_length=_listed(1 + drawn["turn_jitter"] * rng.normal(size=n)),
+        rotation_error_rad=_rotation_error(rng, n, drawn["rotation_error_peak_rad"]),
+        lost_ascans=_lost(rng, size, drawn["lost_blocks"]),
+        states_first_sample=one.yes("oct.states_first_sample", 0.2),
         stated_travel=travel if rng.random() < 0.7 else "unknown",
-        states_handedness=bool(rng.random() < 0.5),
+        states_handedness=one.yes("oct.states_handedness", 0.5),
     )
 
 
-def _sheath(rng: Generator, axial_pixel_mm: float) -> tuple[SheathLine, ...]:
+def _sheath(one: Drawer, axial_pixel_mm: float) -> tuple[SheathLine, ...]:
+    rng = one.rng
     radii = np.array([0.12, 0.29, 0.355, 0.42]) + rng.uniform(-0.02, 0.02, 4)
     return tuple(
         SheathLine(
             radius_mm=float(radius),
             wobble_mm=float(rng.uniform(3, 5)) * axial_pixel_mm,
             phase_rad=float(rng.uniform(0, 2 * np.pi)),
-            level_db=_uniform(rng, SheathLine, "level_db"),
+            level_db=one.number(SheathLine, "level_db"),
         )
         for radius in radii[int(rng.random() < 0.5) :]
     )
 
 
-def _rotation_error(rng: Generator, n: int) -> tuple[tuple[Harmonic, ...], ...]:
+def _rotation_error(rng: Generator, n: int, peak_rad: float) -> tuple[tuple[Harmonic, ...], ...]:
     """Return the harmonics of every slice's error: the pattern of a bent, rubbing catheter changes slowly."""
     orders = np.arange(1, 5)
     pattern = rng.normal(size=(orders.size, 2))
@@ -184,54 +172,71 @@ def _rotation_error(rng: Generator, n: int) -> tuple[tuple[Harmonic, ...], ...]:
     error = (pattern + 0.35 * courses + 0.06 * rng.normal(size=courses.shape)) / orders[:, None]
     turn = np.linspace(0, 2 * np.pi, 180, endpoint=False)
     waves = np.stack([np.cos(np.outer(orders, turn)), np.sin(np.outer(orders, turn))], axis=1)
-    peak = float(np.abs(np.einsum("nkc,kct->nt", error, waves)).max())
-    error *= np.deg2rad(rng.uniform(0.5, 2.5)) / peak
-    return tuple(_harmonics(of_slice) for of_slice in error)
+    error *= peak_rad / float(np.abs(np.einsum("nkc,kct->nt", error, waves)).max())
+    return tuple(_pairs(of_slice) for of_slice in error)
 
 
-def _endoscope(rng: Generator, z_mm: Coordinates, visible_mm: float, radius_mm: float) -> Endoscope:
-    n = z_mm.size
-    drawn = _ranged(rng, Endoscope) | {"visible_length_mm": visible_mm}
-    width, height = ((640, 480), (800, 600))[int(rng.random() < 0.4)]
+def _lost(rng: Generator, size: Preset, mean: float) -> tuple[LostAscans, ...]:
+    """Return the blocks that the recorder dropped, 0.2–1 % of a turn each, at most one a slice."""
+    slices = rng.permutation(size.n_slices)[: min(size.n_slices, int(rng.poisson(mean)))]
+    return tuple(
+        LostAscans(
+            slice_index=int(k),
+            ascan=int(rng.integers(1, size.n_ascans)),
+            count=max(1, round(rng.uniform(0.002, 0.01) * size.n_ascans)),
+        )
+        for k in sorted(slices)
+    )
+
+
+def _endoscope(one: Drawer, size: Preset, drawn: dict[str, Any], z_mm: Coordinates, bore: Bore) -> Endoscope:
+    n, rng = z_mm.size, one.rng
+    width, height = size.image_px[int(rng.integers(len(size.image_px)))]
     outer = float(rng.uniform(0.42, 0.46)) * height
     inner = float(rng.uniform(0.42, 0.56)) * outer
-    wander = np.stack([_drift(rng, n), _drift(rng, n)], axis=1) * rng.uniform(1, 5) + 0.3 * rng.normal(size=(n, 2))
+    wander = drawn["centre_wander_px"] * np.stack([_drift(rng, n), _drift(rng, n)], axis=1)
     centre = np.array([width / 2, height / 2]) + rng.uniform(-0.015, 0.015, 2) * height + wander
-    roll = rng.uniform(0, 2 * np.pi) + np.deg2rad(rng.uniform(1, 8) * _drift(rng, n) + 0.7 * rng.normal(size=n))
+    centre += 0.3 * rng.normal(size=(n, 2))
+    roll = rng.uniform(0, 2 * np.pi) + drawn["roll_wander_rad"] * _drift(rng, n)
+    roll += drawn["roll_jitter_rad"] * rng.normal(size=n)
     probe = 0.02 * np.stack([_drift(rng, n), _drift(rng, n)], axis=1) + rng.uniform(-0.03, 0.03, 2)
-    travel: Travel = "in" if rng.random() < 0.75 else "out"
-    order = slice(None, None, -1) if travel == "out" else slice(None)
-    specks = []
-    for _ in range(int(rng.integers(8, 26))):
+    travel: Travel = "in" if one.word("endoscope.travel", {"in": 0.75, "out": 0.25}) == "in" else "out"
+    scale = height / 480  # the drawn sizes of dirt are those of an image of 480 rows
+
+    def on_optics() -> dict[str, float]:
         r, angle = rng.uniform(inner, outer), rng.uniform(0, 2 * np.pi)
-        specks.append(Speck(**_ranged(rng, Speck), x_px=float(r * np.cos(angle)), y_px=float(r * np.sin(angle))))
+        return {"x_px": float(r * np.cos(angle)), "y_px": float(r * np.sin(angle))}
+
+    dirt = tuple(Speck(**_scaled(one.numbers(Speck), scale), **on_optics()) for _ in range(int(rng.integers(8, 26))))
+    droplets = tuple(
+        Droplet(**_scaled(one.numbers(Droplet), scale), **on_optics()) for _ in range(int(rng.integers(0, 4)))
+    )
+    crumbs = (one.numbers(Debris) for _ in range(rng.poisson(bore.length_mm)))
     return Endoscope(
         **drawn,
         width_px=width,
         height_px=height,
-        colour=bool(rng.random() < 0.65),
-        focal_px=_focal_px(drawn, inner, outer, radius_mm),
+        colour=one.yes("endoscope.colour", 0.65),
+        focal_px=focal_length_px(drawn, inner, outer, bore.diameter_mm / 2),
         inner_px=inner,
         outer_px=outer,
         inner_shift_px=(float(rng.normal() * 0.008 * outer), float(rng.normal() * 0.008 * outer)),
-        ring_px=float(rng.uniform(inner + 8, outer - 8)),
-        dirt=tuple(specks),
+        focus_at_outer=one.yes("endoscope.focus_at_outer", 0.5),
+        ring_px=float(rng.uniform(inner + 0.08 * (outer - inner), outer - 0.08 * (outer - inner))),
+        dirt=dirt,
+        droplets=droplets,
+        debris=tuple(Debris(**crumb, z_mm=float(rng.uniform(0, bore.length_mm))) for crumb in crumbs),
+        storage="video" if one.word("endoscope.storage", {"png": 1.0, "video": 0.0}) == "video" else "png",
         travel=travel,
-        z_mm=_listed(z_mm[order]),
+        z_mm=_listed(z_mm[:: 1 if travel == "in" else -1]),
         roll_rad=_listed(np.mod(roll, 2 * np.pi)),
-        centre_px=tuple((float(x), float(y)) for x, y in centre),
-        offset_mm=tuple((float(x), float(y)) for x, y in probe),
-        states_optics=bool(rng.random() < 0.5),
-        states_annulus=bool(rng.random() < 0.25),
+        centre_px=_pairs(centre),
+        offset_mm=_pairs(probe),
+        states_optics=one.yes("endoscope.states_optics", 0.5),
+        states_annulus=one.yes("endoscope.states_annulus", 0.25),
         stated_travel=travel if rng.random() < 0.7 else "unknown",
     )
 
 
-def _focal_px(optics: dict[str, Any], inner_px: float, outer_px: float, radius_mm: float) -> float:
-    """Return the focal length with which the annulus spans the visible length on the nominal wall."""
-    length, d, a = optics["visible_length_mm"], optics["mirror_distance_mm"], np.deg2rad(optics["half_angle_deg"])
-    focal = (radius_mm + d) * (outer_px - inner_px) / length
-    for _ in range(30):  # the span is very nearly inversely proportional to the focal length
-        z = wall_z_mm(np.array([inner_px, outer_px]), focal, d, a, radius_mm)
-        focal *= float(z[1] - z[0]) / length
-    return float(focal)
+def _scaled(sizes: dict[str, Any], scale: float) -> dict[str, Any]:
+    return {name: value * scale if name.endswith("_px") else value for name, value in sizes.items()}

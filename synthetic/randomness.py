@@ -16,6 +16,7 @@ class Stage(IntEnum):
     WALL = 1
     OCT = 2
     ENDOSCOPE = 3
+    BORE = 4
 
 
 def generator(seed: int, stage: Stage, index: int = 0) -> Generator:

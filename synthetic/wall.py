@@ -64,7 +64,7 @@ def build_wall(sample: Sample) -> Wall:
     theta_rad = 2 * math.pi / n_theta * np.arange(n_theta, dtype=np.float64)[None, :]
     shape = z_mm.size, n_theta
     dtheta_mm = 2 * np.pi * radius_mm / n_theta
-    rng = generator(sample.seed, Stage.WALL)
+    rng = generator(sample.bore_seed, Stage.WALL)
 
     def texture(scale_mm: float) -> Image:
         return smooth_field(rng, shape, scale_mm / dz_mm, scale_mm / dtheta_mm)
