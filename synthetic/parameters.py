@@ -290,6 +290,11 @@ class Endoscope(_Parameters):
     states_annulus: bool = Field(description="whether the sidecar gives the annulus of the first frame")
     stated_travel: Stated = Field(description="travel in the sidecar: right, or unknown")
 
+    @property
+    def distortion_k1(self) -> float:
+        """k1 of r_image = r·(1 + k1·(r/f)²) that shifts the outer rim by ``distortion``."""
+        return self.distortion * (self.focal_px * (1 + self.distortion) / self.outer_px) ** 2
+
 
 class Sample(_Parameters):
     """Everything drawn for one specimen. ``seed`` also keys the noise of every slice and frame.

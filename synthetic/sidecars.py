@@ -20,7 +20,7 @@ def oct_sidecar(sample: Sample) -> dict[str, Any]:
         "handedness": ("same" if oct_.sense > 0 else "mirrored") if oct_.states_handedness else "unknown",
         "intensity": "log",
         "db_per_count": oct_.db_per_count,
-        "scan": "step",
+        "scan": oct_.scan,
         "medium_index": 1.0,
     }
     if oct_.states_first_sample:
@@ -44,6 +44,7 @@ def endoscope_sidecar(sample: Sample) -> dict[str, Any]:
             "cone_half_angle_deg": camera.half_angle_deg,
             "focal_px": camera.focal_px,
             "mirror_distance_mm": camera.mirror_distance_mm,
+            "distortion": [camera.distortion_k1],
         }
     if camera.states_annulus:
         x, y = camera.centre_px[0]
@@ -52,7 +53,7 @@ def endoscope_sidecar(sample: Sample) -> dict[str, Any]:
 
 
 def toml(keys: Mapping[str, Any]) -> str:
-    """Return ``keys`` (text, numbers and flat tables of these) as TOML, rounded to 6 decimals."""
+    """Return ``keys`` (text, numbers, lists and flat tables of these) as TOML, rounded to 6 decimals."""
     return "".join(f"{key} = {_value(value)}\n" for key, value in keys.items())
 
 
@@ -61,4 +62,6 @@ def _value(value: Any) -> str:
         return "{ " + ", ".join(f"{key} = {_value(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, str):
         return f'"{value}"'
+    if isinstance(value, list):
+        return "[" + ", ".join(_value(inner) for inner in value) + "]"
     return repr(round(value, 6))

@@ -16,9 +16,10 @@ from endoct.modalities.recording import map_frames
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.bscan import build_appearance, render_bscan
 from endoct.synthetic.camera import render_frame
-from endoct.synthetic.draw import draw
+from endoct.synthetic.draw import NO_WISHES, draw
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.presets import PRESETS, PresetName
+from endoct.synthetic.ranges import Wish
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, toml
 from endoct.synthetic.truth import write_truth
 from endoct.synthetic.wall import Wall, build_wall
@@ -31,7 +32,11 @@ def simulate(
     *,
     preset: PresetName = "quick",
     seed: int = 0,
+    bore_seed: int | None = None,
+    wishes: Mapping[str, Wish] = NO_WISHES,
     sample: Mapping[str, Any] | None = None,
+    labels: bool = False,
+    spectra: bool = False,
     on_progress: Progress | None = None,
     workers: int | None = None,
 ) -> None:
@@ -39,13 +44,14 @@ def simulate(
 
     Files: ``oct/pullback.tif`` u8 (slice, depth, A-scan) and ``endoscope/frame_0000.png`` …, each with its
     ``acquisition.toml``; ``truth/wall.zarr``, ``truth/recording.json`` (see
-    :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``sample``, the content of such a
-    ``sample.json``, replays it; ``preset`` and ``seed`` then do not matter. ``on_progress(stage, fraction)``
+    :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``wishes`` are those of
+    :func:`endoct.synthetic.draw.draw`. ``sample``, the content of such a ``sample.json``, replays it; what is drawn
+    from does not matter then. ``labels`` adds ``truth/labels``, ``spectra`` adds ``oct-spectra``. ``on_progress(stage, fraction)``
     is called from this thread. ``workers`` threads render (default: one for each processor, at most four).
 
     Raises :class:`EndoctError` for an unknown preset, a bad seed or a sample that does not hold together.
     """
-    drawn = _checked(sample) if sample is not None else _draw(preset, seed)
+    drawn = _checked(sample) if sample is not None else _draw(preset, seed, bore_seed, wishes)
     tell = on_progress or (lambda _stage, _fraction: None)
     workers = workers or min(4, os.cpu_count() or 1)
     tell("wall", 0.0)
@@ -57,12 +63,12 @@ def simulate(
     _write_endoscope(folder / "endoscope", drawn, wall, tell, workers)
 
 
-def _draw(preset: PresetName, seed: int) -> Sample:
+def _draw(preset: PresetName, seed: int, bore_seed: int | None, wishes: Mapping[str, Wish]) -> Sample:
     if preset not in PRESETS:
         raise EndoctError(f"unknown preset '{preset}'", expected=f"one of {', '.join(PRESETS)}")
-    if seed < 0:
-        raise EndoctError("the seed cannot be negative", found=str(seed))
-    return draw(preset, seed)
+    if min(seed, bore_seed or 0) < 0:
+        raise EndoctError("a seed cannot be negative", found=str(min(seed, bore_seed or 0)))
+    return draw(preset, seed, bore_seed=bore_seed, wishes=wishes)
 
 
 def _checked(sample: Mapping[str, Any]) -> Sample:

@@ -13,9 +13,11 @@ from endoct.synthetic.parameters import Sample
 from endoct.synthetic.wall import Wall
 
 THETA_OF_ASCANS = (
-    "turn = 2 pi k / n_ascans; theta_beam = theta_origin_rad + theta_sense * (turn + start_angle_rad[i] "
-    "+ sum over h >= 1 of rotation_error_cos_rad[i][h-1] cos(h turn) + rotation_error_sin_rad[i][h-1] sin(h turn)); "
-    "the beam leaves from offset_mm[i] in the direction offset_direction_rad[i]"
+    "turn = 2 pi (k + lost) / n_ascans * turn_length[i], lost: A-scans lost before A-scan k of slice i, the sum of count over "
+    "lost_ascans with slice_index = i and ascan <= k; theta_beam = theta_origin_rad + theta_sense * (turn + "
+    "start_angle_rad[i] + sum over h >= 1 of rotation_error_cos_rad[i][h-1] cos(h turn) + rotation_error_sin_rad[i][h-1] "
+    "sin(h turn)), z_beam = z_mm[i] + z_advance_mm * turn / (2 pi); the beam leaves from offset_mm[i] in the direction "
+    "offset_direction_rad[i] off the axis of the capillary, whose glass bends it"
 )
 THETA_OF_PIXELS = "theta_wall = atan2(row - centre_row, column - centre_column) + roll_rad[i]"
 
@@ -36,8 +38,9 @@ def recording(sample: Sample) -> dict[str, Any]:
     ``theta_origin_rad``: so a panorama with θ = 2πk/n and z = 0 at the frame nearest the mouth lies at
     θ_bore = theta_origin_rad + theta_sense·θ, z_bore = z_origin_mm + z. For the endoscope θ_bore = θ_image +
     roll of the frame; its ``theta_origin_rad`` is the roll of the frame nearest the mouth. ``theta_formula``
-    says in full how beams and pixels lie. Catheter offset (mm) and its direction (rad) are in the bore frame;
-    ``offset_mm`` of the endoscope is the probe's (x, y).
+    says in full how beams and pixels lie. Catheter offset (mm) and its direction (rad) are those from the
+    capillary's axis, in the directions of the bore frame; that axis itself lies at −``capillary_tilt_rad``·(z − length/2)
+    in the direction ``capillary_tilt_direction_rad``. ``offset_mm`` of the endoscope is the (x, y) of the cone's apex.
     """
     oct_, camera = sample.oct, sample.endoscope
     oct_span = min(oct_.z_mm), max(oct_.z_mm)
@@ -58,10 +61,15 @@ def recording(sample: Sample) -> dict[str, Any]:
             "first_sample_mm": oct_.first_sample_mm,
             "glass_mm": oct_.glass_mm,
             "glass_index": oct_.glass_index,
+            "capillary_tilt_rad": sample.bore.bore_tilt_rad,
+            "capillary_tilt_direction_rad": sample.bore.bore_tilt_direction_rad,
             "z_mm": oct_.z_mm,
+            "z_advance_mm": oct_.z_advance_mm,
             "offset_mm": oct_.offset_mm,
             "offset_direction_rad": oct_.offset_direction_rad,
             "start_angle_rad": oct_.start_angle_rad,
+            "turn_length": oct_.turn_length,
+            "lost_ascans": [lost.model_dump() for lost in oct_.lost_ascans],
             "rotation_error_cos_rad": [[cos for cos, _ in harmonics] for harmonics in oct_.rotation_error_rad],
             "rotation_error_sin_rad": [[sin for _, sin in harmonics] for harmonics in oct_.rotation_error_rad],
         },
@@ -78,6 +86,8 @@ def recording(sample: Sample) -> dict[str, Any]:
             "inner_px": camera.inner_px,
             "outer_px": camera.outer_px,
             "offset_mm": camera.offset_mm,
+            "tilt_rad": camera.probe_tilt_rad,
+            "tilt_direction_rad": camera.probe_tilt_direction_rad,
         },
     }
 

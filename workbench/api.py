@@ -4,7 +4,7 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from endoct.fusion.comparison import CompareParameters
 from endoct.fusion.outcome import Comparison
@@ -12,11 +12,13 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
+from endoct.synthetic.presets import PresetName
 from endoct.workbench.comparing import Side, write_comparison
 from endoct.workbench.progress import SilentStages, Stages
 from endoct.workbench.unrolling import open_side, unroll_recording, write_volume
 
-Preset = Literal["quick", "paper"]
+if TYPE_CHECKING:
+    from endoct.synthetic.ranges import Wish
 
 
 def unroll(
@@ -81,29 +83,43 @@ def compare(
 def simulate(
     output: Path | str,
     *,
-    preset: Preset = "quick",
+    preset: PresetName = "quick",
     seed: int = 0,
     replay: Path | str | None = None,
+    vary: Mapping[str, Wish] | None = None,
+    labels: bool = False,
+    spectra: bool = False,
     overwrite: bool = False,
     stages: Stages | None = None,
 ) -> None:
     """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
 
-    ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. Raises
-    :class:`EndoctError` where it cannot be read or ``output`` exists.
+    ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. ``vary`` says what
+    parameters are drawn from, "part.name" → (low, high) or words, where not by the preset. ``labels`` adds what
+    people who train networks ask for, ``spectra`` the spectrometer's raw data. Raises :class:`EndoctError` where
+    something asked for cannot be, or ``output`` exists.
     """
     from endoct.synthetic.specimen import simulate as render  # only who simulates loads it
 
     stages = stages or SilentStages()
     sample = _read_json(Path(replay)) if replay is not None else None
     with new_output(Path(output), overwrite=overwrite) as scratch, stages.stage(f"simulate {preset}") as advance:
-        render(scratch, preset=preset, seed=seed, sample=sample, on_progress=lambda _, share: advance(share))
+        render(
+            scratch,
+            preset=preset,
+            seed=seed,
+            wishes=vary or {},
+            sample=sample,
+            labels=labels,
+            spectra=spectra,
+            on_progress=lambda _, share: advance(share),
+        )
 
 
 def demo(
     output: Path | str,
     *,
-    preset: Preset = "quick",
+    preset: PresetName = "quick",
     seed: int = 1,
     overwrite: bool = False,
     stages: Stages | None = None,

@@ -3,13 +3,14 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, UseAppendAction, arg
 
+from endoct.synthetic.presets import PresetName
 from endoct.workbench.progress import ConsoleStages, SilentStages, Stages
 from endoct.workbench.status import DONE, NOT_ALIGNED
 
@@ -41,7 +42,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def demo(
     output: Output = Path("demo"),
-    preset: Literal["quick", "paper"] = "quick",
+    preset: PresetName = "quick",
     seed: int = 1,
     overwrite: bool = False,
     json: bool = False,
@@ -50,7 +51,7 @@ def demo(
 
     Args:
         output: folder for the specimen and the comparison
-        preset: size of the recordings
+        preset: size and difficulty of the recordings
         seed: which specimen
         overwrite: replace the folder if it exists
         json: print the result as JSON
@@ -63,23 +64,36 @@ def demo(
 
 def simulate(
     output: Output,
-    preset: Literal["quick", "paper"] = "quick",
+    preset: PresetName = "quick",
     seed: int = 0,
     replay: Path | None = None,
+    labels: bool = False,
+    spectra: bool = False,
     overwrite: bool = False,
 ) -> int:
     """Simulate the two recordings of one bore, with truth.
 
     Args:
         output: folder for the specimen
-        preset: size of the recordings
+        preset: size and difficulty of the recordings
         seed: which specimen; the same seed gives the same bytes
-        replay: truth/sample.json of a specimen to make again
+        replay: truth/sample.json of a specimen to make again; preset and seed then do not matter
+        labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
+        spectra: add oct-spectra: the spectrometer's raw data, 2 kB an A-scan
         overwrite: replace the folder if it exists
     """
     from endoct.workbench import api
 
-    api.simulate(output, preset=preset, seed=seed, replay=replay, overwrite=overwrite, stages=_stages(False))
+    api.simulate(
+        output,
+        preset=preset,
+        seed=seed,
+        replay=replay,
+        labels=labels,
+        spectra=spectra,
+        overwrite=overwrite,
+        stages=_stages(False),
+    )
     _say(f"specimen: {output}")
     return DONE
 
