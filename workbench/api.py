@@ -4,7 +4,7 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from endoct.fusion.comparison import CompareParameters
 from endoct.fusion.outcome import Comparison
@@ -13,12 +13,10 @@ from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.synthetic.presets import PresetName
+from endoct.synthetic.ranges import Wish
 from endoct.workbench.comparing import Side, write_comparison
 from endoct.workbench.progress import SilentStages, Stages
 from endoct.workbench.unrolling import open_side, unroll_recording, write_volume
-
-if TYPE_CHECKING:
-    from endoct.synthetic.ranges import Wish
 
 
 def unroll(

@@ -43,6 +43,7 @@ class OctCalibration:
         rotation (A-scan 0 at angle 0), and the depth, from sample 0 and in the medium, at which ρ = 0.
     ripple_mm: float64 (n_slices, 10): harmonics of where the face departs from the circle (uneven rotation, oblique
         glass). The wall is delayed by the same, so it is taken off depths, not off angles.
+    glass_mm: thickness of the capillary's wall, mm; 0 where its inner face is not seen.
     sines: the paper's fit, one a slice. ``bridged``: bool (n_slices,).
     background: levels of the recording.
     """
@@ -60,6 +61,7 @@ class OctCalibration:
     offset_y_mm: Coordinates
     axis_depth_mm: Coordinates
     ripple_mm: Coordinates
+    glass_mm: float
     sines: tuple[Sine, ...]
     bridged: Mask
     background: Background

@@ -13,6 +13,7 @@ from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import Background, OctCalibration
 from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces
+from endoct.modalities.oct.glass import glass_mm
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
@@ -52,6 +53,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     faces = locate_faces(slices, radius_mm, bore_mm - radius_mm, mm_per_px, parameters)
     background = _background(slices, faces, line_excess, radius_mm, bore_mm - radius_mm, mm_per_px)
+    thickness = glass_mm(slices, faces, acquisition.medium_index)
     recorded = np.argsort(inward, kind="stable")
     faces = faces.reordered(recorded)
     row_z_mm = z_mm[inward]
@@ -65,7 +67,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     return OctCalibration(
         grid=grid,
         row_z_mm=row_z_mm,
-        per_frame=_per_frame(z_mm, faces, acquisition),
+        per_frame=_per_frame(z_mm, faces, thickness, acquisition),
         notes=_notes(faces, line_excess, acquisition),
         acquisition=acquisition,
         parameters=parameters,
@@ -76,6 +78,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         offset_y_mm=faces.y_mm,
         axis_depth_mm=faces.axis_depth_mm,
         ripple_mm=faces.ripple_mm,
+        glass_mm=thickness,
         sines=faces.sines,
         bridged=faces.bridged,
         background=background,
@@ -192,7 +195,9 @@ def _with_ascans(evidence: SliceEvidence, ascans: Image) -> SliceEvidence:
     )
 
 
-def _per_frame(z_mm: Coordinates, faces: Faces, acquisition: OctAcquisition) -> dict[str, Coordinates]:
+def _per_frame(
+    z_mm: Coordinates, faces: Faces, thickness_mm: float, acquisition: OctAcquisition
+) -> dict[str, Coordinates]:
     sense = -1 if acquisition.handedness == "mirrored" else 1
     direction = acquisition.theta_origin_rad + sense * np.arctan2(faces.y_mm, faces.x_mm)
     return {
@@ -203,6 +208,7 @@ def _per_frame(z_mm: Coordinates, faces: Faces, acquisition: OctAcquisition) -> 
         "sine_offset_mm": np.array([sine.offset_mm for sine in faces.sines]),
         "offset_mm": np.hypot(faces.x_mm, faces.y_mm),
         "offset_direction_rad": np.mod(direction, 2 * np.pi),
+        "glass_mm": np.full_like(z_mm, thickness_mm),
         "inlier_fraction": faces.inlier_fraction,
         "residual_mm": faces.residual_mm,
         "bridged": faces.bridged,

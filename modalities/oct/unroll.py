@@ -71,7 +71,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     the wall are not valid.
 
     Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
-    beam from c towards R·(cos, sin)(θ), where its distance from the axis is R + depth; R is the nominal bore radius.
+    beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth; R is the nominal bore
+    radius, bend up to 2° where ``glass_mm`` is not 0 (:mod:`endoct.modalities.oct.glass`).
     """
     beams = profile_beams(frame, calibration)
     grid = calibration.grid

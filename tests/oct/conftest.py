@@ -1,4 +1,4 @@
-"""A small pullback drawn by hand, unlike the simulator's: straight rays, square pits, plain speckle."""
+"""A small pullback drawn by hand, unlike the simulator's: no tracing, square pits, plain speckle."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,9 @@ from endoct.stitching.panorama import Panorama
 CAPILLARY_MM = 0.8
 BORE_MM = 1.2
 PIXEL_MM = 0.006
-GLASS_DELAY_MM = 0.07
+GLASS_MM = 0.2
+GLASS_INDEX = 1.46
+GLASS_DELAY_MM = (GLASS_INDEX - 1) * GLASS_MM
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,14 @@ class Phantom:
         }
         return OctAcquisition(**(keys | dict(self.sidecar)))
 
+    def _bend(self, from_offset: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Snell's law at the inner and at the outer face: by how much a beam leaves turned towards the offset."""
+        into = np.arcsin(self.offset_mm * np.sin(from_offset) / (CAPILLARY_MM - GLASS_MM))
+        within = np.arcsin(np.sin(into) / GLASS_INDEX)
+        onto = np.arcsin((CAPILLARY_MM - GLASS_MM) * np.sin(within) / CAPILLARY_MM)
+        out = np.arcsin(GLASS_INDEX * np.sin(onto))
+        return (into - within) - (out - onto)
+
     def _slice(self, index: int) -> NDArray[np.float32]:
         rng = np.random.default_rng((self.seed, index))
         angle = 2 * np.pi * np.arange(self.n_ascans) / self.n_ascans
@@ -78,7 +88,7 @@ class Phantom:
 
         rho = depth - GLASS_DELAY_MM  # beyond the glass
         place_x, place_y = x + rho * np.cos(angle), y + rho * np.sin(angle)
-        radius, theta = np.hypot(place_x, place_y), np.arctan2(place_y, place_x)
+        radius, theta = np.hypot(place_x, place_y), np.arctan2(place_y, place_x) - self._bend(angle - beta)
         surface = np.full(radius.shape, BORE_MM)
         for centre, width, deep in self.pits:
             near = np.abs(np.angle(np.exp(1j * (theta - centre)))) < width / 2
@@ -89,7 +99,7 @@ class Phantom:
         speckled = mean * rng.exponential(1, mean.shape)
         lines = (
             line(np.full(self.n_ascans, 0.3) + 0.02 * np.sin(angle), 30)
-            + line(reach(CAPILLARY_MM - 0.2), 30)
+            + line(reach(CAPILLARY_MM - GLASS_MM), 30)
             + line(reach(CAPILLARY_MM) + GLASS_DELAY_MM, 32)
             + line(np.full(self.n_ascans, 1.0), 12)
         )
