@@ -118,9 +118,9 @@ class Oct(_Parameters):
     glass_mm: float = _drawn(0.10, 0.30, "wall of the capillary, mm; as thick as the catheter leaves room for")
     glass_index: float = _drawn(1.455, 1.465, "refractive index of the capillary, group, near 1300 nm", (1, 1.6))
     offset_mean_mm: float = _drawn(
-        0.09, 0.27, "catheter off the capillary's axis, mm; less where there is no room (§9)", (0, 0.45)
+        0.10, 0.25, "catheter off the capillary's axis, mm; less where there is no room (§9)", (0, 0.45)
     )
-    offset_drift_mm: float = _drawn(0.02, 0.06, "largest departure from that mean over the scan, mm (§9)", (0, 0.2))
+    offset_drift_mm: float = _drawn(0.02, 0.05, "largest departure from that mean over the scan, mm (§9)", (0, 0.2))
     sheath: tuple[SheathLine, ...] = Field(description="3 or 4 lines, from the inside")
     # sampling
     axial_pixel_mm: float = _drawn(0.0049, 0.0051, "in air, mm (rig)", (0.003, 0.01))

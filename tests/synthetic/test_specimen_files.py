@@ -20,7 +20,7 @@ OCT_KEYS = {
 }  # fmt: skip
 ENDOSCOPE_KEYS = {
     "modality", "bore_diameter_mm", "feed_pitch_mm", "visible_length_mm", "outer_rim", "travel", "annulus",
-    "cone_half_angle_deg", "focal_px", "mirror_distance_mm",
+    "cone_half_angle_deg", "focal_px", "mirror_distance_mm", "distortion",
 }  # fmt: skip
 
 
