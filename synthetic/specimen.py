@@ -46,8 +46,8 @@ def simulate(
     ``acquisition.toml``; ``truth/wall.zarr``, ``truth/recording.json`` (see
     :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``wishes`` are those of
     :func:`endoct.synthetic.draw.draw`. ``sample``, the content of such a ``sample.json``, replays it; what is drawn
-    from does not matter then. ``labels`` adds ``truth/labels``, ``spectra`` adds ``oct-spectra``. ``on_progress(stage, fraction)``
-    is called from this thread. ``workers`` threads render (default: one for each processor, at most four).
+    from does not matter then. ``labels`` adds ``truth/labels``, ``spectra`` adds ``oct-spectra``.
+    ``on_progress(stage, fraction)`` is called from this thread. ``workers`` threads render (default: one for each processor, at most four).
 
     Raises :class:`EndoctError` for an unknown preset, a bad seed or a sample that does not hold together.
     """

@@ -13,10 +13,10 @@ from endoct.synthetic.parameters import Sample
 from endoct.synthetic.wall import Wall
 
 THETA_OF_ASCANS = (
-    "turn = 2 pi (k + lost) / n_ascans * turn_length[i], lost: A-scans lost before A-scan k of slice i, the sum of count over "
-    "lost_ascans with slice_index = i and ascan <= k; theta_beam = theta_origin_rad + theta_sense * (turn + "
-    "start_angle_rad[i] + sum over h >= 1 of rotation_error_cos_rad[i][h-1] cos(h turn) + rotation_error_sin_rad[i][h-1] "
-    "sin(h turn)), z_beam = z_mm[i] + z_advance_mm * turn / (2 pi); the beam leaves from offset_mm[i] in the direction "
+    "turn = 2 pi (k + lost) / n_ascans * turn_length[i], where lost is the sum of count over lost_ascans with "
+    "slice_index = i and ascan <= k; theta_beam = theta_origin_rad + theta_sense * (turn + start_angle_rad[i] + "
+    "sum over h >= 1 of rotation_error_cos_rad[i][h-1] cos(h turn) + rotation_error_sin_rad[i][h-1] sin(h turn)); "
+    "z_beam = z_mm[i] + z_advance_mm * turn / (2 pi); the beam leaves from offset_mm[i] in the direction "
     "offset_direction_rad[i] off the axis of the capillary, whose glass bends it"
 )
 THETA_OF_PIXELS = "theta_wall = atan2(row - centre_row, column - centre_column) + roll_rad[i]"
@@ -39,8 +39,9 @@ def recording(sample: Sample) -> dict[str, Any]:
     θ_bore = theta_origin_rad + theta_sense·θ, z_bore = z_origin_mm + z. For the endoscope θ_bore = θ_image +
     roll of the frame; its ``theta_origin_rad`` is the roll of the frame nearest the mouth. ``theta_formula``
     says in full how beams and pixels lie. Catheter offset (mm) and its direction (rad) are those from the
-    capillary's axis, in the directions of the bore frame; that axis itself lies at −``capillary_tilt_rad``·(z − length/2)
-    in the direction ``capillary_tilt_direction_rad``. ``offset_mm`` of the endoscope is the (x, y) of the cone's apex.
+    capillary's axis, in the directions of the bore frame; that axis itself lies at
+    −``capillary_tilt_rad``·(z − length/2) in the direction ``capillary_tilt_direction_rad``. ``offset_mm`` of the
+    endoscope is the (x, y) of the cone's apex.
     """
     oct_, camera = sample.oct, sample.endoscope
     oct_span = min(oct_.z_mm), max(oct_.z_mm)
