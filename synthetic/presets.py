@@ -76,5 +76,6 @@ PRESETS: Mapping[PresetName, Preset] = {
         wall_dz_mm=0.02,
         wall_n_theta=1024,
         helical=0.25,
+        ranges=MASTOID_RANGES,
     ),
 }

@@ -1,0 +1,66 @@
+"""Write docs/parameters.md, the table of everything the simulator draws: python docs/parameters.py."""
+
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from endoct.synthetic import parameters
+from endoct.synthetic.presets import PRESETS
+from endoct.synthetic.ranges import allowed_range, choices, default_ranges
+
+HEAD = """# What the simulator draws
+
+Made by `python docs/parameters.py` from `endoct.synthetic.parameters`; do not edit. "Drawn from" is uniform between two
+numbers; a preset may draw from another range (last column). Names with a dot, as `oct.wall_db`, can be varied:
+`endoct dataset --vary oct.wall_db=6..14 --vary oct.scan=step|helical …`, within "may be". The others follow from those
+and are recorded in `truth/sample.json`. Sources: "§9" and "§6" are those of the project's design, "rig" is the measured
+OCT rig, "paper" is Laves et al. 2019, "chosen" has no source but plausibility.
+"""
+PARTS: dict[str, type[BaseModel]] = {
+    "bore": parameters.Bore,
+    "oct": parameters.Oct,
+    "endoscope": parameters.Endoscope,
+}
+LISTED = (parameters.Cell, parameters.SheathLine, parameters.Shadow, parameters.LostAscans, parameters.Speck,
+          parameters.Droplet, parameters.Debris)  # fmt: skip
+
+
+def table() -> str:
+    """Return the whole page."""
+    blocks = [HEAD]
+    for part, model in PARTS.items():
+        blocks.append(f"## {part}\n\n{_summary(model)}\n")
+        blocks.append("| parameter | drawn from | may be | what | presets |\n|---|---|---|---|---|")
+        for name, field in model.model_fields.items():
+            path, drawn, may_be = f"{part}.{name}", "", ""
+            if name in default_ranges(model):
+                drawn, may_be = (_range(pair) for pair in (default_ranges(model)[name], allowed_range(model, name)))
+            elif name in choices(model):
+                may_be = " or ".join(choices(model)[name])
+            else:
+                path = name
+            others = [f"{p} {_range(preset.ranges[path])}" for p, preset in PRESETS.items() if path in preset.ranges]
+            blocks.append(f"| `{path}` | {drawn} | {may_be} | {field.description or ''} | {', '.join(others)} |")
+        blocks.append("")
+    for model in LISTED:
+        blocks.append(f"## {model.__name__}\n\n{_summary(model)}\n")
+        blocks.append("| parameter | may be | what |\n|---|---|---|")
+        schema = model.model_json_schema()["properties"]
+        for name, field in model.model_fields.items():
+            limits = schema[name]
+            may_be = _range((limits["minimum"], limits["maximum"])) if "maximum" in limits else ""
+            blocks.append(f"| `{name}` | {may_be} | {field.description} |")
+        blocks.append("")
+    return "\n".join(blocks)
+
+
+def _range(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:g}" if pair[0] == pair[1] else f"{pair[0]:g} … {pair[1]:g}"
+
+
+def _summary(model: type[BaseModel]) -> str:
+    return " ".join((model.__doc__ or "").split()).replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    (Path(__file__).parent / "parameters.md").write_text(table(), encoding="utf-8")
