@@ -4,150 +4,146 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.synthetic.cone import cone_rays, wall_z_mm
+from endoct.stitching.arrays import Image, Mask
+from endoct.synthetic.cone import band_centre_mm
+from endoct.synthetic.light import light, obscured
 from endoct.synthetic.parameters import Endoscope, Sample
 from endoct.synthetic.randomness import Stage, generator
+from endoct.synthetic.sensor import compressed, displayed, noisy
+from endoct.synthetic.sight import follow, view
 from endoct.synthetic.wall import Wall
 
-STEP_MM = 0.015
-DEEPEST_MM = 1.9
-BONE_RGB = (1.0, 0.88, 0.72)
-LINING_RGB = (1.0, 0.70, 0.60)
+__all__ = ["Seen", "band_centre_mm", "noise_free", "render_frame", "sight"]
+
+LEAST_BLUR_PX = 0.1
+SURROUND_STEPS = 8
+"""Steps of a pixel in which the light around the annulus is tabulated."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """Where the pixels of an annulus look; float64 (n,) each: image ``angle_rad``, ray, and pixel indices."""
+class Seen:
+    """What every pixel of a frame sees of the wall, maps (row, column) of the image.
 
-    rows: NDArray[np.intp]
-    columns: NDArray[np.intp]
-    r_px: Coordinates
-    angle_rad: Coordinates
+    ``z_mm`` from the mouth, ``theta_rad`` in [0, 2π) and ``depth_mm`` below the nominal radius, float32 in the
+    bore frame, NaN outside the annulus; ``cell``: int32, 1 + the cell's index in the sample, 0 for the bore's own
+    wall and outside; ``obscured``: dirt, a droplet or a crumb hides the wall there; ``valid``: the pixel sees the
+    wall.
+    """
+
+    z_mm: Image
+    theta_rad: Image
+    depth_mm: Image
+    cell: NDArray[np.int32]
+    obscured: Mask
+    valid: Mask
 
 
 def render_frame(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uint8]:
     """Return frame ``frame_index``, u8 (row, column) or (row, column, RGB)."""
     camera = sample.endoscope
     rng = generator(sample.seed, Stage.ENDOSCOPE, 1 + frame_index)
-    sight = _sight(camera, frame_index)
-    light = _light(wall, camera, frame_index, sight)
-    image = np.zeros((camera.height_px, camera.width_px, light.shape[1]), np.float32)
-    image[sight.rows, sight.columns] = light
-    image += _surround(sample, frame_index)[:, :, None]
-    blurred = cv2.GaussianBlur(image, (0, 0), camera.defocus_px).reshape(image.shape)
-    return _exposed(camera, np.asarray(blurred, dtype=np.float32), rng)
+    return compressed(camera, displayed(noisy(camera, _signal(sample, wall, frame_index), rng)))
 
 
-def _sight(camera: Endoscope, frame_index: int) -> Sight:
-    """Return the pixels between the annulus' boundaries, of which the inner has a centre of its own."""
+def noise_free(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uint8]:
+    """Return the twin of a frame without noise and compression, u8 as :func:`render_frame`."""
+    return displayed(_signal(sample, wall, frame_index))
+
+
+def sight(sample: Sample, wall: Wall, frame_index: int) -> Seen:
+    """Return what every pixel of a frame sees of the wall."""
+    camera = sample.endoscope
+    seen = view(camera, frame_index)
+    hits = follow(wall, camera, frame_index, seen)
+    n_z, n_theta = wall.relief_mm.shape
+    z_mm = (hits.row + hits.first_row) * wall.dz_mm
+    row = np.clip(np.rint(hits.row).astype(np.intp) + hits.first_row, 0, n_z - 1)
+    column = np.mod(np.rint(hits.column).astype(np.intp), n_theta)
+
+    def on_image(values: NDArray[np.generic], elsewhere: float) -> NDArray[np.generic]:
+        image = np.full(camera.height_px * camera.width_px, elsewhere, values.dtype)
+        image[seen.pixel] = values
+        return image.reshape(camera.height_px, camera.width_px)
+
+    return Seen(
+        z_mm=on_image(z_mm.astype(np.float32), np.nan),
+        theta_rad=on_image(np.mod(hits.column * wall.dtheta_rad, 2 * np.pi).astype(np.float32), np.nan),
+        depth_mm=on_image((hits.radius_mm - wall.radius_mm).astype(np.float32), np.nan),
+        cell=on_image(wall.cell_id[row, column], 0),
+        obscured=on_image(obscured(camera, wall, seen, hits), False),
+        valid=on_image(np.ones(seen.pixel.size, bool), False),
+    )
+
+
+def _signal(sample: Sample, wall: Wall, frame_index: int) -> Image:
+    """Return the light on the sensor, float32 (row, column) or (row, column, RGB), 1 is saturation."""
+    camera = sample.endoscope
+    seen = view(camera, frame_index)
+    arrived = light(sample, wall, seen, follow(wall, camera, frame_index, seen))
+    around, r_px = _surround(sample, frame_index)
+    image = np.repeat(around.reshape(-1, 1), arrived.shape[1], axis=1)
+    image[seen.pixel] += arrived
+    image = image.reshape(*around.shape, -1)
     cx, cy = camera.centre_px[frame_index]
-    y, x = np.mgrid[: camera.height_px, : camera.width_px]
-    r = np.hypot(x - cx, y - cy)
-    r_inner = np.hypot(x - cx - camera.inner_shift_px[0], y - cy - camera.inner_shift_px[1])
-    rows, columns = np.nonzero((r <= camera.outer_px) & (r_inner >= camera.inner_px))
-    return Sight(rows, columns, r[rows, columns], np.arctan2(rows - cy, columns - cx))
+    reach = camera.outer_px + 4 * (camera.defocus_px + camera.defocus_slope_px) + 1
+    box = (
+        slice(max(0, int(cy - reach)), int(cy + reach) + 2),
+        slice(max(0, int(cx - reach)), int(cx + reach) + 2),
+    )
+    image[box] = _defocused(camera, image[box], r_px[box])
+    return image if camera.colour else image[..., 0]
 
 
-def band_centre_mm(camera: Endoscope, radius_mm: float) -> float:
-    """Return z from the cone's apex to the middle of the band that the annulus shows of the nominal wall."""
-    edges = np.array([camera.inner_px, camera.outer_px])
-    half_angle = np.deg2rad(camera.half_angle_deg)
-    return float(wall_z_mm(edges, camera.focal_px, camera.mirror_distance_mm, half_angle, radius_mm).mean())
+def _defocused(camera: Endoscope, image: Image, r_px: Image) -> Image:
+    """Return an image blurred by ``defocus_px`` at the rim in focus, and by more towards the other."""
+    sharp = _blurred(image, camera.defocus_px)
+    if camera.defocus_slope_px < LEAST_BLUR_PX:
+        return sharp
+    soft = _blurred(image, camera.defocus_px + camera.defocus_slope_px)
+    share = np.clip((r_px - camera.inner_px) / (camera.outer_px - camera.inner_px), 0, 1)
+    if camera.focus_at_outer:
+        share = 1 - share
+    soft -= sharp
+    soft *= share[:, :, None]
+    soft += sharp
+    return soft
 
 
-def _light(wall: Wall, camera: Endoscope, frame_index: int, sight: Sight) -> Image:
-    """Return the light that arrives at each pixel, (n, 1 or 3), 1 is saturation."""
-    rays = cone_rays(sight.r_px, camera.focal_px, camera.mirror_distance_mm, np.deg2rad(camera.half_angle_deg))
-    theta_ray = sight.angle_rad + camera.roll_rad[frame_index]
-    apex_mm = camera.z_mm[frame_index] - band_centre_mm(camera, wall.radius_mm)
-    probe = camera.offset_mm[frame_index]
-    rho = _march(wall, rays.rho_mm, rays.z_mm + apex_mm, rays.slope, theta_ray, probe)
-    z = rays.z_mm + apex_mm + (rho - rays.rho_mm) * rays.slope
-    x, y = probe[0] + rho * np.cos(theta_ray), probe[1] + rho * np.sin(theta_ray)
-    theta = np.arctan2(y, x)
-    deep_mm = np.clip(np.hypot(x, y) - wall.radius_mm, 0, None)
-
-    # the light comes from the probe, about the way the ray looks
-    slope_z, slope_theta = (np.clip(wall.at(m, z, theta), -8, 8) for m in (wall.slope_z, wall.slope_theta))
-    cosine = np.clip(1 - slope_z * rays.slope, 0, None) / np.sqrt(1 + slope_z**2 + slope_theta**2)
-    cosine /= np.sqrt(1 + rays.slope**2)
-    distance = (wall.radius_mm / rho) ** 2
-    fall_off = camera.stray + (1 - camera.stray) * np.exp(-deep_mm / camera.fall_off_mm)
-    reflected = wall.at(wall.albedo, z, theta) * (0.15 + 0.85 * cosine) * distance * fall_off
-    reflected += wall.at(wall.rim, z, theta)
-
-    middle, half = (camera.inner_px + camera.outer_px) / 2, (camera.outer_px - camera.inner_px) / 2
-    light = camera.exposure * reflected * (1 - camera.vignetting * ((sight.r_px - middle) / half) ** 2)
-    light *= 1 + camera.bright_side * np.cos(sight.angle_rad - camera.bright_side_rad)
-    light += camera.ring_gain * np.exp(-0.5 * ((sight.r_px - camera.ring_px) / 1.5) ** 2)
-    dx, dy = sight.r_px * np.cos(sight.angle_rad), sight.r_px * np.sin(sight.angle_rad)
-    for speck in camera.dirt:
-        near = np.flatnonzero(np.abs(dx - speck.x_px) < 5 * speck.sigma_px)
-        away = (dx[near] - speck.x_px) ** 2 + (dy[near] - speck.y_px) ** 2
-        light[near] *= 1 - speck.loss * np.exp(-0.5 * away / speck.sigma_px**2)
-    if not camera.colour:
-        return np.asarray(light[:, None], dtype=np.float32)
-    lined = np.clip(deep_mm / 0.1, 0, 1)[:, None]
-    tint = (1 - lined) * np.array(BONE_RGB) + lined * np.array(LINING_RGB)
-    return np.asarray(light[:, None] * tint, dtype=np.float32)
+def _blurred(image: Image, sigma_px: float) -> Image:
+    if sigma_px < LEAST_BLUR_PX:
+        return image.copy()
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), dtype=np.float32).reshape(image.shape)
 
 
-def _march(
-    wall: Wall,
-    rho0_mm: Coordinates,
-    z0_mm: Coordinates,
-    slope: Coordinates,
-    theta_rad: Coordinates,
-    probe_mm: tuple[float, float],
-) -> Coordinates:
-    """Return the distance ρ from the probe's axis at which each ray falls behind the wall."""
-    cos, sin = np.cos(theta_rad), np.sin(theta_rad)
+def _surround(sample: Sample, frame_index: int) -> tuple[Image, Image]:
+    """Return what the camera sees besides the wall, and every pixel's distance from the annulus' centre.
 
-    def behind(ray: NDArray[np.intp], rho: Coordinates) -> Coordinates:
-        x, y = probe_mm[0] + rho * cos[ray], probe_mm[1] + rho * sin[ray]
-        z = z0_mm[ray] + (rho - rho0_mm[ray]) * slope[ray]
-        excess: Coordinates = np.hypot(x, y) - wall.radius_mm - wall.at(wall.relief_mm, z, np.arctan2(y, x))
-        return excess
-
-    ray = np.arange(theta_rad.size)
-    lowest = wall.radius_mm + float(wall.relief_mm.min()) - 0.005
-    across = probe_mm[0] * sin - probe_mm[1] * cos
-    rho = np.sqrt(lowest**2 - across**2) - (probe_mm[0] * cos + probe_mm[1] * sin)
-    before = behind(ray, rho)
-    found = np.full(theta_rad.size, wall.radius_mm + DEEPEST_MM)
-    while ray.size:
-        ahead = rho + STEP_MM
-        excess = behind(ray, ahead)
-        hit = excess >= 0
-        found[ray[hit]] = (rho + STEP_MM * before / (before - excess))[hit]
-        on = ~hit & (ahead < wall.radius_mm + DEEPEST_MM)
-        ray, rho, before = ray[on], ahead[on], excess[on]
-    return found
-
-
-def _surround(sample: Sample, frame_index: int) -> Image:
-    """Return what the camera sees besides the wall: black level, the cone's tip with the camera in it."""
+    That is the black level, a glow about the outer rim, and the cone's tip with the camera in it.
+    """
     camera = sample.endoscope
     rng = generator(sample.seed, Stage.ENDOSCOPE, 0)
-    cx, cy = camera.centre_px[frame_index]
-    y, x = np.mgrid[: camera.height_px, : camera.width_px]
-    inner = np.hypot(x - cx - camera.inner_shift_px[0], y - cy - camera.inner_shift_px[1]) / camera.inner_px
-    tip = 0.05 + 0.05 * rng.random() * np.cos(5 * inner) ** 2
-    glow = 0.015 + rng.uniform(0.01, 0.03) * np.exp(-(((np.hypot(x - cx, y - cy) / camera.outer_px - 1) / 0.05) ** 2))
-    lens = rng.uniform(0.2, 0.9) * np.exp(-0.5 * (inner / rng.uniform(0.05, 0.15)) ** 2)
-    surround: Image = np.where(inner < 0.97, tip + lens, glow).astype(np.float32)
-    return surround
+    tip_gain, glow_gain, lens_gain, lens_size = (
+        0.05 * rng.random(), rng.uniform(0.01, 0.03), rng.uniform(0.2, 0.9), rng.uniform(0.05, 0.15)
+    )  # fmt: skip
 
+    def distance_px(shift: tuple[float, float]) -> Image:
+        cx, cy = camera.centre_px[frame_index]
+        x = (np.arange(camera.width_px) - cx - shift[0]).astype(np.float32)[None, :]
+        y = (np.arange(camera.height_px) - cy - shift[1]).astype(np.float32)[:, None]
+        return np.asarray(np.sqrt(x**2 + y**2))
 
-def _exposed(camera: Endoscope, image: Image, rng: Generator) -> NDArray[np.uint8]:
-    """Return the image with shot and read noise, a display gamma of 1/1.8, clipped and quantised."""
-    noise = rng.standard_normal(image.shape, dtype=np.float32)
-    image = np.clip(image, 0, None)
-    electrons = image * camera.full_well + noise * np.sqrt(image * camera.full_well + camera.read_noise**2)
-    display = np.clip(electrons / camera.full_well, 0, 1) ** (1 / 1.8)
-    frame: NDArray[np.uint8] = np.rint(255 * display).astype(np.uint8)
-    return frame if camera.colour else frame[:, :, 0]
+    def tabulated(r_px: Image, values: Image) -> Image:
+        return np.asarray(values[np.minimum((r_px * SURROUND_STEPS).astype(np.int32), values.size - 1)])
+
+    r_px = distance_px((0.0, 0.0))
+    radii = np.arange(2 * SURROUND_STEPS * int(camera.outer_px + 1)) / SURROUND_STEPS
+    glow = 0.015 + glow_gain * np.exp(-(((radii / camera.outer_px - 1) / 0.05) ** 2))
+    inner = radii / camera.inner_px
+    tip = 0.05 + tip_gain * np.cos(5 * inner) ** 2 + lens_gain * np.exp(-0.5 * (inner / lens_size) ** 2)
+    surround = tabulated(r_px, glow.astype(np.float32))
+    r_inner = distance_px(camera.inner_shift_px)
+    within = r_inner < 0.97 * camera.inner_px
+    surround[within] = tabulated(r_inner[within], tip.astype(np.float32))
+    return surround, r_px

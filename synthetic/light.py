@@ -1,0 +1,150 @@
+"""How much light comes back from what the endoscope's pixels see.
+
+The source sits at the pinhole, so light reaches the wall along the very rays that are seen: no shadows are, and the
+glossy part is brightest where the wall faces the ray. A cone mirror spreads light as a plane one does along the
+bore, but around the bore it spreads it over the whole circle: a bundle of rays at ψ from the axis is, after a path
+L and at ρ from the axis, L·dψ wide and ρ·dθ, so that the irradiance falls as cos i·sin ψ/(L·ρ). Before a plane
+mirror ρ would be L·sin ψ, and this the inverse square of the path.
+"""
+
+import numpy as np
+
+from endoct.stitching.arrays import Image
+from endoct.synthetic.cone import cone_of
+from endoct.synthetic.parameters import Debris, Endoscope, Sample
+from endoct.synthetic.sight import Hits, View, lookup
+from endoct.synthetic.wall import Wall
+
+BONE_RGB = (1.0, 0.88, 0.72)
+LINING_RGB = (1.0, 0.70, 0.60)
+STEEPEST_SLOPE = 8.0
+LINED_MM = 0.1
+"""Depth below the nominal wall from which a cell's inside has the colour of its lining."""
+FLUID_LOSS = 0.35
+FLUID_GLOSS = 0.6
+RING_SIGMA_PX = 1.5
+CONTACT_SHADE = 0.5
+OBSCURED = 0.2
+
+
+def light(sample: Sample, wall: Wall, seen: View, hits: Hits) -> Image:
+    """Return the light that arrives at each pixel of a view, float32 (n, 1 or 3), 1 is saturation.
+
+    Bone seen squarely by a probe on the bore's axis has ``exposure`` in the middle of the annulus.
+    """
+    camera = sample.endoscope
+    albedo, rim, slope_z, slope_theta, wet = _surface(camera, wall, hits)
+    deep_mm = np.maximum(hits.radius_mm - np.float32(wall.radius_mm), 0)
+    irradiance = hits.sine / (hits.path_mm * hits.rho_mm) / _reference(camera, wall.radius_mm)
+    reach = np.exp(deep_mm / np.float32(-camera.fall_off_mm))
+    cosine = np.maximum(hits.outward - slope_theta * hits.around - slope_z * hits.inward, 0)
+    cosine /= np.sqrt(1 + slope_z**2 + slope_theta**2)
+    bone = albedo * (1 - FLUID_LOSS * wet)
+    diffuse = bone * ((1 - camera.stray) * irradiance * reach * cosine + camera.stray) + rim
+
+    # a fluid's surface is smooth: what lies below it does not tilt it
+    dry = 1 - wet
+    facing = np.maximum(hits.outward - dry * (slope_theta * hits.around + slope_z * hits.inward), 1e-3)
+    facing = facing**2 / (1 + dry * (slope_z**2 + slope_theta**2))
+    lobe = np.exp((1 - 1 / np.minimum(facing, 1)) / np.float32(2 * camera.gloss_rad**2))
+    glossy = (camera.gloss + FLUID_GLOSS * wet) * irradiance * reach * lobe
+
+    through = camera.exposure * _probe_light(camera, seen)
+    added = np.float32(camera.ring_gain) * np.exp(-0.5 * ((seen.r_px - camera.ring_px) / RING_SIGMA_PX) ** 2)
+    added += _droplet_shine(camera, seen)
+    kept = transmission(camera, seen)
+    white = (through * glossy + added) * kept
+    diffuse *= through * kept
+    if not camera.colour:
+        return np.asarray((diffuse + white)[:, None], dtype=np.float32)
+    tint = np.array(BONE_RGB, np.float32)
+    if sample.bore.bone == "phantom":
+        return np.asarray(diffuse[:, None] * tint + white[:, None], dtype=np.float32)
+    lined = np.minimum(deep_mm / LINED_MM, 1)[:, None]
+    tint = tint + lined * (np.array(LINING_RGB, np.float32) - tint)
+    return np.asarray(diffuse[:, None] * tint + white[:, None], dtype=np.float32)
+
+
+def transmission(camera: Endoscope, seen: View) -> Image:
+    """Return which part of the light the dirt on the optics lets through, float32 (n,)."""
+    kept = np.ones_like(seen.r_px)
+    for speck in camera.dirt:
+        near = np.flatnonzero(np.abs(seen.x_px - speck.x_px) < 5 * speck.sigma_px)
+        away = (seen.x_px[near] - speck.x_px) ** 2 + (seen.y_px[near] - speck.y_px) ** 2
+        kept[near] *= 1 - speck.loss * np.exp(-0.5 * away / speck.sigma_px**2)
+    return kept
+
+
+def _reference(camera: Endoscope, radius_mm: float) -> float:
+    """Return the irradiance, up to the source's strength, of the nominal wall in the middle of the annulus."""
+    rays = cone_of(camera).rays(np.array([(camera.inner_px + camera.outer_px) / 2]))
+    path_mm = rays.path_mm + (radius_mm - rays.rho_mm) / rays.outward
+    return float((rays.sine / (path_mm * radius_mm))[0])
+
+
+def _probe_light(camera: Endoscope, seen: View) -> Image:
+    """Return vignetting and the light's first harmonic around the probe."""
+    middle, half = (camera.inner_px + camera.outer_px) / 2, (camera.outer_px - camera.inner_px) / 2
+    vignette = 1 - camera.vignetting * ((seen.r_px - middle) / half) ** 2
+    cos, sin = np.cos(camera.bright_side_rad), np.sin(camera.bright_side_rad)
+    along = (seen.x_px * np.float32(cos) + seen.y_px * np.float32(sin)) / seen.r_px
+    return np.asarray(vignette * (1 + camera.bright_side * along), dtype=np.float32)
+
+
+def _droplet_shine(camera: Endoscope, seen: View) -> Image:
+    """Return the highlight of every droplet, towards the probe's axis from its middle."""
+    shine = np.zeros_like(seen.r_px)
+    for drop in camera.droplets:
+        away = 1 - 0.45 * drop.radius_px / max(1.0, float(np.hypot(drop.x_px, drop.y_px)))
+        near = np.flatnonzero(np.abs(seen.x_px - drop.x_px) < 2 * drop.radius_px)
+        square = (seen.x_px[near] - away * drop.x_px) ** 2 + (seen.y_px[near] - away * drop.y_px) ** 2
+        shine[near] += np.float32(drop.shine) * np.exp(-0.5 * square / np.float32(0.2 * drop.radius_px) ** 2)
+    return shine
+
+
+def _surface(camera: Endoscope, wall: Wall, hits: Hits) -> tuple[Image, Image, Image, Image, Image]:
+    """Return albedo, rim light, slopes along z and θ, and how wet it is, where the rays end; crumbs included."""
+    rows = slice(hits.first_row, hits.first_row + int(hits.row.max()) + 2)
+    maps = np.stack([m[rows] for m in (wall.albedo, wall.rim, wall.slope_z, wall.slope_theta)], axis=-1)
+    for crumb in camera.debris:
+        _put(crumb, maps, wall, hits.first_row)
+    np.clip(maps[..., 2:], -STEEPEST_SLOPE, STEEPEST_SLOPE, out=maps[..., 2:])
+    albedo, rim, slope_z, slope_theta = np.ascontiguousarray(lookup(maps, hits.row, hits.column).T)
+    wet = getattr(wall, "wet", np.zeros_like(wall.albedo))[rows]
+    return albedo, rim, slope_z, slope_theta, lookup(wet, hits.row, hits.column) if wet.any() else np.zeros_like(rim)
+
+
+def _put(crumb: Debris, maps: Image, wall: Wall, first_row: int) -> None:
+    """Lay a crumb on the wall's ``maps``: a rounded grain, and the dark line where it touches."""
+    size, dz_mm, dtheta_mm = crumb.size_mm, wall.dz_mm, wall.dtheta_rad * wall.radius_mm
+    middle = crumb.z_mm / dz_mm - first_row
+    low, high = max(0, int(middle - 2 * size / dz_mm)), min(maps.shape[0], int(middle + 2 * size / dz_mm) + 2)
+    if low >= high:
+        return
+    z = (dz_mm * (np.arange(low, high) - middle))[:, None]
+    reach = int(2 * size / dtheta_mm) + 1
+    column = crumb.theta_rad / wall.dtheta_rad
+    columns = int(column) + np.arange(-reach, reach + 1)
+    along = (dtheta_mm * (columns - column))[None, :]
+    q = np.hypot(z, along) / size
+    columns = np.mod(columns, maps.shape[1])
+    part = maps[low:high, columns]
+    grain = np.clip((1.05 - q) / 0.2, 0, 1)
+    part[..., 0] *= 1 - CONTACT_SHADE * np.exp(-0.5 * ((q - 1.1) / 0.2) ** 2)
+    part[..., 0] += grain * (crumb.gain - part[..., 0])
+    for k, lean in ((2, z), (3, along)):
+        part[..., k] += grain * (lean / size - part[..., k])
+    maps[low:high, columns] = part
+
+
+def obscured(camera: Endoscope, wall: Wall, seen: View, hits: Hits) -> Image:
+    """Say for each pixel of a view whether dirt, a droplet or a crumb keeps it from showing the wall, bool (n,)."""
+    hidden = transmission(camera, seen) < 1 - OBSCURED
+    hidden |= np.hypot(seen.look_x_px - seen.x_px, seen.look_y_px - seen.y_px) > 0.5
+    theta = hits.column * wall.dtheta_rad
+    z_mm = (hits.row + hits.first_row) * wall.dz_mm
+    for crumb in camera.debris:
+        near = np.flatnonzero(np.abs(z_mm - crumb.z_mm) < crumb.size_mm)
+        around = wall.radius_mm * (np.mod(theta[near] - crumb.theta_rad + np.pi, 2 * np.pi) - np.pi)
+        hidden[near] |= (z_mm[near] - crumb.z_mm) ** 2 + around**2 < crumb.size_mm**2
+    return hidden
