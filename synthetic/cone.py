@@ -76,13 +76,7 @@ class Cone:
 
 def cone_of(camera: Endoscope) -> Cone:
     """Return the lens and the mirror of an endoscope."""
-    return Cone(math.radians(camera.half_angle_deg), camera.mirror_distance_mm, camera.focal_px, distortion_k1(camera))
-
-
-def distortion_k1(camera: Endoscope) -> float:
-    """Return k1 of r = f·t·(1 + k1·t²), t = tan ψ, for which the outer rim lies ``distortion`` too far out."""
-    tan_psi = camera.outer_px / (1 + camera.distortion) / camera.focal_px
-    return camera.distortion / tan_psi**2
+    return Cone(math.radians(camera.half_angle_deg), camera.mirror_distance_mm, camera.focal_px, camera.distortion_k1)
 
 
 def band_centre_mm(camera: Endoscope, radius_mm: float) -> float:
