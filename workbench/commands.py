@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -16,6 +16,7 @@ from endoct.workbench.status import DONE, NOT_ALIGNED
 
 Output = Annotated[Path, arg(name="output", aliases=["-o"])]
 Settings = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE")]
+Wishes = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=LOW..HIGH")]
 ModalityName = Annotated[str | None, arg(metavar="NAME")]
 
 
@@ -26,6 +27,7 @@ def run(arguments: Sequence[str]) -> int:
         "simulate": simulate,
         "unroll": unroll,
         "compare": compare,
+        "dataset": dataset,
         "report": report,
         "info": info,
         "modalities": modalities,
@@ -198,6 +200,55 @@ def compare(
         stages=_stages(json),
     )
     return _tell_result(output, as_json=json)
+
+
+def dataset(
+    output: Output,
+    count: int,
+    preset: PresetName = "learning",
+    seed: int = 0,
+    vary: Wishes = (),
+    format: Literal["folders", "webdataset"] = "folders",
+    labels: bool = False,
+    recordings_per_bore: int = 1,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    dry_run: bool = False,
+    json: bool = False,
+) -> int:
+    """Make a data set of many simulated specimens, or what is missing of one.
+
+    The same arguments give the same bytes, whoever makes them; started again, it makes only what is missing, and
+    with a larger count it adds to what is there.
+
+    Args:
+        output: folder of the data set
+        count: specimens
+        preset: size and difficulty of the recordings
+        seed: which data set
+        vary: what a parameter is drawn from, as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
+        format: a folder for each specimen, or tar files for the webdataset library
+        labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
+        recordings_per_bore: specimens in a row that show one bore
+        workers: processes that make it; default: one for each processor
+        scheduler: address of a dask scheduler, whose workers make it; they must see the output folder under its name
+        dry_run: make one specimen in a temporary folder and say what all would take
+        json: print the result as JSON
+    """
+    from endoct.workbench.dataset.command import run_dataset
+    from endoct.workbench.dataset.plan import Plan
+    from endoct.workbench.dataset.vary import parse_vary
+
+    plan = Plan(count, preset, seed, parse_vary(vary), format, labels, recordings_per_bore)
+    facts, lines = run_dataset(
+        output, plan, workers=workers, scheduler=scheduler, dry_run=dry_run, stages=_stages(json)
+    )
+    if json:
+        _print_json(facts)
+    else:
+        for line in lines:
+            _say(line)
+    return DONE
 
 
 def report(folder: Positional[Path]) -> int:

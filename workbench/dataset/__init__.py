@@ -1,0 +1,22 @@
+"""Data sets of simulated specimens: making them on many processes, keeping them, reading them.
+
+``from endoct.workbench.dataset import Specimens`` reads one. The names load on first use, so that a program that
+only reads a set does not load what makes it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from endoct.workbench.dataset.building import make_dataset
+    from endoct.workbench.dataset.reading import Specimens
+
+__all__ = ["Specimens", "make_dataset"]
+
+_MODULES = {"Specimens": "endoct.workbench.dataset.reading", "make_dataset": "endoct.workbench.dataset.building"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return getattr(import_module(_MODULES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,197 @@
+"""Makes a data set, or what is missing of one; or says what that would take."""
+
+import math
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from endoct.stitching.errors import EndoctError
+from endoct.synthetic.draw import draw
+from endoct.workbench.dataset.files import HeldError, clear_dead_scratch, disk_errors_told, held, new_file
+from endoct.workbench.dataset.identity import check_identity, write_identity
+from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
+from endoct.workbench.dataset.manifest import write_manifest
+from endoct.workbench.dataset.plan import Plan, Unit, job, units
+from endoct.workbench.dataset.records import RECORDS, finished
+from endoct.workbench.dataset.sheet import write_sheet
+from endoct.workbench.dataset.texts import LICENCE, readme
+from endoct.workbench.dataset.working import existing_cluster, make_here, make_on, own_cluster
+from endoct.workbench.progress import SilentStages, Stages
+
+LOCK_NAME = ".lock"
+
+
+@dataclass(frozen=True)
+class Built:
+    """What a run did: specimens in the set, made now, and found finished; bytes of them all; seconds it took."""
+
+    count: int
+    made: int
+    kept: int
+    bytes: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What making the rest of a set would take, reckoned from one specimen that was made to see.
+
+    ``missing`` specimens in so many ``files`` and ``bytes``, where there is room for ``free_bytes``; ``seconds``
+    for ``workers`` processes that do not slow one another down.
+    """
+
+    missing: int
+    files: int
+    bytes: int
+    free_bytes: int
+    seconds: float
+    workers: int
+
+
+def make_dataset(
+    output: Path | str,
+    plan: Plan,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    stages: Stages | None = None,
+    make: Make = simulate_specimen,
+) -> Built:
+    """Make the data set of ``plan`` in the folder ``output``, or what is missing of it there.
+
+    ``workers`` processes of one thread each make it (default: one for each processor); one alone is this process.
+    Or the workers of the dask ``scheduler`` at that address do, which must see ``output`` under the same name. The
+    bytes depend on none of that. A script that calls this with more than one worker needs the usual
+    ``if __name__ == "__main__":``. Raises :class:`EndoctError` where ``output`` holds something else or somebody is
+    at work in it, a worker does not see it, the disk is full or read-only, or a specimen cannot be made.
+    """
+    start = time.perf_counter()
+    stages = stages or SilentStages()
+    root = Path(os.path.abspath(output))  # noqa: PTH100 - where a link leads may differ between machines
+    workers = _checked_workers(workers, scheduler)
+    _check(root, plan)
+    with disk_errors_told(root), _begun(root, plan):
+        clear_dead_scratch(root)
+        with stages.stage("what is there"):
+            sizes = {unit.name: record.bytes for unit in units(plan) if (record := finished(root, plan, unit))}
+        missing = [unit for unit in units(plan) if unit.name not in sizes]
+        size = sum(sizes.values())
+        to_make = sum(len(unit.indices) for unit in missing)
+        made = gone_by = 0
+        if missing:
+            with (
+                stages.stage(f"{to_make} specimens") as advance,
+                _makers(root, plan, missing, workers, scheduler, make) as makers,
+            ):
+                for done in makers:
+                    made += done.made
+                    size += done.bytes
+                    gone_by += done.specimens
+                    advance(gone_by / to_make)
+            clear_dead_scratch(root)
+        with stages.stage("manifest and contact sheet"):
+            write_manifest(root, plan)
+            write_sheet(root)
+    return Built(plan.count, made, plan.count - made, size, time.perf_counter() - start)
+
+
+def forecast(
+    output: Path | str,
+    plan: Plan,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    stages: Stages | None = None,
+    make: Make = simulate_specimen,
+) -> Forecast:
+    """Say what :func:`make_dataset` would take, by making one specimen in a temporary folder.
+
+    Nothing else is written. Raises :class:`EndoctError` as :func:`make_dataset` does.
+    """
+    stages = stages or SilentStages()
+    root = Path(os.path.abspath(output))  # noqa: PTH100
+    workers = _checked_workers(workers, scheduler)
+    _check(root, plan)
+    if scheduler is not None:
+        with existing_cluster(scheduler) as client:
+            workers = max(1, sum(client.nthreads().values()))
+    missing = [unit for unit in units(plan) if finished(root, plan, unit) is None]
+    with stages.stage("one specimen to see"), tempfile.TemporaryDirectory(prefix="endoct-dry-run-") as folder:
+        trial = replace(plan, count=1)
+        unit = next(units(trial))
+        _warm_up()
+        done = make_unit(Path(folder), trial, unit, make)
+        record = finished(Path(folder), trial, unit)
+        files_a_unit = 1 + (len(record.files) if record is not None else 0)
+    specimens = sum(len(unit.indices) for unit in missing)
+    existing = next(path for path in (root, *root.parents) if path.exists())
+    return Forecast(
+        missing=specimens,
+        files=files_a_unit * len(missing),
+        bytes=done.bytes * specimens,
+        free_bytes=shutil.disk_usage(existing).free,
+        seconds=done.seconds * math.ceil(specimens / workers),
+        workers=workers,
+    )
+
+
+def _checked_workers(workers: int | None, scheduler: str | None) -> int:
+    if workers is not None and scheduler is not None:
+        raise EndoctError("--workers and --scheduler exclude one another", remedy="leave one of them out")
+    if workers is not None and workers < 1:
+        raise EndoctError("--workers cannot be that", found=str(workers), expected="1 or more")
+    return workers or os.cpu_count() or 1
+
+
+def _check(root: Path, plan: Plan) -> None:
+    check_identity(root, plan)
+    first = job(plan, 0)
+    draw(plan.preset, first.seed, bore_seed=first.bore_seed, wishes=plan.wishes)
+
+
+@contextmanager
+def _begun(root: Path, plan: Plan) -> Iterator[None]:
+    """Hold the lock of ``root``, with what tells of the set in it; leave nothing where nothing was made."""
+    existed = root.exists()
+    root.mkdir(parents=True, exist_ok=True)
+    try:
+        with held(root / LOCK_NAME):
+            check_identity(root, plan)  # again: somebody may have begun another one just now
+            write_identity(root, plan)
+            for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan, root.name))):
+                with new_file(root / name) as file:
+                    file.write(text.encode())
+            try:
+                yield
+            finally:
+                if not existed and not any((root / RECORDS).glob("*.json")):
+                    clear_dead_scratch(root)
+                    shutil.rmtree(root, ignore_errors=True)
+    except HeldError as error:
+        raise EndoctError(
+            f"somebody is at work in {root} already", found=str(error), remedy="wait for that, or end it"
+        ) from error
+
+
+@contextmanager
+def _makers(
+    root: Path, plan: Plan, missing: Sequence[Unit], workers: int, scheduler: str | None, make: Make
+) -> Iterator[Iterator[Done]]:
+    if scheduler is not None:
+        with existing_cluster(scheduler) as client:
+            yield make_on(client, root, plan, missing, make)
+    elif workers > 1:
+        with own_cluster(min(workers, len(missing))) as client:
+            yield make_on(client, root, plan, missing, make)
+    else:
+        yield make_here(root, plan, missing, make)
+
+
+def _warm_up() -> None:
+    """Load what every process loads once, which is no part of the time that one specimen takes."""
+    import endoct.synthetic.specimen  # noqa: F401

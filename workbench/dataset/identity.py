@@ -1,0 +1,125 @@
+"""What a data set says of itself in ``dataset.json``, and whether arguments agree with what is there."""
+
+import hashlib
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import endoct.synthetic
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.dataset.files import new_file
+from endoct.workbench.dataset.plan import Plan
+from endoct.workbench.dataset.vary import shown
+from endoct.workbench.inputs import versions
+
+NAME = "dataset.json"
+LICENCE = "CC0-1.0"
+
+
+def write_identity(root: Path, plan: Plan) -> None:
+    """Write ``dataset.json`` for ``plan``."""
+    stored = {"count": plan.count, "arguments": _arguments(plan), "licence": LICENCE, "versions": made_with()}
+    with new_file(root / NAME) as file:
+        file.write((json.dumps(stored, indent=1) + "\n").encode())
+
+
+def check_identity(root: Path, plan: Plan) -> None:
+    """Raise :class:`EndoctError` where ``root`` holds something else than the beginning of ``plan``."""
+    if not root.exists():
+        return
+    if not root.is_dir():
+        raise EndoctError(f"{root} is no folder", remedy="choose a folder that is empty or does not exist")
+    path = root / NAME
+    if not path.exists():
+        others = sorted(entry.name for entry in root.iterdir() if not entry.name.startswith("."))
+        if others:
+            raise EndoctError(
+                f"{root} holds something else than a data set",
+                found=", ".join(others[:3]),
+                remedy="choose a folder that is empty or does not exist",
+            )
+        return
+    stored = _read(path)
+    for name, wanted in _arguments(plan).items():
+        if (found := stored["arguments"].get(name)) != wanted:
+            raise EndoctError(
+                f"{root} was begun with another --{name.replace('_', '-')}",
+                found=_shown(wanted),
+                expected=_shown(found),
+                remedy="start it with the arguments it was begun with, or choose another folder",
+            )
+    if plan.count < stored["count"]:
+        raise EndoctError(
+            f"{root} was begun with more specimens",
+            found=f"--count {plan.count}",
+            expected=f"--count {stored['count']} or more",
+            remedy="a set can grow; for a smaller one choose another folder",
+        )
+    for name, wanted in made_with().items():
+        if (found := stored["versions"].get(name)) != wanted:
+            raise EndoctError(
+                f"{root} was begun with another version of {name}, whose specimens may differ",
+                found=wanted,
+                expected=str(found),
+                remedy=f"install that version of {name}, or choose another folder",
+            )
+
+
+def check_worker(root: Path) -> None:
+    """Raise :class:`EndoctError` where this process does not see the data set, or would make it otherwise."""
+    import socket
+
+    where = f"the worker on {socket.gethostname()}"
+    path = root / NAME
+    if not path.exists():
+        raise EndoctError(
+            f"{where} does not see {root}",
+            expected="a folder that all workers and this process share under one name",
+            remedy="name such a folder, or leave --scheduler out",
+        )
+    for name, wanted in _read(path)["versions"].items():
+        if (found := made_with().get(name)) != wanted:
+            raise EndoctError(
+                f"{where} has another version of {name}, whose specimens may differ",
+                found=str(found),
+                expected=wanted,
+                remedy="give all workers one environment",
+            )
+
+
+@cache
+def made_with() -> dict[str, str]:
+    """Return the versions on which the bytes of a specimen depend, the simulator's own source among them."""
+    source = hashlib.sha256()
+    for path in sorted(Path(endoct.synthetic.__path__[0]).glob("*.py")):
+        source.update(path.read_bytes())
+    return versions() | {"simulator": source.hexdigest()[:16]}
+
+
+def _arguments(plan: Plan) -> dict[str, Any]:
+    arguments: dict[str, Any] = {
+        "preset": plan.preset,
+        "seed": plan.seed,
+        "vary": {key: list(plan.wishes[key]) for key in sorted(plan.wishes)},
+        "format": plan.format,
+        "labels": plan.labels,
+        "recordings_per_bore": plan.recordings_per_bore,
+    }
+    return arguments | ({"specimens_per_shard": plan.specimens_per_shard} if plan.format == "webdataset" else {})
+
+
+def _shown(value: Any) -> str:
+    if not isinstance(value, dict):
+        return str(value).lower() if isinstance(value, bool) else str(value)
+    return shown({key: tuple(wish) for key, wish in value.items()})
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(stored["count"], int) or not {"arguments", "versions"} <= stored.keys():
+            raise ValueError("keys are missing")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise EndoctError(f"{path} cannot be read", found=str(error), remedy="choose another folder") from error
+    return dict(stored)

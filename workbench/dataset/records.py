@@ -1,0 +1,94 @@
+"""The records of what is finished: one file a unit, ``records/NAME.json``, written after what it tells of."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from endoct.workbench.dataset.files import new_file
+from endoct.workbench.dataset.plan import Plan, Unit, job
+
+RECORDS = "records"
+
+Scalar = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class MadeSpecimen:
+    """One finished specimen.
+
+    ``digest`` is the sha256 of the lines of ``sha256sum`` over its files as simulated, sorted by path, so it is the
+    same for a folder and in a shard; ``parameters`` are all drawn numbers and words, "part.name" → value.
+    """
+
+    index: int
+    seed: int
+    bore_seed: int
+    digest: str
+    parameters: Mapping[str, Scalar]
+
+
+@dataclass(frozen=True)
+class Record:
+    """One finished unit: ``files``, path below the unit's place (or the shard's own name) → (bytes, sha256)."""
+
+    specimens: tuple[MadeSpecimen, ...]
+    files: Mapping[str, tuple[int, str]]
+    seconds: float
+
+    @property
+    def bytes(self) -> int:
+        """The size of all files."""
+        return sum(size for size, _ in self.files.values())
+
+
+def write_record(root: Path, unit: Unit, record: Record) -> None:
+    """Write the record of ``unit``, whole or not at all."""
+    with new_file(_path(root, unit)) as file:
+        file.write((json.dumps(asdict(record), indent=1) + "\n").encode())
+
+
+def read_record(root: Path, unit: Unit) -> Record | None:
+    """Return the record of ``unit``, None where there is none or it cannot be read."""
+    try:
+        stored: dict[str, Any] = json.loads(_path(root, unit).read_text(encoding="utf-8"))
+        return Record(
+            specimens=tuple(MadeSpecimen(**specimen) for specimen in stored["specimens"]),
+            files={path: (int(size), str(sha)) for path, (size, sha) in stored["files"].items()},
+            seconds=float(stored["seconds"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def sound_record(root: Path, unit: Unit) -> Record | None:
+    """Return the record of ``unit`` where every file it names is there with its size, else None.
+
+    It may tell of fewer specimens than ``unit`` has: of a shard that was the last of a smaller set.
+    """
+    record = read_record(root, unit)
+    if record is None:
+        return None
+    place = root / unit.place
+    for path, (size, _) in record.files.items():
+        file = place / path if path != place.name else place
+        try:
+            if file.stat().st_size != size:
+                return None
+        except OSError:
+            return None
+    return record
+
+
+def finished(root: Path, plan: Plan, unit: Unit) -> Record | None:
+    """Return the record of ``unit`` where it is finished as ``plan`` wants it, else None."""
+    record = sound_record(root, unit)
+    if record is None:
+        return None
+    wanted = [(j.index, j.seed, j.bore_seed) for j in (job(plan, index) for index in unit.indices)]
+    return record if [(s.index, s.seed, s.bore_seed) for s in record.specimens] == wanted else None
+
+
+def _path(root: Path, unit: Unit) -> Path:
+    return root / RECORDS / f"{unit.name}.json"
