@@ -1,46 +1,99 @@
 """Where the beams of a turning, off-axis catheter meet the capillary and the bore's wall.
 
-The catheter lies at e from the axis that capillary and bore share. A beam at angle α in the bore frame leaves
-it and meets a circle of radius R about the axis at ρ = −e·cos(α − β) + √(R² − e²·sin²(α − β)), where β is the
-direction of e. Everything seen through glass lies deeper by (n − 1) times the way through it. That glass
-also bends an oblique beam, by up to about 1.5°, is left to a more physical version.
+Everything is in the bore frame: x = r cos θ, y = r sin θ, z along the bore. The capillary's axis departs from the
+bore's with ``bore_tilt_rad``; the catheter lies at e from the capillary's axis, and a beam leaves it at α. Both
+faces of the glass bend it. A round wall keeps n·r·sin(incidence) constant along a ray (Bouguer), so with e·sin(α − β)
+as that constant, β the direction of e, every angle and length has a closed form.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
-from endoct.synthetic.parameters import Oct
-from endoct.synthetic.wall import Wall
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.circle import wrap_rad
+from endoct.synthetic.parameters import Bore, Oct, Sample
+from endoct.synthetic.presets import PRESETS
+from endoct.synthetic.scene import Scene, crossings
 
-STEP_MM = 0.01
+FLUID_INDEX = 1.33
+BONE_INDEX = 1.55  # cortical bone near 1300 nm
 
 
 @dataclass(frozen=True, eq=False)
 class Echoes:
-    """What the beams of one turn meet; float64 (n,), one value a beam.
+    """What the beams of one turn meet, one value a beam: arrays (n,), float64 unless said otherwise.
 
-    ``alpha_rad``: direction of the beam. ``inner_path_mm``, ``outer_path_mm``, ``wall_path_mm``: optical path
-    from the catheter to the capillary's faces and to the wall (NaN where it meets none within reach).
-    ``face_incidence_rad``: angle between beam and the capillary's outer face. ``wall_z_mm`` (one for all),
-    ``wall_theta_rad``, ``wall_radius_mm``: where the wall was hit; ``wall_cosine``: of the incidence there.
+    Paths are optical, from the catheter, in mm of air; NaN where a beam meets no such thing within reach.
+    ``alpha_rad``: direction in which the beam leaves the catheter. ``inner_path_mm``, ``outer_path_mm``: to the
+    capillary's faces; ``inner_incidence_rad``, ``outer_incidence_rad``: signed angle there, on the side of the air.
+    ``fluid_path_mm``: to a fluid's surface before the wall. ``wall_path_mm``: to the first solid surface, bone or dust.
+    ``exit_path_mm``, ``reentry_path_mm``: to where a beam leaves a thin septum and meets bone again.
+    ``surface_path_mm``: to the first surface of any kind beyond the capillary. ``wall_z_mm``, ``wall_theta_rad``,
+    ``wall_radius_mm``: where that solid surface is, in the bore frame (θ of the beam and NaN where there is none).
+    ``wall_cosine``: of the incidence on it. ``fluid_cosine``: on the fluid. ``cell`` int32: 1 + index of the cell it
+    belongs to, 0 on the bore's own wall. ``dust`` bool: it is bone dust. ``shadow_db``: light lost to dirt on the
+    capillary, there and back.
     """
 
     alpha_rad: Coordinates
     inner_path_mm: Coordinates
     outer_path_mm: Coordinates
-    face_incidence_rad: Coordinates
+    inner_incidence_rad: Coordinates
+    outer_incidence_rad: Coordinates
+    fluid_path_mm: Coordinates
     wall_path_mm: Coordinates
-    wall_z_mm: float
+    exit_path_mm: Coordinates
+    reentry_path_mm: Coordinates
+    wall_z_mm: Coordinates
     wall_theta_rad: Coordinates
     wall_radius_mm: Coordinates
     wall_cosine: Coordinates
+    fluid_cosine: Coordinates
+    cell: NDArray[np.int32]
+    dust: Mask
+    shadow_db: Coordinates
+
+    @property
+    def surface_path_mm(self) -> Coordinates:
+        """Optical path to the first surface beyond the capillary, mm."""
+        return np.fmin(self.wall_path_mm, self.fluid_path_mm)
+
+    def of(self, beams: slice) -> "Echoes":
+        """Return some of the beams."""
+        return Echoes(**{field.name: getattr(self, field.name)[beams] for field in fields(self)})
+
+
+@dataclass(frozen=True, eq=False)
+class Refracted:
+    """Beams that went through a capillary; float64 (n,), angles from the catheter's offset.
+
+    ``inner_mm``, ``glass_mm``: geometric ways to the inner face and through the glass. ``inner_rad``, ``outer_rad``:
+    incidence on the inner face, and emergence from the outer, in air. ``exit_rad``: where on the outer face the beam
+    emerges. ``onward_rad``: direction in which it goes on.
+    """
+
+    inner_mm: Coordinates
+    glass_mm: Coordinates
+    inner_rad: Coordinates
+    outer_rad: Coordinates
+    exit_rad: Coordinates
+    onward_rad: Coordinates
+
+
+def stream_position(oct_: Oct, slice_index: int, n_ascans: int) -> NDArray[np.intp]:
+    """Return for every A-scan recorded of one slice how many were taken before it, lost ones too; (n_ascans,)."""
+    position = np.arange(n_ascans)
+    lost = np.zeros(n_ascans, np.intp)
+    for gap in oct_.lost_ascans:
+        if gap.slice_index == slice_index:
+            lost[position >= gap.ascan] += gap.count
+    return position + lost
 
 
 def beam_angle_rad(oct_: Oct, slice_index: int, turn_rad: Coordinates) -> Coordinates:
-    """Return the direction in the bore frame of beams recorded at ``turn_rad`` = 2πk/n of slice's turn.
+    """Return the direction in the bore frame of beams at ``turn_rad`` of a slice's turn.
 
     α = theta_origin + sense·(turn + start_angle + Σ_h [cos_h·cos(h·turn) + sin_h·sin(h·turn)]).
     """
@@ -50,75 +103,96 @@ def beam_angle_rad(oct_: Oct, slice_index: int, turn_rad: Coordinates) -> Coordi
     return oct_.theta_origin_rad + oct_.sense * along
 
 
-def distance_to_circle_mm(radius_mm: float, offset_mm: float, from_offset_rad: Coordinates) -> Coordinates:
-    """Return ρ to a circle about the axis; ``from_offset_rad`` is α − β."""
-    across = offset_mm * np.sin(from_offset_rad)
-    rho: Coordinates = np.sqrt(radius_mm**2 - across**2) - offset_mm * np.cos(from_offset_rad)
-    return rho
+def capillary_axis_mm(bore: Bore, z_mm: Coordinates) -> tuple[Coordinates, Coordinates]:
+    """Return x and y of the capillary's axis in the bore frame at ``z_mm``."""
+    away = -np.tan(bore.bore_tilt_rad) * (z_mm - bore.length_mm / 2)
+    return away * np.cos(bore.bore_tilt_direction_rad), away * np.sin(bore.bore_tilt_direction_rad)
 
 
-def trace(oct_: Oct, wall: Wall, slice_index: int, turn_rad: Coordinates, reach_mm: float) -> Echoes:
-    """Return what the beams at ``turn_rad`` of one slice meet; the wall within ``reach_mm`` of optical path."""
-    alpha = beam_angle_rad(oct_, slice_index, turn_rad)
-    e, beta = oct_.offset_mm[slice_index], oct_.offset_direction_rad[slice_index]
-    outer_radius = oct_.capillary_outer_diameter_mm / 2
-    inner = distance_to_circle_mm(outer_radius - oct_.glass_mm, e, alpha - beta)
-    outer = distance_to_circle_mm(outer_radius, e, alpha - beta)
-    delay = (oct_.glass_index - 1) * (outer - inner)
+def refract(offset_mm: float, gamma_rad: Coordinates, inner_mm: float, outer_mm: float, index: float) -> Refracted:
+    """Return the way of beams through a capillary with these radii.
 
-    z_mm = oct_.z_mm[slice_index]
-    start = distance_to_circle_mm(wall.radius_mm + float(wall.relief_mm.min()) - 0.01, e, alpha - beta)
-    rho = _march(wall, z_mm, alpha, e, beta, start, reach_mm - delay)
-    x, y = e * np.cos(beta) + rho * np.cos(alpha), e * np.sin(beta) + rho * np.sin(alpha)
-    theta, radius = np.mod(np.arctan2(y, x), 2 * np.pi), np.hypot(x, y)
-    hit = np.isfinite(rho)
-    theta[~hit], radius[~hit] = alpha[~hit], np.nan
-    z = np.full_like(theta, z_mm)
-    slope_theta = np.clip(wall.at(wall.slope_theta, z, theta), -20, 20)
-    slope_z = np.clip(wall.at(wall.slope_z, z, theta), -20, 20)
-    # normal of r = R + relief, pointing outward: (1, −slope_theta) in (radial, azimuthal), −slope_z along z
-    cosine = np.cos(alpha - theta) - slope_theta * np.sin(alpha - theta)
-    cosine = np.clip(cosine, 0, None) / np.sqrt(1 + slope_theta**2 + slope_z**2)
-    return Echoes(
-        alpha_rad=alpha,
-        inner_path_mm=inner,
-        outer_path_mm=outer + delay,
-        face_incidence_rad=np.arcsin(np.clip(e * np.sin(alpha - beta) / outer_radius, -1, 1)),
-        wall_path_mm=rho + delay,
-        wall_z_mm=z_mm,
-        wall_theta_rad=theta,
-        wall_radius_mm=radius,
-        wall_cosine=cosine,
+    The beams leave a point ``offset_mm`` from its axis, at ``gamma_rad`` from the direction of that offset.
+    """
+    across = offset_mm * np.sin(gamma_rad)
+    within = np.arcsin(across / (index * inner_mm)), np.arcsin(across / (index * outer_mm))
+    inner, outer = np.arcsin(across / inner_mm), np.arcsin(across / outer_mm)
+    exit_ = gamma_rad - inner + within[0] - within[1]
+    return Refracted(
+        inner_mm=np.sqrt(inner_mm**2 - across**2) - offset_mm * np.cos(gamma_rad),
+        glass_mm=outer_mm * np.cos(within[1]) - inner_mm * np.cos(within[0]),
+        inner_rad=inner,
+        outer_rad=outer,
+        exit_rad=exit_,
+        onward_rad=exit_ + outer,
     )
 
 
-def _march(
-    wall: Wall,
-    z_mm: float,
-    alpha_rad: Coordinates,
-    offset_mm: float,
-    direction_rad: float,
-    start_mm: Coordinates,
-    reach_mm: Coordinates,
-) -> Coordinates:
-    """Return how far each beam goes until it is behind the wall, NaN where that is beyond ``reach_mm``."""
-    x0, y0 = offset_mm * np.cos(direction_rad), offset_mm * np.sin(direction_rad)
-    cos, sin = np.cos(alpha_rad), np.sin(alpha_rad)
+def trace(sample: Sample, scene: Scene, slice_index: int, position: Coordinates) -> Echoes:
+    """Return what the beams of one slice meet.
 
-    def behind(beam: NDArray[np.intp], rho: Coordinates) -> Coordinates:
-        x, y = x0 + rho * cos[beam], y0 + rho * sin[beam]
-        relief = wall.at(wall.relief_mm, np.full(beam.size, z_mm), np.arctan2(y, x))
-        excess: Coordinates = np.hypot(x, y) - wall.radius_mm - relief
-        return excess
+    ``position`` counts A-scans taken since the slice began, see :func:`stream_position`; any real number will do.
+    Surfaces are looked for as far as the spectrometer could tell them, folded back, from nearer ones.
+    """
+    oct_, size = sample.oct, PRESETS[sample.preset]
+    turn = 2 * np.pi * position / size.n_ascans * oct_.turn_length[slice_index]
+    z_mm = oct_.z_mm[slice_index] + oct_.z_advance_mm * turn / (2 * np.pi)
+    alpha = beam_angle_rad(oct_, slice_index, turn)
+    e, beta = oct_.offset_mm[slice_index], oct_.offset_direction_rad[slice_index]
+    outer_mm = oct_.capillary_outer_diameter_mm / 2
+    glass = refract(e, alpha - beta, outer_mm - oct_.glass_mm, outer_mm, oct_.glass_index)
+    outer_path = glass.inner_mm + oct_.glass_index * glass.glass_mm
 
-    found = np.full(alpha_rad.size, np.nan)
-    beam = np.arange(alpha_rad.size)
-    rho, before = start_mm.copy(), behind(beam, start_mm)
-    while beam.size:
-        ahead = rho + STEP_MM
-        excess = behind(beam, ahead)
-        hit = excess >= 0
-        found[beam[hit]] = (rho + STEP_MM * before / (before - excess))[hit]
-        on = ~hit & (ahead < reach_mm[beam])
-        beam, rho, before = beam[on], ahead[on], excess[on]
-    return found
+    axis_x, axis_y = capillary_axis_mm(sample.bore, z_mm)
+    face, onward = beta + glass.exit_rad, beta + glass.onward_rad
+    origin = np.stack([axis_x + outer_mm * np.cos(face), axis_y + outer_mm * np.sin(face), z_mm], axis=1)
+    direction = np.stack([np.cos(onward), np.sin(onward), np.zeros_like(onward)], axis=1)
+    reach = oct_.first_sample_mm + 2 * size.n_depth * oct_.axial_pixel_mm - outer_path
+    met = crossings(scene, origin, direction, np.zeros_like(reach), reach)
+
+    x, y = origin[:, 0] + met.entry_mm * direction[:, 0], origin[:, 1] + met.entry_mm * direction[:, 1]
+    hit = np.isfinite(met.entry_mm)
+    wet_mm = np.where(np.isfinite(met.fluid_mm) & hit, met.entry_mm - met.fluid_mm, 0)
+    wall_path = outer_path + met.entry_mm + (FLUID_INDEX - 1) * wet_mm
+    exit_path = wall_path + BONE_INDEX * (met.exit_mm - met.entry_mm)
+    return Echoes(
+        alpha_rad=alpha,
+        inner_path_mm=glass.inner_mm,
+        outer_path_mm=outer_path,
+        inner_incidence_rad=glass.inner_rad,
+        outer_incidence_rad=glass.outer_rad,
+        fluid_path_mm=outer_path + met.fluid_mm,
+        wall_path_mm=wall_path,
+        exit_path_mm=exit_path,
+        reentry_path_mm=exit_path + met.reentry_mm - met.exit_mm,
+        wall_z_mm=z_mm,
+        wall_theta_rad=np.mod(np.where(hit, np.arctan2(y, x), onward), 2 * np.pi),
+        wall_radius_mm=np.hypot(x, y),
+        wall_cosine=np.clip(-np.sum(direction * met.normal, axis=1), 0, 1),
+        fluid_cosine=_fluid_cosine(sample.bore, met.cell, direction),
+        cell=met.cell,
+        dust=met.dust,
+        shadow_db=_shadow_db(oct_, z_mm, face),
+    )
+
+
+def _shadow_db(oct_: Oct, z_mm: Coordinates, face_rad: Coordinates) -> Coordinates:
+    """Return the light that dirt takes where beams leave the capillary; flat inside and soft outside, as a speck is."""
+    loss = np.zeros_like(z_mm)
+    for dirt in oct_.shadows:
+        along = (z_mm - dirt.z_mm) / dirt.sigma_z_mm
+        around = wrap_rad(face_rad - dirt.theta_rad) / dirt.sigma_theta_rad
+        loss += dirt.loss_db * np.exp(-((0.5 * (along**2 + around**2)) ** 2))
+    return loss
+
+
+def _fluid_cosine(bore: Bore, cell: NDArray[np.int32], direction: Coordinates) -> Coordinates:
+    """Return the cosine between every beam and the axis of the cell it ends in: fluid stands level across that axis."""
+    axes = np.zeros((len(bore.cells) + 1, 3))
+    for number, one in enumerate(bore.cells, 1):
+        radial = np.array([np.cos(one.theta_rad), np.sin(one.theta_rad), 0.0])
+        around = np.array([-radial[1], radial[0], 0.0])
+        sideways = np.sin(one.lean_direction_rad) * around + np.array([0, 0, np.cos(one.lean_direction_rad)])
+        axes[number] = np.cos(one.lean_rad) * radial + np.sin(one.lean_rad) * sideways
+    cosine: Coordinates = np.clip(np.sum(axes[cell] * direction, axis=1), 0, 1)
+    return cosine

@@ -1,0 +1,250 @@
+"""The complex field that comes back to the spectrometer: bone, faces, sheath and specks.
+
+Bone is white, circular Gaussian scatterers, one for each axial pixel and column, summed over the width of the beam:
+fully developed speckle. Everything thin is a reflector at its exact path. Arrays are (column, sample).
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy import fft
+
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.synthetic.appearance import Appearance
+from endoct.synthetic.beams import BONE_INDEX, Echoes
+from endoct.synthetic.parameters import Oct
+from endoct.synthetic.randomness import smooth_field
+from endoct.synthetic.spectrometer import Spectrometer, bell, roll_off
+
+Field = NDArray[np.complex64]
+FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
+COLUMNS = 512  # worked on at a time
+FLARE_RAD = 0.01  # incidence within which a face flares
+DUST_DB = 2.0  # dust scatters more than bone, and its surface is rougher (chosen)
+DUST_ROUGHNESS_MM = 0.008
+DIVERGENCE_DB_MM = 6.0  # lost for each mm that the wall is beyond the nominal one, where the focus is (chosen)
+FLUID_DB = -2.4  # Fresnel: 2 % of a fluid's surface against 3.5 % of glass
+NEGLIGIBLE_DB = -20.0  # what bone returns below this is left out
+# the phase of reflectors wanders as fast as columns can follow, as a stand-in for the carrier: so the mean over
+# A-scans holds next to nothing of them
+PHASE_RAD, PHASE_TURNS = 12.0, 0.01
+# the detector's line has a weaker companion; real ones are some ten rows wide
+LINES = ((0.0, 0.0), (6.0, -9.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """The columns of one slice, around the ring they were taken on.
+
+    ``n_ring``: columns to a full turn, after which a beam meets the same bone again. ``first``: place on that ring
+    of the first column, negative where it lies before the slice's first A-scan.
+    """
+
+    n_ring: int
+    first: int
+    n: int
+
+    def __call__(self, ring: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return values of a ring, shape (n_ring, …), at every column."""
+        return ring[np.mod(self.first + np.arange(self.n), self.n_ring)]
+
+
+@dataclass(frozen=True, eq=False)
+class Scattered:
+    """What one turn returns. ``bone`` complex64 (column, n): scatterers in each axial pixel, of relative amplitude.
+
+    ``delay_px`` and ``amplitude``, (reflector, column): path beyond the reference's in axial pixels, float64, and
+    relative amplitude, complex128. The first ``n_optical`` of them are real, the rest the detector's own line.
+    """
+
+    bone: Field
+    delay_px: Coordinates
+    amplitude: NDArray[np.complex128]
+    n_optical: int
+
+    def field(self, first_m: float, finer: int, n_m: int, with_line: bool) -> Iterator[tuple[slice, Field]]:
+        """Yield columns and their field at samples ``first_m`` + i/``finer``, i < ``n_m``; ``first_m`` whole."""
+        n_columns, n = self.bone.shape
+        m = np.mod(np.arange(n_m) + int(first_m) * finer, n * finer)
+        of = slice(None if with_line else self.n_optical)
+        for first in range(0, n_columns, COLUMNS):
+            columns = slice(first, min(n_columns, first + COLUMNS))
+            wide = np.zeros((columns.stop - first, n * finer), np.complex64)
+            wide[:, :n] = self.bone[columns]
+            field = fft.ifft(wide, norm="forward", overwrite_x=True)
+            if n_m != n or first_m != 0:
+                field = field[:, m]
+            field += _reflected(
+                self.delay_px[of, columns] / n, self.amplitude[of, columns], first_m - (n - 1) / 2, 1 / finer, n_m
+            ).T
+            yield columns, field
+
+
+def _reflected(
+    cycles: Coordinates, amplitude: NDArray[np.complex128], first: float, step: float, n_steps: int
+) -> Field:
+    """Return Σ a·exp(2πi·cycles·(first + i·step)) for i < n_steps, (n_steps, column), by recurrence."""
+    seen = np.any(amplitude != 0, axis=1)
+    cycles, amplitude = cycles[seen], amplitude[seen]
+    phasor = (amplitude * np.exp(2j * np.pi * first * cycles)).astype(np.complex64)
+    turn = np.exp(2j * np.pi * step * cycles).astype(np.complex64)
+    total = np.empty((n_steps, cycles.shape[1]), np.complex64)
+    for i in range(n_steps):
+        np.add.reduce(phasor, axis=0, out=total[i])
+        phasor *= turn
+    return total
+
+
+def scattered(
+    oct_: Oct, one: Spectrometer, echoes: Echoes, appearance: Appearance, radius_mm: float, turn: Turn, rng: Generator
+) -> Scattered:
+    """Return what the beams of ``turn`` return; ``radius_mm`` is the bore's, on which the beam is focused."""
+    n = one.window.size
+    light_db = -echoes.shadow_db
+    bone = _bone(oct_, one, echoes, appearance, radius_mm, turn, rng)
+    paths, levels = _reflectors(oct_, echoes, appearance, light_db, turn, rng)
+    delay = (np.array(paths) - oct_.first_sample_mm) / oct_.axial_pixel_mm
+    seen = np.isfinite(delay)
+    delay[~seen] = 0
+    amplitude = np.where(seen, 10 ** (np.array(levels) / 20), 0) * roll_off(oct_, delay, n)
+    phase = np.array([PHASE_RAD * _around(rng, turn, PHASE_TURNS) for _ in paths])
+
+    # the line's phase runs through a few turns, so that the mean over A-scans does not hold it
+    drift = rng.uniform(1, 3) * np.linspace(0, 2 * np.pi, turn.n) + 3.0 * _around(rng, turn, 0.05)
+    line = np.array([np.full(turn.n, oct_.detector_line_px + beside) for beside, _ in LINES])
+    level = np.array([oct_.detector_line_db + db + np.zeros(turn.n) for _, db in LINES])
+    returned: NDArray[np.complex128] = np.concatenate(
+        [amplitude * np.exp(1j * phase), 10 ** (level / 20) * np.exp(1j * drift)]
+    )
+    return Scattered(bone, np.concatenate([delay, line]), one.unit * returned, len(paths))
+
+
+def _reflectors(
+    oct_: Oct, echoes: Echoes, appearance: Appearance, light_db: Coordinates, turn: Turn, rng: Generator
+) -> tuple[list[Coordinates], list[Coordinates]]:
+    """Return optical path and level in dB, before roll-off, of everything thin."""
+
+    def glossy(incidence_rad: Coordinates) -> Coordinates:
+        return np.maximum(-8.7 * (incidence_rad / oct_.glint_rad) ** 2, oct_.matt_db)
+
+    flares = rng.random() < oct_.flare_share
+    flaring, side = int(rng.integers(2)), rng.choice([-1, 1])
+    paths, levels = [], []
+    for face, (path, incidence, level) in enumerate(
+        (
+            (echoes.inner_path_mm, echoes.inner_incidence_rad, oct_.inner_face_db),
+            (echoes.outer_path_mm, echoes.outer_incidence_rad, oct_.outer_face_db),
+        )
+    ):
+        level_db = level + glossy(incidence) + 2.0 * _around(rng, turn, 0.05)
+        if flares and face == flaring:
+            # square on the near or on the far side of an off-axis catheter
+            there = side * (path - np.median(path)) > 0
+            level_db = level_db + there * oct_.flare_db * np.exp(-((incidence / FLARE_RAD) ** 2))
+        paths.append(path)
+        levels.append(level_db)
+    for sheath in oct_.sheath:
+        paths.append(sheath.radius_mm + sheath.wobble_mm * np.sin(echoes.alpha_rad + sheath.phase_rad))
+        levels.append(sheath.level_db + 1.5 * _around(rng, turn, 0.08))
+    paths.append(np.zeros(turn.n))
+    levels.append(oct_.catheter_face_db + 1.0 * _around(rng, turn, 0.08))
+
+    paths.append(echoes.wall_path_mm)
+    glint_db = appearance.at(appearance.glint_db, echoes.wall_z_mm, echoes.wall_theta_rad)
+    levels.append(np.where(glint_db > NEGLIGIBLE_DB, glint_db + light_db, -np.inf))
+    if np.any(np.isfinite(echoes.fluid_path_mm)):
+        paths.append(echoes.fluid_path_mm)
+        levels.append(oct_.outer_face_db + FLUID_DB + glossy(np.arccos(echoes.fluid_cosine)) + light_db)
+    return paths, levels
+
+
+def _bone(
+    oct_: Oct,
+    one: Spectrometer,
+    echoes: Echoes,
+    appearance: Appearance,
+    radius_mm: float,
+    turn: Turn,
+    rng: Generator,
+) -> Field:
+    """Return the scatterers that every column's beam gathers, (column, n)."""
+    n, pixel = one.window.size, oct_.axial_pixel_mm
+    level_db = oct_.wall_db + appearance.at(appearance.wall_db, echoes.wall_z_mm, echoes.wall_theta_rad)
+    level_db -= DIVERGENCE_DB_MM * np.clip(np.nan_to_num(echoes.wall_radius_mm) - radius_mm, 0, None)
+    level_db += DUST_DB * echoes.dust - echoes.shadow_db
+    # a steep wall returns little
+    level = 10 ** (level_db / 10) * (0.06 + 0.94 * np.nan_to_num(echoes.wall_cosine) ** 1.5)
+    rough_mm = np.where(echoes.dust, DUST_ROUGHNESS_MM, 0) * turn(bell(rng, turn.n_ring))
+    entry = (echoes.wall_path_mm + rough_mm - oct_.first_sample_mm) / pixel
+    bone = np.zeros((turn.n, n), np.complex64)
+    if not np.any(np.isfinite(entry)):
+        return bone
+    first = int(np.clip(np.nanmin(entry) - 1, 0, n - 1))
+    last = _negligible_from(oct_, float(level.max()), first, n)
+
+    bins = np.arange(first, last, dtype=np.float32)
+    # ways within bone, mm; a bin that the surface cuts holds its share
+    below = bins[None, :] - np.nan_to_num(entry, nan=2.0 * n).astype(np.float32)[:, None]
+    share = np.clip(below + np.float32(0.5), 0, 1)
+    np.maximum(below, 0, out=below)
+    for column in np.flatnonzero(np.isfinite(echoes.exit_path_mm)):
+        out = float(echoes.exit_path_mm[column] - oct_.first_sample_mm) / pixel
+        back = float(echoes.reentry_path_mm[column] - oct_.first_sample_mm) / pixel
+        back = back if math.isfinite(back) else 2.0 * n
+        gap = np.clip(bins + np.float32(0.5 - out), 0, 1) - np.clip(bins + np.float32(0.5 - back), 0, 1)
+        share[column] -= np.minimum(gap, share[column])
+        below[column] -= np.clip(bins - np.float32(out), 0, back - out)
+    below *= np.float32(pixel / BONE_INDEX)
+
+    tail = 10 ** (oct_.tail_db / 10)
+    intensity = np.exp(below * np.float32(-1 / oct_.attenuation_mm))
+    intensity *= np.float32(1 - tail)
+    below *= np.float32(-1 / oct_.tail_mm)
+    np.exp(below, out=below)
+    below *= np.float32(tail)
+    intensity += below
+    intensity *= share
+    amplitude = np.sqrt(intensity, out=intensity)
+    amplitude *= np.sqrt(0.5 * one.bone_unit2 * level).astype(np.float32)[:, None]
+    amplitude *= roll_off(oct_, bins.astype(np.float64), n).astype(np.float32)
+
+    taps = lateral_taps(oct_, radius_mm, turn.n_ring)
+    for part in (bone.real, bone.imag):
+        white = turn(bell(rng, turn.n_ring * bins.size).reshape(turn.n_ring, bins.size))
+        part[:, first:last] = _summed(white * amplitude, taps)
+    return bone
+
+
+def _negligible_from(oct_: Oct, most: float, first: int, n: int) -> int:
+    """Return the axial pixel from which bone that begins at ``first`` cannot be seen, not even folded back."""
+    bins = np.arange(first, n, dtype=np.float64)
+    depth_mm = (bins - first) * oct_.axial_pixel_mm / BONE_INDEX
+    tail = 10 ** (oct_.tail_db / 10)
+    left = (1 - tail) * np.exp(-depth_mm / oct_.attenuation_mm) + tail * np.exp(-depth_mm / oct_.tail_mm)
+    seen = np.flatnonzero(most * left * roll_off(oct_, bins, n) ** 2 > 10 ** (NEGLIGIBLE_DB / 10))
+    return first + (int(seen[-1]) + 1 if seen.size else 1)
+
+
+def lateral_taps(oct_: Oct, radius_mm: float, n_ring: int) -> Image:
+    """Return the beam's field across the columns of a turn, of unit power; √2 wider than its intensity."""
+    sigma = math.sqrt(2) * oct_.lateral_resolution_mm / FWHM / (2 * np.pi * radius_mm / n_ring)
+    reach = math.ceil(3.5 * sigma)
+    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    return np.asarray(taps / np.sqrt(np.sum(taps**2)), dtype=np.float32)
+
+
+def _summed(image: Image, taps: Image) -> Image:
+    """Return ``image`` convolved with ``taps`` along columns; the columns at both ends are a margin."""
+    out = cv2.sepFilter2D(image, cv2.CV_32F, np.ones(1, np.float32), taps, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(out, dtype=np.float32)
+
+
+def _around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:
+    """Return a smooth random course around the ring, rms 1, at every column."""
+    ring = smooth_field(rng, (1, turn.n_ring), 0.0, sigma_turns * turn.n_ring)[0]
+    return turn(ring).astype(np.float64)
