@@ -1,4 +1,4 @@
-"""Stacks of equal frames, read one at a time: TIFF and BigTIFF, ``.npy``, or a folder of images."""
+"""Stacks of equal frames, read one at a time: TIFF and BigTIFF, ``.npy``, a video, or a folder of images."""
 
 import logging
 import os
@@ -16,6 +16,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
+from endoct.modalities.video import VIDEO_SUFFIXES, ReadVideo, is_video
 from endoct.stitching.errors import EndoctError
 
 TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
@@ -95,7 +96,7 @@ class ImageStack:
 
 
 def open_stack(path: Path) -> ImageStack:
-    """Open a TIFF, a ``.npy`` (mapped) or a folder that holds one of these or numbered images.
+    """Open a TIFF, a ``.npy`` (mapped), a video or a folder that holds one of these or numbered images.
 
     Only the first frame is read. Raises :class:`EndoctError` where there is nothing to read.
     """
@@ -109,6 +110,9 @@ def open_stack(path: Path) -> ImageStack:
         return _open_npy(path)
     if is_tiff(path):
         return _open_tiff(path)
+    if is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES:
+        read = ReadVideo(path)
+        return ImageStack(path, read.n_frames, read)
     return ImageStack(path, 1, _ReadImages((path,)))
 
 
@@ -308,18 +312,23 @@ def _open_npy(path: Path) -> ImageStack:
     return ImageStack(path, shape[0], _ReadBlocks(path, array.offset, array.dtype, shape[1:]))
 
 
+def whole_recordings(folder: Path) -> list[Path]:
+    """Return the files in ``folder`` of which each holds a recording by itself: ``.npy`` and videos."""
+    kinds = (".npy", *VIDEO_SUFFIXES)
+    return sorted(f for f in folder.iterdir() if f.suffix.lower() in kinds and not f.name.startswith("."))
+
+
 def _open_folder(folder: Path) -> ImageStack:
-    arrays = sorted(file for file in folder.glob("*.npy") if not file.name.startswith("."))
-    images = image_files(folder)
-    if len(arrays) == 1 and not images:
-        return open_stack(arrays[0])
-    if len(images) == 1:
+    whole, images = whole_recordings(folder), image_files(folder)
+    if len(whole) == 1 and not images:
+        return open_stack(whole[0])
+    if len(images) == 1 and not whole:
         return open_stack(images[0])
-    if arrays or not images:
+    if whole or not images:
         raise EndoctError(
-            f"{folder} holds no recording" if not arrays else f"{folder} holds more than one recording",
-            found=f"{len(images)} images, {len(arrays)} .npy files",
-            expected="one TIFF, one .npy or numbered images",
+            f"{folder} holds no recording" if not whole else f"{folder} holds more than one recording",
+            found=f"{len(images)} images, {len(whole)} .npy files or videos",
+            expected="one TIFF, one .npy, one video or numbered images",
         )
     return ImageStack(folder, len(images), _ReadImages(tuple(images)), tuple(images))
 

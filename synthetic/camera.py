@@ -1,6 +1,7 @@
 """What the cone-mirror endoscope's camera records of the wall: one frame."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -16,6 +17,8 @@ from endoct.synthetic.sight import follow, view
 from endoct.synthetic.wall import Wall
 
 __all__ = ["Seen", "band_centre_mm", "noise_free", "render_frame", "sight"]
+
+Pixel = TypeVar("Pixel", bound=np.generic)
 
 LEAST_BLUR_PX = 0.1
 SURROUND_STEPS = 8
@@ -62,7 +65,7 @@ def sight(sample: Sample, wall: Wall, frame_index: int) -> Seen:
     row = np.clip(np.rint(hits.row).astype(np.intp) + hits.first_row, 0, n_z - 1)
     column = np.mod(np.rint(hits.column).astype(np.intp), n_theta)
 
-    def on_image(values: NDArray[np.generic], elsewhere: float) -> NDArray[np.generic]:
+    def on_image(values: NDArray[Pixel], elsewhere: float) -> NDArray[Pixel]:
         image = np.full(camera.height_px * camera.width_px, elsewhere, values.dtype)
         image[seen.pixel] = values
         return image.reshape(camera.height_px, camera.width_px)

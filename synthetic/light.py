@@ -9,7 +9,7 @@ mirror ρ would be L·sin ψ, and this the inverse square of the path.
 
 import numpy as np
 
-from endoct.stitching.arrays import Image
+from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.cone import cone_of
 from endoct.synthetic.parameters import Debris, Endoscope, Sample
 from endoct.synthetic.sight import Hits, View, lookup
@@ -110,7 +110,7 @@ def _surface(camera: Endoscope, wall: Wall, hits: Hits) -> tuple[Image, Image, I
         _put(crumb, maps, wall, hits.first_row)
     np.clip(maps[..., 2:], -STEEPEST_SLOPE, STEEPEST_SLOPE, out=maps[..., 2:])
     albedo, rim, slope_z, slope_theta = np.ascontiguousarray(lookup(maps, hits.row, hits.column).T)
-    wet = getattr(wall, "wet", np.zeros_like(wall.albedo))[rows]
+    wet = wall.wet[rows]
     return albedo, rim, slope_z, slope_theta, lookup(wet, hits.row, hits.column) if wet.any() else np.zeros_like(rim)
 
 
@@ -137,9 +137,9 @@ def _put(crumb: Debris, maps: Image, wall: Wall, first_row: int) -> None:
     maps[low:high, columns] = part
 
 
-def obscured(camera: Endoscope, wall: Wall, seen: View, hits: Hits) -> Image:
+def obscured(camera: Endoscope, wall: Wall, seen: View, hits: Hits) -> Mask:
     """Say for each pixel of a view whether dirt, a droplet or a crumb keeps it from showing the wall, bool (n,)."""
-    hidden = transmission(camera, seen) < 1 - OBSCURED
+    hidden: Mask = transmission(camera, seen) < 1 - OBSCURED
     hidden |= np.hypot(seen.look_x_px - seen.x_px, seen.look_y_px - seen.y_px) > 0.5
     theta = hits.column * wall.dtheta_rad
     z_mm = (hits.row + hits.first_row) * wall.dz_mm

@@ -7,7 +7,7 @@ the frame, so that rounding stays below 1e-6 mm.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import cv2
 import numpy as np
@@ -80,7 +80,7 @@ class _Rays:
     z1: Image
 
     def of(self, chosen: NDArray[np.intp]) -> "_Rays":
-        return _Rays(*(values[chosen] for values in self.__dict__.values()))
+        return _Rays(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def to_radius_mm(self, radius_mm: float) -> Image:
         """Return t where the rays meet the cylinder of ``radius_mm`` from inside."""
@@ -172,8 +172,8 @@ def follow(wall: Wall, camera: Endoscope, frame_index: int, seen: View) -> Hits:
         row=row,
         column=column,
         radius_mm=radius,
-        outward=(u * rays.u1 + v * rays.v1) / radius,
-        around=(u * rays.v1 - v * rays.u1) / radius,
+        outward=np.asarray((u * rays.u1 + v * rays.v1) / radius, dtype=np.float32),
+        around=np.asarray((u * rays.v1 - v * rays.u1) / radius, dtype=np.float32),
         inward=rays.z1,
         path_mm=np.asarray(off_cone.path_mm, dtype=np.float32) + t,
         rho_mm=np.asarray(off_cone.rho_mm + t * off_cone.outward, dtype=np.float32),

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from endoct.modalities.acquisition import Acquisition, Travel
 from endoct.modalities.contract import Manifest
 from endoct.modalities.recording import IMAGE_SUFFIXES
+from endoct.modalities.video import VIDEO_SUFFIXES
 
 Rim = Literal["ahead", "behind"]
 
@@ -75,7 +76,7 @@ class EndoscopeAcquisition(Acquisition):
 MANIFEST = Manifest(
     name="endoscope",
     title="Cone-mirror endoscope",
-    suffixes=IMAGE_SUFFIXES,
+    suffixes=(*IMAGE_SUFFIXES, *VIDEO_SUFFIXES),
     acquisition=EndoscopeAcquisition,
     provides=frozenset({"intensity"}),
     frame_dim="frame",

@@ -16,7 +16,15 @@ from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey
 from endoct.modalities.endoscope.unroll import means, pixel_map, sample, sample_cyclic, sample_mask
 from endoct.modalities.numbering import positions_by_number
-from endoct.modalities.recording import IMAGE_SUFFIXES, ImageStack, image_files, is_tiff, open_stack
+from endoct.modalities.recording import (
+    IMAGE_SUFFIXES,
+    ImageStack,
+    image_files,
+    is_tiff,
+    open_stack,
+    whole_recordings,
+)
+from endoct.modalities.video import is_video
 from endoct.stitching.arrays import Coordinates, readonly
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
@@ -49,10 +57,10 @@ class Endoscope:
         """Claim a folder or file whose first image is a photograph: in colour, or bright on a dark border."""
         if not path.exists():
             return Sniff(False, "it does not exist")
-        if path.is_dir() and not image_files(path):
-            return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)})")
-        if path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES and not is_tiff(path):
-            return Sniff(False, f"it is no image ({', '.join(IMAGE_SUFFIXES)})")
+        if path.is_dir() and not image_files(path) and not any(map(is_video, whole_recordings(path))):
+            return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)}) and no video")
+        if path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES and not is_tiff(path) and not is_video(path):
+            return Sniff(False, f"it is no image ({', '.join(IMAGE_SUFFIXES)}) and no video")
         try:
             first = open_stack(path)[0]
         except EndoctError as error:
@@ -69,7 +77,7 @@ class Endoscope:
         return Sniff(False, "its images are grey and fill the frame, unlike an endoscope's")
 
     def open(self, path: Path, acquisition: Acquisition) -> FrameStream:
-        """Open a folder of images or a multi-page TIFF, grey or colour."""
+        """Open a folder of images, a multi-page TIFF or a video, grey or colour."""
         if not isinstance(acquisition, EndoscopeAcquisition):
             raise EndoctError("the sidecar is not an endoscope's", found=type(acquisition).__name__)
         stack = open_stack(path)
