@@ -14,7 +14,8 @@ from pydantic import ValidationError
 
 from endoct.modalities.recording import map_frames
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.bscan import build_appearance, render_bscan
+from endoct.synthetic.appearance import build_appearance
+from endoct.synthetic.bscan import render_bscan
 from endoct.synthetic.camera import render_frame
 from endoct.synthetic.draw import NO_WISHES, draw
 from endoct.synthetic.parameters import Sample
