@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.synthetic.appearance import Appearance
 from endoct.synthetic.beams import Echoes, stream_position, trace
 from endoct.synthetic.field import Scattered, Turn, lateral_taps, scattered
@@ -16,6 +16,7 @@ from endoct.synthetic.parameters import Sample
 from endoct.synthetic.presets import PRESETS
 from endoct.synthetic.randomness import Stage, generator
 from endoct.synthetic.spectrometer import (
+    FULL_SCALE,
     Spectrometer,
     chirp,
     counts,
@@ -72,6 +73,16 @@ def noise_free(sample: Sample, wall: Wall, appearance: Appearance, slice_index: 
 def _dark(sample: Sample) -> Coordinates:
     size = PRESETS[sample.preset]
     return dark_counts(generator(sample.seed, Stage.OCT, 1 + size.n_slices), 2 * size.n_depth)
+
+
+def artificial(
+    sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
+) -> tuple[Scattered, NDArray[np.intp], Mask]:
+    """Return what a slice returns, for every recorded A-scan the column of it, and whether the detector clipped it."""
+    turn = _Slice.of(sample, wall, appearance, slice_index)
+    column = turn.margin + turn.position // turn.every
+    brightest = turn.at_even_samples().max(axis=1) + float(_dark(sample).max())
+    return turn.light, column, (brightest > FULL_SCALE)[column]
 
 
 @dataclass(frozen=True, eq=False)

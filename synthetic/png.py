@@ -1,0 +1,22 @@
+"""Frames as PNG files."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.errors import EndoctError
+
+
+def png(frame: NDArray[np.uint8]) -> bytes:
+    """Return a frame, u8 (row, column) or (row, column, RGB), as the bytes of a PNG file."""
+    done, data = cv2.imencode(".png", frame[:, :, ::-1] if frame.ndim == 3 else frame)
+    if not done:
+        raise EndoctError("a frame could not be encoded as PNG", found=f"{frame.dtype} {frame.shape}")
+    return np.asarray(data, dtype=np.uint8).tobytes()
+
+
+def write_png(path: Path, frame: NDArray[np.uint8]) -> None:
+    """Write a frame as ``path``."""
+    path.write_bytes(png(frame))
