@@ -21,3 +21,18 @@ ROLL_ATOL_RAD = 0.001
 
 # A circle through hundreds of edge points of a noisy drawing, in pixels; half of it is the unknown gamma of cameras.
 RING_PX = 0.25
+
+# Where an OCT's point spread peaks: half the step of 1/16 pixel at which it is sampled, and rounding in float32.
+POINT_SPREAD_PX = 0.05
+
+# Mean of some 200 000 exponential intensities with neighbours tied by the window: 4.34 dB/√100 000, times five.
+LEVEL_DB = 0.1
+
+# Correlation of speckle fields over some 8 000 independent grains: three times 1/√8 000.
+SPECKLE_GRAIN = 0.035
+
+# Raw spectra resampled against the B-scan, rms over samples 22 dB over the noise: 0.5 dB, most of it noise.
+RAW_SPECTRA_DB = 0.8
+
+# Where a pixel of the simulated endoscope sees the wall, and the centres of its rings: what the project asks for.
+RAY_MM = 1e-3
