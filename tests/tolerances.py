@@ -36,3 +36,11 @@ RAW_SPECTRA_DB = 0.8
 
 # Where a pixel of the simulated endoscope sees the wall, and the centres of its rings: what the project asks for.
 RAY_MM = 1e-3
+
+# Labels: a pixel and the A-scan that sees the same place, mm; that A-scan and slice found back from the pixel; the
+# row at which bone begins; the documented chain with linear interpolation, rms over bright samples of the upper half.
+SAME_PLACE_MM = 0.06
+SAME_ASCAN = 3.0
+SAME_SLICE = 0.2
+SURFACE_PX = 1
+CHAIN_DB = 2.0

@@ -15,7 +15,7 @@ Described = Mapping[str, tuple[tuple[str, ...], str, str]]
 
 
 def create(path: Path, sizes: Mapping[str, int], arrays: Described, attrs: Mapping[str, object]) -> dict[str, Any]:
-    """Create a store and return its empty arrays by name, one frame a chunk; call :func:`finish` once they are filled."""
+    """Create a store; return its empty arrays by name, one frame a chunk. :func:`finish` it once they are filled."""
     write_dataset(xr.Dataset(attrs=dict(attrs)), path)
     group, made = zarr.open_group(str(path), mode="r+"), {}
     for name, (dims, dtype, about) in arrays.items():
