@@ -23,7 +23,8 @@ from endoct.synthetic.spectrometer import Spectrometer, bell, roll_off
 
 Field = NDArray[np.complex64]
 FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
-COLUMNS = 512  # worked on at a time
+COLUMNS = 128  # worked on at a time
+STRIDE = 32  # samples of a spectrum that follow from one phasor
 FLARE_RAD = 0.01  # incidence within which a face flares
 DUST_DB = 2.0  # dust scatters more than bone, and its surface is rougher (chosen)
 DUST_ROUGHNESS_MM = 0.008
@@ -33,6 +34,7 @@ NEGLIGIBLE_DB = -20.0  # what bone returns below this is left out
 # the phase of reflectors wanders as fast as columns can follow, as a stand-in for the carrier: so the mean over
 # A-scans holds next to nothing of them
 PHASE_RAD, PHASE_TURNS = 12.0, 0.01
+TABLE_PER_PX = 32
 # the detector's line has a weaker companion; real ones are some ten rows wide
 LINES = ((0.0, 0.0), (6.0, -9.0))
 
@@ -79,25 +81,35 @@ class Scattered:
             field = fft.ifft(wide, norm="forward", overwrite_x=True)
             if n_m != n or first_m != 0:
                 field = field[:, m]
-            field += _reflected(
-                self.delay_px[of, columns] / n, self.amplitude[of, columns], first_m - (n - 1) / 2, 1 / finer, n_m
-            ).T
+            cycles = self.delay_px[of, columns] / n
+            field += _reflected(cycles, self.amplitude[of, columns], first_m - (n - 1) / 2, 1 / finer, n_m)
             yield columns, field
 
 
 def _reflected(
     cycles: Coordinates, amplitude: NDArray[np.complex128], first: float, step: float, n_steps: int
 ) -> Field:
-    """Return Σ a·exp(2πi·cycles·(first + i·step)) for i < n_steps, (n_steps, column), by recurrence."""
+    """Return Σ a·exp(2πi·cycles·(first + i·step)) over reflectors, for i < n_steps: (column, n_steps).
+
+    With i = ``STRIDE``·j + k that is a product of two small matrices a column, each row of which is the one before
+    times a phasor.
+    """
     seen = np.any(amplitude != 0, axis=1)
-    cycles, amplitude = cycles[seen], amplitude[seen]
-    phasor = (amplitude * np.exp(2j * np.pi * first * cycles)).astype(np.complex64)
-    turn = np.exp(2j * np.pi * step * cycles).astype(np.complex64)
-    total = np.empty((n_steps, cycles.shape[1]), np.complex64)
-    for i in range(n_steps):
-        np.add.reduce(phasor, axis=0, out=total[i])
-        phasor *= turn
-    return total
+    cycles, amplitude = cycles[seen].T, amplitude[seen].T
+    one = np.exp(2j * np.pi * step * cycles)
+    rows = -(-n_steps // STRIDE)
+    coarse = np.empty((cycles.shape[0], rows, cycles.shape[1]), np.complex64)
+    fine = np.empty((cycles.shape[0], cycles.shape[1], STRIDE), np.complex64)
+    phasor = amplitude * np.exp(2j * np.pi * first * cycles)
+    stride = one**STRIDE
+    for j in range(rows):
+        coarse[:, j] = phasor
+        phasor = phasor * stride
+    phasor = np.ones_like(one)
+    for k in range(STRIDE):
+        fine[:, :, k] = phasor
+        phasor = phasor * one
+    return np.asarray((coarse @ fine).reshape(cycles.shape[0], -1)[:, :n_steps], dtype=np.complex64)
 
 
 def scattered(
@@ -187,29 +199,19 @@ def _bone(
     first = int(np.clip(np.nanmin(entry) - 1, 0, n - 1))
     last = _negligible_from(oct_, float(level.max()), first, n)
 
-    bins = np.arange(first, last, dtype=np.float32)
-    # ways within bone, mm; a bin that the surface cuts holds its share
-    below = bins[None, :] - np.nan_to_num(entry, nan=2.0 * n).astype(np.float32)[:, None]
-    share = np.clip(below + np.float32(0.5), 0, 1)
-    np.maximum(below, 0, out=below)
+    # all columns show one profile, shifted: it is read from a table at 1/32 pixel
+    bins = np.arange(first, last)
+    below = np.arange(-TABLE_PER_PX, (last - first + 2) * TABLE_PER_PX) / TABLE_PER_PX
+    table = np.sqrt(_profile(oct_, below, np.clip(below + 0.5, 0, 1))).astype(np.float32)
+    shift = np.rint(np.nan_to_num(entry, nan=2.0 * n) * TABLE_PER_PX).astype(np.int32) - TABLE_PER_PX
+    amplitude = table.take(TABLE_PER_PX * bins.astype(np.int32) - shift[:, None], mode="clip")
     for column in np.flatnonzero(np.isfinite(echoes.exit_path_mm)):
-        out = float(echoes.exit_path_mm[column] - oct_.first_sample_mm) / pixel
-        back = float(echoes.reentry_path_mm[column] - oct_.first_sample_mm) / pixel
-        back = back if math.isfinite(back) else 2.0 * n
-        gap = np.clip(bins + np.float32(0.5 - out), 0, 1) - np.clip(bins + np.float32(0.5 - back), 0, 1)
-        share[column] -= np.minimum(gap, share[column])
-        below[column] -= np.clip(bins - np.float32(out), 0, back - out)
-    below *= np.float32(pixel / BONE_INDEX)
-
-    tail = 10 ** (oct_.tail_db / 10)
-    intensity = np.exp(below * np.float32(-1 / oct_.attenuation_mm))
-    intensity *= np.float32(1 - tail)
-    below *= np.float32(-1 / oct_.tail_mm)
-    np.exp(below, out=below)
-    below *= np.float32(tail)
-    intensity += below
-    intensity *= share
-    amplitude = np.sqrt(intensity, out=intensity)
+        ends = [echoes.exit_path_mm[column], echoes.reentry_path_mm[column]]
+        out, back = (np.nan_to_num(np.array(ends), nan=np.inf) - oct_.first_sample_mm) / pixel
+        inside, beyond = bins - entry[column], np.minimum(bins, back) - out
+        gap = np.clip(bins + 0.5 - out, 0, 1) - np.clip(bins + 0.5 - back, 0, 1)
+        share = np.clip(inside + 0.5, 0, 1)
+        amplitude[column] = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
     amplitude *= np.sqrt(0.5 * one.bone_unit2 * level).astype(np.float32)[:, None]
     amplitude *= roll_off(oct_, bins.astype(np.float64), n).astype(np.float32)
 
@@ -220,12 +222,20 @@ def _bone(
     return bone
 
 
+def _profile(oct_: Oct, below_px: Coordinates, share: Coordinates) -> Coordinates:
+    """Return the intensity from axial pixels with ``below_px`` of bone above them, a ``share`` of them bone."""
+    depth_mm = np.maximum(below_px, 0) * oct_.axial_pixel_mm / BONE_INDEX
+    tail = 10 ** (oct_.tail_db / 10)
+    profile: Coordinates = (1 - tail) * np.exp(-depth_mm / oct_.attenuation_mm) + tail * np.exp(
+        -depth_mm / oct_.tail_mm
+    )
+    return share * profile
+
+
 def _negligible_from(oct_: Oct, most: float, first: int, n: int) -> int:
     """Return the axial pixel from which bone that begins at ``first`` cannot be seen, not even folded back."""
     bins = np.arange(first, n, dtype=np.float64)
-    depth_mm = (bins - first) * oct_.axial_pixel_mm / BONE_INDEX
-    tail = 10 ** (oct_.tail_db / 10)
-    left = (1 - tail) * np.exp(-depth_mm / oct_.attenuation_mm) + tail * np.exp(-depth_mm / oct_.tail_mm)
+    left = _profile(oct_, bins - first, np.ones_like(bins))
     seen = np.flatnonzero(most * left * roll_off(oct_, bins, n) ** 2 > 10 ** (NEGLIGIBLE_DB / 10))
     return first + (int(seen[-1]) + 1 if seen.size else 1)
 

@@ -7,7 +7,9 @@ what returns. The carrier, exp(2i·k₀·path), is left out: it turns faster tha
 shows it.
 """
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -72,16 +74,7 @@ def spectrometer(oct_: Oct, n: int) -> Spectrometer:
     """
     window: Coordinates = np.hanning(n)
     centred = np.arange(n, dtype=np.float64) - (n - 1) / 2
-    wanted = oct_.axial_resolution_mm / oct_.axial_pixel_mm
-    sigma = np.inf
-    if wanted > axial_fwhm_px(window):
-        narrow, wide = 0.01 * n, 20.0 * n
-        for _ in range(40):
-            sigma = np.sqrt(narrow * wide)
-            if axial_fwhm_px(window * _gaussian(centred, sigma)) > wanted:
-                narrow = sigma
-            else:
-                wide = sigma
+    sigma = _sigma(oct_.axial_resolution_mm / oct_.axial_pixel_mm, n)
     excess = 10 ** (oct_.excess_noise_db / 10) / oct_.electrons_per_count
     reference = oct_.reference_counts * _gaussian(centred, sigma)
     coherent = float(np.sum(reference * window))
@@ -94,6 +87,23 @@ def spectrometer(oct_: Oct, n: int) -> Spectrometer:
         unit=float(np.sqrt(noise)) / coherent,
         bone_unit2=noise / (n * float(np.sum((reference * window) ** 2))),
     )
+
+
+@lru_cache(maxsize=16)
+def _sigma(fwhm_px: float, n: int) -> float:
+    """Return the Gaussian spectrum that after a Hann window gives this axial resolution; infinite if none does."""
+    window: Coordinates = np.hanning(n)
+    centred = np.arange(n, dtype=np.float64) - (n - 1) / 2
+    if fwhm_px <= axial_fwhm_px(window):
+        return math.inf
+    narrow, wide = 0.01 * n, 20.0 * n
+    for _ in range(40):
+        sigma = math.sqrt(narrow * wide)
+        if axial_fwhm_px(window * _gaussian(centred, sigma)) > fwhm_px:
+            narrow = sigma
+        else:
+            wide = sigma
+    return sigma
 
 
 def roll_off(oct_: Oct, delay_px: Coordinates, n: int) -> Coordinates:
