@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from endoct.stitching.arrays import Coordinates, Mask
-from endoct.synthetic.cavity import OWN_SIDE, Cavities, Clearance, Near, cavities, clearance, near
+from endoct.synthetic.cavity import OWN_SIDE, Cavities, Near, cavities, clearance, in_one_thread, near
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.relief import BoreRelief, WallGrid, bore_relief, wall_grid
 
@@ -24,7 +24,7 @@ STEP_MM = 0.004
 SEPTUM_MM = 0.4
 SECANTS = 3
 NORMAL_MM = 0.002
-BLOCK = 1 << 16  # pairs of a ray and a cell traced at once
+BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache, and what torch leaves to one thread
 
 BoreAlong = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 
@@ -34,7 +34,7 @@ class Scene:
     """The bone of one sample.
 
     ``relief``: of the bore without cells, on ``grid``; ``cells``: the cavities; ``displacement`` (n_z, n_theta):
-    that relief as a tensor, and ``steepest`` the largest of its slopes.
+    that relief as a tensor; ``steepest``: the largest of its slopes; ``least_mm``: the least of its values.
     """
 
     grid: WallGrid
@@ -42,6 +42,7 @@ class Scene:
     cells: Cavities
     displacement: Tensor
     steepest: float
+    least_mm: float
 
     @property
     def device(self) -> torch.device:
@@ -79,9 +80,11 @@ def build_scene(sample: Sample, device: str = "cpu") -> Scene:
         cells=cavities(sample.bore.cells, grid.radius_mm, device),
         displacement=torch.as_tensor(relief.displacement_mm, device=device),
         steepest=float(np.hypot(along, around)),
+        least_mm=float(relief.displacement_mm.min()),
     )
 
 
+@in_one_thread
 @torch.inference_mode()
 def crossings(
     scene: Scene, origin_mm: Coordinates, direction: Coordinates, start_mm: Coordinates, reach_mm: Coordinates
@@ -103,7 +106,9 @@ def crossings(
         rays = near(scene.cells, cell[which, :k], origin[which], heading[which], torch.float64)
         bore = _bore_along(scene, origin[which], heading[which])
         limit = reach[which]
-        hit = first_solid(scene, rays, bore, start[which], limit)
+        # within the least radius of the bore there is only air
+        inner = _at_radius(scene.grid.radius_mm + scene.least_mm, origin[which], heading[which])
+        hit = first_solid(scene, rays, bore, torch.maximum(start[which], inner), limit)
         entry[which] = hit
         met = torch.isfinite(hit)
         if not met.any():
@@ -157,16 +162,13 @@ def _at_radius(radius_mm: float, origin: Tensor, heading: Tensor) -> Tensor:
 
 def _blocks(count: Tensor) -> list[tuple[Tensor, int]]:
     """Return the rays in blocks of a number of cells each, few rays with many cells or many with few."""
-    blocks = []
     order = torch.sort(count, stable=True)[1]
-    without = int((count == 0).sum())
-    for part in (order[:without], order[without:]):
-        first = 0
-        while first < len(part):
-            k = max(1, int(count[part[min(len(part), first + BLOCK) - 1]]))
-            block = part[first : first + max(1, BLOCK // k)]
-            blocks.append((block, max(1, int(count[block[-1]]))))
-            first += len(block)
+    blocks, first = [], 0
+    while first < len(order):
+        last = min(len(order), first + BLOCK)
+        last = min(last, first + max(1, BLOCK // max(1, int(count[order[last - 1]]))))
+        blocks.append((order[first:last], max(1, int(count[order[last - 1]]))))
+        first = last
     return blocks
 
 
@@ -215,34 +217,15 @@ def _table(scene: Scene, rays: Near) -> Tensor:
 
 def first_solid(scene: Scene, rays: Near, bore: BoreAlong, start: Tensor, limit: Tensor) -> Tensor:
     """Return where rays that are in air at ``start`` (n,) first meet a surface, NaN beyond ``limit`` (n,)."""
-    return _first_crossing(scene, rays, bore, start, limit, _step_in_air, 1.0)
+    return _first_crossing(scene, rays, bore, start, limit, 1)
 
 
 def _first_air(scene: Scene, rays: Near, bore: BoreAlong, start: Tensor, limit: Tensor) -> Tensor:
     """Return where rays that are in bone at ``start`` first leave it, NaN beyond ``limit``."""
-    return _first_crossing(scene, rays, bore, start + STEP_MM / 2, limit, _step_in_bone, -1.0)
+    return _first_crossing(scene, rays, bore, start + STEP_MM / 2, limit, -1)
 
 
-def _step_in_air(clear: Tensor, bore: Tensor, falls: Tensor, cells: Clearance, edge: Tensor) -> Tensor:
-    sure = torch.maximum(bore / falls, cells.step_mm.amax(1))
-    # between bore and cell, in the rounding of a rim, only the joint clearance is positive
-    return torch.where(sure > 0, sure, 0.5 * clear)
-
-
-def _step_in_bone(clear: Tensor, bore: Tensor, falls: Tensor, cells: Clearance, edge: Tensor) -> Tensor:
-    sure = (-cells.step_mm).amin(1)
-    return torch.where(bore > -2 * edge.amax(1), torch.minimum(sure, -0.5 * clear), sure)
-
-
-def _first_crossing(
-    scene: Scene,
-    rays: Near,
-    bore: BoreAlong,
-    start: Tensor,
-    limit: Tensor,
-    step: Callable[[Tensor, Tensor, Tensor, Clearance, Tensor], Tensor],
-    sign: float,
-) -> Tensor:
+def _first_crossing(scene: Scene, rays: Near, bore: BoreAlong, start: Tensor, limit: Tensor, sign: int) -> Tensor:
     """Return where sign·clearance of rays first falls to 0 between ``start`` and ``limit``, NaN where it does not."""
     table = _table(scene, rays)
     found = torch.full_like(start, math.nan)
@@ -255,14 +238,26 @@ def _first_crossing(
         bore_mm, falls = bore(which, t)
         clear = joined(bore_mm, cells.air_mm, part.edge)
         done = sign * clear <= 0
-        if done.any():
-            ends.append((which[done], last[done], last_clear[done], t[done], clear[done]))
-        ahead = torch.minimum(t + step(clear, bore_mm, falls, cells, part.edge).clamp_min(STEP_MM), stop)
-        on = ~done & (t < stop)
-        last, last_clear, t = t[on], clear[on], ahead[on]
-        if not on.all():
-            which, part, stop = which[on], part.of(torch.nonzero(on)[:, 0]), stop[on]
-    for at, low, low_clear, high, high_clear in ends:
+        if sign > 0:
+            step = torch.maximum(bore_mm / falls, cells.step_mm.amax(1))
+            # in the rounding of a rim neither bore nor cell, only their joint clearance is positive
+            step = torch.where(step > 0, step, 0.5 * clear)
+        else:
+            step = (-cells.step_mm).amin(1)
+            near_rim = bore_mm > -2 * part.edge.amax(1)
+            step = torch.where(near_rim, torch.minimum(step, -0.5 * clear), step)
+        ahead = t + step.clamp_min(STEP_MM)
+        on = ~done & (ahead < stop)
+        if bool(on.all()):
+            last, last_clear, t = t, clear, ahead
+            continue
+        met = torch.nonzero(done)[:, 0]
+        ends.append((which[met], last[met], last_clear[met], t[met], clear[met]))
+        kept = torch.nonzero(on)[:, 0]
+        last, last_clear, t = t[kept], clear[kept], ahead[kept]
+        which, part, stop = which[kept], part.of(kept), stop[kept]
+    if ends:
+        at, low, low_clear, high, high_clear = (torch.cat(parts) for parts in zip(*ends, strict=True))
         found[at] = _between(table, rays.of(at), bore, at, low, low_clear, high, high_clear)
     return found
 
@@ -312,8 +307,8 @@ def first_fluid(scene: Scene, rays: Near, start: Tensor, limit: Tensor) -> Tenso
         if not len(which):
             continue
         one = rays.of(which).alone(slot)
-        sinks = one.rate[2, :, 0] * one.along[:, 0]
-        plane = (surface[which, slot] - one.bulge[:, 0] - one.at[2, :, 0] * one.along[:, 0]) / sinks
+        sinks = one.dw[:, 0] * one.along[:, 0]
+        plane = (surface[which, slot] - one.bulge[:, 0] - one.w[:, 0] * one.along[:, 0]) / sinks
         below = sinks > 0
         t = torch.where(below, torch.maximum(plane, start[which]), start[which])
         stop = torch.where(below, limit[which], torch.minimum(plane, limit[which]))
@@ -322,13 +317,18 @@ def first_fluid(scene: Scene, rays: Near, start: Tensor, limit: Tensor) -> Tenso
             inside = (step > 0) & (t < stop)
             found[which[inside]] = torch.minimum(found[which[inside]], t[inside])
             on = ~inside & (t < stop)
-            which, t, stop, one = which[on], (t + (-step).clamp_min(STEP_MM))[on], stop[on], one.of(on)
+            which, t, stop, one = (
+                which[on],
+                (t + (-step).clamp_min(STEP_MM))[on],
+                stop[on],
+                one.of(torch.nonzero(on)[:, 0]),
+            )
     return torch.where(torch.isfinite(found), found, math.nan)
 
 
 def _normal(scene: Scene, rays: Near, origin: Tensor, heading: Tensor, t: Tensor) -> Tensor:
     """Return the unit normal (n, 3), from bone into air, of the surface at ``t`` (n,)."""
-    table, axes = _table(scene, rays), scene.cells.axes[rays.cell].to(rays.power.dtype)
+    table = _table(scene, rays)
     everywhere = torch.arange(len(t), device=t.device)
     slopes = []
     for axis in range(3):
@@ -336,7 +336,7 @@ def _normal(scene: Scene, rays: Near, origin: Tensor, heading: Tensor, t: Tensor
         for way in (NORMAL_MM, -NORMAL_MM):
             start = origin.clone()
             start[:, axis] += way
-            beside = replace(rays, at=rays.at + way * axes[..., axis].permute(2, 0, 1))
+            beside = _beside(scene, rays, axis, way)
             bore = _bore_along(scene, start, heading)(everywhere, t)[0]
             moved.append(joined(bore, clearance(table, beside, t).air_mm, rays.edge))
         slopes.append(moved[0] - moved[1])
@@ -346,3 +346,9 @@ def _normal(scene: Scene, rays: Near, origin: Tensor, heading: Tensor, t: Tensor
 
 def _square(vector: Tensor) -> Tensor:
     return vector[:, 0] * vector[:, 0] + vector[:, 1] * vector[:, 1] + vector[:, 2] * vector[:, 2]
+
+
+def _beside(scene: Scene, rays: Near, axis: int, way_mm: float) -> Near:
+    """Return the rays moved along one of the axes."""
+    u, v, w = (way_mm * scene.cells.axes[:, row, axis].to(rays.power.dtype)[rays.cell] for row in range(3))
+    return replace(rays, u=rays.u + u, v=rays.v + v, w=rays.w + w)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.synthetic.cavity import OWN_SIDE, Near, clearance, covers, near
+from endoct.synthetic.cavity import Near, clearance, covers, in_one_thread
+from endoct.synthetic.opening import patch, radial
 from endoct.synthetic.parameters import Cell, Sample
 from endoct.synthetic.randomness import Stage, generator
 from endoct.synthetic.relief import BoreRelief, WallGrid, texture
@@ -136,6 +137,7 @@ def _rims(cells: tuple[Cell, ...], baked: _Baked, grid: WallGrid) -> Image:
     return np.asarray(2 * np.abs(bright - blurred), dtype=np.float32)
 
 
+@in_one_thread
 @torch.inference_mode()
 def _bake(scene: Scene, cells: tuple[Cell, ...]) -> _Baked:
     """Trace radial rays through the nodes of the wall that cells reach."""
@@ -151,7 +153,7 @@ def _bake(scene: Scene, cells: tuple[Cell, ...]) -> _Baked:
             nodes = nodes_k[first : first + max(1, BLOCK // k)]
             own = torch.as_tensor(relief[nodes], device=device)
             here = torch.as_tensor(layers[:k, nodes].T.astype(np.int64), device=device)
-            rays = _radial(scene, nodes // n_theta, nodes % n_theta, here)
+            rays = radial(scene.grid, scene.cells, nodes // n_theta, nodes % n_theta, here)
             radius, number, covered, fluid = _trace(scene, rays, own)
             surface = (radius - scene.grid.radius_mm).cpu().numpy()
             relief[nodes], cell_id[nodes] = surface, number.cpu().numpy()
@@ -160,22 +162,6 @@ def _bake(scene: Scene, cells: tuple[Cell, ...]) -> _Baked:
             wet[nodes] = fluid.cpu().numpy()
     shape = scene.grid.n_z, n_theta
     return _Baked(relief.reshape(shape), cell.reshape(shape), cell_id.reshape(shape), wet.reshape(shape))
-
-
-def _radial(scene: Scene, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Tensor) -> Near:
-    """Return the radial rays through nodes, from the axis, with their cells (n, k)."""
-    theta = 2 * math.pi / scene.grid.n_theta * columns
-    heading = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=1)
-    origin = np.zeros_like(heading)
-    origin[:, 2] = scene.grid.dz_mm * rows
-    device = scene.device
-    return near(
-        scene.cells,
-        cells,
-        torch.as_tensor(origin, device=device),
-        torch.as_tensor(heading, device=device),
-        torch.float32,
-    )
 
 
 def _along_radius(wall_mm: Tensor) -> BoreAlong:
@@ -194,12 +180,12 @@ def _cells_at_nodes(scene: Scene, cells: tuple[Cell, ...]) -> tuple[NDArray[np.i
     displacement = scene.relief.displacement_mm
     table = scene.cells.inverse.to(torch.float32)
     for number, cell in enumerate(cells):
-        rows, columns = _patch(scene, cell, number)
+        rows, columns = patch(grid, scene.cells, cell, number)
         if not rows.size:
             continue
         row, column = (index.ravel() for index in np.meshgrid(rows, columns, indexing="ij"))
         alone = torch.full((row.size, 1), number, device=scene.device)
-        rays = _radial(scene, row, column, alone)
+        rays = radial(scene.grid, scene.cells, row, column, alone)
         own = torch.as_tensor(displacement[row, column] + np.float32(grid.radius_mm), device=scene.device)
         air = clearance(table, rays, own).air_mm[:, 0]
         node = row * grid.n_theta + column
@@ -215,30 +201,6 @@ def _cells_at_nodes(scene: Scene, cells: tuple[Cell, ...]) -> tuple[NDArray[np.i
         layers[count[some], some] = number
         count[some] += 1
     return layers, np.flatnonzero(reached)
-
-
-def _patch(scene: Scene, cell: Cell, number: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the rows and columns within which radial rays can meet a cavity beyond the wall."""
-    grid, cells = scene.grid, scene.cells
-    centre, outward, axes = (values[number].cpu().numpy() for values in (cells.centre, cells.outward, cells.axes))
-    widest = 1 / float(cells.inverse.view(len(cells), -1, 2)[number, :, 0].min())
-    semi = 1 / np.linalg.norm(axes, axis=1) * np.array([widest, widest, 1.0])
-    # the lowest place along the axis at which the cavity's side can meet the curved wall
-    aside = min(semi[0] / math.cos(cell.lean_rad), 0.99 * grid.radius_mm)
-    sagitta = grid.radius_mm - math.sqrt(grid.radius_mm**2 - aside**2)
-    lowest = cell.bulge_mm + (sagitta + semi[0] * math.sin(cell.lean_rad)) / math.cos(cell.lean_rad) + 0.05
-    box = axes / np.linalg.norm(axes, axis=1)[:, None] * semi[:, None]
-    low_w = -min(1.0, lowest / semi[2])
-    points = centre + np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (low_w, 1)]) @ box
-    margin = cell.edge_mm + 2 * grid.dz_mm
-    low, high = points[:, 2].min() - margin, points[:, 2].max() + margin
-    rows = np.arange(max(0, math.ceil(low / grid.dz_mm)), min(grid.n_z - 1, math.floor(high / grid.dz_mm)) + 1)
-    around = points @ np.array([-outward[1], outward[0], 0.0])
-    angle = np.arctan2(around, np.maximum(points @ outward, 0.05))
-    most, slack, step = math.acos(OWN_SIDE), margin / grid.radius_mm, 2 * math.pi / grid.n_theta
-    left = cell.theta_rad + max(-most, float(angle.min()) - slack)
-    right = cell.theta_rad + min(most, float(angle.max()) + slack)
-    return rows, np.arange(math.ceil(left / step), math.floor(right / step) + 1) % grid.n_theta
 
 
 def _trace(scene: Scene, rays: Near, own: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
