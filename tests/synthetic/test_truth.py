@@ -37,7 +37,9 @@ def nearest(wall: xr.Dataset, name: str, z_mm: Coordinates, theta_rad: Coordinat
 
 def test_cells_fill_what_they_should_and_their_ids_match_the_mask(wall: xr.Dataset, truth: dict[str, Any]) -> None:
     assert 0.08 <= float(wall.cell.mean()) <= 0.30
-    np.testing.assert_array_equal(wall.cell, wall.cell_id > 0)
+    assert not np.any(wall.cell & (wall.cell_id == 0))
+    # an opening whose rim is rounded, or that dust fills, keeps its id
+    assert float((wall.cell_id > 0).mean() - wall.cell.mean()) < 0.005
     numbers = np.unique(wall.cell_id.values[wall.cell.values])
     assert numbers.min() >= 1
     assert numbers.max() <= len(truth["sample"]["bore"]["cells"])
