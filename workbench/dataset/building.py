@@ -163,7 +163,7 @@ def _begun(root: Path, plan: Plan) -> Iterator[None]:
         with held(root / LOCK_NAME):
             check_identity(root, plan)  # again: somebody may have begun another one just now
             write_identity(root, plan)
-            for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan, root.name))):
+            for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan))):
                 with new_file(root / name) as file:
                     file.write(text.encode())
             try:

@@ -36,7 +36,7 @@ when looking in; r in mm from the axis. Axis order z, θ, depth, channel; θ is 
 
     from torch.utils.data import DataLoader
     from endoct.workbench.dataset import Specimens
-    loader = DataLoader(Specimens("{name}", split="train"), batch_size=4, shuffle=True, num_workers=2)
+    loader = DataLoader(Specimens("path/to/this/folder", split="train"), batch_size=4, shuffle=True, num_workers=2)
 
 Each step has `oct` u8 (batch, slice, depth, A-scan), `endoscope` u8 (batch, frame, row, column, RGB), and the truth
 `relief_mm`, `cell` and `cell_id` (batch, z, θ).
@@ -50,8 +50,8 @@ SHARDS = """\
   `endoct simulate --replay` makes the specimen's folder again."""
 
 
-def readme(plan: Plan, name: str) -> str:
-    """Return the README of the set in the folder ``name``."""
+def readme(plan: Plan) -> str:
+    """Return the README of the set."""
     counts = dict.fromkeys(SPLITS, 0)
     for index in range(plan.count):
         counts[split_of(plan, index)] += 1
@@ -59,7 +59,6 @@ def readme(plan: Plan, name: str) -> str:
         count=plan.count,
         preset=plan.preset,
         seed=plan.seed,
-        name=name,
         splits=", ".join(f"{split} {count}" for split, count in counts.items()).capitalize(),
         bores=f", and each bore has {plan.recordings_per_bore} recordings" if plan.recordings_per_bore > 1 else "",
         vary=shown(plan.wishes),
