@@ -1,6 +1,6 @@
 """B-scans and raw spectra of the OCT: beams, what they bring back, and the spectrometer that records it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.synthetic.appearance import Appearance
-from endoct.synthetic.beams import Echoes, stream_position, trace
+from endoct.synthetic.beams import Echoes, stream_position, trace, trace_slices
 from endoct.synthetic.field import Scattered, Turn, lateral_taps, scattered
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.presets import PRESETS
@@ -34,9 +34,16 @@ BEYOND = 3  # columns beyond a block that the interpolation reads
 
 def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
     """Return slice ``slice_index``, u8 (depth, A-scan), logarithmic."""
-    turn = _Slice.of(sample, wall, appearance, slice_index)
-    m = np.arange(turn.one.window.size, dtype=np.float64)
-    return reconstruct(sample.oct, turn.one, turn.recorded(m, turn.at_even_samples()))
+    return next(render_bscans(sample, wall, appearance, [slice_index]))
+
+
+def render_bscans(
+    sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[int]
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield several slices, u8 (depth, A-scan); in less time than one by one, and the same bytes."""
+    for turn in _turns(sample, wall, appearance, slices):
+        m = np.arange(turn.one.window.size, dtype=np.float64)
+        yield reconstruct(sample.oct, turn.one, turn.recorded(m, turn.at_even_samples()))
 
 
 def spectra(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint16]:
@@ -45,7 +52,7 @@ def spectra(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
     Pixel p was recorded at sample :func:`endoct.synthetic.spectrometer.chirp` [p] of even wavenumbers. The same noise
     falls on it as on that sample of :func:`render_bscan`.
     """
-    turn = _Slice.of(sample, wall, appearance, slice_index)
+    turn = next(_turns(sample, wall, appearance, [slice_index]))
     m = chirp(turn.one.window.size)
     return turn.recorded(m, turn.at(m))
 
@@ -61,7 +68,7 @@ def noise_free(sample: Sample, wall: Wall, appearance: Appearance, slice_index: 
     Speckle, sheath, faces, mirror image and roll-off are the same; off are its noise, rounding and clipping, its
     fixed line, the autocorrelation and the loss of what does not change from A-scan to A-scan.
     """
-    turn = _Slice.of(sample, wall, appearance, slice_index)
+    turn = next(_turns(sample, wall, appearance, [slice_index]))
     reference = turn.one.reference(np.arange(turn.one.window.size, dtype=np.float64)).astype(np.float32)
     linear = np.empty((turn.n_columns, reference.size), np.float32)
     for columns, field in turn.light.field(0, 1, reference.size, with_line=False):
@@ -79,7 +86,7 @@ def artificial(
     sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
 ) -> tuple[Scattered, NDArray[np.intp], Mask]:
     """Return what a slice returns, for every recorded A-scan the column of it, and whether the detector clipped it."""
-    turn = _Slice.of(sample, wall, appearance, slice_index)
+    turn = next(_turns(sample, wall, appearance, [slice_index]))
     column = turn.margin + turn.position // turn.every
     brightest = turn.at_even_samples().max(axis=1) + float(_dark(sample).max())
     return turn.light, column, (brightest > FULL_SCALE)[column]
@@ -96,22 +103,6 @@ class _Slice:
     position: NDArray[np.intp]
     every: int
     margin: int
-
-    @classmethod
-    def of(cls, sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> "_Slice":
-        oct_, size = sample.oct, PRESETS[sample.preset]
-        every, rng = size.ascans_per_column, generator(sample.seed, Stage.OCT, 1 + slice_index)
-        position = stream_position(oct_, slice_index, size.n_ascans)
-        taken = -(-int(position[-1] + 1) // every)
-        n_ring = round(size.n_ascans / every / oct_.turn_length[slice_index])
-        margin = lateral_taps(oct_, wall.radius_mm, n_ring).size // 2 + BEYOND
-        n_columns = taken + 2 * margin
-        echoes = column_echoes(sample, wall, slice_index, -margin, n_columns)
-        # one turn on, a helical scan is a pitch away
-        turn = Turn(n_columns if oct_.scan == "helical" else n_ring, -margin, n_columns)
-        one = spectrometer(oct_, 2 * size.n_depth)
-        light = scattered(oct_, one, echoes, appearance, wall.radius_mm, turn, rng)
-        return cls(sample, one, light, rng, position, every, margin)
 
     @property
     def n_columns(self) -> int:
@@ -168,10 +159,26 @@ class _Slice:
         return ascans
 
 
-def column_echoes(sample: Sample, wall: Wall, slice_index: int, first: int, n: int) -> Echoes:
-    """Return what the beams at the middle of columns ``first``, ``first`` + 1, … of a slice meet."""
-    every = PRESETS[sample.preset].ascans_per_column
-    return trace(sample, wall.scene, slice_index, (np.arange(first, first + n, dtype=np.float64) + 0.5) * every - 0.5)
+def _turns(sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[int]) -> Iterator[_Slice]:
+    """Yield slices, ready to be recorded."""
+    oct_, size = sample.oct, PRESETS[sample.preset]
+    every, one = size.ascans_per_column, spectrometer(oct_, 2 * size.n_depth)
+    taken = [stream_position(oct_, i, size.n_ascans) for i in slices]
+    rings = [round(size.n_ascans / every / oct_.turn_length[i]) for i in slices]
+    margins = [lateral_taps(oct_, wall.radius_mm, n_ring).size // 2 + BEYOND for n_ring in rings]
+    columns = [
+        np.arange(-margin, -(-int(position[-1] + 1) // every) + margin, dtype=np.float64)
+        for position, margin in zip(taken, margins, strict=True)
+    ]
+    # a column is seen at the middle of its A-scans
+    traced = trace_slices(sample, wall.scene, slices, [(k + 0.5) * every - 0.5 for k in columns])
+    for i, position, n_ring, margin, echoes in zip(slices, taken, rings, margins, traced, strict=True):
+        n = echoes.alpha_rad.size
+        # one turn on, a helical scan is a pitch away
+        turn = Turn(n if oct_.scan == "helical" else n_ring, -margin, n)
+        rng = generator(sample.seed, Stage.OCT, 1 + i)
+        light = scattered(oct_, one, echoes, appearance, wall.radius_mm, turn, rng)
+        yield _Slice(sample, one, light, rng, position, every, margin)
 
 
 def ascan_echoes(sample: Sample, wall: Wall, slice_index: int) -> Echoes:

@@ -11,7 +11,7 @@ from tolerances import RAW_SPECTRA_DB, SPECKLE_GRAIN
 
 from endoct.synthetic.appearance import Appearance, build_appearance
 from endoct.synthetic.beams import Echoes, trace
-from endoct.synthetic.bscan import noise_free, offset, render_bscan, spectra
+from endoct.synthetic.bscan import noise_free, offset, render_bscan, render_bscans, spectra
 from endoct.synthetic.draw import draw
 from endoct.synthetic.field import Turn, scattered
 from endoct.synthetic.parameters import LostAscans, Oct, Sample
@@ -216,7 +216,10 @@ def test_a_bscan_is_reproducible_and_its_noise_its_own(sample: Sample, wall: Wal
     np.testing.assert_array_equal(first, again)
     assert first.dtype == np.uint8
     assert first.shape == (512, 512)
+    third, second = render_bscans(sample, wall, appearance, [3, 2])
+    np.testing.assert_array_equal(first, second)
     other = render_bscan(sample, wall, appearance, 3)
+    np.testing.assert_array_equal(third, other)
     assert abs(np.corrcoef(first[420:].ravel(), other[420:].ravel())[0, 1]) < 0.05
 
 
