@@ -15,7 +15,7 @@ from endoct.synthetic.bscan import noise_free, offset, render_bscan, render_bsca
 from endoct.synthetic.draw import draw
 from endoct.synthetic.field import Turn, scattered
 from endoct.synthetic.parameters import LostAscans, Oct, Sample
-from endoct.synthetic.spectrometer import Spectrometer, chirp, roll_off, spectrometer
+from endoct.synthetic.spectrometer import LOG_BIAS_DB, Spectrometer, chirp, roll_off, spectrometer
 from endoct.synthetic.wall import Wall, build_wall
 
 N = 1024
@@ -209,6 +209,16 @@ def test_raw_spectra_give_the_same_bscan(sample: Sample, wall: Wall, appearance:
     blurred = np.abs(np.fft.rfft(wrong * np.hanning(N), axis=1)[:, :512].T) ** 2
     sharpness = [np.mean(image[150:] ** 2) / np.mean(image[150:]) ** 2 for image in (power, blurred)]
     assert sharpness[0] > 2 * sharpness[1]
+
+
+def test_no_background_takes_the_detectors_line_away(sample: Sample, wall: Wall, appearance: Appearance) -> None:
+    oct_ = sample.oct.model_copy(update={"detector_line_px": 480.0, "detector_line_db": 25.0, "tail_db": -60.0})
+    lined = sample.model_copy(update={"oct": oct_})
+    levels = (render_bscan(lined, wall, appearance, 6) - oct_.floor_count) * oct_.db_per_count - LOG_BIAS_DB
+    assert 10 * math.log10(np.mean(10 ** (levels[480] / 10))) == pytest.approx(25, abs=1.0)
+    assert np.quantile(levels[480], 0.05) > 20
+    # and nothing of it is in the twin
+    assert noise_free(lined, wall, appearance, 6)[480].max() < oct_.floor_count + 10 / oct_.db_per_count
 
 
 def test_a_bscan_is_reproducible_and_its_noise_its_own(sample: Sample, wall: Wall, appearance: Appearance) -> None:
