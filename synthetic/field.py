@@ -35,6 +35,7 @@ NEGLIGIBLE_DB = -20.0  # what bone returns below this is left out
 # A-scans holds next to nothing of them
 PHASE_RAD, PHASE_TURNS = 12.0, 0.01
 TABLE_PER_PX = 32
+AROUND = 1024  # places around a turn at which what changes smoothly is drawn
 # the detector's line has a weaker companion; real ones are some ten rows wide
 LINES = ((0.0, 0.0), (6.0, -9.0))
 
@@ -256,5 +257,7 @@ def _summed(image: Image, taps: Image) -> Image:
 
 def _around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:
     """Return a smooth random course around the ring, rms 1, at every column."""
-    ring = smooth_field(rng, (1, turn.n_ring), 0.0, sigma_turns * turn.n_ring)[0]
-    return turn(ring).astype(np.float64)
+    course = smooth_field(rng, (1, AROUND), 0.0, sigma_turns * AROUND)[0]
+    place = (turn.first + np.arange(turn.n)) * (AROUND / turn.n_ring)
+    around: Coordinates = np.interp(place, np.arange(AROUND), course, period=AROUND)
+    return around
