@@ -1,6 +1,5 @@
 """Frames of a video file by their index: Matroska, MP4, AVI or QuickTime, decoded exactly, one at a time."""
 
-import os
 import threading
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -33,7 +32,8 @@ def is_video(path: Path) -> bool:
 
 
 class ReadVideo:
-    """Reads one frame of a video; picklable, and safe to share among threads.
+    """Reads one frame of a video; picklable, and safe to share among threads; a process forked after its first
+    frame must not use it, but unpickle its own.
 
     Calling it with an index, counted in the order shown, gives (row, column) or (row, column, RGB), u8, or u16 where
     the video has more than 8 bits. ``n_frames`` are counted by going once through the file's packets, without
@@ -56,8 +56,6 @@ class ReadVideo:
 
     def __call__(self, index: int) -> NDArray[Any]:
         """Return one frame."""
-        if self._owner != os.getpid():  # a forked process shares its parent's place in the file
-            self._close()
         with self._lock:
             try:
                 return _samples(self._frame(index))
@@ -65,7 +63,6 @@ class ReadVideo:
                 raise self._unreadable(index, error.strerror or str(error)) from error
 
     def _close(self) -> None:
-        self._owner = os.getpid()
         self._lock = threading.Lock()
         self._recent: OrderedDict[int, av.VideoFrame] = OrderedDict()
         self._ahead: Iterator[av.VideoFrame] | None = None

@@ -24,6 +24,8 @@ FLUID_LOSS = 0.35
 FLUID_GLOSS = 0.6
 RING_SIGMA_PX = 1.5
 CONTACT_SHADE = 0.5
+CONTACT_REACH = 1.3
+"""How far the shade around a crumb goes, in radii of the crumb."""
 OBSCURED = 0.2
 
 
@@ -140,11 +142,13 @@ def _put(crumb: Debris, maps: Image, wall: Wall, first_row: int) -> None:
 def obscured(camera: Endoscope, wall: Wall, seen: View, hits: Hits) -> Mask:
     """Say for each pixel of a view whether dirt, a droplet or a crumb keeps it from showing the wall, bool (n,)."""
     hidden: Mask = transmission(camera, seen) < 1 - OBSCURED
-    hidden |= np.hypot(seen.look_x_px - seen.x_px, seen.look_y_px - seen.y_px) > 0.5
+    for drop in camera.droplets:
+        hidden |= (seen.x_px - drop.x_px) ** 2 + (seen.y_px - drop.y_px) ** 2 < drop.radius_px**2
     theta = hits.column * wall.dtheta_rad
     z_mm = (hits.row + hits.first_row) * wall.dz_mm
     for crumb in camera.debris:
-        near = np.flatnonzero(np.abs(z_mm - crumb.z_mm) < crumb.size_mm)
+        size_mm = CONTACT_REACH * crumb.size_mm
+        near = np.flatnonzero(np.abs(z_mm - crumb.z_mm) < size_mm)
         around = wall.radius_mm * (np.mod(theta[near] - crumb.theta_rad + np.pi, 2 * np.pi) - np.pi)
-        hidden[near] |= (z_mm[near] - crumb.z_mm) ** 2 + around**2 < crumb.size_mm**2
+        hidden[near] |= (z_mm[near] - crumb.z_mm) ** 2 + around**2 < size_mm**2
     return hidden

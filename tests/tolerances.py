@@ -44,3 +44,49 @@ SAME_ASCAN = 3.0
 SAME_SLICE = 0.2
 SURFACE_PX = 1
 CHAIN_DB = 2.0
+
+# The simulated endoscope's light against the formula: float32 through some twenty operations and a table lookup.
+LIGHT_REL = 2e-4
+
+# Variance of 200 000 normal numbers: √(2/200 000) = 0.3 %, of an offset found by a line through ten of them more.
+NOISE_REL = 0.03
+
+# A surface found by the secant rule within 4 µm, and the ray's own float64 arithmetic; the rounding of a rim not.
+SURFACE_MM = 1e-4
+
+# The same in float32, as the wall is baked.
+BAKED_MM = 2e-4
+
+# Speckle in rendered bone and noise: four slices of some 2000 × 40 pixels, of which every 25th is independent in bone.
+# Five standard errors, and the rounding to counts of 0.3 dB.
+SPECKLE_CONTRAST = 0.03
+SPECKLE_SIGMA_DB = 0.1
+SPECKLE_SKEW = 0.06
+
+# Widths of points, edges and grains in rendered pixels against those drawn: noise of 1 %, and that a window of Hann
+# times Gauss is taken for a Gauss.
+POINT_SPREAD_REL = 0.035
+
+# The level of a bright line at many depths, and bone behind 6 slices of speckle with some 150 grains each in a row.
+ROLL_OFF_DB = 0.05
+ATTENUATION_DB = 0.1
+
+# Rings of pixels of 8 bits, out of 150, averaged: half a count of gamma 1.8.
+LIGHT_OF_FRAME_REL = 0.006
+
+# Skew of clipped logarithms of real speckle, whose processing is not known.
+REAL_SKEW = 0.35
+
+# Found by estimators of their own: the catheter by hundreds of points of a line that is 1.5–2.5 rows wide (a fifth of
+# a row of 5 µm); the wall's row by the rise of its mean (half a row); the place of a slice or of a frame on the true
+# wall by steps of 0.02 mm (a tenth of the pitch); angle by speckle as wide as the beam, 0.02 rad, at a few edges (a
+# whole A-scan is 0.0123 rad); feed and roll of images of 320 × 240, in which a pixel is 0.018 mm and 0.01 rad, and
+# roll on the wall by cells that a probe off the axis sees turned by up to 0.04 rad; the rim to a fifth of a pixel.
+FOUND_OFFSET_MM = 0.001
+FOUND_WALL_PX = 0.4
+FOUND_PLACE_MM = 0.03
+FOUND_TURNING_RAD = 0.009
+FOUND_FEED_MM = 0.009
+FOUND_ROLL_RAD = 0.005
+FOUND_ROLL_ON_WALL_RAD = 0.015
+FOUND_RIM_PX = 0.25
