@@ -119,7 +119,7 @@ def crossings(
         normal[which] = torch.where(met[:, None], _normal(scene, rays, origin[which], heading[which], hit), math.nan)
         if count[which].any():
             out = _first_air(scene, rays, bore, hit, torch.minimum(hit + SEPTUM_MM, limit))
-            back = first_solid(scene, rays, bore, out, limit)
+            back = first_solid(scene, rays, bore, out + STEP_MM / 2, limit)
             leaves[which] = torch.where(torch.isfinite(back), out, math.nan)
             again[which] = back
     return Crossings(*(values.cpu().numpy() for values in (entry, leaves, again, wet, owner, dust, normal)))

@@ -22,7 +22,7 @@ from endoct.synthetic.scene import BLOCK, STEP_MM, BoreAlong, Scene, build_scene
 
 LOOKUP_COLUMNS = 1024
 DEEPEST_MM = 2.5
-OPEN_MM = 0.005  # a cell is open where the first surface lies this much beyond the bore's own wall
+OPEN_MM = 0.01  # a cell is open where the first surface lies this much beyond the bore's own wall
 RIM_MM = 0.02
 
 
