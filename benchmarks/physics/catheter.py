@@ -166,7 +166,7 @@ def wall_row(
 ) -> Coordinates:
     """Return the depth row at which beams meet the wall; ``relief_mm`` (θ,) is the truth's at the slice's z."""
     _, path, leaving, beyond = through_glass(rig, catheter - axis, alpha)
-    way = np.arange(0.0, 2.2, 0.004)
+    way = np.arange(0.0, 2.2, 0.008)
     points = (leaving + axis)[:, None] + beyond[:, None] * way
     theta = np.mod(np.angle(points), 2 * np.pi) / (2 * np.pi) * relief_mm.size
     low = np.floor(theta).astype(int)

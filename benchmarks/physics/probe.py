@@ -65,7 +65,11 @@ def evened(strips: Sequence[Strip]) -> list[Strip]:
 
 
 def shift_between(first: Strip, second: Strip, reach_mm: float) -> tuple[float, float, float]:
-    """Return (Δz mm, Δroll rad, correlation): what is at (z, θ) in ``second`` is at (z + Δz, θ + Δroll) in ``first``."""
+    """Return Δz in mm, Δroll in rad and a correlation.
+
+    What is at (z, θ) in ``second`` is at (z + Δz, θ + Δroll) in ``first``. Where ``first`` is longer, z counts from its
+    first row.
+    """
     spectra = np.fft.rfft(first, axis=1), np.fft.rfft(second, axis=1)
     energy = [np.square(one).sum(axis=1) for one in (first, second)]
     rows = len(second)
@@ -96,7 +100,7 @@ def _vertex(three: Coordinates) -> float:
 
 
 def wall_strip(cell: NDArray[np.bool_], dz_mm: float, z_mm: Coordinates) -> Strip:
-    """Return how bright the truth expects the wall at ``z_mm`` (rows): 0, and −1 where there is a cell; mean taken away."""
+    """Return how bright the wall of the truth should be at ``z_mm`` (rows): −1 in cells; slow changes taken away."""
     n_theta = cell.shape[1]
     column = np.rint(np.arange(N_THETA) * n_theta / N_THETA).astype(int) % n_theta
     row = np.clip(np.rint(z_mm / dz_mm).astype(int), 0, len(cell) - 1)
