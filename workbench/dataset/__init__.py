@@ -9,11 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from endoct.workbench.dataset.building import make_dataset
+    from endoct.workbench.dataset.plan import Plan
     from endoct.workbench.dataset.reading import Specimens
 
-__all__ = ["Specimens", "make_dataset"]
+__all__ = ["Plan", "Specimens", "make_dataset"]
 
-_MODULES = {"Specimens": "endoct.workbench.dataset.reading", "make_dataset": "endoct.workbench.dataset.building"}
+_MODULES = {
+    "Plan": "endoct.workbench.dataset.plan",
+    "Specimens": "endoct.workbench.dataset.reading",
+    "make_dataset": "endoct.workbench.dataset.building",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -90,7 +90,7 @@ def own_cluster(workers: int) -> Iterator["Client"]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # any port: the usual one may be taken, which would be told on stderr
             local_directory=scratch,
             silence_logs=logging.CRITICAL,
         ) as cluster,
