@@ -1,5 +1,6 @@
 """Draws the parameters of a specimen. Nothing random happens elsewhere but noise and texture."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,8 +8,9 @@ import numpy as np
 from numpy.random import Generator
 
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
 from endoct.synthetic.cells import draw_cells
-from endoct.synthetic.cone import focal_length_px
+from endoct.synthetic.cone import Cone, focal_length_px
 from endoct.synthetic.parameters import (
     Bore,
     Debris,
@@ -29,6 +31,8 @@ from endoct.synthetic.ranges import Drawer, Wish, check_wishes, default_ranges
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06
+CLEARANCE_MM = 0.10  # of the mirror from the wall
+LEAST_INNER_SHARE = 0.08
 NO_WISHES: Mapping[str, Wish] = {}
 
 
@@ -193,7 +197,7 @@ def _endoscope(one: Drawer, size: Preset, drawn: dict[str, Any], z_mm: Coordinat
     n, rng = z_mm.size, one.rng
     width, height = size.image_px[int(rng.integers(len(size.image_px)))]
     outer = float(rng.uniform(0.42, 0.46)) * height
-    inner = float(rng.uniform(0.42, 0.56)) * outer
+    inner, focal = _fitting_annulus(drawn, float(rng.uniform(0.18, 0.35)), outer, bore.diameter_mm / 2)
     wander = drawn["centre_wander_px"] * np.stack([_drift(rng, n), _drift(rng, n)], axis=1)
     centre = np.array([width / 2, height / 2]) + rng.uniform(-0.015, 0.015, 2) * height + wander
     centre += 0.3 * rng.normal(size=(n, 2))
@@ -217,7 +221,7 @@ def _endoscope(one: Drawer, size: Preset, drawn: dict[str, Any], z_mm: Coordinat
         width_px=width,
         height_px=height,
         colour=one.yes("endoscope.colour", 0.65),
-        focal_px=focal_length_px(drawn, inner, outer, bore.diameter_mm / 2),
+        focal_px=focal,
         inner_px=inner,
         outer_px=outer,
         inner_shift_px=(float(rng.normal() * 0.008 * outer), float(rng.normal() * 0.008 * outer)),
@@ -236,6 +240,30 @@ def _endoscope(one: Drawer, size: Preset, drawn: dict[str, Any], z_mm: Coordinat
         states_annulus=one.yes("endoscope.states_annulus", 0.25),
         stated_travel=travel if rng.random() < 0.7 else "unknown",
     )
+
+
+def _fitting_annulus(
+    drawn: Mapping[str, float], inner_share: float, outer_px: float, radius_mm: float
+) -> tuple[float, float]:
+    """Return the annulus' inner radius, ``inner_share`` of the outer or what less it takes, and the focal length.
+
+    The smaller the inner rim, the smaller the mirror that shows the same length; it has to pass through the bore.
+    """
+    while True:
+        inner_px = inner_share * outer_px
+        focal_px = focal_length_px(drawn, inner_px, outer_px, radius_mm)
+        k1 = drawn["distortion"] * (focal_px * (1 + drawn["distortion"]) / outer_px) ** 2
+        cone = Cone(math.radians(drawn["half_angle_deg"]), drawn["mirror_distance_mm"], focal_px, k1)
+        if float(cone.rays(np.array([outer_px])).rho_mm[0]) <= radius_mm - CLEARANCE_MM:
+            return inner_px, focal_px
+        inner_share -= 0.01
+        if inner_share < LEAST_INNER_SHARE:
+            raise EndoctError(
+                "no mirror that passes through the bore shows so much of it",
+                found=f"visible_length_mm {drawn['visible_length_mm']:.2f} at mirror_distance_mm "
+                f"{drawn['mirror_distance_mm']:.2f} in a bore of {2 * radius_mm:.2f} mm",
+                remedy="vary visible_length_mm or mirror_distance_mm less",
+            )
 
 
 def _scaled(sizes: dict[str, Any], scale: float) -> dict[str, Any]:

@@ -236,12 +236,16 @@ class Endoscope(_Parameters):
     height_px: int = Field(gt=0, description="of the image, pixels")
     colour: bool = Field(description="RGB, or grey")
     half_angle_deg: float = _drawn(42, 48, "of the cone, degrees (§6: 45)", (30, 60))
-    mirror_distance_mm: float = _drawn(3, 6, "pinhole to the cone's apex, mm (chosen)", (1, 50))
+    mirror_distance_mm: float = _drawn(
+        1.0, 2.0, "pinhole to the cone's apex, mm; so that the mirror fits the bore (chosen)", (0.5, 50)
+    )
     focal_px: float = Field(gt=0, description="such that the annulus spans visible_length_mm, pixels")
     distortion: float = _drawn(
         -0.02, 0.02, "shift of the outer rim, relative, r_d = r(1 + k1·(r/f)²) (chosen)", (-0.2, 0.2)
     )
-    visible_length_mm: float = _drawn(0.9, 1.1, "of the nominal bore in the annulus, mm (§6: 1.0)", (0.2, 5))
+    visible_length_mm: float = _drawn(
+        0.75, 0.90, "of the nominal bore in the annulus, mm; so that the mirror fits (§6: 1.0)", (0.2, 5)
+    )
     inner_px: float = Field(gt=0, description="inner radius of the annulus, pixels")
     outer_px: float = Field(gt=0, description="outer radius of the annulus, pixels")
     inner_shift_px: tuple[float, float] = Field(description="centre of the inner boundary off the annulus', pixels")
