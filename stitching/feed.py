@@ -30,6 +30,7 @@ MEASUREMENT_RAD = 0.002
 ROLL_PRIOR_RAD = 0.1
 SWAY_PRIOR_RAD = 0.005
 FEWEST_FOR_FIXED_PATTERN = 8
+MOST_LOST_FRAMES = 2  # in a row, that a recorder dropped without a gap in the numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,8 @@ def estimate_feed(
 
     The wall seen in row k of one strip is seen in row k − feed/``dz_mm`` of the next, and θ of the wall is θ of
     the strip plus its roll. ``nominal_mm`` (n,) is the expected place of every strip; the feed of a pair is
-    believed to lie within three ``relative_sigma`` of its nominal value, in either direction of the whole.
+    believed to lie within three ``relative_sigma`` of its nominal value, in either direction of the whole, or of up
+    to three times that value, where frames were lost.
     Without it the whole overlap is searched. ``radius_mm`` of the wall converts between mm and rad; samples that
     are NaN or not ``valid`` are left out. Raises :class:`EndoctError` where shapes disagree.
     """
@@ -121,7 +123,9 @@ def _windows(
         return None
     feed = direction * (nominal_mm[step:] - nominal_mm[:-step])
     reach = 3 * relative_sigma * np.abs(feed) / np.sqrt(step) + 0.02
-    return [(float(f - r), float(f + r)) for f, r in zip(feed, reach, strict=True)]
+    lost = MOST_LOST_FRAMES * feed / step
+    least, most = feed + np.minimum(lost, 0) - reach, feed + np.maximum(lost, 0) + reach
+    return [(float(low), float(high)) for low, high in zip(least, most, strict=True)]
 
 
 def _textures(strips: Image, seen: Mask, sigma_rows: float, sigma_columns: float) -> Image:
