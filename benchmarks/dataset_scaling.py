@@ -160,8 +160,8 @@ def tell(name: str, run: Run, count: int) -> None:
     """Print the row of one way."""
     rate = 3600 * count / run.seconds
     print(
-        f"{name:26s} {run.seconds:7.1f} s  {run.cpu_seconds:7.1f} s cpu  {rate:6.0f} an hour  made {run.appeared} of {count}  "
-        f"made twice {run.appeared - count}  scratch left {run.scratch_left}",
+        f"{name:26s} {run.seconds:7.1f} s  {run.cpu_seconds:7.1f} s cpu  {rate:6.0f} an hour  "
+        f"made {run.appeared} of {count}  made twice {run.appeared - count}  scratch left {run.scratch_left}",
         flush=True,
     )
 

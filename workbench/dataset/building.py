@@ -84,16 +84,18 @@ def make_dataset(
         to_make = sum(len(unit.indices) for unit in missing)
         made = gone_by = 0
         if missing:
-            with (
-                stages.stage(f"{to_make} specimens") as advance,
-                _makers(root, plan, missing, workers, scheduler, make) as makers,
-            ):
-                for done in makers:
-                    made += done.made
-                    size += done.bytes
-                    gone_by += done.specimens
-                    advance(gone_by / to_make)
-            clear_dead_scratch(root)
+            try:
+                with (
+                    stages.stage(f"{to_make} specimens") as advance,
+                    _makers(root, plan, missing, workers, scheduler, make) as makers,
+                ):
+                    for done in makers:
+                        made += done.made
+                        size += done.bytes
+                        gone_by += done.specimens
+                        advance(gone_by / to_make)
+            finally:
+                clear_dead_scratch(root)  # of workers that died, or that were ended with their cluster
         with stages.stage("manifest and contact sheet"):
             write_manifest(root, plan)
             write_sheet(root)

@@ -23,6 +23,8 @@ DEATHS = 5  # workers that may die holding a unit before that unit is thought to
 POLL_S = 5.0
 LONELY_S = 60.0
 CONNECT_S = 20.0
+# a terminal sends Ctrl-C to every process it has; workers end with their cluster, without a traceback each
+LEAVE_INTERRUPTS_TO_THE_COMMAND = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 AGAIN = "start again with the same arguments; what is finished is kept"
 
 
@@ -93,6 +95,7 @@ def own_cluster(workers: int) -> Iterator["Client"]:
             dashboard_address="127.0.0.1:0",  # any port: the usual one may be taken, which would be told on stderr
             local_directory=scratch,
             silence_logs=logging.CRITICAL,
+            preload=[LEAVE_INTERRUPTS_TO_THE_COMMAND],
         ) as cluster,
         Client(cluster) as client,
     ):
