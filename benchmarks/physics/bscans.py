@@ -164,35 +164,23 @@ def axial_spread(resolution_mm: float) -> tuple[Coordinates, Coordinates, float]
     sample = base.model_copy(update={"oct": oct_})
     level = rendered(sample)
     alpha = oct_.theta_origin_rad + oct_.sense * 2 * np.pi * np.arange(level.shape[1]) / level.shape[1]
-    across, outer, inner = 0.05 * np.sin(alpha), oct_.capillary_outer_diameter_mm / 2, 0.0
+    across, outer, inner = 0.05 * np.sin(alpha), oct_.capillary_outer_diameter_mm / 2, outer_path_mm(sample)
     inner = outer - oct_.glass_mm
     glass = np.sqrt(outer**2 - (across / oct_.glass_index) ** 2) - np.sqrt(inner**2 - (across / oct_.glass_index) ** 2)
     path = np.sqrt(inner**2 - across**2) - 0.05 * np.cos(alpha) + oct_.glass_index * glass
     row = (path - oct_.first_sample_mm) / oct_.axial_pixel_mm
     near = np.rint(row).astype(int)[None, :] + np.arange(-8, 9)[:, None]
     intensity = 10 ** (level[near, np.arange(row.size)] / 10)
-    intensity /= intensity.max(axis=0)
+    intensity /= intensity.sum(axis=0)  # the face's own course over the turn
     place = (near - row) * oct_.axial_pixel_mm
-    bins = np.arange(-1.5, 1.501, 0.04) * resolution_mm
+    use = np.abs(place) < 0.6 * resolution_mm
+    curvature, peak = np.polyfit(place[use] ** 2, np.log(intensity[use]), 1)
+    bins = np.arange(-1.5, 1.501, 0.1) * resolution_mm
     index = np.digitize(place.ravel(), bins)
-    # the largest of a few rows is under the peak by up to the sag over half a row
-    sums = np.array(
-        [intensity.ravel()[index == i].mean() if np.any(index == i) else np.nan for i in range(1, bins.size)]
-    )
-    middle = (bins[:-1] + bins[1:]) / 2
-    known = np.isfinite(sums)
-    middle, sums = middle[known], sums[known]
-    return (
-        middle,
-        sums,
-        _width_of_gauss(place.ravel(), 10 ** (level[near, np.arange(row.size)].ravel() / 10), resolution_mm),
-    )
-
-
-def _width_of_gauss(place: Coordinates, intensity: Coordinates, about_mm: float) -> float:
-    use = np.abs(place) < 0.6 * about_mm
-    fit = np.polyfit(place[use] ** 2, np.log(intensity[use]), 1)
-    return 2 * float(np.sqrt(np.log(2) / -fit[0]))
+    known = [i for i in range(1, bins.size) if np.any(index == i)]
+    middle = np.array([place.ravel()[index == i].mean() for i in known])
+    mean = np.array([intensity.ravel()[index == i].mean() for i in known])
+    return middle, mean / np.exp(peak), 2 * float(np.sqrt(np.log(2) / -curvature))
 
 
 def knife_edge(slices: int = 6) -> tuple[Coordinates, Coordinates, float, float]:

@@ -28,6 +28,16 @@ TURNING: Mapping[str, Wish] = {
     "bore.bone": ("phantom",),
     "bore.cell_fraction": (0.27, 0.27),
 }
+# a smooth, round bore that shows nothing but paint, which no light and no depth can shift
+PAINTED: Mapping[str, Wish] = {
+    "bore.bone": ("phantom",),
+    "bore.texture": (0.3, 0.3),
+    **{
+        f"bore.{name}": (0.0, 0.0)
+        for name in ("cell_fraction", "taper_mm", "wander_mm", "roughness_mm", "drill_mark_depth_mm")
+    },
+    "endoscope.gloss": (0.0, 0.0),
+}
 N_ANGLES = 4096
 
 
@@ -115,7 +125,7 @@ class Frames:
     """What was found in a run of endoscope frames and what is true; (n − 1,) between neighbours, or (n,).
 
     ``feed_mm``, ``roll_rad``: from frame to frame; ``z_error_mm``, ``roll_error_rad``: of every frame against the true
-    wall; ``rim_px``: how far x, y and radius of the outer rim lie off, (n, 3).
+    wall's cells or, where it has none, its paint; ``rim_px``: how far x, y and radius of the outer rim lie off, (n, 3).
     """
 
     feed_mm: Coordinates
@@ -141,10 +151,11 @@ def frames(sample: Sample, wall: Wall, indices: Sequence[int]) -> Frames:
     between = np.array([probe.shift_between(a, b, 0.6)[:2] for a, b in pairwise(strips)])
     z, roll = np.array(truth["z_mm"])[list(indices)], np.array(truth["roll_rad"])[list(indices)]
     reach, half = 40, len(strips[0]) // 2
+    brightness = -wall.cell.astype(np.float32) if wall.cell.any() else np.log(wall.albedo)
     against = []
     for strip, z0, turned in zip(strips, z, roll, strict=True):
         places = z0 + probe.DZ_MM * np.arange(-half - reach, half + reach + 1)
-        dz, dtheta, _ = probe.shift_between(probe.wall_strip(wall.cell, wall.dz_mm, places), strip, 0)
+        dz, dtheta, _ = probe.shift_between(probe.wall_strip(brightness, wall.dz_mm, places), strip, 0)
         against.append((dz - reach * probe.DZ_MM, float(np.angle(np.exp(1j * (dtheta - turned))))))
     return Frames(
         feed_mm=between[:, 0],

@@ -81,7 +81,7 @@ def shift_between(first: Strip, second: Strip, reach_mm: float) -> tuple[float, 
         a = slice(max(0, lag), min(len(first), rows + lag))
         b = slice(a.start - lag, a.stop - lag)
         product = np.fft.irfft((spectra[0][a] * spectra[1][b].conj()).sum(axis=0), N_THETA)
-        table[i] = product / np.sqrt(energy[0][a].sum() * energy[1][b].sum())
+        table[i] = product / max(1e-12, float(np.sqrt(energy[0][a].sum() * energy[1][b].sum())))
     i, j = np.unravel_index(int(table.argmax()), table.shape)
     j = int(j)
     dz = lags[i] + _vertex(table[max(0, i - 1) : i + 2, j])
@@ -99,13 +99,18 @@ def _vertex(three: Coordinates) -> float:
     return float(0.5 * (low - high) / bend) if bend < 0 else 0.0
 
 
-def wall_strip(cell: NDArray[np.bool_], dz_mm: float, z_mm: Coordinates) -> Strip:
-    """Return how bright the wall of the truth should be at ``z_mm`` (rows): −1 in cells; slow changes taken away."""
-    n_theta = cell.shape[1]
-    column = np.rint(np.arange(N_THETA) * n_theta / N_THETA).astype(int) % n_theta
-    row = np.clip(np.rint(z_mm / dz_mm).astype(int), 0, len(cell) - 1)
-    dark = -cell[row][:, column].astype(np.float64)
-    return dark - gaussian_filter1d(dark, N_THETA / 12, axis=1, mode="wrap")
+def wall_strip(brightness: NDArray[np.float32], dz_mm: float, z_mm: Coordinates) -> Strip:
+    """Return how bright the wall should be at ``z_mm`` (rows), slow changes over θ taken away.
+
+    ``brightness`` (z, θ): the logarithm of the light, up to a factor, of rows ``dz_mm`` apart from the mouth on.
+    """
+    column = np.rint(np.arange(N_THETA) * brightness.shape[1] / N_THETA).astype(int) % brightness.shape[1]
+    row = np.clip(z_mm / dz_mm, 0, len(brightness) - 1.001)
+    low = row.astype(int)
+    part = (row - low)[:, None]
+    there = (1 - part) * brightness[low][:, column] + part * brightness[low + 1][:, column]
+    there -= there.mean(axis=1, keepdims=True)
+    return np.asarray(there - gaussian_filter1d(there, N_THETA / 12, axis=1, mode="wrap"))
 
 
 def rim(frame: NDArray[np.uint8], centre_px: Sequence[float], outer_px: float) -> tuple[float, float, float]:
