@@ -45,7 +45,7 @@ MASTOID_RANGES: Ranges = {
 # "wall barely above the noise in places", sine amplitude 77 px, detector line at rows 218–227 (one real B-scan of
 # the rig, described in the project's facts); rotation error and turn jitter as catheters bend and rub
 HARD_RANGES: Ranges = {
-    "oct.wall_db": (4.0, 9.0),
+    "oct.wall_db": (5.0, 10.0),
     "oct.patchiness_db": (2.5, 4.0),
     "oct.offset_mean_mm": (0.22, 0.34),
     "oct.capillary_outer_diameter_mm": (1.80, 1.95),

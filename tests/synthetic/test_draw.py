@@ -87,7 +87,7 @@ def test_what_is_drawn_lies_within_what_is_allowed() -> None:
 def test_presets_draw_only_harder_ranges_of_known_parameters(drawn: list[Sample]) -> None:
     for sample in drawn:
         if sample.preset == "hard":
-            assert 4 <= sample.oct.wall_db <= 9
+            assert 5 <= sample.oct.wall_db <= 10
             assert max(sample.oct.offset_mm) > 0.2
 
 
