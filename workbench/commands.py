@@ -69,6 +69,7 @@ def simulate(
     preset: PresetName = "quick",
     seed: int = 0,
     replay: Path | None = None,
+    vary: Wishes = (),
     labels: bool = False,
     spectra: bool = False,
     overwrite: bool = False,
@@ -79,18 +80,21 @@ def simulate(
         output: folder for the specimen
         preset: size and difficulty of the recordings
         seed: which specimen; the same seed gives the same bytes
-        replay: truth/sample.json of a specimen to make again; preset and seed then do not matter
+        replay: truth/sample.json of a specimen to make again; nothing is drawn then
+        vary: what a parameter is drawn from, as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
         labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
         spectra: add oct-spectra: the spectrometer's raw data, 2 kB an A-scan
         overwrite: replace the folder if it exists
     """
     from endoct.workbench import api
+    from endoct.workbench.vary import parse_vary
 
     api.simulate(
         output,
         preset=preset,
         seed=seed,
         replay=replay,
+        vary=parse_vary(vary),
         labels=labels,
         spectra=spectra,
         overwrite=overwrite,
@@ -237,7 +241,7 @@ def dataset(
     """
     from endoct.workbench.dataset.command import run_dataset
     from endoct.workbench.dataset.plan import Plan
-    from endoct.workbench.dataset.vary import parse_vary
+    from endoct.workbench.vary import parse_vary
 
     plan = Plan(count, preset, seed, parse_vary(vary), format, labels, recordings_per_bore)
     facts, lines = run_dataset(

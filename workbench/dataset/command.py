@@ -10,8 +10,8 @@ from endoct.synthetic.presets import PRESETS
 from endoct.workbench.dataset.building import forecast, make_dataset
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
 from endoct.workbench.dataset.plan import SPLITS, Plan, split_of
-from endoct.workbench.dataset.vary import shown
 from endoct.workbench.progress import Stages
+from endoct.workbench.vary import shown
 
 
 def run_dataset(

@@ -10,8 +10,8 @@ import endoct.synthetic
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.dataset.files import new_file
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.dataset.vary import shown
 from endoct.workbench.inputs import versions
+from endoct.workbench.vary import shown
 
 NAME = "dataset.json"
 LICENCE = "CC0-1.0"
