@@ -62,6 +62,14 @@ def test_feed_and_roll_are_measured_not_taken_from_the_prior() -> None:
     np.testing.assert_allclose(feed.roll_rad, ROLL_RAD, atol=ROLL_ATOL_RAD)
 
 
+@pytest.mark.parametrize("lost", [1, 2])
+def test_a_gap_that_lost_frames_leave_is_measured(lost: int) -> None:
+    """Two lost frames of 0.2 mm leave a third of 0.96 mm in common."""
+    z_mm = np.where(np.arange(Z_MM.size) >= 3, Z_MM + 0.2 * lost, Z_MM)
+    feed = feed_of(strips_of(wall(), z_mm, ROLL_RAD), NOMINAL_MM)
+    np.testing.assert_allclose(feed.z_mm, z_mm, atol=FEED_ATOL_MM)
+
+
 def test_without_a_nominal_feed_the_whole_overlap_is_searched() -> None:
     feed = feed_of(strips_of(wall(), Z_MM, ROLL_RAD), None)
     assert feed.trusted.all()
