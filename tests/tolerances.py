@@ -82,7 +82,7 @@ REAL_SKEW = 0.35
 # wall by steps of 0.02 mm (a tenth of the pitch); angle by speckle as wide as the beam, 0.02 rad, at a few edges (a
 # whole A-scan is 0.0123 rad); feed and roll of images of 320 × 240, in which a pixel is 0.018 mm and 0.01 rad, and
 # roll on the wall by cells that a probe off the axis sees turned by up to 0.04 rad; the rim to a fifth of a pixel.
-FOUND_OFFSET_MM = 0.001
+FOUND_OFFSET_MM = 0.0012
 FOUND_WALL_PX = 0.4
 FOUND_PLACE_MM = 0.03
 FOUND_TURNING_RAD = 0.009

@@ -6,6 +6,7 @@ Real recordings are measured too where ENDOCT_RECORDINGS names their folder.
 """
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -35,9 +36,10 @@ def main() -> int:
     if recordings := os.environ.get("ENDOCT_RECORDINGS"):
         lines += list(_told(plots.real_speckle(folder, Path(recordings))))
     failed = sum(not line.holds for line in lines)
+    held = sum(not math.isnan(line.expected) for line in lines)
     realism.hard_bscan(folder / "hard_bscan.png")
     realism.paper_frame(folder / "paper_frame.png")
-    print(f"{len(lines) - failed} of {len(lines)} within their tolerance")
+    print(f"{held - failed} of {held} within their tolerance")
     return 1 if failed else 0
 
 

@@ -54,7 +54,7 @@ def plain(preset: str = "quick", seed: int = 1000, **oct_: Any) -> Sample:
 
 def decibels(sample: Sample, bscan: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Return the level over the mean noise of every pixel, dB; the floor's count is that of its mean logarithm."""
-    return (bscan - sample.oct.floor_count) * sample.oct.db_per_count - RAYLEIGH_BIAS_DB
+    return (bscan.astype(np.float64) - sample.oct.floor_count) * sample.oct.db_per_count - RAYLEIGH_BIAS_DB
 
 
 def rendered(sample: Sample, slices: int = 1, appearance: Appearance | None = None) -> NDArray[np.float64]:
@@ -118,9 +118,9 @@ def grain() -> tuple[Coordinates, Coordinates, Coordinates, Coordinates]:
     along = [float(np.mean(turns * np.roll(turns, k, axis=2))) for k in range(25)]
     step = sample.bore.diameter_mm * np.pi / n
     return (
-        np.arange(9) * sample.oct.axial_pixel_mm,
+        sample.oct.axial_pixel_mm * np.arange(9.0),
         np.array(deep) / deep[0],
-        np.arange(25) * step,
+        step * np.arange(25.0),
         np.array(along) / along[0],
     )
 
@@ -222,18 +222,21 @@ def knife_edge(slices: int = 6) -> tuple[Coordinates, Coordinates, float, float]
 def attenuation(length_mm: float) -> tuple[Coordinates, Coordinates, Coordinates]:
     """Return depth in bone (mm), the mean level there (dB) and what Beer and Lambert and the roll-off say.
 
-    With the noise, which adds 1 to the intensity, taken away.
+    Noise, which adds 1 to the intensity, is taken away; what lies beyond full depth folds back, in theory too.
     """
     sample = plain(wall_db=30.0, attenuation_mm=length_mm)
     level = rendered(sample, slices=6)
     first = int(np.ceil(wall_row(sample))) + 5
     rows = np.arange(first, level.shape[0] - 5)
     found = (10 ** (level[rows] / 10)).mean(axis=1) - 1
-    depth = (rows - wall_row(sample)) * sample.oct.axial_pixel_mm / BONE_INDEX
     n = 2 * level.shape[0]
-    rolled = (
-        20 * np.log10(np.sinc(rows / n)) - (sample.oct.roll_off_db + 20 * np.log10(np.sinc(0.5))) * (2 * rows / n) ** 2
-    )
-    theory = 30.0 + rolled - 10 * np.log10(np.e) * depth / length_mm
+
+    def expected(row: Coordinates) -> Coordinates:
+        depth = (row - wall_row(sample)) * sample.oct.axial_pixel_mm / BONE_INDEX
+        blur_db = (sample.oct.roll_off_db + 20 * np.log10(np.sinc(0.5))) * (2 * row / n) ** 2
+        return np.asarray(30.0 + 20 * np.log10(np.sinc(row / n)) - blur_db - 10 * np.log10(np.e) * depth / length_mm)
+
+    depth = (rows - wall_row(sample)) * sample.oct.axial_pixel_mm / BONE_INDEX
+    theory = 10 * np.log10(10 ** (expected(rows) / 10) + 10 ** (expected(n - rows) / 10))
     use = theory > 8
     return depth[use], 10 * np.log10(np.maximum(found[use], 1e-3)), theory[use]

@@ -56,7 +56,7 @@ class Rig:
 
     def row(self, path_mm: Coordinates) -> Coordinates:
         """Return the depth row, fractional, of an optical path from the catheter."""
-        return (path_mm - self.first_sample_mm) / self.axial_pixel_mm
+        return np.asarray((path_mm - self.first_sample_mm) / self.axial_pixel_mm)
 
 
 def turn_rad(truth: Mapping[str, Any], slice_index: int, n_ascans: int) -> Coordinates:
@@ -66,7 +66,7 @@ def turn_rad(truth: Mapping[str, Any], slice_index: int, n_ascans: int) -> Coord
     for block in truth["lost_ascans"]:
         if block["slice_index"] == slice_index:
             lost[k >= block["ascan"]] += block["count"]
-    return 2 * np.pi * (k + lost) / n_ascans * truth["turn_length"][slice_index]
+    return 2 * np.pi * (k + lost) / n_ascans * float(truth["turn_length"][slice_index])
 
 
 def rotation_error_rad(truth: Mapping[str, Any], slice_index: int, turn: Coordinates) -> Coordinates:

@@ -67,10 +67,10 @@ def save_panels(path: Path, panels: Sequence[Panel]) -> None:
         save(figure, path)
 
 
-def save(figure: "matplotlib.figure.Figure", path: Path) -> None:
-    """Write a figure as PNG with few colours, and close it."""
+def save(figure: "matplotlib.figure.Figure", path: Path, colours: int = 64) -> None:
+    """Write a figure as PNG with so many colours, and close it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.canvas.draw()  # type: ignore[no-untyped-call]
+    figure.canvas.draw()
     picture = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])  # type: ignore[attr-defined]
-    picture.quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
     plt.close(figure)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.special import erf
 
 from benchmarks.physics import bscans, mirror
 from benchmarks.physics import recordings as real
@@ -16,7 +17,7 @@ from tests import tolerances as within
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the table: what, measured, expected, how far apart they may be, and the unit."""
+    """A line of the table: what, measured, expected (NaN: nothing), how far apart they may be, and the unit."""
 
     what: str
     measured: float
@@ -26,8 +27,8 @@ class Line:
 
     @property
     def holds(self) -> bool:
-        """Whether it is within its tolerance."""
-        return abs(self.measured - self.expected) <= self.tolerance
+        """Whether it is within its tolerance; so is what nothing is expected of."""
+        return not abs(self.measured - self.expected) > self.tolerance
 
 
 def speckle(folder: Path) -> Iterator[Line]:
@@ -37,7 +38,9 @@ def speckle(folder: Path) -> Iterator[Line]:
     middle = (edges[:-1] + edges[1:]) / 2
     curves = []
     for name, level in (("bone", bone_db), ("noise", noise_db)):
-        density = np.histogram(level, edges, density=False)[0] / level.size
+        # whole counts do not fill bins of 1 dB evenly
+        spread = level + 0.3 * np.random.default_rng(0).uniform(-0.5, 0.5, level.shape)
+        density = np.histogram(spread, edges)[0] / level.size
         centred = edges - bscans.RAYLEIGH_BIAS_DB  # of the mean logarithm
         curves.append(Curve(middle, density, np.diff(-np.exp(-(10 ** (centred / 10)))), name))
     panel = Panel("Logarithm of speckle", "level over its mean (dB)", "share per dB", "rest", curves, log=True)
@@ -91,7 +94,7 @@ def point_spread(folder: Path) -> Iterator[Line]:
     place, value, found, drawn = bscans.knife_edge()
     yield Line("lateral width (FWHM)", 1e3 * found, 1e3 * drawn, 1e3 * drawn * within.POINT_SPREAD_REL, "µm")
     sigma = drawn / np.sqrt(8 * np.log(2))
-    theory = 0.5 * (1 + bscans.erf(place / (np.sqrt(2) * sigma)))
+    theory = 0.5 * (1 + erf(place / (np.sqrt(2) * sigma)))
     panels = [
         Panel("Point spread in depth", "place (µm of air)", "intensity", "rest", curves),
         Panel(
@@ -210,7 +213,8 @@ def motion_of_endoscope(folder: Path, seed: int = 1000) -> Iterator[Line]:
     ):
         run = frames(*specimen("learning", seed, wishes), range(16))
         feed.append(Curve(1e3 * run.true_feed_mm, 1e3 * run.feed_mm, 1e3 * run.true_feed_mm, name))
-        roll.append(Curve(*(np.rad2deg(of) for of in (run.true_roll_rad, run.roll_rad, run.true_roll_rad)), name))
+        true_roll = np.rad2deg(run.true_roll_rad)
+        roll.append(Curve(true_roll, np.rad2deg(run.roll_rad), true_roll, name))
         off_mm, off_rad = run.feed_mm - run.true_feed_mm, run.roll_rad - run.true_roll_rad
         yield Line(f"feed on {name}, mean error", 1e3 * float(np.mean(off_mm)), 0.0, 1e3 * mm, "µm")
         yield Line(f"feed on {name}, rms error", 1e3 * _rms(off_mm), 0.0, 1e3 * mm, "µm")
@@ -251,8 +255,8 @@ def real_speckle(folder: Path, recordings: Path) -> Iterator[Line]:
             region.model_skew,
             within.REAL_SKEW,
         )
-    yield Line("real: a count of axsun-oct", db_per_count, db_per_count, 0.0, "dB")
+    yield Line("real: a count of axsun-oct", db_per_count, np.nan, np.nan, "dB")
     mean_counts, sigma, of_coronary = real.coronary(recordings / "coronary-oct")
     yield Line(
-        f"real: coronary tissue, skew (mean {mean_counts:.0f}, σ {sigma:.0f} counts)", of_coronary, of_coronary, 0.0
+        f"real: coronary tissue, skew (mean {mean_counts:.0f}, σ {sigma:.0f} counts)", of_coronary, np.nan, np.nan
     )

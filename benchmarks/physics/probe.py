@@ -45,7 +45,7 @@ def strip(
     """
     grey = frame.astype(np.float32) if frame.ndim == 2 else frame.astype(np.float32).mean(axis=2)
     half = int(0.45 * optics["visible_length_mm"] / DZ_MM)
-    r = image_radius_px(optics, radius_mm, apex_mm + DZ_MM * np.arange(-half, half + 1))[:, None]
+    r = image_radius_px(optics, radius_mm, apex_mm + DZ_MM * np.arange(-half, half + 1.0))[:, None]
     theta = 2 * np.pi * np.arange(N_THETA) / N_THETA
     column = (centre_px[0] + r * np.cos(theta)).astype(np.float32)
     row = (centre_px[1] + r * np.sin(theta)).astype(np.float32)
@@ -75,15 +75,14 @@ def shift_between(first: Strip, second: Strip, reach_mm: float) -> tuple[float, 
     rows = len(second)
     spare = len(first) - rows
     most = 0 if spare else min(round(reach_mm / DZ_MM), rows - 20)
-    lags = np.arange(-most, spare + most + 1)
-    table = np.full((lags.size, N_THETA), -np.inf)
+    lags = range(-most, spare + most + 1)
+    table = np.full((len(lags), N_THETA), -np.inf)
     for i, lag in enumerate(lags):
         a = slice(max(0, lag), min(len(first), rows + lag))
-        b = slice(a.start - lag, a.stop - lag)
+        b = slice(max(0, -lag), min(rows, len(first) - lag))
         product = np.fft.irfft((spectra[0][a] * spectra[1][b].conj()).sum(axis=0), N_THETA)
         table[i] = product / max(1e-12, float(np.sqrt(energy[0][a].sum() * energy[1][b].sum())))
-    i, j = np.unravel_index(int(table.argmax()), table.shape)
-    j = int(j)
+    i, j = divmod(int(table.argmax()), N_THETA)
     dz = lags[i] + _vertex(table[max(0, i - 1) : i + 2, j])
     dtheta = j + _vertex(table[i, [(j - 1) % N_THETA, j, (j + 1) % N_THETA]])
     roll = np.angle(np.exp(2j * np.pi * dtheta / N_THETA))

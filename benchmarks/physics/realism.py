@@ -60,4 +60,4 @@ def paper_frame(path: Path, frame_index: int = 60) -> None:
     axes.set_axis_off()
     axes.set_title(f"preset paper, seed {SEED}, frame {frame_index}", fontsize=10)
     figure.tight_layout()
-    save(figure, path)
+    save(figure, path, 256)
