@@ -1,15 +1,16 @@
 """The shape of the cavities that cells are, in torch: how far a place on a ray is inside one, and how far it stays so.
 
 In coordinates across and along its axis, each divided by its semi-axis, a cavity is N < 1 with
-N = (s^p + |w|^p)^(1/p) and s = ρ/outline(φ). Along a ray s changes by at most ``grows`` per mm and w linearly, so
-that N^p stays under (s + grows·t)^p + |w + rate·t|^p and a step within that bound never leaves the cavity unseen.
+N = (s^p + W^p)^(1/p), s = ρ/outline(φ) and W = |w|, or max(w, 0) for a drilled shaft, which is open towards the bore.
+Along a ray s changes by at most ``grows`` per mm and w linearly, so that N stays under the norm of s + grows·t and
+W(w + rate·t), which is convex in t: a step to where a chord of that bound is 1 never leaves the cavity unseen.
+No function here is given more than some 32 000 numbers at once, which fit a cache and which torch leaves to one thread.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,39 +18,23 @@ from torch import Tensor
 
 from endoct.synthetic.parameters import Cell
 
-P = ParamSpec("P")
-T = TypeVar("T")
 FIRST_HARMONIC = 2
 TABLE = 1024  # directions around a cavity's axis at which its outline is kept; between them linear to 2e-5
 OWN_SIDE = 0.3  # cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite
 DUST_RIPPLE_MM = 0.004
 
 
-def in_one_thread(work: Callable[P, T]) -> Callable[P, T]:
-    """Have torch use this thread alone meanwhile: arrays that fit a cache lose more by sharing than they gain."""
-
-    @wraps(work)
-    def alone(*args: P.args, **kwargs: P.kwargs) -> T:
-        before = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
-            return work(*args, **kwargs)
-        finally:
-            torch.set_num_threads(before)
-
-    return alone
-
-
 @dataclass(frozen=True, eq=False)
 class Cavities:
-    """All cells of a bore, n of them, as float64 tensors, the last of which is a cavity nothing is in.
+    """All cells of a bore, n of them, as tensors, float64 but for the table, the last a cavity nothing is in.
 
     ``centre`` (n, 3): of the widest part, mm; ``axes`` (n, 3, 3): rows u, v and w, unit vectors over
     semi-axes; ``offset`` (n, 3): the centre in them; ``outward`` (n, 3): radial direction where the axis
-    meets the wall; ``reach``: radius of a ball about the centre that holds the cavity; ``inverse``
-    (n·(TABLE + 1) + 1,): 1/outline in all directions; ``steepest``: Lipschitz factor of s that the outline
-    causes; ``power``; ``across``, ``along``: semi-axes, mm; ``edge``, ``bulge``; ``dust``, ``fluid``: depth of
-    its surface along the axis, ∞ without.
+    meets the wall; ``reach``: radius of a ball about the centre that holds the cavity from where it leaves the
+    bore; ``inverse`` float32 (n·(TABLE + 1) + 1,): 1/outline in all directions; ``steepest``: Lipschitz factor of s
+    that the outline causes; ``power``; ``closed``: 0 for a shaft, open towards the bore, and 1 otherwise;
+    ``across``, ``along``: semi-axes, mm; ``edge``, ``bulge``; ``dust``, ``fluid``: depth of its surface along the
+    axis, ∞ without.
     """
 
     centre: Tensor
@@ -60,6 +45,7 @@ class Cavities:
     inverse: Tensor
     steepest: Tensor
     power: Tensor
+    closed: Tensor
     across: Tensor
     along: Tensor
     edge: Tensor
@@ -73,10 +59,10 @@ class Cavities:
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """Rays and the cavities near them, k for each of n rays; all (n, k).
+    """Rays and the cavities near them, k for each of n rays; all (n, k), or (1, k) where the same for all rays.
 
     At t a ray is at u + t·du, v + t·dv, w + t·dw over the semi-axes; ``cell`` int64: index of the cavity.
-    ``grows`` and ``fastest``: how much s and N can change per mm. The rest as in :class:`Cavities`.
+    ``grows``, ``sinks`` and ``fastest``: how much s, W and N can change per mm. The rest as in :class:`Cavities`.
     """
 
     u: Tensor
@@ -87,8 +73,10 @@ class Near:
     dw: Tensor
     cell: Tensor
     grows: Tensor
+    sinks: Tensor
     fastest: Tensor
     power: Tensor
+    closed: Tensor
     across: Tensor
     along: Tensor
     edge: Tensor
@@ -98,11 +86,15 @@ class Near:
 
     def of(self, which: Tensor) -> "Near":
         """Return these for some of the rays only, int64 indices."""
-        return self._with(lambda values: values.index_select(values.ndim - 2, which))
+        return self._with(lambda values: values if len(values) == 1 else values.index_select(0, which))
 
     def alone(self, slot: int) -> "Near":
         """Return these with one of the k cavities only."""
         return self._with(lambda values: values[..., slot : slot + 1])
+
+    def numbers(self, slot: Tensor) -> Tensor:
+        """Return 1 + index of the cavity in each ray's ``slot``, int64 (n,)."""
+        return self.cell.expand(len(slot), -1).gather(1, slot[:, None])[:, 0] + 1
 
     def _with(self, change: Callable[[Tensor], Tensor]) -> "Near":
         changed: dict[str, Any] = {name: change(v) for name, v in vars(self).items() if isinstance(v, Tensor)}
@@ -123,6 +115,8 @@ def cavities(cells: Sequence[Cell], radius_mm: float, device: str = "cpu") -> Ca
     along = np.array([cell.depth_mm - cell.bulge_mm for cell in cells] + [1.0])
     across = np.array([cell.diameter_mm / 2 for cell in cells] + [1.0])
     longest = across / np.sqrt(np.array([cell.aspect for cell in cells] + [1.0])) / inverse.min(axis=1)
+    closed = np.array([float(cell.bulge_mm > 0) for cell in cells] + [1.0])
+    below = np.array([sag(cell, radius_mm, half) for cell, half in zip(cells, longest[:-1], strict=True)] + [0.0])
     dust = [cell.fill_mm if cell.filling == "dust" else math.inf for cell in cells] + [math.inf]
     fluid = [cell.fill_mm if cell.filling == "fluid" else math.inf for cell in cells] + [math.inf]
 
@@ -134,10 +128,11 @@ def cavities(cells: Sequence[Cell], radius_mm: float, device: str = "cpu") -> Ca
         axes=tensor(axes),
         offset=tensor(np.einsum("nij,nj->ni", axes, centre)),
         outward=tensor(outward),
-        reach=tensor(np.hypot(longest, along)),
-        inverse=tensor(np.append(inverse, 1.0)),
+        reach=tensor(np.hypot(longest, np.maximum(along, (1 - closed) * below))),
+        inverse=tensor(np.append(inverse, 1.0)).to(torch.float32),
         steepest=tensor(steepest),
         power=tensor([cell.squareness for cell in cells] + [2.0]),
+        closed=tensor(closed),
         across=tensor(across),
         along=tensor(along),
         edge=tensor([cell.edge_mm for cell in cells] + [0.005]),
@@ -163,6 +158,16 @@ def frame(cell: Cell, radius_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndar
     return centre, np.stack([u / semi[0], v / semi[1], w / semi[2]]), outward
 
 
+def sag(cell: Cell, radius_mm: float, half_mm: float) -> float:
+    """Return how far along its axis, from the nominal wall towards the bore, a cell's side can still meet the wall.
+
+    ``half_mm``: its largest half width. The wall curves away from the plane across the axis, and that plane leans.
+    """
+    aside = min(half_mm / math.cos(cell.lean_rad), 0.99 * radius_mm)
+    sagitta = radius_mm - math.sqrt(radius_mm**2 - aside**2)
+    return (sagitta + half_mm * math.sin(cell.lean_rad)) / math.cos(cell.lean_rad) + 0.05
+
+
 def _outline(cell: Cell, angle: np.ndarray) -> np.ndarray:
     outline = np.ones_like(angle)
     for k, (cos, sin) in enumerate(cell.outline, FIRST_HARMONIC):
@@ -171,22 +176,25 @@ def _outline(cell: Cell, angle: np.ndarray) -> np.ndarray:
 
 
 def near(all_: Cavities, cell: Tensor, origin: Tensor, direction: Tensor, dtype: torch.dtype) -> Near:
-    """Return the cavities ``cell`` (n, k) of rays as the tracing wants them, in ``dtype``."""
+    """Return the cavities ``cell`` (n, k), or (1, k) for all, of rays as the tracing wants them, in ``dtype``."""
     at, rate = [], []
     for row in range(3):
         x, y, z = (all_.axes[:, row, axis][cell] for axis in range(3))
         at.append((_dot((x, y, z), origin) - all_.offset[:, row][cell]).to(dtype))
         rate.append(_dot((x, y, z), direction).to(dtype))
-    power = all_.power[cell].to(dtype)
+    power, closed = all_.power[cell].to(dtype), all_.closed[cell].to(dtype)
     grows = all_.steepest[cell].to(dtype) * torch.hypot(rate[0], rate[1])
+    sinks = torch.maximum(rate[2], -closed * rate[2])
     dust = all_.dust[cell].to(dtype)
     return Near(
         **dict(zip(("u", "v", "w"), at, strict=True)),
         **dict(zip(("du", "dv", "dw"), rate, strict=True)),
         cell=cell,
         grows=grows,
-        fastest=_norm(grows, rate[2].abs(), power),
+        sinks=sinks,
+        fastest=_parts(grows, sinks, power)[0],
         power=power,
+        closed=closed,
         across=all_.across[cell].to(dtype),
         along=all_.along[cell].to(dtype),
         edge=all_.edge[cell].to(dtype),
@@ -201,21 +209,17 @@ def _dot(row: tuple[Tensor, Tensor, Tensor], vector: Tensor) -> Tensor:
     return row[0] * vector[:, 0, None] + row[1] * vector[:, 1, None] + row[2] * vector[:, 2, None]
 
 
-def _powers(s: Tensor, w: Tensor, power: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return log s, log w (w ≥ 0), s^p and w^p."""
-    log_s, log_w = torch.log(s.clamp_min(1e-12)), torch.log(w.clamp_min(1e-12))
-    return log_s, log_w, torch.exp(power * log_s), torch.exp(power * log_w)
+def _parts(s: Tensor, w: Tensor, power: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Return N = (s^p + w^p)^(1/p), w ≥ 0, and s^p and w^p over the larger of the two."""
+    log_s, log_w = torch.log(s.clamp_min(1e-6)), torch.log(w.clamp_min(1e-6))
+    larger = torch.maximum(log_s, log_w)
+    s_p, w_p = torch.exp(power * (log_s - larger)), torch.exp(power * (log_w - larger))
+    return torch.exp(larger + torch.log(s_p + w_p) / power), s_p, w_p
 
 
-def _root(total: Tensor, power: Tensor) -> Tensor:
-    """Return the logarithm of total^(1/p)."""
-    return torch.log(total.clamp_min(1e-30)) / power
-
-
-def _norm(s: Tensor, w: Tensor, power: Tensor) -> Tensor:
-    """Return N = (s^p + w^p)^(1/p)."""
-    _, _, s_p, w_p = _powers(s, w, power)
-    return torch.exp(_root(s_p + w_p, power))
+def _depth(rays: Near, w: Tensor) -> Tensor:
+    """Return W: |w|, but 0 on the side of the bore in a shaft."""
+    return torch.maximum(w, -rays.closed * w)
 
 
 def local(rays: Near, t: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -226,13 +230,13 @@ def local(rays: Near, t: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def outlined(table: Tensor, rays: Near, u: Tensor, v: Tensor) -> Tensor:
-    """Return s, 1 on the outline; ``table`` is ``Cavities.inverse`` in the rays' dtype."""
+    """Return s, 1 on the outline; ``table`` is ``Cavities.inverse``."""
     place = torch.atan2(v, u) * (TABLE / (2 * math.pi))
-    place = torch.where(place < 0, place + TABLE, place)
+    place = place + TABLE * (place < 0)
     whole = place.floor()
     first = rays.cell * (TABLE + 1) + whole.long()
     here = torch.take(table, first)
-    return torch.hypot(u, v) * (here + (place - whole) * (torch.take(table, first + 1) - here))
+    return torch.sqrt(u * u + v * v) * (here + (place - whole) * (torch.take(table, first + 1) - here))
 
 
 def _to_dust(rays: Near, u: Tensor, v: Tensor, w: Tensor) -> Tensor:
@@ -245,7 +249,7 @@ def _to_dust(rays: Near, u: Tensor, v: Tensor, w: Tensor) -> Tensor:
 def covers(table: Tensor, rays: Near, t: Tensor) -> Tensor:
     """Return whether the places at ``t`` (n,) are inside the cavities, in their filling or above it, bool (n, k)."""
     u, v, w = local(rays, t)
-    return _norm(outlined(table, rays, u, v), w.abs(), rays.power) < 1
+    return _parts(outlined(table, rays, u, v), _depth(rays, w), rays.power)[0] < 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,16 +268,14 @@ class Clearance:
 def clearance(table: Tensor, rays: Near, t: Tensor) -> Clearance:
     """Return the clearance of every ray at ``t`` (n,), mm."""
     u, v, w = local(rays, t)
-    s = outlined(table, rays, u, v)
-    log_s, log_w, s_p, w_p = _powers(s, w.abs(), rays.power)
-    log_norm = _root(s_p + w_p, rays.power)
-    left = 1 - torch.exp(log_norm)
-    # N's derivatives by s and by w, so that left over its gradient is a distance
-    by_s = torch.exp((rays.power - 1) * (log_s - log_norm)) / rays.across
-    by_w = torch.exp((rays.power - 1) * (log_w - log_norm)) / rays.along
-    air = left / torch.sqrt(by_s * by_s + by_w * by_w)
-    step = torch.maximum(left / rays.fastest, _stays_inside(rays, s, w, s_p, w_p))
-    step = torch.where(left > 0, step, left / rays.fastest)
+    s, depth = outlined(table, rays, u, v), _depth(rays, w)
+    norm, s_p, w_p = _parts(s, depth, rays.power)
+    left = 1 - norm
+    # N's derivatives by s and by w, but for a factor, so that left over its gradient is a distance
+    by_s, by_w = s_p / (s.clamp_min(1e-6) * rays.across), w_p / (depth.clamp_min(1e-6) * rays.along)
+    air = left * (s_p + w_p) / (norm * torch.sqrt(by_s * by_s + by_w * by_w))
+    inside = left.clamp_min(0)
+    step = torch.maximum(inside / rays.fastest, _stays_inside(rays, s, w, inside)) + left.clamp_max(0) / rays.fastest
     if not rays.dusty:
         return Clearance(air, step, None)
     above = _to_dust(rays, u, v, w)
@@ -282,11 +284,14 @@ def clearance(table: Tensor, rays: Near, t: Tensor) -> Clearance:
     return Clearance(torch.minimum(air, above), torch.minimum(step, above / sinks), above < air)
 
 
-def _stays_inside(rays: Near, s: Tensor, w: Tensor, s_p: Tensor, w_p: Tensor) -> Tensor:
-    """Return how far s^p and |w|^p surely take less than half each of what is left of 1."""
-    half = 0.5 * (1 - s_p - w_p).clamp_min(0)
-    rate = rays.dw
-    most_s, most_w = torch.exp(_root(s_p + half, rays.power)), torch.exp(_root(w_p + half, rays.power))
-    return torch.minimum(
-        (most_s - s) / rays.grows.clamp_min(1e-9), (most_w - torch.copysign(w, w * rate)) / rate.abs().clamp_min(1e-9)
-    )
+def _stays_inside(rays: Near, s: Tensor, w: Tensor, left: Tensor) -> Tensor:
+    """Return how far rays surely stay inside, ``left`` being 1 − N there and 0 outside.
+
+    One of the bound's two parts is 1 first; there its norm is at most 1 + x/p, x the other part's power.
+    """
+    # a ray that goes up a shaft has all the room that w can give
+    room = (1 - torch.copysign(w, w * rays.dw)).abs()
+    farthest = torch.minimum((1 - s).abs() / rays.grows.clamp_min(1e-9), room / rays.sinks.clamp_min(1e-9))
+    other = torch.minimum(s + farthest * rays.grows, _depth(rays, w + farthest * rays.dw))
+    beyond = torch.exp(rays.power * torch.log(other.clamp_min(1e-6))) / rays.power
+    return farthest * left / (left + beyond).clamp_min(1e-9)

@@ -87,16 +87,18 @@ class _Packed:
         self._centre = np.zeros((16, 3))
         self._axes = np.zeros((16, 3, 3))
         self._power = np.zeros(16)
+        self._closed = np.zeros(16)
         self._outline = np.zeros((16, HARMONICS, 2))
 
     def add(self, cell: Cell) -> None:
         n = len(self.cells)
         if n == len(self._centre):
-            for name in ("_centre", "_axes", "_power", "_outline"):
+            for name in ("_centre", "_axes", "_power", "_closed", "_outline"):
                 values = getattr(self, name)
                 setattr(self, name, np.concatenate([values, np.zeros_like(values)]))
         self._centre[n], self._axes[n], _ = frame(cell, self.radius_mm)
         self._power[n], self._outline[n] = cell.squareness, cell.outline
+        self._closed[n] = cell.bulge_mm > 0
         self.cells.append(cell)
 
     def beside(self, cell: Cell, neighbour: int, direction_rad: float, gap_mm: float) -> Cell:
@@ -129,18 +131,20 @@ class _Packed:
         apart = np.linalg.norm(between, axis=1)
         unit = between / np.maximum(apart, 1e-9)[:, None]
         outline = np.asarray(cell.outline)[None]
-        own = _reach(axes[None], np.array([cell.squareness]), outline, unit)
-        theirs = _reach(self._axes[others], self._power[others], self._outline[others], -unit)
+        own = _reach(axes[None], np.array([cell.squareness]), np.array([float(cell.bulge_mm > 0)]), outline, unit)
+        theirs = _reach(self._axes[others], self._power[others], self._closed[others], self._outline[others], -unit)
         gaps: Coordinates = apart - own - theirs
         return gaps
 
 
-def _reach(axes: Coordinates, power: Coordinates, outline: Coordinates, unit: Coordinates) -> Coordinates:
+def _reach(
+    axes: Coordinates, power: Coordinates, closed: Coordinates, outline: Coordinates, unit: Coordinates
+) -> Coordinates:
     """Return how far cavities reach from their centres in the directions ``unit`` (n, 3), mm."""
     u, v, w = np.einsum("nij,nj->in", axes, unit)
     angle = np.arctan2(v, u)
     order = np.arange(2, 2 + outline.shape[1])[None, :] * angle[:, None]
     edge = 1 + np.sum(outline[:, :, 0] * np.cos(order) + outline[:, :, 1] * np.sin(order), axis=1)
-    norm = ((np.hypot(u, v) / edge) ** power + np.abs(w) ** power) ** (1 / power)
+    norm = ((np.hypot(u, v) / edge) ** power + np.maximum(w, -closed * w) ** power) ** (1 / power)
     reach: Coordinates = 1 / norm
     return reach

@@ -1,7 +1,7 @@
 """What cells cut out of the wall: radial rays through the nodes of a grid, and how much of the wall is missing."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.cavity import OWN_SIDE, Cavities, Near, cavities, covers, in_one_thread, near
+from endoct.synthetic.cavity import OWN_SIDE, Cavities, Near, cavities, covers, near, sag
 from endoct.synthetic.parameters import Bore, Cell, Harmonic
 from endoct.synthetic.relief import WallGrid
 
@@ -22,7 +22,24 @@ COLUMNS = 512
 
 
 def radial(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Tensor) -> Near:
-    """Return the rays from the axis through nodes of the wall (n,), with their ``cells`` int64 (n, k), float32."""
+    """Return the rays from the axis through nodes of the wall (n,), with their ``cells`` int64 (n, k), float32.
+
+    With cells (1, k), the same for all, the nodes share what their rows and columns have in common.
+    """
+    if len(cells) > 1 or not rows.size:
+        return _radial(grid, all_, rows, columns, cells)
+    first = int(rows.min())
+    of_row = np.arange(first, int(rows.max()) + 1)
+    of_column = np.arange(grid.n_theta)
+    from_ = _radial(grid, all_, of_row, np.zeros_like(of_row), cells)
+    towards = _radial(grid, all_, np.zeros_like(of_column), of_column, cells)
+    row, column = (torch.as_tensor(index, device=cells.device) for index in (rows - first, columns))
+    starts = {name: getattr(from_, name).index_select(0, row) for name in ("u", "v", "w")}
+    changes = ("du", "dv", "dw", "grows", "sinks", "fastest")
+    return replace(from_, **starts, **{name: getattr(towards, name).index_select(0, column) for name in changes})
+
+
+def _radial(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Tensor) -> Near:
     theta = 2 * math.pi / grid.n_theta * columns
     heading = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=1)
     origin = np.zeros_like(heading)
@@ -37,12 +54,9 @@ def patch(grid: WallGrid, all_: Cavities, cell: Cell, number: int) -> tuple[NDAr
     centre, outward, axes = (values[number].cpu().numpy() for values in (all_.centre, all_.outward, all_.axes))
     widest = 1 / float(all_.inverse[:-1].view(len(all_), -1)[number].min())
     semi = 1 / np.linalg.norm(axes, axis=1) * np.array([widest, widest, 1.0])
-    # the lowest place along the axis at which the cavity's side can meet the curved wall
-    aside = min(semi[0] / math.cos(cell.lean_rad), 0.99 * grid.radius_mm)
-    sagitta = grid.radius_mm - math.sqrt(grid.radius_mm**2 - aside**2)
-    lowest = cell.bulge_mm + (sagitta + semi[0] * math.sin(cell.lean_rad)) / math.cos(cell.lean_rad) + 0.05
+    lowest = (cell.bulge_mm + sag(cell, grid.radius_mm, semi[0])) / semi[2]
     box = axes / np.linalg.norm(axes, axis=1)[:, None] * semi[:, None]
-    low_w = -min(1.0, lowest / semi[2])
+    low_w = -min(1.0, lowest) if cell.bulge_mm > 0 else -lowest
     points = centre + np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (low_w, 1)]) @ box
     margin = cell.edge_mm + 2 * grid.dz_mm
     low, high = points[:, 2].min() - margin, points[:, 2].max() + margin
@@ -72,7 +86,6 @@ class CutWall:
         """Whether the wanted part of the wall is cut away."""
         return self._n_cut >= self.bore.cell_fraction * self._cut.size
 
-    @in_one_thread
     @torch.inference_mode()
     def take(self, cell: Cell) -> bool:
         """Cut ``cell`` out unless too much would be missing then; say whether."""
@@ -81,9 +94,9 @@ class CutWall:
         if not rows.size:
             return False
         row, column = (index.ravel() for index in np.meshgrid(rows, columns, indexing="ij"))
-        rays = radial(self._grid, one, row, column, torch.zeros((row.size, 1), dtype=torch.int64))
+        rays = radial(self._grid, one, row, column, torch.zeros((1, 1), dtype=torch.int64))
         at_wall = torch.full((row.size,), self._grid.radius_mm, dtype=torch.float32)
-        open_ = covers(one.inverse.to(torch.float32), rays, at_wall)[:, 0].numpy()
+        open_ = covers(one.inverse, rays, at_wall)[:, 0].numpy()
         row, column = row[open_], column[open_]
         more = int((~self._cut[row, column]).sum())
         most = max(MOST_CELL_FRACTION, self.bore.cell_fraction + LEEWAY)

@@ -38,7 +38,8 @@ class Cell(_Parameters):
     Its axis starts on the nominal wall at (``z_mm``, ``theta_rad``) and leans off the radial direction. With
     (u, v) across the axis, u along the long direction, and w along it, counted from the widest part, the
     cavity is (s^p + |w/c|^p)^(1/p) < 1 with p = ``squareness``, s = 1 on an outline of ``diameter_mm`` and
-    ``aspect`` with the ``outline`` harmonics, and c = ``depth_mm`` − ``bulge_mm``.
+    ``aspect`` with the ``outline`` harmonics, and c = ``depth_mm`` − ``bulge_mm``. With ``bulge_mm`` = 0 it is a
+    shaft, open towards the bore: there max(w, 0) stands in for the absolute value of w.
     """
 
     z_mm: float = Field(description="of its axis at the wall, mm from the mouth")

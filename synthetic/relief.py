@@ -1,12 +1,14 @@
 """The bore's own wall: how far it departs from a cylinder, as a map over (z, θ)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.random import Generator
 
+from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Image
 from endoct.stitching.circle import gaussian
 from endoct.synthetic.parameters import Sample
@@ -74,20 +76,26 @@ def texture(rng: Generator, grid: WallGrid, scale_mm: float) -> Image:
     return np.ascontiguousarray(large[: grid.n_z, first : first + grid.n_theta], dtype=np.float32)
 
 
-def bore_relief(sample: Sample) -> BoreRelief:
+def textures(sample: Sample, grid: WallGrid, first: int, scales_mm: Sequence[float], workers: int) -> list[Image]:
+    """Return a :func:`texture` for each scale, drawn from the wall's generators ``first``, ``first`` + 1, …"""
+    each = [(generator(sample.bore_seed, Stage.WALL, k), scale) for k, scale in enumerate(scales_mm, first)]
+    return list(map_frames(lambda one: texture(one[0], grid, one[1]), each, workers))
+
+
+def bore_relief(sample: Sample, workers: int = 1) -> BoreRelief:
     """Return the relief of the drilled bore: taper, wander, the drill's helical mark and roughness."""
     bore, grid = sample.bore, wall_grid(sample)
-    rng = generator(sample.bore_seed, Stage.WALL)
+    phase, strength, fine, wander = textures(sample, grid, 0, (0.5, 0.9, FINE_MM, 1.1), workers)
     z_mm = (grid.dz_mm * np.arange(grid.n_z, dtype=np.float32))[:, None]
     turns = (np.arange(grid.n_theta, dtype=np.float32) / grid.n_theta)[None, :]
-    phase = texture(rng, grid, 0.5)
     phase *= 0.6
     phase += np.float32(2 * math.pi) * np.mod(z_mm / np.float32(bore.drill_mark_pitch_mm) + turns, 1)
     grooves = np.sin(phase, out=phase)
-    strength = texture(rng, grid, 0.9)
-    grooves *= np.clip(0.6 + 0.5 * strength, 0, 1.5)
-    fine = texture(rng, grid, FINE_MM)
-    displacement = np.float32(bore.wander_mm) * texture(rng, grid, 1.1)
+    strength *= 0.5
+    strength += 0.6
+    grooves *= np.clip(strength, 0, 1.5, out=strength)
+    displacement = wander
+    displacement *= np.float32(bore.wander_mm)
     displacement += np.float32(bore.taper_mm) * (z_mm / np.float32(bore.length_mm) - np.float32(0.5))
     displacement += np.float32(bore.drill_mark_depth_mm) * grooves
     displacement += np.float32(bore.roughness_mm) * fine

@@ -66,7 +66,7 @@ def simulate(
     workers = workers or min(4, os.cpu_count() or 1)
     with _one_torch_thread():
         tell("wall", 0.0)
-        wall = build_wall(drawn)
+        wall = build_wall(drawn, workers)
         appearance = build_appearance(drawn, wall)
         folder.mkdir()
         tell("wall", 1.0)

@@ -1,10 +1,13 @@
 """The bore's wall: its relief, its cells, and what both instruments need to know of its surface.
 
-The maps are baked: rays are traced radially through the nodes that cells can reach; elsewhere the wall is the bore's.
+The maps are baked: rays are traced radially through the nodes that cells can reach, those that only one cell reaches
+cell by cell; elsewhere the wall is the bore's. What is baked at once stays within ``tracing.BLOCK``.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -12,13 +15,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.synthetic.cavity import Near, clearance, covers, in_one_thread
+from endoct.synthetic.cavity import Near, clearance, covers
 from endoct.synthetic.opening import patch, radial
 from endoct.synthetic.parameters import Cell, Sample
-from endoct.synthetic.randomness import Stage, generator
-from endoct.synthetic.relief import BoreRelief, WallGrid, texture
-from endoct.synthetic.scene import BLOCK, STEP_MM, BoreAlong, Scene, build_scene, first_fluid, first_solid
+from endoct.synthetic.relief import BoreRelief, WallGrid, textures
+from endoct.synthetic.scene import Scene, build_scene
+from endoct.synthetic.tracing import BLOCK, first_fluid, first_solid
 
 LOOKUP_COLUMNS = 1024
 DEEPEST_MM = 2.5
@@ -79,12 +83,11 @@ class _Baked:
     wet: Image
 
 
-def build_wall(sample: Sample) -> Wall:
-    """Return the wall that ``sample`` describes."""
-    scene = build_scene(sample)
+def build_wall(sample: Sample, workers: int = 1) -> Wall:
+    """Return the wall that ``sample`` describes, made by ``workers`` threads, whose number changes nothing."""
+    scene = build_scene(sample, workers=workers)
     grid, bore = scene.grid, sample.bore
-    baked = _bake(scene, bore.cells)
-    rng = generator(sample.bore_seed, Stage.WALL, 1)
+    baked = _bake(scene, bore.cells, workers)
     relief = baked.relief_mm
     slope_theta = np.empty_like(relief)
     slope_theta[:, 1:-1] = relief[:, 2:] - relief[:, :-2]
@@ -97,7 +100,7 @@ def build_wall(sample: Sample) -> Wall:
         relief_mm=relief,
         cell=baked.cell,
         cell_id=baked.cell_id,
-        albedo=_albedo(sample, grid, scene.relief, baked, rng),
+        albedo=_albedo(sample, grid, scene.relief, baked, workers),
         rim=_rims(bore.cells, baked, grid),
         slope_z=np.gradient(relief, np.float32(grid.dz_mm), axis=0).astype(np.float32, copy=False),
         slope_theta=slope_theta,
@@ -106,19 +109,19 @@ def build_wall(sample: Sample) -> Wall:
     )
 
 
-def _albedo(sample: Sample, grid: WallGrid, relief: BoreRelief, baked: _Baked, rng: np.random.Generator) -> Image:
+def _albedo(sample: Sample, grid: WallGrid, relief: BoreRelief, baked: _Baked, workers: int) -> Image:
     """Return mottled bone, darkened by smears and in the cells by their lining."""
     bore = sample.bore
-    albedo = 0.6 * texture(rng, grid, 0.15)
-    albedo += 0.6 * texture(rng, grid, 0.04)
+    albedo, finer, smears = textures(sample, grid, 4, (0.15, 0.04, 0.25), workers)
+    albedo *= 0.6
+    albedo += 0.6 * finer
     albedo += 0.5 * relief.fine
     # the drill's mark shows on the wall it has cut, not inside the cells
     albedo += np.where(baked.cell_id > 0, np.float32(0), np.float32(0.5) * relief.grooves)
     albedo *= np.float32(bore.texture)
     albedo += 1
     np.clip(albedo, 0.3, 1.6, out=albedo)
-    smears = np.clip((texture(rng, grid, 0.25) - 1.4) / 0.4, 0, 1)
-    albedo *= 1 - np.float32(bore.smear) * smears
+    albedo *= 1 - np.float32(bore.smear) * np.clip((smears - 1.4) / 0.4, 0, 1)
     lining = np.array([1.0] + [cell.lining for cell in bore.cells], np.float32)
     albedo *= lining[baked.cell_id]
     return albedo
@@ -137,102 +140,105 @@ def _rims(cells: tuple[Cell, ...], baked: _Baked, grid: WallGrid) -> Image:
     return np.asarray(2 * np.abs(bright - blurred), dtype=np.float32)
 
 
-@in_one_thread
-@torch.inference_mode()
-def _bake(scene: Scene, cells: tuple[Cell, ...]) -> _Baked:
+@dataclass(frozen=True, eq=False)
+class _AlongRadius:
+    """The bore along radial rays through nodes of the wall, of which it has that radius."""
+
+    wall_mm: Tensor
+
+    def of(self, which: Tensor) -> "_AlongRadius":
+        return _AlongRadius(self.wall_mm.index_select(0, which))
+
+    def at(self, t: Tensor) -> tuple[Tensor, Tensor]:
+        return self.wall_mm - t, torch.ones_like(t)
+
+
+def _bake(scene: Scene, cells: Sequence[Cell], workers: int) -> _Baked:
     """Trace radial rays through the nodes of the wall that cells reach."""
-    device, n_theta = scene.device, scene.grid.n_theta
-    layers, reached = _cells_at_nodes(scene, cells)
+    n_nodes = scene.grid.n_z * scene.grid.n_theta
     relief = scene.relief.displacement_mm.ravel().copy()
-    cell = np.zeros(relief.size, np.bool_)
-    cell_id, wet = np.zeros(relief.size, np.int32), np.zeros(relief.size, np.float32)
-    count = (layers[:, reached] >= 0).sum(0)
-    for k in range(1, layers.shape[0] + 1):
-        nodes_k = reached[count == k]
-        for first in range(0, nodes_k.size, max(1, BLOCK // k)):
-            nodes = nodes_k[first : first + max(1, BLOCK // k)]
-            own = torch.as_tensor(relief[nodes], device=device)
-            here = torch.as_tensor(layers[:k, nodes].T.astype(np.int64), device=device)
-            rays = radial(scene.grid, scene.cells, nodes // n_theta, nodes % n_theta, here)
-            radius, number, covered, fluid = _trace(scene, rays, own)
-            surface = (radius - scene.grid.radius_mm).cpu().numpy()
-            relief[nodes], cell_id[nodes] = surface, number.cpu().numpy()
-            open_ = surface > np.maximum(own.cpu().numpy(), 0) + np.float32(OPEN_MM)
-            cell[nodes] = covered.cpu().numpy() & open_
-            wet[nodes] = fluid.cpu().numpy()
-    shape = scene.grid.n_z, n_theta
+    cell = np.zeros(n_nodes, np.bool_)
+    cell_id, wet = np.zeros(n_nodes, np.int32), np.zeros(n_nodes, np.float32)
+    for nodes, traced in map_frames(partial(_traced, scene), _jobs(scene, cells, workers), workers):
+        relief[nodes], cell[nodes], cell_id[nodes], wet[nodes] = traced
+    shape = scene.grid.n_z, scene.grid.n_theta
     return _Baked(relief.reshape(shape), cell.reshape(shape), cell_id.reshape(shape), wet.reshape(shape))
 
 
-def _along_radius(wall_mm: Tensor) -> BoreAlong:
-    def bore(which: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
-        return wall_mm[which] - t, torch.ones_like(t)
-
-    return bore
-
-
-def _cells_at_nodes(scene: Scene, cells: tuple[Cell, ...]) -> tuple[NDArray[np.int16], NDArray[np.intp]]:
-    """Return the cells whose cavity may lie behind each node, int16 (k, n_z·n_θ) ending in −1, and the nodes
-    at which the bore's own wall is missing or moved, ascending.
-    """
-    grid, patches = scene.grid, []
-    reached = np.zeros(grid.n_z * grid.n_theta, np.bool_)
-    displacement = scene.relief.displacement_mm
-    table = scene.cells.inverse.to(torch.float32)
-    for number, cell in enumerate(cells):
-        rows, columns = patch(grid, scene.cells, cell, number)
-        if not rows.size:
-            continue
-        row, column = (index.ravel() for index in np.meshgrid(rows, columns, indexing="ij"))
-        alone = torch.full((row.size, 1), number, device=scene.device)
-        rays = radial(scene.grid, scene.cells, row, column, alone)
-        own = torch.as_tensor(displacement[row, column] + np.float32(grid.radius_mm), device=scene.device)
-        air = clearance(table, rays, own).air_mm[:, 0]
-        node = row * grid.n_theta + column
-        reached[node[(air > -rays.edge[:, 0]).cpu().numpy()]] = True
-        patches.append((number, node))
-    count = np.zeros(reached.size, np.int16)
-    for _, node in patches:
-        count[node] += 1
-    layers = np.full((max(1, int(count.max(initial=0))), reached.size), -1, np.int16)
-    count[:] = 0
-    for number, node in patches:
-        some = node[reached[node]]
-        layers[count[some], some] = number
-        count[some] += 1
-    return layers, np.flatnonzero(reached)
+def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[tuple[NDArray[np.intp], NDArray[np.int64]]]:
+    """Return nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is one cell at all."""
+    reached = list(map_frames(partial(_reached, scene, cells), range(len(cells)), workers))
+    count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
+    for nodes in reached:
+        count[nodes] += 1
+    jobs, shared_nodes, shared_numbers = [], [np.zeros(0, np.intp)], [np.zeros(0, np.int64)]
+    for number, nodes in enumerate(reached):
+        alone = count[nodes] == 1
+        own = nodes[alone]
+        jobs += [(own[i : i + BLOCK], np.array([[number]])) for i in range(0, own.size, BLOCK)]
+        shared_nodes.append(nodes[~alone])
+        shared_numbers.append(np.full(shared_nodes[-1].size, number))
+    node, numbers = np.concatenate(shared_nodes), np.concatenate(shared_numbers)
+    order = np.argsort(node, kind="stable")
+    node, numbers = node[order], numbers[order]
+    for k in range(2, int(count.max(initial=0)) + 1):
+        of_k = count[node] == k
+        at, here = node[of_k][::k], numbers[of_k].reshape(-1, k)
+        jobs += [(at[i : i + BLOCK // k], here[i : i + BLOCK // k]) for i in range(0, at.size, BLOCK // k)]
+    return jobs
 
 
-def _trace(scene: Scene, rays: Near, own: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return of radial rays: radius of the first surface, the open cell's number, whether one is, and wet."""
-    start = own + scene.grid.radius_mm
-    bore = _along_radius(start)
-    limit = torch.full_like(start, scene.grid.radius_mm + DEEPEST_MM)
-    radius = torch.nan_to_num(first_solid(scene, rays, bore, start, limit), nan=scene.grid.radius_mm + DEEPEST_MM)
-    table = scene.cells.inverse.to(torch.float32)
-    at_wall = torch.full_like(start, scene.grid.radius_mm)
-    open_cells = covers(table, rays, at_wall)
-    several = open_cells.to(torch.int8).cumsum(1)[:, -1] > 1
-    slot = open_cells.to(torch.int8).argmax(1)
-    if several.any():
-        which = torch.nonzero(several)[:, 0]
-        slot[which] = _deepest(table, rays.of(which), open_cells[which], at_wall[which])
-    covered = open_cells.any(1)
-    number = torch.where(covered, rays.cell.gather(1, slot[:, None])[:, 0] + 1, 0)
-    fluid = torch.isfinite(first_fluid(scene, rays, start, radius))
-    return radius, number, covered, fluid
+@torch.inference_mode()
+def _reached(scene: Scene, cells: Sequence[Cell], number: int) -> NDArray[np.intp]:
+    """Return the nodes at which a cell's cavity lies behind the wall or has moved it, ascending."""
+    grid = scene.grid
+    rows, columns = patch(grid, scene.cells, cells[number], number)
+    if not (rows.size and columns.size):
+        return np.zeros(0, np.intp)
+    found, at_once = [], max(1, BLOCK // columns.size)
+    for first in range(0, rows.size, at_once):
+        row, column = (i.ravel() for i in np.meshgrid(rows[first : first + at_once], columns, indexing="ij"))
+        rays = radial(grid, scene.cells, row, column, torch.full((1, 1), number, device=scene.device))
+        own = torch.as_tensor(scene.relief.displacement_mm[row, column] + np.float32(grid.radius_mm))
+        air = clearance(scene.cells.inverse, rays, own.to(scene.device)).air_mm[:, 0]
+        near_by = (air > -rays.edge[:, 0]).cpu().numpy()
+        found.append((row * grid.n_theta + column)[near_by])
+    return np.sort(np.concatenate(found))
 
 
-def _deepest(table: Tensor, rays: Near, open_cells: Tensor, start: Tensor) -> Tensor:
+@torch.inference_mode()
+def _traced(
+    scene: Scene, job: tuple[NDArray[np.intp], NDArray[np.int64]]
+) -> tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]:
+    """Return the nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
+    nodes, here = job
+    grid, device = scene.grid, scene.device
+    rays = radial(grid, scene.cells, nodes // grid.n_theta, nodes % grid.n_theta, torch.as_tensor(here, device=device))
+    own = scene.relief.displacement_mm.ravel()[nodes]
+    start = torch.as_tensor(own, device=device) + grid.radius_mm
+    limit = torch.full_like(start, grid.radius_mm + DEEPEST_MM)
+    radius = first_solid(scene.cells, rays, _AlongRadius(start), start, limit)
+    radius = torch.nan_to_num(radius, nan=grid.radius_mm + DEEPEST_MM)
+    at_wall = torch.full_like(start, grid.radius_mm)
+    open_cells = covers(scene.cells.inverse, rays, at_wall)
+    covered, slot = open_cells.any(1), open_cells.to(torch.int8).argmax(1)
+    several = torch.nonzero(open_cells.to(torch.int8).sum(1) > 1)[:, 0]
+    if len(several):
+        slot[several] = _deepest(scene, rays.of(several), open_cells[several], at_wall[several])
+    number = torch.where(covered, rays.numbers(slot), 0).to(torch.int32)
+    wet = torch.isfinite(first_fluid(scene.cells, rays, start, radius)).to(torch.float32)
+    relief = (radius - grid.radius_mm).cpu().numpy()
+    missing = covered.cpu().numpy() & (relief > np.maximum(own, 0) + np.float32(OPEN_MM))
+    return nodes, (relief, missing, number.cpu().numpy(), wet.cpu().numpy())
+
+
+def _deepest(scene: Scene, rays: Near, open_cells: Tensor, start: Tensor) -> Tensor:
     """Return which of a ray's open cells (n, k) reaches deepest, its filling not considered, int64 (n,)."""
     depth = torch.zeros(open_cells.shape, dtype=start.dtype, device=start.device)
     for slot in range(open_cells.shape[1]):
         which = torch.nonzero(open_cells[:, slot])[:, 0]
         one, t = replace(rays.of(which).alone(slot), dusty=False), start[which]
-        while len(which):
-            step = clearance(table, one, t).step_mm[:, 0]
-            depth[which, slot] = t
-            on = step > 0
-            which, t = which[on], (t + step.clamp_min(STEP_MM))[on]
-            one = one.of(torch.nonzero(on)[:, 0])
+        no_bore = _AlongRadius(torch.full_like(t, -DEEPEST_MM))
+        ends = first_solid(scene.cells, one, no_bore, t, t + DEEPEST_MM)
+        depth[which, slot] = torch.nan_to_num(ends, nan=math.inf)
     return depth.argmax(1)

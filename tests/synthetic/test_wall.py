@@ -61,6 +61,24 @@ def test_ids_are_those_of_the_deepest_cavity_that_is_open() -> None:
     assert np.mean(wall.cell_id[rows, columns][open_] != expected[open_]) < 0.02  # as deep to within a step
 
 
+def test_a_shallow_wide_hole_is_open_all_over_its_outline_down_to_its_floor() -> None:
+    radius, half, deep = 1.25, 0.64, 0.09
+    wall = build_wall(bone(hole(diameter_mm=2 * half, depth_mm=deep)))
+    z = wall.dz_mm * np.arange(wall.relief_mm.shape[0])[:, None] - 3.0
+    away = wall.dtheta_rad * np.arange(wall.relief_mm.shape[1])[None, :] - 1.0
+    across = np.hypot(z, radius * np.sin(away))
+    # towards its sides the wall is 0.175 mm off the plane through its middle, twice the hole's depth
+    outline = (across < half - 0.005) & (np.cos(away) > 0)
+    assert wall.cell[outline].all()
+    assert not wall.cell[across > half + 0.005].any()
+    floor = radius + 0 * outline
+    for _ in range(20):
+        s = np.hypot(z, floor * np.sin(away)) / half
+        floor = (radius + deep * np.clip(1 - s**12, 0, 1) ** (1 / 12)) / np.cos(away)
+    flat = outline & (across < 0.53)
+    np.testing.assert_allclose(wall.relief_mm[flat], (floor - radius)[flat], atol=BAKED_MM)
+
+
 def test_turning_the_cells_rolls_the_maps() -> None:
     cells = hole(lean_rad=0.3, aspect=0.7), hole(theta_rad=2.0, z_mm=3.4, diameter_mm=0.9, squareness=3.0)
     plain = build_wall(bone(*cells))
