@@ -1,7 +1,6 @@
 """What the cone-mirror endoscope's camera records of the wall: one frame."""
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -9,18 +8,17 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.cone import band_centre_mm
-from endoct.synthetic.light import light, obscured
+from endoct.synthetic.light import light, obscured, surface
 from endoct.synthetic.parameters import Endoscope, Sample
 from endoct.synthetic.randomness import Stage, generator
 from endoct.synthetic.sensor import compressed, displayed, noisy
-from endoct.synthetic.sight import follow, view
+from endoct.synthetic.sight import bands, follow, view, visible
 from endoct.synthetic.wall import Wall
 
 __all__ = ["Seen", "band_centre_mm", "noise_free", "render_frame", "sight"]
 
-Pixel = TypeVar("Pixel", bound=np.generic)
-
 LEAST_BLUR_PX = 0.1
+BLEND_ROWS = 16
 SURROUND_STEPS = 8
 """Steps of a pixel in which the light around the annulus is tabulated."""
 
@@ -47,7 +45,11 @@ def render_frame(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uin
     """Return frame ``frame_index``, u8 (row, column) or (row, column, RGB)."""
     camera = sample.endoscope
     rng = generator(sample.seed, Stage.ENDOSCOPE, 1 + frame_index)
-    return compressed(camera, displayed(noisy(camera, _signal(sample, wall, frame_index), rng)))
+    signal = _signal(sample, wall, frame_index)
+    frame = np.empty(signal.shape, np.uint8)
+    for rows in bands(camera):
+        frame[rows] = displayed(noisy(camera, signal[rows], rng))
+    return compressed(camera, frame)
 
 
 def noise_free(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uint8]:
@@ -58,60 +60,70 @@ def noise_free(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uint8
 def sight(sample: Sample, wall: Wall, frame_index: int) -> Seen:
     """Return what every pixel of a frame sees of the wall."""
     camera = sample.endoscope
-    seen = view(camera, frame_index)
-    hits = follow(wall, camera, frame_index, seen)
+    shape = camera.height_px, camera.width_px
+    z_mm, theta_rad, depth_mm = (np.full(shape, np.nan, np.float32) for _ in range(3))
+    cell, hidden, valid = np.zeros(shape, np.int32), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     n_z, n_theta = wall.relief_mm.shape
-    z_mm = (hits.row + hits.first_row) * wall.dz_mm
-    row = np.clip(np.rint(hits.row).astype(np.intp) + hits.first_row, 0, n_z - 1)
-    column = np.mod(np.rint(hits.column).astype(np.intp), n_theta)
-
-    def on_image(values: NDArray[Pixel], elsewhere: float) -> NDArray[Pixel]:
-        image = np.full(camera.height_px * camera.width_px, elsewhere, values.dtype)
-        image[seen.pixel] = values
-        return image.reshape(camera.height_px, camera.width_px)
-
-    return Seen(
-        z_mm=on_image(z_mm.astype(np.float32), np.nan),
-        theta_rad=on_image(np.mod(hits.column * wall.dtheta_rad, 2 * np.pi).astype(np.float32), np.nan),
-        depth_mm=on_image((hits.radius_mm - wall.radius_mm).astype(np.float32), np.nan),
-        cell=on_image(wall.cell_id[row, column], 0),
-        obscured=on_image(obscured(camera, wall, seen, hits), False),
-        valid=on_image(np.ones(seen.pixel.size, bool), False),
-    )
+    reached = visible(wall, camera, frame_index)
+    for rows in bands(camera):
+        seen = view(camera, frame_index, rows)
+        if not seen.pixel.size:
+            continue
+        hits = follow(reached, camera, frame_index, seen)
+        z_mm.flat[seen.pixel] = (hits.row + hits.first_row) * wall.dz_mm
+        theta_rad.flat[seen.pixel] = np.mod(hits.column * wall.dtheta_rad, 2 * np.pi)
+        depth_mm.flat[seen.pixel] = hits.radius_mm - wall.radius_mm
+        row = np.clip(np.rint(hits.row).astype(np.intp) + hits.first_row, 0, n_z - 1)
+        cell.flat[seen.pixel] = wall.cell_id[row, np.mod(np.rint(hits.column).astype(np.intp), n_theta)]
+        hidden.flat[seen.pixel] = obscured(camera, wall, seen, hits)
+        valid.flat[seen.pixel] = True
+    return Seen(z_mm, theta_rad, depth_mm, cell, hidden, valid)
 
 
 def _signal(sample: Sample, wall: Wall, frame_index: int) -> Image:
     """Return the light on the sensor, float32 (row, column) or (row, column, RGB), 1 is saturation."""
     camera = sample.endoscope
-    seen = view(camera, frame_index)
-    arrived = light(sample, wall, seen, follow(wall, camera, frame_index, seen))
-    around, r_px = _surround(sample, frame_index)
-    image = np.repeat(around.reshape(-1, 1), arrived.shape[1], axis=1)
-    image[seen.pixel] += arrived
-    image = image.reshape(*around.shape, -1)
-    cx, cy = camera.centre_px[frame_index]
-    reach = camera.outer_px + 4 * (camera.defocus_px + camera.defocus_slope_px) + 1
-    box = (
-        slice(max(0, int(cy - reach)), int(cy + reach) + 2),
-        slice(max(0, int(cx - reach)), int(cx + reach) + 2),
-    )
-    image[box] = _defocused(camera, image[box], r_px[box])
+    reached = visible(wall, camera, frame_index)
+    lit, around = surface(camera, wall, reached), _Surround(sample, frame_index)
+    colours = 3 if camera.colour else 1
+    image = np.empty((camera.height_px, camera.width_px, colours), np.float32)
+    for rows in bands(camera):
+        seen = view(camera, frame_index, rows)
+        planes = np.repeat(around.light(rows)[None], colours, axis=0)
+        if seen.pixel.size:
+            place = seen.pixel - rows.start * camera.width_px
+            arrived = light(sample, lit, seen, follow(reached, camera, frame_index, seen))
+            for plane, colour in zip(planes, arrived, strict=True):
+                plane.ravel()[place] += colour
+        image[rows] = cv2.merge(list(planes)).reshape(image[rows].shape)
+    _defocus(camera, image, frame_index)
     return image if camera.colour else image[..., 0]
 
 
-def _defocused(camera: Endoscope, image: Image, r_px: Image) -> Image:
-    """Return an image blurred by ``defocus_px`` at the rim in focus, and by more towards the other."""
-    sharp = _blurred(image, camera.defocus_px)
+def _defocus(camera: Endoscope, image: Image, frame_index: int) -> None:
+    """Blur an image in place by ``defocus_px`` at the rim in focus, and by more towards the other."""
+    cx, cy = camera.centre_px[frame_index]
+    reach = camera.outer_px + 4 * (camera.defocus_px + camera.defocus_slope_px) + 1
+    left, top = max(0, int(cx - reach)), max(0, int(cy - reach))
+    box = image[top : int(cy + reach) + 2, left : int(cx + reach) + 2]
+    sharp = _blurred(box, camera.defocus_px)
     if camera.defocus_slope_px < LEAST_BLUR_PX:
-        return sharp
-    soft = _blurred(image, camera.defocus_px + camera.defocus_slope_px)
-    share = np.clip((r_px - camera.inner_px) / (camera.outer_px - camera.inner_px), 0, 1)
+        box[:] = sharp
+        return
+    soft = _blurred(box, camera.defocus_px + camera.defocus_slope_px)
+    in_focus, out_of_focus = camera.inner_px, camera.outer_px
     if camera.focus_at_outer:
-        share = 1 - share
-    soft -= sharp
-    soft *= share[:, :, None]
-    soft += sharp
-    return soft
+        in_focus, out_of_focus = out_of_focus, in_focus
+    for first in range(0, box.shape[0], BLEND_ROWS):
+        rows = slice(first, min(first + BLEND_ROWS, box.shape[0]))
+        share = _distance_px(camera, frame_index, range(top + first, top + rows.stop), range(left, left + box.shape[1]))
+        share -= in_focus
+        share *= 1 / (out_of_focus - in_focus)
+        np.clip(share, 0, 1, out=share)
+        part = soft[rows]
+        part -= sharp[rows]
+        part *= cv2.merge([share] * part.shape[2]).reshape(part.shape)
+        np.add(part, sharp[rows], out=box[rows])
 
 
 def _blurred(image: Image, sigma_px: float) -> Image:
@@ -120,33 +132,44 @@ def _blurred(image: Image, sigma_px: float) -> Image:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), dtype=np.float32).reshape(image.shape)
 
 
-def _surround(sample: Sample, frame_index: int) -> tuple[Image, Image]:
-    """Return what the camera sees besides the wall, and every pixel's distance from the annulus' centre.
+def _distance_px(
+    camera: Endoscope, frame_index: int, rows: range, columns: range, shift: tuple[float, float] = (0.0, 0.0)
+) -> Image:
+    """Return the distance of pixels from the annulus' centre, or from a place beside it."""
+    cx, cy = camera.centre_px[frame_index]
+    x = (np.arange(columns.start, columns.stop) - cx - shift[0]).astype(np.float32)[None, :]
+    y = (np.arange(rows.start, rows.stop) - cy - shift[1]).astype(np.float32)[:, None]
+    square = x * x + y * y
+    return np.asarray(np.sqrt(square, out=square))
 
-    That is the black level, a glow about the outer rim, and the cone's tip with the camera in it.
+
+class _Surround:
+    """What the camera sees besides the wall: the black level, a glow about the outer rim, and the cone's tip with
+    the camera in it.
     """
-    camera = sample.endoscope
-    rng = generator(sample.seed, Stage.ENDOSCOPE, 0)
-    tip_gain, glow_gain, lens_gain, lens_size = (
-        0.05 * rng.random(), rng.uniform(0.01, 0.03), rng.uniform(0.2, 0.9), rng.uniform(0.05, 0.15)
-    )  # fmt: skip
 
-    def distance_px(shift: tuple[float, float]) -> Image:
-        cx, cy = camera.centre_px[frame_index]
-        x = (np.arange(camera.width_px) - cx - shift[0]).astype(np.float32)[None, :]
-        y = (np.arange(camera.height_px) - cy - shift[1]).astype(np.float32)[:, None]
-        return np.asarray(np.sqrt(x**2 + y**2))
+    def __init__(self, sample: Sample, frame_index: int) -> None:
+        self._camera, self._frame_index = sample.endoscope, frame_index
+        camera, rng = sample.endoscope, generator(sample.seed, Stage.ENDOSCOPE, 0)
+        tip_gain, glow_gain, lens_gain, lens_size = (
+            0.05 * rng.random(), rng.uniform(0.01, 0.03), rng.uniform(0.2, 0.9), rng.uniform(0.05, 0.15)
+        )  # fmt: skip
+        radii = np.arange(2 * SURROUND_STEPS * int(camera.outer_px + 1)) / SURROUND_STEPS
+        glow = 0.015 + glow_gain * np.exp(-(((radii / camera.outer_px - 1) / 0.05) ** 2))
+        inner = radii / camera.inner_px
+        tip = 0.05 + tip_gain * np.cos(5 * inner) ** 2 + lens_gain * np.exp(-0.5 * (inner / lens_size) ** 2)
+        self._glow, self._tip = glow.astype(np.float32), tip.astype(np.float32)
 
-    def tabulated(r_px: Image, values: Image) -> Image:
-        return np.asarray(values[np.minimum((r_px * SURROUND_STEPS).astype(np.int32), values.size - 1)])
+    def light(self, rows: slice) -> Image:
+        """Return that in some rows of the image, float32."""
+        camera = self._camera
+        places = range(rows.start, rows.stop), range(camera.width_px)
+        surround = _tabulated(self._glow, _distance_px(camera, self._frame_index, *places))
+        r_inner = _distance_px(camera, self._frame_index, *places, camera.inner_shift_px)
+        within = r_inner < 0.97 * camera.inner_px
+        surround[within] = _tabulated(self._tip, r_inner[within])
+        return surround
 
-    r_px = distance_px((0.0, 0.0))
-    radii = np.arange(2 * SURROUND_STEPS * int(camera.outer_px + 1)) / SURROUND_STEPS
-    glow = 0.015 + glow_gain * np.exp(-(((radii / camera.outer_px - 1) / 0.05) ** 2))
-    inner = radii / camera.inner_px
-    tip = 0.05 + tip_gain * np.cos(5 * inner) ** 2 + lens_gain * np.exp(-0.5 * (inner / lens_size) ** 2)
-    surround = tabulated(r_px, glow.astype(np.float32))
-    r_inner = distance_px(camera.inner_shift_px)
-    within = r_inner < 0.97 * camera.inner_px
-    surround[within] = tabulated(r_inner[within], tip.astype(np.float32))
-    return surround, r_px
+
+def _tabulated(values: Image, r_px: Image) -> Image:
+    return values.take((r_px * SURROUND_STEPS).astype(np.intp), mode="clip")

@@ -7,12 +7,15 @@ L and at ρ from the axis, L·dψ wide and ρ·dθ, so that the irradiance falls
 mirror ρ would be L·sin ψ, and this the inverse square of the path.
 """
 
+from dataclasses import dataclass
+
+import cv2
 import numpy as np
 
 from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.cone import cone_of
 from endoct.synthetic.parameters import Debris, Endoscope, Sample
-from endoct.synthetic.sight import Hits, View, lookup
+from endoct.synthetic.sight import Hits, View, Visible, lookup
 from endoct.synthetic.wall import Wall
 
 BONE_RGB = (1.0, 0.88, 0.72)
@@ -29,27 +32,69 @@ CONTACT_REACH = 1.3
 OBSCURED = 0.2
 
 
-def light(sample: Sample, wall: Wall, seen: View, hits: Hits) -> Image:
-    """Return the light that arrives at each pixel of a view, float32 (n, 1 or 3), 1 is saturation.
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What the light of one frame falls on.
+
+    ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are seen, crumbs included;
+    ``wet`` (row, column), None where all is dry; ``irradiance`` of the nominal wall in the middle of the annulus, up
+    to the source's strength; ``radius_mm`` of the bore.
+    """
+
+    maps: Image
+    wet: Image | None
+    irradiance: float
+    radius_mm: float
+
+
+def surface(camera: Endoscope, wall: Wall, seen: Visible) -> Surface:
+    """Return what the light falls on in a frame that sees these rows of the wall."""
+    rows = slice(seen.first_row, seen.first_row + seen.relief_mm.shape[0])
+    slopes = [np.clip(slope[rows], -STEEPEST_SLOPE, STEEPEST_SLOPE) for slope in (wall.slope_z, wall.slope_theta)]
+    maps = np.asarray(cv2.merge([wall.albedo[rows], wall.rim[rows], *slopes]), dtype=np.float32)
+    for crumb in camera.debris:
+        _put(crumb, maps, wall, seen.first_row)
+    wet = wall.wet[rows]
+    return Surface(maps, wet if wet.any() else None, _reference(camera, wall.radius_mm), wall.radius_mm)
+
+
+def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
+    """Return the light that arrives at each pixel of a view, float32 (1 or 3, n), 1 is saturation.
 
     Bone seen squarely by a probe on the bore's axis has ``exposure`` in the middle of the annulus.
     """
     camera = sample.endoscope
-    albedo, rim, slope_z, slope_theta, wet = _surface(camera, wall, hits)
-    deep_mm = np.maximum(hits.radius_mm - np.float32(wall.radius_mm), 0)
-    irradiance = hits.sine / (hits.path_mm * hits.rho_mm) / _reference(camera, wall.radius_mm)
-    reach = np.exp(deep_mm / np.float32(-camera.fall_off_mm))
-    cosine = np.maximum(hits.outward - slope_theta * hits.around - slope_z * hits.inward, 0)
-    cosine /= np.sqrt(1 + slope_z**2 + slope_theta**2)
-    bone = albedo * (1 - FLUID_LOSS * wet)
-    diffuse = bone * ((1 - camera.stray) * irradiance * reach * cosine + camera.stray) + rim
+    albedo, rim, slope_z, slope_theta = np.ascontiguousarray(lookup(lit.maps, hits.row, hits.column).T)
+    wet = None if lit.wet is None else lookup(lit.wet, hits.row, hits.column)
+    deep_mm = np.maximum(hits.radius_mm - np.float32(lit.radius_mm), 0)
+    arriving = hits.sine / (hits.path_mm * hits.rho_mm)
+    arriving *= np.exp(deep_mm * np.float32(-1 / camera.fall_off_mm)) * np.float32(1 / lit.irradiance)
+    leaning = slope_theta * hits.around
+    leaning += slope_z * hits.inward
+    steepness = slope_z * slope_z
+    steepness += slope_theta * slope_theta
+    cosine = np.maximum(hits.outward - leaning, 0)
+    cosine /= np.sqrt(1 + steepness)
+    diffuse = (1 - camera.stray) * arriving
+    diffuse *= cosine
+    diffuse += camera.stray
+    diffuse *= albedo
+    gloss: float | Image = camera.gloss
+    if wet is not None:
+        diffuse *= 1 - FLUID_LOSS * wet
+        gloss = gloss + FLUID_GLOSS * wet
+        # a fluid's surface is smooth: what lies below it does not tilt it
+        leaning *= 1 - wet
+        steepness *= 1 - wet
+    diffuse += rim
 
-    # a fluid's surface is smooth: what lies below it does not tilt it
-    dry = 1 - wet
-    facing = np.maximum(hits.outward - dry * (slope_theta * hits.around + slope_z * hits.inward), 1e-3)
-    facing = facing**2 / (1 + dry * (slope_z**2 + slope_theta**2))
-    lobe = np.exp((1 - 1 / np.minimum(facing, 1)) / np.float32(2 * camera.gloss_rad**2))
-    glossy = (camera.gloss + FLUID_GLOSS * wet) * irradiance * reach * lobe
+    facing = np.maximum(hits.outward - leaning, 1e-3)
+    facing *= facing
+    facing /= 1 + steepness
+    lobe = 1 - 1 / np.minimum(facing, 1)
+    lobe *= np.float32(0.5 / camera.gloss_rad**2)
+    np.exp(lobe, out=lobe)
+    glossy = gloss * arriving * lobe
 
     through = camera.exposure * _probe_light(camera, seen)
     added = np.float32(camera.ring_gain) * np.exp(-0.5 * ((seen.r_px - camera.ring_px) / RING_SIGMA_PX) ** 2)
@@ -58,22 +103,22 @@ def light(sample: Sample, wall: Wall, seen: View, hits: Hits) -> Image:
     white = (through * glossy + added) * kept
     diffuse *= through * kept
     if not camera.colour:
-        return np.asarray((diffuse + white)[:, None], dtype=np.float32)
-    tint = np.array(BONE_RGB, np.float32)
-    if sample.bore.bone == "phantom":
-        return np.asarray(diffuse[:, None] * tint + white[:, None], dtype=np.float32)
-    lined = np.minimum(deep_mm / LINED_MM, 1)[:, None]
-    tint = tint + lined * (np.array(LINING_RGB, np.float32) - tint)
-    return np.asarray(diffuse[:, None] * tint + white[:, None], dtype=np.float32)
+        return np.asarray((diffuse + white)[None], dtype=np.float32)
+    lined = np.minimum(deep_mm / LINED_MM, 1) if sample.bore.bone == "mastoid" else None
+    arrived = np.empty((3, diffuse.size), np.float32)
+    for plane, bone, lining in zip(arrived, BONE_RGB, LINING_RGB, strict=True):
+        np.multiply(diffuse, bone if lined is None else bone + lined * (lining - bone), out=plane)
+        plane += white
+    return arrived
 
 
 def transmission(camera: Endoscope, seen: View) -> Image:
     """Return which part of the light the dirt on the optics lets through, float32 (n,)."""
     kept = np.ones_like(seen.r_px)
     for speck in camera.dirt:
-        near = np.flatnonzero(np.abs(seen.x_px - speck.x_px) < 5 * speck.sigma_px)
+        near = seen.near(speck.x_px, speck.y_px, 5 * speck.sigma_px)
         away = (seen.x_px[near] - speck.x_px) ** 2 + (seen.y_px[near] - speck.y_px) ** 2
-        kept[near] *= 1 - speck.loss * np.exp(-0.5 * away / speck.sigma_px**2)
+        kept[near] *= 1 - speck.loss * np.exp(away * (-0.5 / speck.sigma_px**2))
     return kept
 
 
@@ -98,22 +143,10 @@ def _droplet_shine(camera: Endoscope, seen: View) -> Image:
     shine = np.zeros_like(seen.r_px)
     for drop in camera.droplets:
         away = 1 - 0.45 * drop.radius_px / max(1.0, float(np.hypot(drop.x_px, drop.y_px)))
-        near = np.flatnonzero(np.abs(seen.x_px - drop.x_px) < 2 * drop.radius_px)
+        near = seen.near(drop.x_px, drop.y_px, 2 * drop.radius_px)
         square = (seen.x_px[near] - away * drop.x_px) ** 2 + (seen.y_px[near] - away * drop.y_px) ** 2
         shine[near] += np.float32(drop.shine) * np.exp(-0.5 * square / np.float32(0.2 * drop.radius_px) ** 2)
     return shine
-
-
-def _surface(camera: Endoscope, wall: Wall, hits: Hits) -> tuple[Image, Image, Image, Image, Image]:
-    """Return albedo, rim light, slopes along z and θ, and how wet it is, where the rays end; crumbs included."""
-    rows = slice(hits.first_row, hits.first_row + int(hits.row.max()) + 2)
-    maps = np.stack([m[rows] for m in (wall.albedo, wall.rim, wall.slope_z, wall.slope_theta)], axis=-1)
-    for crumb in camera.debris:
-        _put(crumb, maps, wall, hits.first_row)
-    np.clip(maps[..., 2:], -STEEPEST_SLOPE, STEEPEST_SLOPE, out=maps[..., 2:])
-    albedo, rim, slope_z, slope_theta = np.ascontiguousarray(lookup(maps, hits.row, hits.column).T)
-    wet = wall.wet[rows]
-    return albedo, rim, slope_z, slope_theta, lookup(wet, hits.row, hits.column) if wet.any() else np.zeros_like(rim)
 
 
 def _put(crumb: Debris, maps: Image, wall: Wall, first_row: int) -> None:
@@ -143,7 +176,9 @@ def obscured(camera: Endoscope, wall: Wall, seen: View, hits: Hits) -> Mask:
     """Say for each pixel of a view whether dirt, a droplet or a crumb keeps it from showing the wall, bool (n,)."""
     hidden: Mask = transmission(camera, seen) < 1 - OBSCURED
     for drop in camera.droplets:
-        hidden |= (seen.x_px - drop.x_px) ** 2 + (seen.y_px - drop.y_px) ** 2 < drop.radius_px**2
+        near = seen.near(drop.x_px, drop.y_px, drop.radius_px)
+        away = (seen.x_px[near] - drop.x_px) ** 2 + (seen.y_px[near] - drop.y_px) ** 2
+        hidden[near] |= away < drop.radius_px**2
     theta = hits.column * wall.dtheta_rad
     z_mm = (hits.row + hits.first_row) * wall.dz_mm
     for crumb in camera.debris:

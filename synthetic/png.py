@@ -11,7 +11,7 @@ from endoct.stitching.errors import EndoctError
 
 def png(frame: NDArray[np.uint8]) -> bytes:
     """Return a frame, u8 (row, column) or (row, column, RGB), as the bytes of a PNG file."""
-    done, data = cv2.imencode(".png", frame[:, :, ::-1] if frame.ndim == 3 else frame)
+    done, data = cv2.imencode(".png", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR) if frame.ndim == 3 else frame)
     if not done:
         raise EndoctError("a frame could not be encoded as PNG", found=f"{frame.dtype} {frame.shape}")
     return np.asarray(data, dtype=np.uint8).tobytes()

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.parameters import Endoscope
+from endoct.synthetic.spectrometer import bell
 
 GAMMA = 1.8
 LEVELS = 2**16
@@ -19,26 +20,26 @@ def noisy(camera: Endoscope, signal: Image, rng: Generator) -> Image:
 
     Its variance is signal/full_well + (read_noise/full_well)²; so many electrons are as good as normal.
     """
-    noise = rng.standard_normal(signal.shape, dtype=np.float32)
-    noise *= np.sqrt(
-        signal * np.float32(1 / camera.full_well) + np.float32((camera.read_noise / camera.full_well) ** 2)
-    )
-    noise += signal
-    return noise
+    sigma = signal * np.float32(1 / camera.full_well)
+    sigma += np.float32((camera.read_noise / camera.full_well) ** 2)
+    np.sqrt(sigma, out=sigma)
+    sigma *= bell(rng, signal.size).reshape(signal.shape)
+    sigma += signal
+    return sigma
 
 
 def displayed(signal: Image) -> NDArray[np.uint8]:
     """Return ``signal`` clipped at saturation, with a display gamma of 1/1.8, in 8 bits."""
     counts = signal * np.float32(LEVELS - 1)
     np.clip(counts, 0, LEVELS - 1, out=counts)
-    return np.asarray(_DISPLAY[counts.astype(np.uint16)])
+    return np.asarray(cv2.LUT(counts.astype(np.uint16), _DISPLAY), dtype=np.uint8).reshape(signal.shape)
 
 
 def compressed(camera: Endoscope, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return ``frame``, grey or RGB, as it comes out of JPEG compression."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, round(camera.jpeg_quality)]
-    done, data = cv2.imencode(".jpg", frame[..., ::-1] if frame.ndim == 3 else frame, quality)
+    done, data = cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR) if frame.ndim == 3 else frame, quality)
     found = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if done else None
     if found is None:
         raise EndoctError("a frame could not be compressed as JPEG")
-    return np.ascontiguousarray(found[..., ::-1] if found.ndim == 3 else found)
+    return np.asarray(cv2.cvtColor(found, cv2.COLOR_BGR2RGB) if found.ndim == 3 else found, dtype=np.uint8)

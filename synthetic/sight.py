@@ -2,11 +2,11 @@
 
 Every pixel of the annulus is one ray: off the cone, turned with the probe into the bore's frame, and followed to
 the first place at which it is behind the wall's relief. float32 throughout: coordinates along the bore count from
-the frame, so that rounding stays below 1e-6 mm.
+the frame, so that rounding stays below 1e-6 mm. Frames are worked on in bands of rows, whose arrays fit a cache.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import cv2
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image
-from endoct.synthetic.cone import band_centre_mm, cone_of
+from endoct.synthetic.cone import ConeRays, band_centre_mm, cone_of
 from endoct.synthetic.parameters import Endoscope
 from endoct.synthetic.wall import Wall
 
@@ -22,12 +22,16 @@ STEP_ACROSS_MM = 0.01
 """How far a ray goes along the wall between two looks: no farther than the wall's maps are fine."""
 LONGEST_STEP_MM = 0.25
 CLEARANCE_MM = 0.002
-LOOKUP_COLUMNS = 1024
+LOOKUP_COLUMNS = 2**14
+"""Places that are looked up at once; an image may not be wider than 2¹⁵."""
+BAND_PX = 80_000
+RIM_PLACES = 64
+"""Places around a rim at which its rays are followed to find how much of the wall a frame can see."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The pixels of the annulus, float32 (n,) each but the indices.
+    """Pixels of the annulus, row by row, float32 (n,) each but the indices.
 
     ``pixel``: index into the flattened image; ``x_px``, ``y_px``: columns and rows from the annulus' centre, and
     ``r_px`` from it; ``look_x_px``, ``look_y_px``: where the pixel looks, which a droplet displaces.
@@ -39,6 +43,12 @@ class View:
     r_px: Image
     look_x_px: Image
     look_y_px: Image
+
+    def near(self, x_px: float, y_px: float, reach_px: float) -> NDArray[np.intp]:
+        """Return which of the pixels are in the square of ``reach_px`` about a place."""
+        first, stop = np.searchsorted(self.y_px, np.array([y_px - reach_px, y_px + reach_px], np.float32))
+        near = np.flatnonzero(np.abs(self.x_px[first:stop] - np.float32(x_px)) < reach_px)
+        return np.asarray(near + first, dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +101,14 @@ class _Rays:
 
 
 @dataclass(frozen=True, eq=False)
-class _Relief:
-    """The part of the wall's relief that a frame can see; ``apex_row`` is the apex' place on its rows."""
+class Visible:
+    """The rows of a wall that a frame can see, from ``first_row``; ``apex_row`` is the apex' place among them.
+
+    ``relief_mm`` is that of the wall, between ``least_mm`` and beyond.
+    """
 
     relief_mm: Image
+    least_mm: float
     first_row: int
     apex_row: float
     rows_per_mm: float
@@ -103,53 +117,151 @@ class _Relief:
 
     def at(self, rays: _Rays, t_mm: Image) -> tuple[Image, Image, Image, Image]:
         """Return how far behind the wall the rays are at ``t_mm``, and radius, row and column there."""
-        u, v = rays.u0 + t_mm * rays.u1, rays.v0 + t_mm * rays.v1
-        radius = np.sqrt(u * u + v * v)
-        column = (rays.theta_rad + np.arcsin(np.clip(v / radius, -1, 1))) * np.float32(self.columns_per_rad)
-        row = (rays.z0 + t_mm * rays.z1) * np.float32(self.rows_per_mm) + np.float32(self.apex_row)
-        row = np.clip(row, 0, self.relief_mm.shape[0] - 1)
-        return radius - np.float32(self.radius_mm) - lookup(self.relief_mm, row, column), radius, row, column
+        v = t_mm * rays.v1
+        v += rays.v0
+        radius = t_mm * rays.u1
+        radius += rays.u0
+        radius *= radius
+        radius += v * v
+        np.sqrt(radius, out=radius)
+        v /= radius
+        column = _arcsine(v)
+        column += rays.theta_rad
+        column *= np.float32(self.columns_per_rad)
+        row = t_mm * rays.z1
+        row += rays.z0
+        row *= np.float32(self.rows_per_mm)
+        row += np.float32(self.apex_row)
+        np.maximum(row, 0, out=row)
+        np.minimum(row, self.relief_mm.shape[0] - 1, out=row)
+        behind = radius - np.float32(self.radius_mm)
+        behind -= lookup(self.relief_mm, row, column)
+        return behind, radius, row, column
+
+
+def _arcsine(x: Image) -> Image:
+    """Return the arcsine, to 1e-6 up to 0.3: probes are hardly off the axis, and this is fast."""
+    square = x * x
+    series = square * np.float32(15 / 336)
+    series += np.float32(3 / 40)
+    series *= square
+    series += np.float32(1 / 6)
+    series *= square
+    series += 1
+    series *= x
+    return series
+
+
+def _azimuth(x: Image, y: Image) -> Image:
+    """Return the arctangent of y/x for unit vectors: a coarse one, corrected by the sine of what it lacks."""
+    coarse = np.asarray(cv2.phase(x, y), dtype=np.float32).ravel()
+    coarse += y * np.cos(coarse) - x * np.sin(coarse)
+    return coarse
 
 
 def lookup(maps: Image, row: Image, column: Image) -> Image:
     """Return maps (row, column) or (row, column, 2–4) at fractional places (n,), bilinear, cyclic in columns."""
-    n = row.size
-    shape = -(-n // LOOKUP_COLUMNS), LOOKUP_COLUMNS
-    places = [np.pad(values, (0, shape[0] * shape[1] - n)).reshape(shape) for values in (column, row)]
-    found = cv2.remap(maps, places[0], places[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    return np.asarray(found, dtype=np.float32).reshape(-1, *maps.shape[2:])[:n]
+    found = np.empty((row.size, *maps.shape[2:]), np.float32)
+    for first in range(0, row.size, LOOKUP_COLUMNS):
+        part = slice(first, first + LOOKUP_COLUMNS)
+        found[part] = cv2.remap(
+            maps, column[None, part], row[None, part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+        )[0]
+    return found
 
 
-def view(camera: Endoscope, frame_index: int) -> View:
-    """Return the pixels between the annulus' boundaries, of which the inner has a centre of its own."""
+def bands(camera: Endoscope) -> Iterator[slice]:
+    """Yield the rows of an image, band by band."""
+    rows = max(1, BAND_PX // camera.width_px)
+    for first in range(0, camera.height_px, rows):
+        yield slice(first, min(first + rows, camera.height_px))
+
+
+def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View:
+    """Return the pixels between the annulus' boundaries, of which the inner has a centre of its own, in some rows."""
     cx, cy = camera.centre_px[frame_index]
     shift_x, shift_y = camera.inner_shift_px
+    top = rows.indices(camera.height_px)[0]
     x = (np.arange(camera.width_px) - cx).astype(np.float32)[None, :]
-    y = (np.arange(camera.height_px) - cy).astype(np.float32)[:, None]
-    inner = (x - np.float32(shift_x)) ** 2 + (y - np.float32(shift_y)) ** 2 >= camera.inner_px**2
-    pixel = np.flatnonzero(inner & (x**2 + y**2 <= camera.outer_px**2))
-    row, column = np.divmod(pixel, camera.width_px)
+    y = (np.arange(camera.height_px)[rows] - cy).astype(np.float32)[:, None]
+    inside = (x - np.float32(shift_x)) ** 2 + (y - np.float32(shift_y)) ** 2 >= camera.inner_px**2
+    inside &= x**2 + y**2 <= camera.outer_px**2
+    row, column = np.nonzero(inside)
+    pixel = (row + top) * camera.width_px + column
     x, y = x[0, column], y[row, 0]
-    look_x, look_y = x, y
+    seen = View(pixel, x, y, np.sqrt(x * x + y * y), x.copy(), y.copy())
     for drop in camera.droplets:
-        near = np.flatnonzero((np.abs(x - drop.x_px) < drop.radius_px) & (np.abs(y - drop.y_px) < drop.radius_px))
+        near = seen.near(drop.x_px, drop.y_px, drop.radius_px)
         dx, dy = x[near] - np.float32(drop.x_px), y[near] - np.float32(drop.y_px)
-        q = np.minimum((dx**2 + dy**2) / np.float32(drop.radius_px**2), 1)
+        q = np.minimum((dx * dx + dy * dy) / np.float32(drop.radius_px**2), 1)
         # a lens that is flat at its middle and its rim: q(1 − q²) is at most 2/√27
         bend = np.float32(drop.bend_px / drop.radius_px * math.sqrt(27) / 2) * (1 - q)
-        look_x, look_y = look_x.copy(), look_y.copy()
-        look_x[near] -= bend * dx
-        look_y[near] -= bend * dy
-    return View(pixel, x, y, np.sqrt(x**2 + y**2), look_x, look_y)
+        seen.look_x_px[near] -= bend * dx
+        seen.look_y_px[near] -= bend * dy
+    return seen
 
 
-def follow(wall: Wall, camera: Endoscope, frame_index: int, seen: View) -> Hits:
+def visible(wall: Wall, camera: Endoscope, frame_index: int) -> Visible:
+    """Return the rows of the wall that a frame's rays can reach before they are behind all of it.
+
+    That is found from the rays at the annulus' rims: between these, they end between.
+    """
+    least, most = float(wall.relief_mm.min()), float(wall.relief_mm.max())
+    bend_px = max((drop.bend_px for drop in camera.droplets), default=0.0)
+    inner_px = max(0.5 * camera.inner_px, camera.inner_px - math.hypot(*camera.inner_shift_px) - bend_px)
+    around = np.arange(RIM_PLACES) * (2 * np.pi / RIM_PLACES)
+    rims = np.array([[inner_px], [camera.outer_px + bend_px]])
+    x, y = ((rims * turned).astype(np.float32).ravel() for turned in (np.cos(around), np.sin(around)))
+    rays, _ = _rays(camera, frame_index, x, y)
+    ends = [rays.z0 + rays.to_radius_mm(wall.radius_mm + relief) * rays.z1 for relief in (least - CLEARANCE_MM, most)]
+    apex_mm = camera.z_mm[frame_index] - band_centre_mm(camera, wall.radius_mm)
+    apex_row, last = apex_mm / wall.dz_mm, wall.relief_mm.shape[0] - 1
+    first_row = math.floor(apex_row + float(min(z.min() for z in ends)) / wall.dz_mm) - 3
+    first_row = min(max(first_row, 0), last)
+    stop = math.ceil(apex_row + float(max(z.max() for z in ends)) / wall.dz_mm) + 4
+    relief_mm = wall.relief_mm[first_row : max(stop, first_row + 1)]
+    return Visible(
+        relief_mm=relief_mm,
+        least_mm=float(relief_mm.min()),
+        first_row=first_row,
+        apex_row=apex_row - first_row,
+        rows_per_mm=1 / wall.dz_mm,
+        columns_per_rad=1 / wall.dtheta_rad,
+        radius_mm=wall.radius_mm,
+    )
+
+
+def follow(wall: Visible, camera: Endoscope, frame_index: int, seen: View) -> Hits:
     """Return where the pixels' rays meet the wall."""
-    r_px = np.sqrt(seen.look_x_px**2 + seen.look_y_px**2)
+    rays, off_cone = _rays(camera, frame_index, seen.look_x_px, seen.look_y_px)
+    t = _march(wall, rays)
+    _, radius, row, column = wall.at(rays, t)
+    u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1
+    return Hits(
+        first_row=wall.first_row,
+        row=row,
+        column=column,
+        radius_mm=radius,
+        outward=np.asarray((u * rays.u1 + v * rays.v1) / radius, dtype=np.float32),
+        around=np.asarray((u * rays.v1 - v * rays.u1) / radius, dtype=np.float32),
+        inward=rays.z1,
+        path_mm=np.asarray(off_cone.path_mm, dtype=np.float32) + t,
+        rho_mm=np.asarray(off_cone.rho_mm + t * off_cone.outward, dtype=np.float32),
+        sine=np.asarray(off_cone.sine, dtype=np.float32),
+    )
+
+
+def _rays(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> tuple[_Rays, ConeRays]:
+    """Return the rays of places of the image, counted from the annulus' centre."""
+    r_px = np.sqrt(x_px * x_px + y_px * y_px)
     off_cone = cone_of(camera).rays(r_px)
     turn = camera.roll_rad[frame_index]
-    cos, sin = seen.look_x_px / r_px, seen.look_y_px / r_px
-    theta = np.arctan2(sin, cos) + np.float32(turn)
+    per_px = np.asarray(1 / r_px, dtype=np.float32)
+    cos, sin = x_px * per_px, y_px * per_px
+    theta = _azimuth(cos, sin)
+    theta += np.float32(turn)
+    # within a turn, as looking maps up beyond their edges takes ten times as long
+    theta -= np.float32(2 * np.pi) * np.floor(theta * np.float32(0.5 / np.pi))
     cos, sin = _rotated(cos, sin, turn)
     starts = _leaned(camera, (off_cone.rho_mm * cos, off_cone.rho_mm * sin, off_cone.z_mm))
     ways = _leaned(camera, (off_cone.outward * cos, off_cone.outward * sin, off_cone.inward))
@@ -163,22 +275,7 @@ def follow(wall: Wall, camera: Endoscope, frame_index: int, seen: View) -> Hits:
         z0=starts[2],
         z1=ways[2],
     )
-    relief = _visible(wall, rays, camera.z_mm[frame_index] - band_centre_mm(camera, wall.radius_mm))
-    t = _march(relief, rays)
-    _, radius, row, column = relief.at(rays, t)
-    u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1
-    return Hits(
-        first_row=relief.first_row,
-        row=row,
-        column=column,
-        radius_mm=radius,
-        outward=np.asarray((u * rays.u1 + v * rays.v1) / radius, dtype=np.float32),
-        around=np.asarray((u * rays.v1 - v * rays.u1) / radius, dtype=np.float32),
-        inward=rays.z1,
-        path_mm=np.asarray(off_cone.path_mm, dtype=np.float32) + t,
-        rho_mm=np.asarray(off_cone.rho_mm + t * off_cone.outward, dtype=np.float32),
-        sine=np.asarray(off_cone.sine, dtype=np.float32),
-    )
+    return rays, off_cone
 
 
 def _rotated(x: Image, y: Image, by_rad: float) -> tuple[Image, Image]:
@@ -195,49 +292,43 @@ def _leaned(camera: Endoscope, vectors: Sequence[Image]) -> tuple[Image, Image, 
     return x, y, z
 
 
-def _visible(wall: Wall, rays: _Rays, apex_mm: float) -> _Relief:
-    """Return the relief between the rows that rays can reach before they are behind all of it."""
-    least, most = float(wall.relief_mm.min()), float(wall.relief_mm.max())
-    ends = [rays.z0 + rays.to_radius_mm(wall.radius_mm + relief) * rays.z1 for relief in (least, most)]
-    apex_row, last = apex_mm / wall.dz_mm, wall.relief_mm.shape[0] - 1
-    first_row = math.floor(apex_row + float(min(z.min() for z in ends)) / wall.dz_mm) - 2
-    first_row = min(max(first_row, 0), last)
-    stop = math.ceil(apex_row + float(max(z.max() for z in ends)) / wall.dz_mm) + 3
-    return _Relief(
-        relief_mm=wall.relief_mm[first_row : max(stop, first_row + 1)],
-        first_row=first_row,
-        apex_row=apex_row - first_row,
-        rows_per_mm=1 / wall.dz_mm,
-        columns_per_rad=1 / wall.dtheta_rad,
-        radius_mm=wall.radius_mm,
-    )
-
-
-def _march(relief: _Relief, rays: _Rays) -> Image:
+def _march(wall: Visible, rays: _Rays) -> Image:
     """Return t where each ray falls behind the relief.
 
     A step goes as far as the ray stays over one place of the maps, so that no septum is stepped over; the place
     itself is then found between the last two looks by the rule of false position.
     """
-    before = rays.to_radius_mm(relief.radius_mm + float(relief.relief_mm.min()) - CLEARANCE_MM)
-    around = np.abs(rays.v1) + np.abs(rays.v0) / np.float32(relief.radius_mm)
-    step = np.minimum(STEP_ACROSS_MM / np.maximum(np.hypot(rays.z1, around), 1e-6), LONGEST_STEP_MM)
-    ahead, excess_ahead = before + step, np.empty_like(before)
-    excess = relief.at(rays, before)[0]
-    on, part = np.arange(before.size), rays
+    before = rays.to_radius_mm(wall.radius_mm + wall.least_mm - CLEARANCE_MM)
+    around = np.abs(rays.v1) + np.abs(rays.v0) / np.float32(wall.radius_mm)
+    across = np.sqrt(rays.z1 * rays.z1 + around * around)
+    step = np.minimum(STEP_ACROSS_MM / np.maximum(across, 1e-6), LONGEST_STEP_MM)
+    ahead = before + step
+    excess = wall.at(rays, before)[0]
+    excess_ahead = wall.at(rays, ahead)[0]
+    on = np.flatnonzero(excess_ahead < 0)
+    part, there, found, stride = rays.of(on), ahead[on], excess_ahead[on], step[on]
     while on.size:
-        found = relief.at(part, ahead[on])[0]
-        excess_ahead[on] = found
-        on = on[found < 0]
-        part = part.of(np.flatnonzero(found < 0))
-        before[on], excess[on] = ahead[on], excess_ahead[on]
-        ahead[on] += step[on]
+        before[on], excess[on] = there, found
+        there += stride
+        found = wall.at(part, there)[0]
+        ahead[on], excess_ahead[on] = there, found
+        kept = np.flatnonzero(found < 0)
+        on, part, there, found, stride = on[kept], part.of(kept), there[kept], found[kept], stride[kept]
     for _ in range(2):
-        share = excess / np.minimum(excess - excess_ahead, -1e-12)
-        middle = before + (ahead - before) * share
-        found = relief.at(rays, middle)[0]
+        middle = _crossing(before, excess, ahead, excess_ahead)
+        found = wall.at(rays, middle)[0]
         short = found < 0
-        before, excess = np.where(short, middle, before), np.where(short, found, excess)
-        ahead, excess_ahead = np.where(short, ahead, middle), np.where(short, excess_ahead, found)
-    share = excess / np.minimum(excess - excess_ahead, -1e-12)
-    return np.asarray(before + (ahead - before) * share, dtype=np.float32)
+        np.copyto(before, middle, where=short)
+        np.copyto(excess, found, where=short)
+        np.logical_not(short, out=short)
+        np.copyto(ahead, middle, where=short)
+        np.copyto(excess_ahead, found, where=short)
+    return _crossing(before, excess, ahead, excess_ahead)
+
+
+def _crossing(before: Image, excess: Image, ahead: Image, excess_ahead: Image) -> Image:
+    """Return where a straight line between two looks is level with the wall."""
+    share: Image = excess / np.minimum(excess - excess_ahead, np.float32(-1e-12))
+    share *= ahead - before
+    share += before
+    return share

@@ -10,10 +10,10 @@ from endoct.stitching.arrays import Coordinates, Image
 from endoct.synthetic.camera import noise_free, render_frame, sight
 from endoct.synthetic.cone import cone_of, focal_length_px
 from endoct.synthetic.draw import draw
-from endoct.synthetic.light import light
+from endoct.synthetic.light import light, surface
 from endoct.synthetic.parameters import Debris, Droplet, Sample, Speck
 from endoct.synthetic.sensor import compressed, displayed, noisy
-from endoct.synthetic.sight import View, follow, view
+from endoct.synthetic.sight import View, follow, view, visible
 from endoct.synthetic.wall import Wall
 
 RADIUS_MM, CENTRE, INNER_PX, OUTER_PX = 1.25, (159.7, 120.4), 50.0, 105.0
@@ -71,8 +71,9 @@ def wall_of(relief_mm: float = 0.0, wet: float = 0.0, slope_z: float = 0.0) -> W
 
 
 def seen_light(sample: Sample, wall: Wall) -> tuple[View, Image]:
-    seen = view(sample.endoscope, 0)
-    return seen, light(sample, wall, seen, follow(wall, sample.endoscope, 0, seen))
+    camera = sample.endoscope
+    seen, reached = view(camera, 0), visible(wall, camera, 0)
+    return seen, light(sample, surface(camera, wall, reached), seen, follow(reached, camera, 0, seen)).T
 
 
 def tan_psi(sample: Sample, r_px: Coordinates) -> Coordinates:
