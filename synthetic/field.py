@@ -7,9 +7,11 @@ fully developed speckle. Everything thin is a reflector at its exact path. Array
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy import fft
@@ -18,7 +20,6 @@ from endoct.stitching.arrays import Coordinates, Image
 from endoct.synthetic.appearance import Appearance
 from endoct.synthetic.beams import BONE_INDEX, Echoes
 from endoct.synthetic.parameters import Oct
-from endoct.synthetic.randomness import smooth_field
 from endoct.synthetic.spectrometer import Spectrometer, bell, roll_off
 
 Field = NDArray[np.complex64]
@@ -77,9 +78,7 @@ class Scattered:
         of = slice(None if with_line else self.n_optical)
         for first in range(0, n_columns, COLUMNS):
             columns = slice(first, min(n_columns, first + COLUMNS))
-            wide = np.zeros((columns.stop - first, n * finer), np.complex64)
-            wide[:, :n] = self.bone[columns]
-            field = fft.ifft(wide, norm="forward", overwrite_x=True)
+            field = fft.ifft(self.bone[columns], n * finer, norm="forward")
             if n_m != n or first_m != 0:
                 field = field[:, m]
             cycles = self.delay_px[of, columns] / n
@@ -92,25 +91,29 @@ def _reflected(
 ) -> Field:
     """Return Σ a·exp(2πi·cycles·(first + i·step)) over reflectors, for i < n_steps: (column, n_steps).
 
-    With i = ``STRIDE``·j + k that is a product of two small matrices a column, each row of which is the one before
-    times a phasor.
+    With i = ``STRIDE``·j + k that is a product of two small matrices a column.
     """
     seen = np.any(amplitude != 0, axis=1)
     cycles, amplitude = cycles[seen].T, amplitude[seen].T
-    one = np.exp(2j * np.pi * step * cycles)
-    rows = -(-n_steps // STRIDE)
-    coarse = np.empty((cycles.shape[0], rows, cycles.shape[1]), np.complex64)
-    fine = np.empty((cycles.shape[0], cycles.shape[1], STRIDE), np.complex64)
     phasor = amplitude * np.exp(2j * np.pi * first * cycles)
-    stride = one**STRIDE
-    for j in range(rows):
-        coarse[:, j] = phasor
-        phasor = phasor * stride
-    phasor = np.ones_like(one)
-    for k in range(STRIDE):
-        fine[:, :, k] = phasor
-        phasor = phasor * one
-    return np.asarray((coarse @ fine).reshape(cycles.shape[0], -1)[:, :n_steps], dtype=np.complex64)
+    coarse = _powers(np.exp(2j * np.pi * step * STRIDE * cycles), -(-n_steps // STRIDE))
+    coarse *= phasor.astype(np.complex64)
+    fine = _powers(np.exp(2j * np.pi * step * cycles), STRIDE)
+    field = coarse.transpose(1, 0, 2) @ fine.transpose(1, 2, 0)
+    return np.asarray(field.reshape(cycles.shape[0], -1)[:, :n_steps], dtype=np.complex64)
+
+
+def _powers(one: NDArray[np.complex128], n: int) -> Field:
+    """Return the powers 0 … n − 1 of phasors (column, reflector), complex64 (n, column, reflector), by doubling."""
+    powers = np.empty((n, *one.shape), np.complex64)
+    powers[0] = 1
+    known = 1
+    while known < n:
+        more = min(known, n - known)
+        np.multiply(powers[:more], one.astype(np.complex64), out=powers[known : known + more])
+        known += more
+        one = one * one
+    return powers
 
 
 def scattered(
@@ -200,26 +203,29 @@ def _bone(
     first = int(np.clip(np.nanmin(entry) - 1, 0, n - 1))
     last = _negligible_from(oct_, float(level.max()), first, n)
 
-    # all columns show one profile, shifted: it is read from a table at 1/32 pixel
+    # all columns show one profile, shifted: they are windows of it, tabulated for every 1/32 pixel of shift, and
+    # everything twice in a row, for the real and the imaginary part
     bins = np.arange(first, last)
     below = np.arange(-TABLE_PER_PX, (last - first + 2) * TABLE_PER_PX) / TABLE_PER_PX
-    table = np.sqrt(_profile(oct_, below, np.clip(below + 0.5, 0, 1))).astype(np.float32)
-    shift = np.rint(np.nan_to_num(entry, nan=2.0 * n) * TABLE_PER_PX).astype(np.int32) - TABLE_PER_PX
-    amplitude = table.take(TABLE_PER_PX * bins.astype(np.int32) - shift[:, None], mode="clip")
+    table = np.sqrt(_profile(oct_, below, np.clip(below + 0.5, 0, 1))).astype(np.float32).reshape(-1, TABLE_PER_PX).T
+    table = np.repeat(np.pad(table, ((0, 0), (bins.size, bins.size)), mode="edge"), 2, axis=1)
+    place = TABLE_PER_PX * (first + 1) - np.rint(np.nan_to_num(entry, nan=2.0 * n) * TABLE_PER_PX).astype(np.intp)
+    start = np.clip(place // TABLE_PER_PX + bins.size, 0, table.shape[1] // 2 - bins.size)
+    amplitude = sliding_window_view(table, 2 * bins.size, axis=1)[place % TABLE_PER_PX, 2 * start]
     for column in np.flatnonzero(np.isfinite(echoes.exit_path_mm)):
         ends = [echoes.exit_path_mm[column], echoes.reentry_path_mm[column]]
         out, back = (np.nan_to_num(np.array(ends), nan=np.inf) - oct_.first_sample_mm) / pixel
         inside, beyond = bins - entry[column], np.minimum(bins, back) - out
         gap = np.clip(bins + 0.5 - out, 0, 1) - np.clip(bins + 0.5 - back, 0, 1)
         share = np.clip(inside + 0.5, 0, 1)
-        amplitude[column] = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
+        left = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
+        amplitude[column] = np.repeat(left, 2)
     amplitude *= np.sqrt(0.5 * one.bone_unit2 * level).astype(np.float32)[:, None]
-    amplitude *= roll_off(oct_, bins.astype(np.float64), n).astype(np.float32)
+    amplitude *= np.repeat(roll_off(oct_, bins.astype(np.float64), n), 2).astype(np.float32)
 
+    amplitude *= turn(bell(rng, turn.n_ring * 2 * bins.size).reshape(turn.n_ring, -1))
     taps = lateral_taps(oct_, radius_mm, turn.n_ring)
-    for part in (bone.real, bone.imag):
-        white = turn(bell(rng, turn.n_ring * bins.size).reshape(turn.n_ring, bins.size))
-        part[:, first:last] = _summed(white * amplitude, taps)
+    bone[:, first:last] = _summed(amplitude, taps).view(np.complex64)
     return bone
 
 
@@ -257,7 +263,19 @@ def _summed(image: Image, taps: Image) -> Image:
 
 def _around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:
     """Return a smooth random course around the ring, rms 1, at every column."""
-    course = smooth_field(rng, (1, AROUND), 0.0, sigma_turns * AROUND)[0]
-    place = (turn.first + np.arange(turn.n)) * (AROUND / turn.n_ring)
-    around: Coordinates = np.interp(place, np.arange(AROUND), course, period=AROUND)
+    spectrum = fft.rfft(rng.standard_normal(AROUND, dtype=np.float32))
+    spectrum *= _smoothing(sigma_turns)
+    course = fft.irfft(spectrum)
+    course /= np.sqrt(np.mean(np.square(course, dtype=np.float64)))
+    place = np.mod((turn.first + np.arange(turn.n)) * (AROUND / turn.n_ring), AROUND)
+    around: Coordinates = np.interp(place, np.arange(AROUND + 1), np.append(course, course[0]))
     return around
+
+
+@lru_cache(maxsize=16)
+def _smoothing(sigma_turns: float) -> Image:
+    """Return what a Gaussian leaves of each frequency around the ring, and nothing of the mean."""
+    left = np.exp(-0.5 * (2 * np.pi * sigma_turns * np.arange(AROUND // 2 + 1)) ** 2).astype(np.float32)
+    left[0] = 0
+    left.flags.writeable = False
+    return np.asarray(left)
