@@ -265,15 +265,27 @@ class Clearance:
     in_dust: Tensor | None
 
 
-def clearance(table: Tensor, rays: Near, t: Tensor) -> Clearance:
-    """Return the clearance of every ray at ``t`` (n,), mm."""
+def air_mm(table: Tensor, rays: Near, t: Tensor) -> Tensor:
+    """Return the distance to the cavities' surface at ``t`` (n,), > 0 inside, whatever fills them; (n, k), mm."""
     u, v, w = local(rays, t)
-    s, depth = outlined(table, rays, u, v), _depth(rays, w)
+    return _air(rays, outlined(table, rays, u, v), w)[0]
+
+
+def _air(rays: Near, s: Tensor, w: Tensor) -> tuple[Tensor, Tensor]:
+    """Return that distance, exact near the surface, and 1 − N."""
+    depth = _depth(rays, w)
     norm, s_p, w_p = _parts(s, depth, rays.power)
     left = 1 - norm
     # N's derivatives by s and by w, but for a factor, so that left over its gradient is a distance
     by_s, by_w = s_p / (s.clamp_min(1e-6) * rays.across), w_p / (depth.clamp_min(1e-6) * rays.along)
-    air = left * (s_p + w_p) / (norm * torch.sqrt(by_s * by_s + by_w * by_w))
+    return left * (s_p + w_p) / (norm * torch.sqrt(by_s * by_s + by_w * by_w)), left
+
+
+def clearance(table: Tensor, rays: Near, t: Tensor) -> Clearance:
+    """Return the clearance of every ray at ``t`` (n,), mm."""
+    u, v, w = local(rays, t)
+    s = outlined(table, rays, u, v)
+    air, left = _air(rays, s, w)
     inside = left.clamp_min(0)
     step = torch.maximum(inside / rays.fastest, _stays_inside(rays, s, w, inside)) + left.clamp_max(0) / rays.fastest
     if not rays.dusty:

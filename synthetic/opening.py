@@ -21,25 +21,31 @@ STEP_MM = 0.02
 COLUMNS = 512
 
 
+@dataclass(frozen=True)
+class Fan:
+    """Radial rays to one cavity: from each of some rows, and towards each of some columns of a grid."""
+
+    from_rows: Near
+    towards: Near
+
+    def of(self, row: NDArray[np.intp], column: NDArray[np.intp]) -> Near:
+        """Return the rays from ``row`` towards ``column``, indices into those rows and columns (n,)."""
+        place, heading = (torch.as_tensor(index, device=self.from_rows.cell.device) for index in (row, column))
+        starts = {name: getattr(self.from_rows, name).index_select(0, place) for name in ("u", "v", "w")}
+        changes = ("du", "dv", "dw", "grows", "sinks", "fastest")
+        rates = {name: getattr(self.towards, name).index_select(0, heading) for name in changes}
+        return replace(self.from_rows, **starts, **rates)
+
+
+def fan(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], number: int) -> Fan:
+    """Return the rays from the axis at all ``rows`` towards all ``columns`` of the wall, to one cavity."""
+    cell = torch.full((1, 1), number, device=all_.centre.device)
+    from_rows = radial(grid, all_, rows, np.zeros_like(rows), cell)
+    return Fan(from_rows, radial(grid, all_, np.zeros_like(columns), columns, cell))
+
+
 def radial(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Tensor) -> Near:
-    """Return the rays from the axis through nodes of the wall (n,), with their ``cells`` int64 (n, k), float32.
-
-    With cells (1, k), the same for all, the nodes share what their rows and columns have in common.
-    """
-    if len(cells) > 1 or not rows.size:
-        return _radial(grid, all_, rows, columns, cells)
-    first = int(rows.min())
-    of_row = np.arange(first, int(rows.max()) + 1)
-    of_column = np.arange(grid.n_theta)
-    from_ = _radial(grid, all_, of_row, np.zeros_like(of_row), cells)
-    towards = _radial(grid, all_, np.zeros_like(of_column), of_column, cells)
-    row, column = (torch.as_tensor(index, device=cells.device) for index in (rows - first, columns))
-    starts = {name: getattr(from_, name).index_select(0, row) for name in ("u", "v", "w")}
-    changes = ("du", "dv", "dw", "grows", "sinks", "fastest")
-    return replace(from_, **starts, **{name: getattr(towards, name).index_select(0, column) for name in changes})
-
-
-def _radial(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Tensor) -> Near:
+    """Return the rays from the axis through nodes of the wall (n,), with ``cells`` int64 (n, k) or (1, k), float32."""
     theta = 2 * math.pi / grid.n_theta * columns
     heading = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=1)
     origin = np.zeros_like(heading)
@@ -93,8 +99,9 @@ class CutWall:
         rows, columns = patch(self._grid, one, cell, 0)
         if not rows.size:
             return False
-        row, column = (index.ravel() for index in np.meshgrid(rows, columns, indexing="ij"))
-        rays = radial(self._grid, one, row, column, torch.zeros((1, 1), dtype=torch.int64))
+        across, around = (index.ravel() for index in np.indices((rows.size, columns.size)))
+        rays = fan(self._grid, one, rows, columns, 0).of(across, around)
+        row, column = rows[across], columns[around]
         at_wall = torch.full((row.size,), self._grid.radius_mm, dtype=torch.float32)
         open_ = covers(one.inverse, rays, at_wall)[:, 0].numpy()
         row, column = row[open_], column[open_]

@@ -15,6 +15,7 @@ from endoct.synthetic.cavity import Cavities, Near, clearance
 
 STEP_MM = 0.004
 BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache, and what torch leaves to one thread
+FEW, LOOKS = 500, 16  # that many rays or less are looked at in so many places at once: the calls cost more than they do
 MOST_AT_REST = 0.25  # of rays that have ended and are carried along: to sort them out costs as much as a step
 
 
@@ -61,7 +62,7 @@ def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Tensor,
     part, along, t, stop = rays.of(which), bore.of(which), start[which], limit[which]
     last, last_clear = t, torch.zeros_like(t)
     ends: list[tuple[Tensor, ...]] = []
-    while len(which):
+    while len(which) > FEW:
         clear, step = _look(cells, part, along, t, sign)
         ahead = t + step.clamp_min(STEP_MM)
         on = (clear > 0) & (ahead < stop)
@@ -73,6 +74,21 @@ def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Tensor,
         met, kept = torch.nonzero(clear <= 0)[:, 0], torch.nonzero(on)[:, 0]
         ends.append(tuple(values.index_select(0, met) for values in (which, last, last_clear, t, clear)))
         last, last_clear, t, which, stop = (values.index_select(0, kept) for values in (t, clear, ahead, which, stop))
+        part, along = part.of(kept), along.of(kept)
+    while len(which):
+        each = torch.arange(len(which), device=t.device).repeat_interleave(LOOKS)
+        further = STEP_MM * torch.arange(LOOKS - 1, device=t.device, dtype=t.dtype)
+        places = torch.cat([last[:, None], t[:, None] + further], 1)
+        looked = _look(cells, part.of(each), along.of(each), places.view(-1), sign)
+        clear, step = (values.view(-1, LOOKS) for values in looked)
+        past = (clear <= 0) & (places <= stop[:, None])
+        met, first = torch.nonzero(past.any(1))[:, 0], past.to(torch.int8).argmax(1)
+        high = first[met, None]
+        pairs = (values[met].gather(1, at) for at in ((high - 1).clamp_min(0), high) for values in (places, clear))
+        ends.append((which[met], *(values[:, 0] for values in pairs)))
+        ahead = places[:, -1] + step[:, -1].clamp_min(STEP_MM)
+        kept = torch.nonzero(~past.any(1) & (ahead < stop))[:, 0]
+        last, t, which, stop = (values.index_select(0, kept) for values in (places[:, -1], ahead, which, stop))
         part, along = part.of(kept), along.of(kept)
     if ends:
         at, low, at_low, high, at_high = (torch.cat(parts) for parts in zip(*ends, strict=True))

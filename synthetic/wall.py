@@ -17,8 +17,8 @@ from torch import Tensor
 
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.synthetic.cavity import Near, clearance, covers
-from endoct.synthetic.opening import patch, radial
+from endoct.synthetic.cavity import Near, air_mm, covers
+from endoct.synthetic.opening import fan, patch, radial
 from endoct.synthetic.parameters import Cell, Sample
 from endoct.synthetic.relief import BoreRelief, WallGrid, textures
 from endoct.synthetic.scene import Scene, build_scene
@@ -166,7 +166,7 @@ def _bake(scene: Scene, cells: Sequence[Cell], workers: int) -> _Baked:
 
 
 def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[tuple[NDArray[np.intp], NDArray[np.int64]]]:
-    """Return nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is one cell at all."""
+    """Return nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
     reached = list(map_frames(partial(_reached, scene, cells), range(len(cells)), workers))
     count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
     for nodes in reached:
@@ -191,18 +191,18 @@ def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[tuple[NDArr
 @torch.inference_mode()
 def _reached(scene: Scene, cells: Sequence[Cell], number: int) -> NDArray[np.intp]:
     """Return the nodes at which a cell's cavity lies behind the wall or has moved it, ascending."""
-    grid = scene.grid
+    grid, displacement = scene.grid, scene.relief.displacement_mm.ravel()
     rows, columns = patch(grid, scene.cells, cells[number], number)
     if not (rows.size and columns.size):
         return np.zeros(0, np.intp)
-    found, at_once = [], max(1, BLOCK // columns.size)
+    every, found, at_once = fan(grid, scene.cells, rows, columns, number), [], max(1, BLOCK // columns.size)
     for first in range(0, rows.size, at_once):
-        row, column = (i.ravel() for i in np.meshgrid(rows[first : first + at_once], columns, indexing="ij"))
-        rays = radial(grid, scene.cells, row, column, torch.full((1, 1), number, device=scene.device))
-        own = torch.as_tensor(scene.relief.displacement_mm[row, column] + np.float32(grid.radius_mm))
-        air = clearance(scene.cells.inverse, rays, own.to(scene.device)).air_mm[:, 0]
-        near_by = (air > -rays.edge[:, 0]).cpu().numpy()
-        found.append((row * grid.n_theta + column)[near_by])
+        part = rows[first : first + at_once]
+        row, column = (index.ravel() for index in np.indices((part.size, columns.size)))
+        rays, node = every.of(row + first, column), (part[:, None] * grid.n_theta + columns).ravel()
+        own = torch.as_tensor(displacement[node] + np.float32(grid.radius_mm), device=scene.device)
+        near_by = air_mm(scene.cells.inverse, rays, own)[:, 0] > -rays.edge[:, 0]
+        found.append(node[near_by.cpu().numpy()])
     return np.sort(np.concatenate(found))
 
 
@@ -213,7 +213,13 @@ def _traced(
     """Return the nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
     nodes, here = job
     grid, device = scene.grid, scene.device
-    rays = radial(grid, scene.cells, nodes // grid.n_theta, nodes % grid.n_theta, torch.as_tensor(here, device=device))
+    row, column = np.divmod(nodes, grid.n_theta)
+    if here.shape[1] == 1:
+        first = int(row[0])
+        rows = np.arange(first, int(row[-1]) + 1)
+        rays = fan(grid, scene.cells, rows, np.arange(grid.n_theta), int(here[0, 0])).of(row - first, column)
+    else:
+        rays = radial(grid, scene.cells, row, column, torch.as_tensor(here, device=device))
     own = scene.relief.displacement_mm.ravel()[nodes]
     start = torch.as_tensor(own, device=device) + grid.radius_mm
     limit = torch.full_like(start, grid.radius_mm + DEEPEST_MM)
