@@ -94,7 +94,7 @@ def _reflected(
     With i = ``STRIDE``·j + k that is a product of two small matrices a column.
     """
     seen = np.any(amplitude != 0, axis=1)
-    cycles, amplitude = cycles[seen].T, amplitude[seen].T
+    cycles, amplitude = np.ascontiguousarray(cycles[seen].T), np.ascontiguousarray(amplitude[seen].T)
     phasor = amplitude * np.exp(2j * np.pi * first * cycles)
     coarse = _powers(np.exp(2j * np.pi * step * STRIDE * cycles), -(-n_steps // STRIDE))
     coarse *= phasor.astype(np.complex64)
@@ -208,7 +208,8 @@ def _bone(
     bins = np.arange(first, last)
     below = np.arange(-TABLE_PER_PX, (last - first + 2) * TABLE_PER_PX) / TABLE_PER_PX
     table = np.sqrt(_profile(oct_, below, np.clip(below + 0.5, 0, 1))).astype(np.float32).reshape(-1, TABLE_PER_PX).T
-    table = np.repeat(np.pad(table, ((0, 0), (bins.size, bins.size)), mode="edge"), 2, axis=1)
+    above, beyond_table = np.zeros((TABLE_PER_PX, bins.size), np.float32), np.repeat(table[:, -1:], bins.size, axis=1)
+    table = np.repeat(np.concatenate([above, table, beyond_table], axis=1), 2, axis=1)
     place = TABLE_PER_PX * (first + 1) - np.rint(np.nan_to_num(entry, nan=2.0 * n) * TABLE_PER_PX).astype(np.intp)
     start = np.clip(place // TABLE_PER_PX + bins.size, 0, table.shape[1] // 2 - bins.size)
     amplitude = sliding_window_view(table, 2 * bins.size, axis=1)[place % TABLE_PER_PX, 2 * start]

@@ -138,8 +138,10 @@ def test_the_grain_of_speckle_is_the_resolution(sample: Sample, speckle: NDArray
 def test_the_surface_of_bone_is_where_its_path_ends(sample: Sample) -> None:
     oct_ = _even(sample)
     one = spectrometer(oct_, N)
-    for path_mm in (1.0, 1.0025):
+    for path_mm in (1.0, 1.00125, 1.0025):
         mean = np.mean(np.abs(_seen(oct_, one, _flat(N_RING, path_mm))) ** 2, axis=0)
+        # what folds back from beyond the full depth is a twentieth
+        assert mean[:195].max() < 0.1 * mean[215:260].mean(), "no bone above its surface"
         # half of the plateau at the surface
         at = np.interp(0.5, mean[190:215] / mean[215:260].mean(), np.arange(190, 215))
         assert at == pytest.approx(path_mm / 0.005, abs=0.25)
