@@ -231,6 +231,10 @@ def _traced(
     several = torch.nonzero(open_cells.to(torch.int8).sum(1) > 1)[:, 0]
     if len(several):
         slot[several] = _deepest(scene, rays.of(several), open_cells[several], at_wall[several])
+    # a rounded rim moves the wall by less than its edge: deeper, the ray has gone into the nearest cavity
+    deep = radius - start > rays.edge.amax(1)
+    slot = torch.where(covered, slot, air_mm(scene.cells.inverse, rays, at_wall).argmax(1))
+    covered = covered | deep
     number = torch.where(covered, rays.numbers(slot), 0).to(torch.int32)
     wet = torch.isfinite(first_fluid(scene.cells, rays, start, radius)).to(torch.float32)
     relief = (radius - grid.radius_mm).cpu().numpy()
