@@ -1,0 +1,105 @@
+"""What a task of the bench is: cases with truth, a judge, and the signature its methods keep.
+
+A method is one function with the signature its task states, registered under the entry-point group
+``endoct.bench.TASK``; :mod:`endoct.workbench.bench.methods` finds it. It sees what a case gives, never the truth.
+A task is one :class:`Task` called ``TASK`` in a module registered under the group ``endoct.bench``.
+"""
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+Range = tuple[float, float] | tuple[str, ...]
+"""What a condition is drawn from: (low, high), uniformly, or one of some words."""
+
+SUCCESS = "success"
+"""The score that says, as 1.0 or 0.0, whether an answer will do; the table gives its share with an interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One problem to solve.
+
+    Attributes
+    ----------
+    name: unique within a run, as "1003-2".
+    given: what a method is called with; a tuple is spread over the method's arguments. Never changed by a method.
+    truth: what only the judge sees.
+    conditions: how hard the case is, by name: drawn numbers and words. Scores are plotted against them.
+    scratch: holds the case's files, where it has some; the runner removes it after the last method.
+    """
+
+    name: str
+    given: Any
+    truth: Any
+    conditions: Mapping[str, float | str]
+    scratch: "TemporaryDirectory[str] | None" = None
+
+
+class Declined(Exception):
+    """Raised by a method, or by a judge on its behalf, to say "I do not know" and why.
+
+    ``scores`` count where not to answer was right or wrong, as ``{"success": 1.0}`` for a pair from two bores.
+    A case that was declined without scores did not succeed.
+    """
+
+    def __init__(self, reason: str, scores: Mapping[str, float] | None = None) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.scores = dict(scores or {})
+
+
+Cases = Callable[[int, int, Mapping[str, Range]], Case]
+"""``cases(seed, index, ranges)``: a case that depends on its arguments alone, not on the machine or the order."""
+
+Judge = Callable[[Case, Any], Mapping[str, float]]
+"""``judge(case, answer)``: the scores. May raise :class:`Declined`; any other exception means a useless answer."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A kind of problem.
+
+    Attributes
+    ----------
+    name: as on the command line, and in the entry-point group ``endoct.bench.{name}`` of its methods.
+    title: what the task is, in a line.
+    signature: what a method is called with and must return, in prose with types, for people who write one.
+    cases: makes the cases; gets the ranges below, narrowed by what the user asked for.
+    judge: scores an answer. Must treat all methods alike.
+    ranges: the conditions that are drawn and what they are drawn from; see :func:`draw`.
+    scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` needs
+        no entry.
+    own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
+    """
+
+    name: str
+    signature: str
+    cases: Cases
+    judge: Judge
+    title: str = ""
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+    scores: Mapping[str, str] = field(default_factory=dict)
+    own: Callable[[Path], Sequence[Case]] | None = None
+
+
+def rng_of(seed: int, index: int, purpose: str) -> np.random.Generator:
+    """Return a generator that depends on its arguments alone; one purpose's draws do not disturb another's."""
+    digest = hashlib.sha256(purpose.encode()).digest()
+    return np.random.default_rng([seed, index, int.from_bytes(digest[:8], "little")])
+
+
+def draw(seed: int, index: int, ranges: Mapping[str, Range]) -> dict[str, float | str]:
+    """Draw a value for every condition; narrowing one leaves the others as they were."""
+    drawn: dict[str, float | str] = {}
+    for name, wish in ranges.items():
+        share = float(rng_of(seed, index, f"condition {name}").random())
+        words = [word for word in wish if isinstance(word, str)]
+        numbers = [float(value) for value in wish if not isinstance(value, str)]
+        drawn[name] = words[int(share * len(words))] if words else numbers[0] + share * (numbers[1] - numbers[0])
+    return drawn
