@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike
 
 from endoct.stitching.arrays import Coordinates
 
+Covariance = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
 
 @dataclass(frozen=True)
 class Alignment:
@@ -16,7 +18,9 @@ class Alignment:
     for cells in place (its sign says whether they agree or are each other's negative), ``ratio`` how its score
     compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``overlap_mm2`` the
     wall both have seen. ``uneven_rad`` is the largest smooth departure from a rigid turn that was found and left
-    uncorrected: what uneven rotation and an off-axis probe leave in θ.
+    uncorrected: what uneven rotation and an off-axis probe leave in θ; ``twist_rad_per_mm`` a turn along A's z that was
+    found and left as well. ``covariance`` is that of the error of
+    (theta_shift_rad, z_shift_mm, z_scale), 3 × 3 in their units; None where it was not estimated.
     """
 
     theta_shift_rad: float
@@ -29,6 +33,8 @@ class Alignment:
     ratio: float = 1.0
     overlap_mm2: float = 0.0
     uneven_rad: float = 0.0
+    twist_rad_per_mm: float = 0.0
+    covariance: Covariance | None = None
 
     def theta_to_a(self, theta_b_rad: ArrayLike) -> Coordinates:
         """Return θ in A's frame, in [0, 2π), of θ in B's (any shape)."""
@@ -54,12 +60,29 @@ class Alignment:
         """Return the alignment that maps A into B's frame."""
         direction = -1.0 if self.z_reversed else 1.0
         sense = -1.0 if self.mirrored else 1.0
+        scale = self.z_scale
+        by_shift_and_scale = -direction / scale, direction * self.z_shift_mm / scale**2
+        jacobian = np.array([[-sense, 0, 0], [0, *by_shift_and_scale], [0, 0, -1 / scale**2]])
         return replace(
             self,
             theta_shift_rad=float(np.mod(-sense * self.theta_shift_rad, 2 * np.pi)),
-            z_shift_mm=-direction * self.z_shift_mm / self.z_scale,
-            z_scale=1 / self.z_scale,
+            z_shift_mm=-direction * self.z_shift_mm / scale,
+            z_scale=1 / scale,
+            twist_rad_per_mm=-sense * direction * self.twist_rad_per_mm,
+            covariance=self.covariance and as_covariance(jacobian @ np.array(self.covariance) @ jacobian.T),
         )
+
+    def z_error_mm(self, z_b_mm: ArrayLike) -> Coordinates:
+        """Return the standard error of :meth:`z_to_a` at z in B's frame (any shape), mm, 0 where it is unknown."""
+        along = (-1.0 if self.z_reversed else 1.0) * np.asarray(z_b_mm, dtype=np.float64)
+        (_, (_, of_shift, common), (_, _, of_scale)) = self.covariance or as_covariance(np.zeros((3, 3)))
+        return np.sqrt(np.maximum(of_shift + 2 * along * common + along**2 * of_scale, 0))
+
+
+def as_covariance(matrix: Coordinates) -> Covariance:
+    """Return a 3 × 3 array as nested tuples of floats, made symmetric to the last bit."""
+    (a, b, c), (_, d, e), (_, _, f) = ((matrix + matrix.T) / 2).tolist()
+    return (a, b, c), (b, d, e), (c, e, f)
 
 
 @dataclass(frozen=True)

@@ -1,56 +1,83 @@
-"""The last fraction of a sample of an alignment: robust Gauss–Newton over the samples both sides have."""
+"""The last fraction of a sample of an alignment: robust Gauss–Newton, coarse to fine, over what both sides have."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
 
 from endoct.fusion.evidence import Evidence, blurred, on_grid
-from endoct.fusion.pose import Alignment
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.fusion.pose import Alignment, as_covariance
+from endoct.fusion.resample import column_weights, resample
+from endoct.stitching.arrays import Coordinates, Image, Mask
 
-FINEST_DZ_MM = 0.03
-MOST_COLUMNS = 1024
 BLURS_MM = (0.12, 0.06, 0.03)
+FINER_MM = (0.015, 0.0075)
+"""Blurs, too, for two sides that are both sampled no wider than that."""
+SAMPLES_A_BLUR = (4, 2)
+"""In one sigma of a blur, of the side that is interpolated and of the one that is not."""
 ROUNDS = 12
 WAVES = 2
 """Harmonics of θ by which the two sides may depart from a rigid turn while it is sought."""
-WAVE_RAD = 0.02
-"""How large such a departure typically is."""
+BEND_RAD = 0.02
+"""How large such a departure typically is, and a twist over half the overlap."""
 FARTHEST_MM = 0.5
 """A refinement that leaves the search's peak by more has lost it."""
+PATCH_MM = 0.6
+"""Residuals farther apart than this err independently: cells are about as large."""
 
 RIGID = 5
-"""Unknowns before the waves: turn, shift, scale, gain and level."""
+"""Unknowns before the bends: turn, shift, scale, gain and level."""
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """An alignment, and the coefficients of the waves in θ beside it."""
+    """An alignment, and beside it how θ bends: a twist, rad per mm of z, and the coefficients of the waves, rad."""
 
     alignment: Alignment
-    wave_rad: Coordinates
+    bends: Coordinates
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Normal equations of one step: ``normal`` (k, k), ``slope`` (k,), for turn, shift, scale, gain, level, bends.
+
+    The scale changes about ``middle_mm``; ``correlation`` is that before the step. ``effects`` (k, n) and ``pulls``
+    (n,), weighted residuals, are those of the samples ``used``, bool (n_z, n_theta), that the equations come from.
+    """
+
+    normal: Coordinates
+    slope: Coordinates
+    middle_mm: float
+    correlation: float
+    effects: Coordinates
+    pulls: Coordinates
+    used: Mask
 
 
 def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
-    """Return ``start`` with turn, shift and scale refined, and the correlation there.
+    """Return ``start`` with turn, shift and scale refined, their covariance, and the correlation there.
 
-    The side with the coarser rows is compared at its own samples, where the other is interpolated: nothing is
+    The side with the coarser rows is compared at its own rows, where the other is interpolated: nothing is
     interpolated across wide rows. The relation of the two is linear with a free gain of either sign; samples
     that fit badly count little. Where it does not converge near ``start``, the search's answer stands.
 
-    Uneven rotation of a catheter and a probe off the axis bend θ by waves. Where cells lie on one side only, a rigid
-    turn would follow the wave there; so the first harmonics are sought too and then left out of the alignment, but
-    for their size, ``uneven_rad``.
+    Uneven rotation of a catheter and a probe off the axis bend θ by waves, a slow drift twists it. Where cells lie on
+    one side only, a rigid turn would follow that there; so the first harmonics and a twist are sought too and then
+    left out of the alignment, but for their size, ``uneven_rad`` and ``twist_rad_per_mm``.
     """
     if a.dz_mm > b.dz_mm:
         low, high = z_scale_range
         return refine(b, a, start.inverse(), (1 / high, 1 / low)).inverse()
-    fine, coarse = _handy(a), _handy(b)
-    fit = _Fit(start, np.zeros(2 * WAVES))
-    for sigma_mm in BLURS_MM:
-        fit = _gauss_newton(blurred(fine, sigma_mm), blurred(coarse, sigma_mm), fit, z_scale_range, sigma_mm)
+    fit = _Fit(start, np.zeros(1 + 2 * WAVES))
+    coarsest_mm = max(b.dz_mm, b.column_mm, a.column_mm)
+    for sigma_mm in (*BLURS_MM, *(finer for finer in FINER_MM if coarsest_mm <= finer)):
+        fine, coarse = (
+            blurred(_sampled(side, sigma_mm / samples), sigma_mm)
+            for side, samples in zip((a, b), SAMPLES_A_BLUR, strict=True)
+        )
+        fit = _gauss_newton(fine, coarse, fit, z_scale_range, sigma_mm)
     found = fit.alignment
-    middle_mm = coarse.z_mm[[0, -1]].mean()
+    middle_mm = b.z_mm[[0, -1]].mean()
     moved_mm = abs(float(found.z_to_a(middle_mm) - start.z_to_a(middle_mm)))
     turned_rad = abs(float(np.angle(np.exp(1j * (found.theta_shift_rad - start.theta_shift_rad)))))
     if not (moved_mm < FARTHEST_MM and turned_rad * a.radius_mm < FARTHEST_MM):
@@ -58,21 +85,24 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     return replace(
         found,
         theta_shift_rad=float(np.mod(found.theta_shift_rad, 2 * np.pi)),
-        uneven_rad=float(np.abs(fit.wave_rad @ _waves(np.linspace(0, 2 * np.pi, 360))).max()),
+        uneven_rad=float(np.abs(fit.bends[1:] @ _waves(np.linspace(0, 2 * np.pi, 360))).max()),
+        twist_rad_per_mm=float(fit.bends[0]),
     )
 
 
-def _handy(evidence: Evidence) -> Evidence:
-    """Return ``evidence`` with no more rows and columns than refinement gains from."""
-    n_theta = min(evidence.values.shape[1], MOST_COLUMNS)
-    z_mm = evidence.z_mm
-    if evidence.dz_mm < FINEST_DZ_MM:
-        n = int(np.ptp(z_mm) / FINEST_DZ_MM) + 1
-        z_mm = z_mm[0] + FINEST_DZ_MM * np.arange(n)
-    elif n_theta == evidence.values.shape[1] and evidence.theta0_rad == 0:
+def _sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
+    """Return ``evidence`` on samples about ``spacing_mm`` apart where its own lie closer, on its own elsewhere."""
+    n_theta = evidence.values.shape[1]
+    wanted = min(n_theta, int(np.ceil(2 * np.pi * evidence.radius_mm / spacing_mm)))
+    if evidence.dz_mm < spacing_mm:
+        n = int(np.ptp(evidence.z_mm) / spacing_mm) + 1
+        return on_grid(evidence, evidence.z_mm[0] + spacing_mm * np.arange(n), wanted)
+    if wanted == n_theta:
         return evidence
-    on_new = on_grid(evidence, z_mm, n_theta)
-    return on_new if evidence.dz_mm < FINEST_DZ_MM else replace(on_new, dz_mm=evidence.dz_mm)
+    columns = n_theta / wanted * np.arange(wanted)
+    rows = sparse.eye_array(evidence.z_mm.size, dtype=np.float32, format="csr")
+    values, valid = resample(evidence.values, evidence.valid, rows, column_weights(n_theta, columns, n_theta / wanted))
+    return replace(evidence, values=values, valid=valid)
 
 
 def _gauss_newton(
@@ -81,13 +111,12 @@ def _gauss_newton(
     """Return ``start`` improved until it stands still; ``start`` itself where too little is left to go by."""
     slopes = _slopes(fine)
     fit = start
-    for _ in range(ROUNDS):
+    for last in (*[False] * (ROUNDS - 1), True):
         equations = _equations(fine, coarse, slopes, fit, sigma_mm)
         if equations is None:
             return start
-        normal, slope, middle_mm, correlation = equations
         try:
-            step = np.linalg.solve(normal, slope)
+            step = np.linalg.solve(equations.normal, equations.slope)
         except np.linalg.LinAlgError:
             return start
         if not np.isfinite(step).all():
@@ -99,28 +128,33 @@ def _gauss_newton(
             found,
             theta_shift_rad=found.theta_shift_rad + float(turn_rad),
             z_scale=scale,
-            z_shift_mm=found.z_shift_mm + float(shift_mm) - (scale - found.z_scale) * middle_mm,
-            correlation=correlation,
+            z_shift_mm=found.z_shift_mm + float(shift_mm) - (scale - found.z_scale) * equations.middle_mm,
+            correlation=equations.correlation,
         )
-        fit = _Fit(found, fit.wave_rad + np.clip(step[RIGID:], -0.05, 0.05))
-        if abs(step[0]) < 1e-5 and abs(step[1]) < 1e-5 and abs(step[2]) < 1e-6:
-            break
+        fit = _Fit(found, fit.bends + np.clip(step[RIGID:], -0.05, 0.05))
+        still = abs(step[0]) < 1e-6 and abs(step[1]) < 1e-6 and abs(step[2]) < 1e-7
+        if still or last:
+            covariance = as_covariance(_covariance(equations, coarse))
+            return replace(fit, alignment=replace(found, covariance=covariance))
     return fit
 
 
 def _equations(
     fine: Evidence, coarse: Evidence, slopes: tuple[Image, Image], fit: _Fit, sigma_mm: float
-) -> tuple[Coordinates, Coordinates, float, float] | None:
-    """Return normal matrix and slope for a step in turn, shift, scale, gain, level and waves.
-
-    With them the middle of the overlap along z, about which the scale changes, and the correlation. None where
-    the two hardly overlap or one is constant there.
-    """
+) -> _Equations | None:
+    """Return the equations of a step; None where the two hardly overlap or one is constant there."""
     found, n_theta = fit.alignment, fine.values.shape[1]
     theta_rad = coarse.theta0_rad + 2 * np.pi / coarse.values.shape[1] * np.arange(coarse.values.shape[1])
     waves = _waves(theta_rad)
+    along_mm = (-1.0 if found.z_reversed else 1.0) * coarse.z_mm
     rows = np.interp(found.z_to_a(coarse.z_mm), fine.z_mm, np.arange(fine.z_mm.size), left=-1, right=-1)
-    columns = (found.theta_to_a(theta_rad) + fit.wave_rad @ waves - fine.theta0_rad) * n_theta / (2 * np.pi)
+    met = rows >= 0
+    if not met.any():
+        return None
+    middle_mm = float(along_mm[met].mean())
+    from_middle_mm = (along_mm - middle_mm)[:, np.newaxis]
+    turn_rad = found.theta_to_a(theta_rad) + fit.bends[1:] @ waves + fit.bends[0] * from_middle_mm
+    columns = (turn_rad - fine.theta0_rad) * n_theta / (2 * np.pi)
     use = coarse.valid & (_bilinear(fine.valid.astype(np.float32), rows, columns) > 0.999)
     if use.sum() < 100:
         return None
@@ -133,20 +167,42 @@ def _equations(
     residual = target - target.mean() - gain * (value - value.mean())
     size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
     weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
-    along_mm = np.broadcast_to((-1.0 if found.z_reversed else 1.0) * coarse.z_mm[:, np.newaxis], use.shape)[use]
-    middle_mm = float(along_mm.mean())
+    off_mm = np.broadcast_to(from_middle_mm, use.shape)[use]
     turns = [gain * dtheta * np.broadcast_to(wave, use.shape)[use] for wave in waves]
     effects = np.stack(
-        [gain * dtheta, gain * dz, gain * dz * (along_mm - middle_mm), value, np.ones_like(value), *turns]
+        [gain * dtheta, gain * dz, gain * dz * off_mm, value, np.ones_like(value), gain * dtheta * off_mm, *turns]
     )
     normal = (effects * weight) @ effects.T
-    # WAVE_RAD as a prior, against residuals of which all within one blur count as one
+    # BEND_RAD as a prior, against residuals of which all within one blur count as one
     one_px = 4 * np.pi * sigma_mm**2 / (coarse.dz_mm * coarse.column_mm)
-    stiffness = max(1.0, one_px) * float((weight * residual**2).mean()) / WAVE_RAD**2
+    half_mm = max(float(np.ptp(along_mm[met])) / 2, 1e-3)
+    typical = BEND_RAD * np.r_[1 / half_mm, np.ones(len(waves))]
+    stiffness = max(1.0, one_px) * float((weight * residual**2).mean()) / typical**2
     diagonal = np.diag_indices(len(normal))
-    normal[diagonal] = normal[diagonal] * (1 + 1e-6) + np.r_[np.zeros(RIGID), np.full(len(waves), stiffness)]
-    slope = (effects * weight) @ residual - np.r_[np.zeros(RIGID), stiffness * fit.wave_rad]
-    return normal, slope, middle_mm, float(common / np.sqrt(of_value * of_target))
+    normal[diagonal] = normal[diagonal] * (1 + 1e-6) + np.r_[np.zeros(RIGID), stiffness]
+    slope = (effects * weight) @ residual - np.r_[np.zeros(RIGID), stiffness * fit.bends]
+    correlation = float(common / np.sqrt(of_value * of_target))
+    return _Equations(normal, slope, middle_mm, correlation, effects, weight * residual, use)
+
+
+def _covariance(equations: _Equations, coarse: Evidence) -> Coordinates:
+    """Return the covariance (3, 3) of turn (rad), shift (mm) and scale, from how residuals pull patch by patch.
+
+    Neighbouring residuals err alike: blurs and whole cells that only one side shows. So they are summed over patches
+    of ``PATCH_MM`` and only these count as independent (the sandwich estimate for clustered data; Liang and Zeger
+    1986, Longitudinal data analysis using generalized linear models).
+    """
+    row, column = np.nonzero(equations.used)
+    n_around = max(3, round(2 * np.pi * coarse.radius_mm / PATCH_MM))
+    around = column * n_around // coarse.values.shape[1]
+    along = ((coarse.z_mm - coarse.z_mm[0]) / PATCH_MM).astype(np.intp)[row]
+    patch = along * n_around + around
+    pulls = np.stack([np.bincount(patch, effect * equations.pulls) for effect in equations.effects])
+    n_patches = np.count_nonzero(np.bincount(patch))
+    inverse = np.linalg.pinv(equations.normal, hermitian=True)
+    spread = inverse @ (pulls @ pulls.T) @ inverse * (n_patches / max(1, n_patches - len(pulls)))
+    to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -equations.middle_mm], [0.0, 0.0, 1.0]])
+    return np.asarray(to_origin @ spread[:3, :3] @ to_origin.T, dtype=np.float64)
 
 
 def _waves(theta_rad: Coordinates) -> Coordinates:
@@ -163,7 +219,7 @@ def _slopes(fine: Evidence) -> tuple[Image, Image]:
 
 
 def _bilinear(image: Image, rows: Coordinates, columns: Coordinates) -> Coordinates:
-    """Return ``image`` at every row × column (fractional, columns cyclic); 0 for rows outside."""
+    """Return ``image`` at every row (m,) and its columns (m, k), fractional and cyclic; 0 for rows outside."""
     n_z, n_theta = image.shape
     inside = (rows >= 0) & (rows <= n_z - 1)
     first = np.clip(np.floor(rows).astype(np.intp), 0, max(n_z - 2, 0))
@@ -172,5 +228,5 @@ def _bilinear(image: Image, rows: Coordinates, columns: Coordinates) -> Coordina
     left = np.floor(columns).astype(np.intp)
     along = columns - left
     lines = image[first] * (1 - down) + image[second] * down
-    values = lines[:, left % n_theta] * (1 - along) + lines[:, (left + 1) % n_theta] * along
-    return np.asarray(np.where(inside[:, np.newaxis], values, 0.0), dtype=np.float64)
+    before, after = (np.take_along_axis(lines, np.mod(left + k, n_theta), axis=1) for k in (0, 1))
+    return np.asarray(np.where(inside[:, np.newaxis], before * (1 - along) + after * along, 0.0), dtype=np.float64)
