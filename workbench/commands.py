@@ -28,6 +28,7 @@ def run(arguments: Sequence[str]) -> int:
         "unroll": unroll,
         "compare": compare,
         "dataset": dataset,
+        "bench": bench,
         "report": report,
         "info": info,
         "modalities": modalities,
@@ -252,6 +253,64 @@ def dataset(
     else:
         for line in lines:
             _say(line)
+    return DONE
+
+
+def bench(
+    task: Positional[str | None] = None,
+    conditions: Positional[tuple[str, ...]] = (),
+    output: Annotated[Path | None, arg(aliases=["-o"])] = None,
+    methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
+    seeds: str = "1000-1009",
+    count: int = 1,
+    sweep: Annotated[str | None, arg(metavar="CONDITION")] = None,
+    data: tuple[Path, ...] = (),
+    workers: int = 1,
+    describe: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Run named methods on the same cases with truth: a table, results.csv, plots. docs/bench.md tells more.
+
+    Args:
+        task: alignment, stitching, segmentation, oct, ablate, sensitivity or another's; left out, all are listed
+        conditions: what cases are drawn from, as noise=0.1..0.3 or modality=depth|intensity
+        output: folder for results.csv, bench.json and plots
+        methods: which methods, with commas; default: all
+        seeds: first-last, or numbers with commas; 0-99 are for tuning
+        count: cases a seed
+        sweep: vary this condition alone and hold the others at the middle of their range
+        data: folders of your own data with truth, or folders of such folders, in place of simulated cases
+        workers: processes that share the cases; with more than one, seconds are those of a busy machine
+        describe: say what the task gives, asks for and scores, and run nothing
+        overwrite: replace the output if it exists
+        json: print as JSON
+    """
+    from endoct.workbench.bench.command import describe_task, list_tasks, run_bench
+
+    if task is None:
+        facts, shown = list_tasks()
+    elif describe:
+        facts, shown = describe_task(task)
+    else:
+        facts, shown = run_bench(
+            task,
+            conditions,
+            methods=[name.strip() for name in methods.split(",") if name.strip()],
+            seeds=seeds,
+            count=count,
+            sweep=sweep,
+            data=data,
+            output=output,
+            workers=workers,
+            overwrite=overwrite,
+            stages=_stages(json),
+        )
+    if json:
+        _print_json(facts)
+        return DONE
+    for part in shown:
+        _Console().print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
     return DONE
 
 

@@ -1,9 +1,9 @@
 """Which tasks and methods are installed, and how they are loaded."""
 
 import difflib
-from collections.abc import Callable, Iterable, Sequence
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from collections.abc import Callable, Sequence
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from typing import Any, NoReturn
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.task import Task
@@ -29,48 +29,61 @@ def load_task(name: str) -> Task:
     return task
 
 
-def method_names(task: str) -> tuple[str, ...]:
-    """Return the names of the methods that are registered for ``task``, in order of the alphabet."""
-    return tuple(sorted({entry.name for entry in entry_points(group=f"{GROUP}.{task}")}))
+def method_names(task: Task) -> tuple[str, ...]:
+    """Return the names of the methods for ``task``: those it brings along, else in order of the alphabet."""
+    return *task.methods, *sorted({entry.name for entry in _registered(task)} - set(task.methods))
 
 
-def check_names(task: str, wanted: Sequence[str]) -> tuple[str, ...]:
+def check_names(task: Task, wanted: Sequence[str]) -> tuple[str, ...]:
     """Return ``wanted``, or all methods of ``task`` where none is. Raises :class:`EndoctError` for an unknown one."""
-    entries = entry_points(group=f"{GROUP}.{task}")
-    if not wanted:
-        wanted = method_names(task)
+    known = method_names(task)
+    if not known:
+        raise EndoctError(f"no method is registered for '{task.name}'", remedy=f"register one under {_group(task)}")
     for name in wanted:
-        _entry(name, entries, f"method for '{task}'")
-    if not wanted:
-        raise EndoctError(f"no method is registered for '{task}'", remedy=f"register one under {GROUP}.{task}")
+        if name not in known:
+            _not_known(name, known, _what(task))
     if len(set(wanted)) < len(wanted):
         raise EndoctError("a method is named twice", found=", ".join(wanted), expected="each once")
-    return tuple(wanted)
+    return tuple(wanted) or known
 
 
-def load_method(task: str, name: str) -> Method:
+def load_method(task: Task, name: str) -> Method:
     """Import the method ``name`` of ``task``.
 
     Raises :class:`EndoctError` for one that is not known or is registered twice, and whatever its import raises.
     """
-    method = _entry(name, entry_points(group=f"{GROUP}.{task}"), f"method for '{task}'").load()
+    method = task.methods.get(name) or _entry(name, _registered(task), _what(task)).load()
     if not callable(method):
         raise EndoctError(f"the method '{name}' is no function", found=type(method).__name__)
     loaded: Method = method
     return loaded
 
 
-def _entry(name: str, entries: Iterable[EntryPoint], what: str) -> EntryPoint:
-    by_name: dict[str, set[str]] = {}
-    for entry in entries:
-        by_name.setdefault(entry.name, set()).add(entry.value)
-    values = by_name.get(name, set())
+def origin(task: Task, name: str) -> str:
+    """Return where a method comes from: its function and the version of the package that registers it."""
+    if name in task.methods:
+        return "endoct"
+    entry = _entry(name, _registered(task), _what(task))
+    package = f" ({entry.dist.name} {entry.dist.version})" if entry.dist is not None else ""
+    return f"{entry.value}{package}"
+
+
+def _group(task: Task) -> str:
+    return f"{GROUP}.{task.name}"
+
+
+def _registered(task: Task) -> EntryPoints:
+    return entry_points(group=_group(task))
+
+
+def _what(task: Task) -> str:
+    return f"method for '{task.name}'"
+
+
+def _entry(name: str, entries: EntryPoints, what: str) -> EntryPoint:
+    values = {entry.value for entry in entries if entry.name == name}
     if not values:
-        nearest = difflib.get_close_matches(name, by_name, 1, cutoff=0.4)
-        raise EndoctError(
-            f"unknown {what}: '{name}'",
-            expected=f"'{nearest[0]}'" if nearest else f"one of {', '.join(sorted(by_name))}",
-        )
+        _not_known(name, sorted({entry.name for entry in entries}), what)
     if len(values) > 1:
         raise EndoctError(
             f"two packages register '{name}' as a {what}",
@@ -78,3 +91,10 @@ def _entry(name: str, entries: Iterable[EntryPoint], what: str) -> EntryPoint:
             remedy="rename one, or uninstall its package",
         )
     return next(entry for entry in entries if entry.name == name)
+
+
+def _not_known(name: str, known: Sequence[str], what: str) -> NoReturn:
+    nearest = difflib.get_close_matches(name, known, 1, cutoff=0.4)
+    raise EndoctError(
+        f"unknown {what}: '{name}'", expected=f"'{nearest[0]}'" if nearest else f"one of {', '.join(known)}"
+    )

@@ -75,7 +75,9 @@ class Task:
     ranges: the conditions that are drawn and what they are drawn from; see :func:`draw`.
     scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` needs
         no entry.
+    usual: what ``ranges`` are narrowed to where the user asks for nothing.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
+    methods: methods the task brings along by its nature, beside those that are registered.
     """
 
     name: str
@@ -85,7 +87,9 @@ class Task:
     title: str = ""
     ranges: Mapping[str, Range] = field(default_factory=dict)
     scores: Mapping[str, str] = field(default_factory=dict)
+    usual: Mapping[str, Range] = field(default_factory=dict)
     own: Callable[[Path], Sequence[Case]] | None = None
+    methods: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
 
 
 def rng_of(seed: int, index: int, purpose: str) -> np.random.Generator:

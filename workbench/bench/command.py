@@ -1,0 +1,133 @@
+"""What `endoct bench` does and says."""
+
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import RenderableType
+from rich.table import Table
+
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import new_output
+from endoct.workbench.bench.asking import narrowed, parse_seeds
+from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
+from endoct.workbench.bench.runner import Plan, run
+from endoct.workbench.bench.task import Task
+from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
+from endoct.workbench.progress import Stages
+
+
+def list_tasks() -> tuple[dict[str, Any], list[RenderableType]]:
+    """Return what can be run, as facts and for people; a task that cannot be imported says so."""
+    found: dict[str, Any] = {}
+    lines = Table("task", "what", "methods", box=None)
+    for name in task_names():
+        try:
+            task = load_task(name)
+        except EndoctError as error:
+            found[name] = {"error": str(error)}
+            lines.add_row(name, str(error), "")
+            continue
+        found[name] = {
+            "title": task.title,
+            "signature": task.signature,
+            "conditions": {key: list(range_) for key, range_ in task.ranges.items()},
+            "scores": dict(task.scores),
+            "methods": {method: origin(task, method) for method in method_names(task)},
+        }
+        lines.add_row(name, task.title, ", ".join(method_names(task)))
+    return found, [lines]
+
+
+def describe_task(name: str) -> tuple[dict[str, Any], list[RenderableType]]:
+    """Return one task's signature, conditions, scores and methods, as facts and for people."""
+    task = load_task(name)
+    told = list_tasks()[0][name]
+    lines: list[RenderableType] = [f"{task.name}: {task.title}", f"a method: {task.signature}", ""]
+    for title, entries in (
+        ("condition", {key: _shown(range_) for key, range_ in task.ranges.items()}),
+        ("score", task.scores),
+        ("method", told["methods"]),
+    ):
+        rows = Table(title, "", box=None)
+        for key, value in entries.items():
+            rows.add_row(key, value)
+        lines.append(rows)
+    return told, lines
+
+
+def _shown(range_: Sequence[float | str]) -> str:
+    words = [value for value in range_ if isinstance(value, str)]
+    return "|".join(words) or "..".join(f"{value:g}" for value in range_)
+
+
+def run_bench(
+    name: str,
+    conditions: Sequence[str] = (),
+    *,
+    methods: Sequence[str] = (),
+    seeds: str = "1000-1009",
+    count: int = 1,
+    sweep: str | None = None,
+    data: Sequence[Path] = (),
+    output: Path | None = None,
+    workers: int = 1,
+    overwrite: bool = False,
+    stages: Stages,
+) -> tuple[dict[str, Any], list[RenderableType]]:
+    """Run a task's methods, write ``output`` where one is given; return the facts, and what to show people.
+
+    Raises :class:`EndoctError` where something asked for is not known, or ``output`` exists.
+    """
+    task = load_task(name)
+    chosen = check_names(task, methods)
+    if count < 1 or workers < 1:
+        raise EndoctError("--count and --workers must be at least 1", found=f"{count} and {workers}")
+    if data and (conditions or sweep):
+        raise EndoctError("the conditions of your own data cannot be drawn", remedy="leave them out, or --data")
+    plan = Plan(name, chosen, parse_seeds(seeds), count, narrowed(task, conditions, sweep))
+    if data:
+        plan = replace(plan, seeds=(), count=1, ranges={}, own=own_folders(data))
+    if output is None:
+        return _run(task, plan, workers, None, stages)
+    with new_output(output, overwrite=overwrite) as scratch:
+        scratch.mkdir()
+        told, lines = _run(task, plan, workers, scratch, stages)
+    return told, [*lines, f"results: {output}"]
+
+
+def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
+    """Return the folders with truth among ``data`` and one level below, in order of their names.
+
+    Absolute, for processes that run elsewhere. Raises :class:`EndoctError` where there is none.
+    """
+    found: list[Path] = []
+    for folder in data:
+        inside = sorted(path.parent for path in folder.glob("*/truth"))
+        found += [folder] if (folder / "truth").is_dir() else inside
+    if not found:
+        raise EndoctError(
+            f"no data with truth in {', '.join(map(str, data))}",
+            expected="a folder with oct/ or endoscope/ and truth/ in it, or a folder of such folders",
+        )
+    return tuple(Path(os.path.abspath(path)) for path in dict.fromkeys(found))  # noqa: PTH100 – links stay
+
+
+def _run(
+    task: Task, plan: Plan, workers: int, folder: Path | None, stages: Stages
+) -> tuple[dict[str, Any], list[RenderableType]]:
+    start = time.perf_counter()
+    with stages.stage(f"bench {task.name}") as advance:
+        rows = run(plan, workers=workers, advance=advance)
+    told = facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
+    if folder is not None:
+        from endoct.workbench.bench.plots import draw_plots  # matplotlib loads for who wants figures
+
+        write_csv(rows, task, folder / "results.csv")
+        write_json(told, folder / "bench.json")
+        with stages.stage("plots"):
+            draw_plots(rows, task, folder / "plots")
+    return told, [table(rows, task), *footnotes(rows, task)]

@@ -1,0 +1,176 @@
+"""Runs methods over cases: the same cases for all, whatever a method does, whoever wrote it."""
+
+import hashlib
+import random
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.bench.methods import Method, load_method, load_task
+from endoct.workbench.bench.task import Case, Declined, Range, Task
+from endoct.workbench.dataset.working import own_cluster
+from endoct.workbench.progress import Advance
+
+Status = Literal["ok", "declined", "failed"]
+LONGEST_REASON = 300
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to run: cases from ``seeds`` × ``count``, drawn from ``ranges``, or those in the folders ``own``."""
+
+    task: str
+    methods: tuple[str, ...]
+    seeds: tuple[int, ...] = ()
+    count: int = 1
+    ranges: Mapping[str, Range] | None = None
+    own: tuple[Path, ...] = ()
+
+    @property
+    def sources(self) -> list["Source"]:
+        """Return where the cases come from, in order."""
+        return [*self.own] or [(seed, index) for seed in self.seeds for index in range(self.count)]
+
+
+Source = tuple[int, int] | Path
+"""(seed, index) of a simulated case, or a folder of the user's own data."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one method made of one case.
+
+    ``status``: "ok", "declined" (it said it does not know) or "failed" (it raised, or its answer is useless), the
+    last two with a ``reason``. ``seconds`` of wall time in the method alone, ``cpu_seconds`` over all its threads.
+    """
+
+    case: str
+    method: str
+    status: Status
+    reason: str
+    seconds: float
+    cpu_seconds: float
+    conditions: Mapping[str, float | str]
+    scores: Mapping[str, float]
+
+
+def run(plan: Plan, *, workers: int, advance: Advance) -> list[Row]:
+    """Run every method on every case; rows in the order of the cases, then of the methods.
+
+    Cases and scores do not depend on ``workers``, the processes that share them. A method that raises, or cannot be
+    imported, has failed and stops nothing. Raises :class:`EndoctError` where a case cannot be made, or a method takes
+    its whole process down.
+    """
+    sources = plan.sources
+    if workers > 1:
+        return _run_by_processes(plan, workers, advance)
+    rows: list[Row] = []
+    for done, source in enumerate(sources):
+        rows += run_source(plan, source, partial(_advance_within, advance, done, len(sources)))
+    return rows
+
+
+def _advance_within(advance: Advance, done: int, of: int, share: float) -> None:
+    advance((done + share) / of)
+
+
+def _run_by_processes(plan: Plan, workers: int, advance: Advance) -> list[Row]:
+    from distributed import KilledWorker, as_completed
+
+    with own_cluster(workers) as client:
+        futures = [client.submit(run_source, plan, source, pure=False) for source in plan.sources]
+        try:
+            for done, _ in enumerate(as_completed(futures), 1):
+                advance(done / len(futures))
+            return [row for future in futures for row in future.result()]
+        except KilledWorker as error:
+            raise EndoctError(
+                "a method took its process down, again and again",
+                expected="an exception at worst",
+                remedy="run the methods one by one with --workers 1 to see which",
+            ) from error
+
+
+def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> list[Row]:
+    """Run every method on the cases of one source."""
+    task = load_task(plan.task)
+    rows = []
+    for case in _cases(task, source, plan):
+        try:
+            for done, name in enumerate(plan.methods):
+                rows.append(run_method(task, name, case))
+                if advance is not None:
+                    advance((done + 1) / len(plan.methods))
+        finally:
+            if case.scratch is not None:
+                case.scratch.cleanup()
+    return rows
+
+
+def _cases(task: Task, source: Source, plan: Plan) -> Iterator[Case]:
+    if not isinstance(source, Path):
+        yield task.cases(*source, task.ranges if plan.ranges is None else plan.ranges)
+        return
+    if task.own is None:
+        raise EndoctError(f"the task '{task.name}' reads no data of your own", remedy="leave --data out")
+    yield from task.own(source)
+
+
+def run_method(task: Task, name: str, case: Case) -> Row:
+    """Run one method on one case."""
+    status: Status = "ok"
+    reason, scores = "", dict[str, float]()
+    seconds = cpu_seconds = 0.0
+    try:
+        method = load_method(task, name)
+        _seed_global_generators(case.name)
+        start, cpu_start = time.perf_counter(), time.process_time()
+        try:
+            answer = _call(method, case)
+        finally:
+            seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
+        scores = _judged(task, case, answer)
+    except Declined as declined:
+        status, reason, scores = "declined", declined.reason, _numbers(declined.scores)
+    except Exception as error:  # noqa: BLE001 – whatever a stranger's method raises is its result
+        status, reason = "failed", _reason(error)
+    return Row(case.name, name, status, reason[:LONGEST_REASON], seconds, cpu_seconds, case.conditions, scores)
+
+
+def _call(method: Method, case: Case) -> Any:
+    return method(*case.given) if isinstance(case.given, tuple) else method(case.given)
+
+
+def _judged(task: Task, case: Case, answer: Any) -> dict[str, float]:
+    try:
+        return _numbers(task.judge(case, answer))
+    except Declined:
+        raise
+    except Exception as error:
+        raise EndoctError(f"the answer is useless: {_reason(error)}") from error
+
+
+def _numbers(scores: Mapping[str, float]) -> dict[str, float]:
+    """Return the scores that are finite; a score that does not exist for a case is left out."""
+    return {name: float(value) for name, value in scores.items() if isfinite(value)}
+
+
+def _reason(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return text if isinstance(error, EndoctError) else f"{type(error).__name__}: {text}"
+
+
+def _seed_global_generators(name: str) -> None:
+    """Make methods that draw from a library's global generator repeatable, in any order of cases."""
+    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "little") // 2
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002 – the one that libraries draw from
+    cv2.setRNGSeed(seed)
