@@ -187,9 +187,7 @@ def _groups(rows: Sequence[Row], condition: str) -> list[tuple[float, float, lis
     values = [float(row.conditions[condition]) for row in ordered]
     if len(set(values)) <= MOST_BINS:
         width = (values[-1] - values[0]) / 40
-        return [
-            (v, width, [*group]) for v, group in itertools.groupby(ordered, lambda r: float(r.conditions[condition]))
-        ]
+        return [(value, width, [r for r in rows if r.conditions[condition] == value]) for value in sorted(set(values))]
     n_bins = max(2, min(MOST_BINS, len(ordered) // FEWEST_IN_BIN))
     bins = [[ordered[i] for i in indices] for indices in np.array_split(np.arange(len(ordered)), n_bins)]
     width = (values[-1] - values[0]) / n_bins / 3
@@ -216,15 +214,8 @@ def _scale(axes: Axes, axis: str, values: Sequence[float]) -> None:
 
 
 def _titled(name: str, task: Task) -> str:
-    what: Mapping[str, str] = {SUCCESS: "share of successes", "not answered": "share declined or failed"} | dict(
-        task.scores
-    )
-    return "\n".join(_wrapped(what.get(name, name)))
-
-
-def _wrapped(text: str, width: int = 38) -> list[str]:
-
-    return textwrap.wrap(text, width)
+    usual = {SUCCESS: "share of successes", "not answered": "share declined or failed"}
+    return "\n".join(textwrap.wrap(task.scores.get(name, usual.get(name, name)), 38))
 
 
 def _save(figure: Figure, path: Path) -> Path:
