@@ -17,6 +17,7 @@ from endoct.workbench.status import DONE, NOT_ALIGNED
 Output = Annotated[Path, arg(name="output", aliases=["-o"])]
 Settings = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE")]
 Wishes = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=LOW..HIGH")]
+WIDE = 200
 ModalityName = Annotated[str | None, arg(metavar="NAME")]
 
 
@@ -309,8 +310,11 @@ def bench(
     if json:
         _print_json(facts)
         return DONE
+    console = _Console()
+    if not console.is_terminal:
+        console = _Console(width=WIDE)  # nobody's window is too narrow
     for part in shown:
-        _Console().print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
+        console.print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
     return DONE
 
 

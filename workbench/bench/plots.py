@@ -102,7 +102,7 @@ def _outcomes(axes: Axes, rows: Sequence[Row], methods: Sequence[str]) -> None:
             left += width
     axes.set_xlim(0, 1)
     axes.set_title("share answered, declined, failed")
-    axes.legend(loc="lower left", ncols=3, fontsize=6, framealpha=0.9)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3, fontsize=6, frameon=False)
 
 
 def _against(rows: Sequence[Row], task: Task, scores: Sequence[str], condition: str, path: Path) -> Path:
@@ -169,7 +169,7 @@ def _curve(axes: Axes, rows: Sequence[Row], condition: str, name: str, method: s
         linestyle=line if _is_number(rows[0].conditions[condition]) else "none",
         markersize=3,
         linewidth=1,
-        elinewidth=0.5,
+        elinewidth=0.4,
         label=method,
     )
 

@@ -16,7 +16,7 @@ from endoct.workbench.bench.summary import Share, Spread, Summary, score_names, 
 from endoct.workbench.bench.task import SUCCESS, Task
 from endoct.workbench.inputs import versions
 
-MOST_COLUMNS = 5
+MOST_COLUMNS = 4
 """Scores shown on the console; the CSV has all."""
 
 
@@ -69,8 +69,9 @@ def table(rows: Sequence[Row], task: Task) -> Table:
     shown = score_names(rows, [*task.scores])[:MOST_COLUMNS]
     succeeds = any(summary.success is not None for summary in summaries)
     made = Table("method", *(["success (95 %)"] if succeeds else []), *shown, "ok", "declined", "failed", "s", box=None)
+    made.columns[0].no_wrap = True
     for column in made.columns[1:]:
-        column.justify = "right"
+        column.justify, column.overflow = "right", "fold"
     for summary in summaries:
         success = [_share(summary.success)] if succeeds else []
         values = [_spread(summary.scores.get(name)) for name in shown]

@@ -1,0 +1,71 @@
+"""Simulated specimens and folders of the user's own, as cases see them."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import cast
+
+from endoct.fusion.masks import read_mask
+from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore
+from endoct.modalities.recording import IMAGE_SUFFIXES
+from endoct.stitching.arrays import Mask
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.synthetic.presets import PRESETS, PresetName
+from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
+
+PRESET_WORDS: tuple[str, ...] = tuple(PRESETS)
+MODALITIES: Sequence[str] = ("oct", "endoscope")
+
+
+def simulated(preset: str, seed: int, index: int) -> "tempfile.TemporaryDirectory[str]":
+    """Return a temporary folder with one specimen; the first of a seed is that of ``endoct simulate --seed``."""
+    from endoct.synthetic.specimen import simulate
+
+    folder: tempfile.TemporaryDirectory[str] = tempfile.TemporaryDirectory(prefix="endoct-bench-")
+    try:
+        of = seed if index == 0 else 1_000_000 * (1 + seed) + index
+        simulate(Path(folder.name) / "specimen", preset=cast(PresetName, preset), seed=of)
+    except BaseException:
+        folder.cleanup()
+        raise
+    return folder
+
+
+def truths_of(specimen: Path, panorama: Panorama) -> Mapping[str, Mask]:
+    """Return every truth there is for a panorama of one of the specimen's recordings, on its samples, by name.
+
+    Of a simulated specimen that is ``truth/wall.zarr``; else the masks ``truth/MODALITY*.png`` (or TIFF), drawn over
+    the panorama that `endoct unroll` makes, or with a sidecar that says where they lie. Raises :class:`EndoctError`
+    where there is neither.
+    """
+    if (specimen / "truth" / "wall.zarr").is_dir():
+        truth = load_truth(specimen)
+        return {"wall": true_cells(truth, true_pose(panorama, truth), panorama)}
+    found = {}
+    for path in sorted((specimen / "truth").glob(f"{panorama.modality}*")):
+        if path.suffix.lower() in IMAGE_SUFFIXES:
+            found[path.stem] = drawn_cells(path, panorama)
+    if not found:
+        raise EndoctError(
+            f"{specimen / 'truth'} holds no truth for the {panorama.modality} panorama",
+            expected=f"wall.zarr of a simulated specimen, or masks drawn by hand, as {panorama.modality}.png",
+        )
+    return found
+
+
+def drawn_cells(path: Path, panorama: Panorama) -> Mask:
+    """Return the cells of a mask drawn by hand on the panorama's samples, bool (n_z, n_theta)."""
+    drawn = read_mask(path, like=panorama)
+    check_same_bore(panorama.grid.radius_mm, drawn.grid.radius_mm)
+    placement = Placement(drawn, IN_PLACE, panorama.grid, panorama.z_mm, panorama.grid.dz_mm)
+    cells, _ = placement.mask(drawn.intensity > 0.5, drawn.valid)
+    return cells
+
+
+def recordings_in(specimen: Path) -> list[Path]:
+    """Return the recordings of a specimen, those of OCT and endoscope first. Raises :class:`EndoctError` for none."""
+    found = [path for path in sorted(specimen.iterdir()) if path.is_dir() and (path / "acquisition.toml").is_file()]
+    if not found:
+        raise EndoctError(f"{specimen} holds no recording", expected="oct/ or endoscope/ with an acquisition.toml")
+    return sorted(found, key=lambda path: path.name not in MODALITIES)
