@@ -38,6 +38,10 @@ class SegmentParameters(BaseModel):
     smallest_mm2: float = Field(default=0.01, ge=0, description="smaller cells, and holes in cells, are removed")
 
 
+MOST_NOISE = 0.04
+"""Above this ``noise_share``, Jaccard indices against the truth were under 0.7, mostly under 0.5 (docs/bench.md)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Segmentation:
     """Cells of one side on its own samples.
@@ -51,6 +55,12 @@ class Segmentation:
     unit: str
     of: str
     polarity: Polarity | None
+    noise_share: float = 0.0
+
+    @property
+    def trusted(self) -> bool:
+        """Whether few enough of the samples called cell are noise."""
+        return self.noise_share <= MOST_NOISE
 
 
 def segment(panorama: Panorama, parameters: SegmentParameters | None = None, *, polarity: Polarity = "dark") -> Mask:
@@ -91,7 +101,8 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
             "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
         ) from error
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
-    return Segmentation(mask, threshold, unit, of, polarity)
+    behind, before = (int(np.count_nonzero(evidence.valid & (side > threshold))) for side in (smooth, -smooth))
+    return Segmentation(mask, threshold, unit, of, polarity, before / max(behind, 1))
 
 
 def clean(mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParameters) -> Mask:

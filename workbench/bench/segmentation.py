@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.cells import label, segment
+from endoct.fusion.cells import SegmentParameters, find_cells, label
+from endoct.fusion.prepare import prepare
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench import made_wall
 from endoct.workbench.bench.specimens import PRESET_WORDS, recordings_in, simulated, truths_of
-from endoct.workbench.bench.task import SUCCESS, Case, Range, Task, draw
+from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
 
 MADE = "made"
 GOOD_ENOUGH = 0.7
@@ -87,8 +88,14 @@ def _cells_found(mask: Mask, cell: Mask) -> tuple[int, int]:
 
 
 def ours(panorama: Panorama) -> Mask:
-    """Segment as `endoct compare` does: Li's threshold on relief, or on darkness, cleaned on the circle."""
-    return segment(panorama)
+    """Segment as `endoct compare` does: Li's threshold on relief, or on darkness, cleaned on the circle.
+
+    Raises :class:`Declined` where that would be called untrusted.
+    """
+    found = find_cells(prepare(panorama), SegmentParameters())
+    if not found.trusted:
+        raise Declined(f"as much as {found.noise_share:.0%} of what looks like cells lies in front of the wall: noise")
+    return found.mask
 
 
 TASK = Task(
