@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.cone import band_centre_mm
 from endoct.synthetic.light import light, obscured, surface
+from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.parameters import Endoscope, Sample
+from endoct.synthetic.png import png
 from endoct.synthetic.randomness import Stage, generator
 from endoct.synthetic.sensor import compressed, displayed, noisy
 from endoct.synthetic.sight import bands, follow, view, visible
-from endoct.synthetic.wall import Wall
 
-__all__ = ["Seen", "band_centre_mm", "noise_free", "render_frame", "sight"]
+__all__ = ["Seen", "band_centre_mm", "noise_free", "render_frame", "sight", "stored_frame"]
 
 LEAST_BLUR_PX = 0.1
 BLEND_ROWS = 16
@@ -41,7 +42,7 @@ class Seen:
     valid: Mask
 
 
-def render_frame(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uint8]:
+def render_frame(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np.uint8]:
     """Return frame ``frame_index``, u8 (row, column) or (row, column, RGB)."""
     camera = sample.endoscope
     rng = generator(sample.seed, Stage.ENDOSCOPE, 1 + frame_index)
@@ -52,12 +53,18 @@ def render_frame(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uin
     return compressed(camera, frame)
 
 
-def noise_free(sample: Sample, wall: Wall, frame_index: int) -> NDArray[np.uint8]:
+def stored_frame(sample: Sample, wall: WallMaps, frame_index: int) -> bytes | NDArray[np.uint8]:
+    """Return :func:`render_frame` as it is stored: the bytes of a PNG file, or for a video the frame itself."""
+    frame = render_frame(sample, wall, frame_index)
+    return frame if sample.endoscope.storage == "video" else png(frame)
+
+
+def noise_free(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np.uint8]:
     """Return the twin of a frame without noise and compression, u8 as :func:`render_frame`."""
     return displayed(_signal(sample, wall, frame_index))
 
 
-def sight(sample: Sample, wall: Wall, frame_index: int) -> Seen:
+def sight(sample: Sample, wall: WallMaps, frame_index: int) -> Seen:
     """Return what every pixel of a frame sees of the wall."""
     camera = sample.endoscope
     shape = camera.height_px, camera.width_px
@@ -80,7 +87,7 @@ def sight(sample: Sample, wall: Wall, frame_index: int) -> Seen:
     return Seen(z_mm, theta_rad, depth_mm, cell, hidden, valid)
 
 
-def _signal(sample: Sample, wall: Wall, frame_index: int) -> Image:
+def _signal(sample: Sample, wall: WallMaps, frame_index: int) -> Image:
     """Return the light on the sensor, float32 (row, column) or (row, column, RGB), 1 is saturation."""
     camera = sample.endoscope
     reached = visible(wall, camera, frame_index)

@@ -22,6 +22,7 @@ FIRST_HARMONIC = 2
 TABLE = 1024  # directions around a cavity's axis at which its outline is kept; between them linear to 2e-5
 OWN_SIDE = 0.3  # cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite
 DUST_RIPPLE_MM = 0.004
+VECTORS = 64  # numbers: a multiple of what any processor works on at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +184,7 @@ def near(all_: Cavities, cell: Tensor, origin: Tensor, direction: Tensor, dtype:
         at.append((_dot((x, y, z), origin) - all_.offset[:, row][cell]).to(dtype))
         rate.append(_dot((x, y, z), direction).to(dtype))
     power, closed = all_.power[cell].to(dtype), all_.closed[cell].to(dtype)
-    grows = all_.steepest[cell].to(dtype) * torch.hypot(rate[0], rate[1])
+    grows = all_.steepest[cell].to(dtype) * torch.sqrt(rate[0] * rate[0] + rate[1] * rate[1])
     sinks = torch.maximum(rate[2], -closed * rate[2])
     dust = all_.dust[cell].to(dtype)
     return Near(
@@ -229,9 +230,22 @@ def local(rays: Near, t: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     return u, v, w
 
 
+def azimuth(x: Tensor, y: Tensor) -> Tensor:
+    """Return the arctangent of y/x, of any one shape, the same for the same numbers wherever they stand.
+
+    What does not fill the processor's vectors at its end torch works out by another routine, which rounds otherwise.
+    """
+    angle = torch.atan2(y, x)
+    over = angle.numel() % VECTORS
+    if over:
+        ends = (torch.nn.functional.pad(part.reshape(-1)[-over:], (0, VECTORS - over)) for part in (y, x))
+        angle.view(-1)[-over:] = torch.atan2(*ends)[:over]
+    return angle
+
+
 def outlined(table: Tensor, rays: Near, u: Tensor, v: Tensor) -> Tensor:
     """Return s, 1 on the outline; ``table`` is ``Cavities.inverse``."""
-    place = torch.atan2(v, u) * (TABLE / (2 * math.pi))
+    place = azimuth(u, v) * (TABLE / (2 * math.pi))
     place = place + TABLE * (place < 0)
     whole = place.floor()
     first = rays.cell * (TABLE + 1) + whole.long()

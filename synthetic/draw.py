@@ -27,13 +27,12 @@ from endoct.synthetic.parameters import (
 )
 from endoct.synthetic.presets import PRESETS, Preset, PresetName
 from endoct.synthetic.randomness import Stage, generator
-from endoct.synthetic.ranges import Drawer, Wish, check_wishes, default_ranges
+from endoct.synthetic.ranges import NO_WISHES, Drawer, Wish, check_wishes, default_ranges
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06
 CLEARANCE_MM = 0.10  # of the mirror from the wall
 LEAST_INNER_SHARE = 0.08
-NO_WISHES: Mapping[str, Wish] = {}
 
 
 def draw(

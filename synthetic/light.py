@@ -14,9 +14,9 @@ import numpy as np
 
 from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.cone import cone_of
+from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.parameters import Debris, Endoscope, Sample
 from endoct.synthetic.sight import Hits, View, Visible, lookup
-from endoct.synthetic.wall import Wall
 
 BONE_RGB = (1.0, 0.88, 0.72)
 LINING_RGB = (1.0, 0.70, 0.60)
@@ -47,7 +47,7 @@ class Surface:
     radius_mm: float
 
 
-def surface(camera: Endoscope, wall: Wall, seen: Visible) -> Surface:
+def surface(camera: Endoscope, wall: WallMaps, seen: Visible) -> Surface:
     """Return what the light falls on in a frame that sees these rows of the wall."""
     rows = slice(seen.first_row, seen.first_row + seen.relief_mm.shape[0])
     slopes = [np.clip(slope[rows], -STEEPEST_SLOPE, STEEPEST_SLOPE) for slope in (wall.slope_z, wall.slope_theta)]
@@ -149,7 +149,7 @@ def _droplet_shine(camera: Endoscope, seen: View) -> Image:
     return shine
 
 
-def _put(crumb: Debris, maps: Image, wall: Wall, first_row: int) -> None:
+def _put(crumb: Debris, maps: Image, wall: WallMaps, first_row: int) -> None:
     """Lay a crumb on the wall's ``maps``: a rounded grain, and the dark line where it touches."""
     size, dz_mm, dtheta_mm = crumb.size_mm, wall.dz_mm, wall.dtheta_rad * wall.radius_mm
     middle = crumb.z_mm / dz_mm - first_row
@@ -172,7 +172,7 @@ def _put(crumb: Debris, maps: Image, wall: Wall, first_row: int) -> None:
     maps[low:high, columns] = part
 
 
-def obscured(camera: Endoscope, wall: Wall, seen: View, hits: Hits) -> Mask:
+def obscured(camera: Endoscope, wall: WallMaps, seen: View, hits: Hits) -> Mask:
     """Say for each pixel of a view whether dirt, a droplet or a crumb keeps it from showing the wall, bool (n,)."""
     hidden: Mask = transmission(camera, seen) < 1 - OBSCURED
     for drop in camera.droplets:

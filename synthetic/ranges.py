@@ -14,6 +14,7 @@ from endoct.synthetic.parameters import Bore, Endoscope, Oct
 
 PARTS: Mapping[str, type[BaseModel]] = {"bore": Bore, "oct": Oct, "endoscope": Endoscope}
 Wish = tuple[float, float] | tuple[str, ...]
+NO_WISHES: Mapping[str, Wish] = {}
 
 
 @cache

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from endoct.stitching.arrays import Coordinates, Mask
-from endoct.synthetic.cavity import OWN_SIDE, Cavities, Near, cavities, clearance, near
+from endoct.synthetic.cavity import OWN_SIDE, Cavities, Near, azimuth, cavities, clearance, near
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.relief import BoreRelief, WallGrid, bore_relief, wall_grid
 from endoct.synthetic.tracing import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
@@ -183,7 +183,7 @@ class _BoreAlong:
         r = torch.sqrt(x * x + y * y).clamp_min(1e-9)
         outwards = (x * self.dx + y * self.dy) / r
         aside = torch.sqrt((1 - outwards * outwards).clamp_min(0))
-        clear = _displacement(self.scene, z, torch.atan2(y, x)) + (self.scene.grid.radius_mm - r)
+        clear = _displacement(self.scene, z, azimuth(x, y)) + (self.scene.grid.radius_mm - r)
         return clear, 1 + self.scene.steepest * aside
 
     def beside(self, axis: int, way_mm: float) -> "_BoreAlong":

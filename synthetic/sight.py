@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image
 from endoct.synthetic.cone import ConeRays, band_centre_mm, cone_of
+from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.parameters import Endoscope
-from endoct.synthetic.wall import Wall
 
 STEP_ACROSS_MM = 0.01
 """How far a ray goes along the wall between two looks: no farther than the wall's maps are fine."""
@@ -201,7 +201,7 @@ def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View
     return seen
 
 
-def visible(wall: Wall, camera: Endoscope, frame_index: int) -> Visible:
+def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
     """Return the rows of the wall that a frame's rays can reach before they are behind all of it.
 
     That is found from the rays at the annulus' rims: between these, they end between.

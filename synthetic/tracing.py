@@ -15,7 +15,9 @@ from endoct.synthetic.cavity import Cavities, Near, clearance
 
 STEP_MM = 0.004
 BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache, and what torch leaves to one thread
-FEW, LOOKS = 500, 16  # that many rays or less are looked at in so many places at once: the calls cost more than they do
+# after so many steps few rays are left: these are looked at in so many places at once, as calls cost more than looks;
+# not the number of rays decides, so that where a ray ends does not depend on which others are traced with it
+STEPS, LOOKS = 10, 16
 MOST_AT_REST = 0.25  # of rays that have ended and are carried along: to sort them out costs as much as a step
 
 
@@ -62,14 +64,16 @@ def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Tensor,
     part, along, t, stop = rays.of(which), bore.of(which), start[which], limit[which]
     last, last_clear = t, torch.zeros_like(t)
     ends: list[tuple[Tensor, ...]] = []
-    while len(which) > FEW:
+    for _ in range(STEPS):
+        if not len(which):
+            break
         clear, step = _look(cells, part, along, t, sign)
         ahead = t + step.clamp_min(STEP_MM)
         on = (clear > 0) & (ahead < stop)
         if int(torch.count_nonzero(on)) >= (1 - MOST_AT_REST) * len(which):
-            moves = on.to(t.dtype)  # those that have ended stay where they are
-            last, last_clear = last + moves * (t - last), last_clear + moves * (clear - last_clear)
-            t = t + moves * (ahead - t)
+            # those that have ended stay where they are
+            last, last_clear = torch.where(on, t, last), torch.where(on, clear, last_clear)
+            t = torch.where(on, ahead, t)
             continue
         met, kept = torch.nonzero(clear <= 0)[:, 0], torch.nonzero(on)[:, 0]
         ends.append(tuple(values.index_select(0, met) for values in (which, last, last_clear, t, clear)))

@@ -95,6 +95,3 @@ FOUND_RIM_PX = 0.25
 # single frames scatter by 0.001 mm and 0.001 rad.
 FOUND_PAINT_MM = 0.002
 FOUND_PAINT_RAD = 0.003
-
-# B-scans traced alone and with others, mean over samples: surfaces differ by 1e-7 mm, which turns some roundings over.
-TOGETHER_COUNTS = 0.02

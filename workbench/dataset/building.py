@@ -196,4 +196,4 @@ def _makers(
 
 def _warm_up() -> None:
     """Load what every process loads once, which is no part of the time that one specimen takes."""
-    import endoct.synthetic.specimen  # noqa: F401
+    import endoct.synthetic.recordings  # noqa: F401

@@ -1,0 +1,112 @@
+"""Renders frames of the endoscope in a process of its own, beside the one that renders the OCT.
+
+Threads of one process wait for one another wherever arrays are small. The process is started before there is a wall
+to look at, so that it is ready by then; it never loads torch. It is a program of its own, not a fork, which is unsafe
+beside threads, and no child of `multiprocessing`, which would run the script of whoever calls the simulator again.
+"""
+
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import fields
+from typing import IO, Any
+
+import cv2
+
+from endoct.stitching.errors import EndoctError
+from endoct.synthetic.camera import stored_frame
+from endoct.synthetic.maps import WallMaps
+from endoct.synthetic.parameters import Sample
+
+FrameProcess = subprocess.Popen[bytes]
+
+
+@contextmanager
+def frame_processes(count: int) -> Iterator[list[FrameProcess]]:
+    """Start ``count`` processes that wait for a wall; they are gone when the context is left."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-m", __name__]
+    with ExitStack() as stack:
+        processes = []
+        for _ in range(count):
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+            stack.callback(_end, process)
+            processes.append(process)
+        yield processes
+
+
+def _end(process: FrameProcess) -> None:
+    process.kill()
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            with contextlib.suppress(OSError):  # what it can no longer be told
+                stream.close()
+    process.wait()
+
+
+def show_wall(process: FrameProcess, sample: Sample, wall: WallMaps) -> None:
+    """Tell a process what :func:`frame_from` is to show."""
+    maps = WallMaps(**{field.name: getattr(wall, field.name) for field in fields(WallMaps)})
+    _send(process, (sample, maps))
+
+
+def frame_from(process: FrameProcess, index: int) -> Any:
+    """Return :func:`endoct.synthetic.camera.stored_frame` of a frame, made by the process."""
+    _send(process, index)
+    try:
+        answer = pickle.load(_stream(process.stdout))
+    except (EOFError, OSError, pickle.UnpicklingError) as error:
+        raise _ended(process) from error
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
+
+
+def _send(process: FrameProcess, what: object) -> None:
+    stream = _stream(process.stdin)
+    try:
+        pickle.dump(what, stream, protocol=5)
+        stream.flush()
+    except OSError as error:
+        raise _ended(process) from error
+
+
+def _stream(stream: IO[bytes] | None) -> IO[bytes]:
+    if stream is None:
+        raise ValueError("a process without pipes renders nothing")
+    return stream
+
+
+def _ended(process: FrameProcess) -> EndoctError:
+    return EndoctError(
+        "a process that renders frames has ended",
+        found=f"exit status {process.poll()}",
+        remedy="see whether memory ran out, and simulate again",
+    )
+
+
+def main() -> None:
+    """Serve one caller until it closes its end or is no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller is interrupted as well, and ends this process
+    cv2.setNumThreads(1)
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
+    with contextlib.suppress(EOFError, BrokenPipeError):
+        sample, wall = pickle.load(sys.stdin.buffer)
+        while True:
+            index = pickle.load(sys.stdin.buffer)
+            try:
+                answer: object = stored_frame(sample, wall, index)
+            except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
+                answer = error
+            pickle.dump(answer, answers, protocol=5)
+            answers.flush()
+
+
+if __name__ == "__main__":
+    main()
