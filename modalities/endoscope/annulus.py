@@ -11,6 +11,8 @@ from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
 
 LEAST_SUPPORT = 0.25
+FAINTEST_SUPPORT = 0.1
+"""Of an inner rim where there is no clearer one, and of rims that lie where those of other frames do."""
 LARGEST_RADIUS_RATIO = 0.85
 SMALLEST_RADIUS_RATIO = 0.1
 FARTHEST_CENTRES = 0.2
@@ -94,7 +96,9 @@ def find_annulus(image: Image) -> Annulus:
             remedy="check the light and the exposure",
         )
     outers = [ring for ring in find_rings(image, rising=False, count=3) if _support(ring) >= LEAST_SUPPORT]
-    inners = [ring for ring in find_rings(image, rising=True, count=6) if _support(ring) >= LEAST_SUPPORT]
+    faint = [ring for ring in find_rings(image, rising=True, count=6) if _support(ring) >= FAINTEST_SUPPORT]
+    # light that falls off towards the inner rim leaves it little contrast
+    inners = [ring for ring in faint if _support(ring) >= LEAST_SUPPORT] or faint
     for outer in sorted(outers, key=lambda ring: -_support(ring) * ring.radius_px):
         fitting = [inner for inner in inners if _nested(inner, outer)]
         if fitting:
@@ -147,9 +151,13 @@ def _measure(image: Image, near: Annulus, reaches: tuple[float, ...]) -> Followe
     support = []
     for rim in near.rings:
         for reach in reaches:
-            x, y = edge_points(image, rim, max(2.0, reach * near.outer_px))
+            reach_px = min(max(2.0, reach * near.outer_px), 0.9 * rim.radius_px)
+            x, y = edge_points(image, rim, reach_px)
             if x.size >= FEWEST_POINTS:
-                rim = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
+                fit = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
+                away = np.hypot(fit.x_px - rim.x_px, fit.y_px - rim.y_px), abs(fit.radius_px - rim.radius_px)
+                # the circle through edges that lie all over the place is not to be followed
+                rim = fit if max(away) <= 2 * reach_px and fit.radius_px > 2 else rim
         rims.append(rim)
         support.append(_support(describe(image, rim)))
     inner, outer = rims
@@ -167,7 +175,7 @@ def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool)
     """
     inner = np.array([(f.annulus.inner_x_px, f.annulus.inner_y_px, f.annulus.inner_px) for f in followed])
     outer = np.array([(f.annulus.outer_x_px, f.annulus.outer_y_px, f.annulus.outer_px) for f in followed])
-    found = np.array([f.support for f in followed]) >= LEAST_SUPPORT
+    found = np.array([f.support for f in followed]) >= FAINTEST_SUPPORT
     found &= np.abs(inner[:, 2] / reference.inner_px - 1) < MOST_CHANGE
     found &= np.abs(outer[:, 2] / reference.outer_px - 1) < MOST_CHANGE
     if not found.any():
