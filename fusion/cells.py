@@ -41,6 +41,9 @@ class SegmentParameters(BaseModel):
 MOST_NOISE = 0.04
 """Above this ``noise_share``, Jaccard indices against the truth were under 0.7, mostly under 0.5 (docs/bench.md)."""
 
+MOST_CELLS = 0.6
+"""A wall of which more than this is cells is taken for one that was not found: bores have 0.08 to 0.3."""
+
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
@@ -59,8 +62,8 @@ class Segmentation:
 
     @property
     def trusted(self) -> bool:
-        """Whether few enough of the samples called cell are noise."""
-        return self.noise_share <= MOST_NOISE
+        """Whether few enough of the samples called cell are noise, and not most of the wall is."""
+        return self.noise_share <= MOST_NOISE and float(self.mask.mean()) <= MOST_CELLS
 
 
 def segment(panorama: Panorama, parameters: SegmentParameters | None = None, *, polarity: Polarity = "dark") -> Mask:

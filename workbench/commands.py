@@ -265,6 +265,7 @@ def bench(
     seeds: str = "1000-1009",
     count: int = 1,
     sweep: Annotated[str | None, arg(metavar="CONDITION")] = None,
+    against: Annotated[str | None, arg(metavar="NAME")] = None,
     data: tuple[Path, ...] = (),
     workers: int = 1,
     describe: bool = False,
@@ -275,12 +276,13 @@ def bench(
 
     Args:
         task: alignment, stitching, segmentation, oct, ablate, sensitivity or another's; left out, all are listed
-        conditions: what cases are drawn from, as noise=0.1..0.3 or modality=depth|intensity
+        conditions: what cases are drawn from, as cell_mm=0.2..1 or modality=depth|intensity; next to the task
         output: folder for results.csv, bench.json and plots
         methods: which methods, with commas; default: all
         seeds: first-last, or numbers with commas; 0-99 are for tuning
         count: cases a seed
         sweep: vary this condition alone and hold the others at the middle of their range
+        against: tell differences from this method too, case by case
         data: folders of your own data with truth, or folders of such folders, in place of simulated cases
         workers: processes that share the cases; with more than one, seconds are those of a busy machine
         describe: say what the task gives, asks for and scores, and run nothing
@@ -301,6 +303,7 @@ def bench(
             seeds=seeds,
             count=count,
             sweep=sweep,
+            against=against,
             data=data,
             output=output,
             workers=workers,

@@ -14,7 +14,8 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import new_output
 from endoct.workbench.bench.asking import narrowed, parse_seeds
 from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
-from endoct.workbench.bench.runner import Plan, run
+from endoct.workbench.bench.runner import Plan, Row, run
+from endoct.workbench.bench.summary import score_names
 from endoct.workbench.bench.task import Task
 from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
 from endoct.workbench.progress import Stages
@@ -72,6 +73,7 @@ def run_bench(
     seeds: str = "1000-1009",
     count: int = 1,
     sweep: str | None = None,
+    against: str | None = None,
     data: Sequence[Path] = (),
     output: Path | None = None,
     workers: int = 1,
@@ -84,6 +86,10 @@ def run_bench(
     """
     task = load_task(name)
     chosen = check_names(task, methods)
+    if against is not None:
+        task = replace(task, against=check_names(task, [against])[0])
+    if task.against is not None and task.against not in chosen:
+        chosen = task.against, *chosen
     if count < 1 or workers < 1:
         raise EndoctError("--count and --workers must be at least 1", found=f"{count} and {workers}")
     if data and (conditions or sweep):
@@ -124,10 +130,22 @@ def _run(
         rows = run(plan, workers=workers, advance=advance)
     told = facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
     if folder is not None:
-        from endoct.workbench.bench.plots import draw_plots  # matplotlib loads for who wants figures
-
-        write_csv(rows, task, folder / "results.csv")
-        write_json(told, folder / "bench.json")
-        with stages.stage("plots"):
-            draw_plots(rows, task, folder / "plots")
+        _write(rows, task, told, folder, stages)
     return told, [table(rows, task), *footnotes(rows, task)]
+
+
+def _write(rows: Sequence[Row], task: Task, told: dict[str, Any], folder: Path, stages: Stages) -> None:
+    # matplotlib loads for who wants figures
+    from endoct.workbench.bench.paired import differences, draw_differences, write_differences
+    from endoct.workbench.bench.plots import draw_plots
+
+    write_csv(rows, task, folder / "results.csv")
+    write_json(told, folder / "bench.json")
+    with stages.stage("plots"):
+        draw_plots(rows, task, folder / "plots")
+        if task.against is None:
+            return
+        found = differences(rows, task.against, score_names(rows, [*task.scores]))
+        if found:
+            write_differences(found, task.against, folder / "differences.csv")
+            draw_differences(found, task.against, task, folder / "plots" / "differences.png")

@@ -94,7 +94,10 @@ def ours(panorama: Panorama) -> Mask:
     """
     found = find_cells(prepare(panorama), SegmentParameters())
     if not found.trusted:
-        raise Declined(f"as much as {found.noise_share:.0%} of what looks like cells lies in front of the wall: noise")
+        raise Declined(
+            f"of what looks like cells as much as {found.noise_share:.0%} lies in front of the wall, where only noise "
+            f"can be; {found.mask.mean():.0%} of the wall would be cells"
+        )
     return found.mask
 
 

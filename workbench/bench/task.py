@@ -78,6 +78,7 @@ class Task:
     usual: what ``ranges`` are narrowed to where the user asks for nothing.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
     methods: methods the task brings along by its nature, beside those that are registered.
+    against: the method from which all others' differences are told, case by case, unless the user names one.
     """
 
     name: str
@@ -90,6 +91,7 @@ class Task:
     usual: Mapping[str, Range] = field(default_factory=dict)
     own: Callable[[Path], Sequence[Case]] | None = None
     methods: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    against: str | None = None
 
 
 def rng_of(seed: int, index: int, purpose: str) -> np.random.Generator:

@@ -1,0 +1,108 @@
+"""The main comparison as something to vary: a specimen's two recordings, unrolled and compared under settings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from endoct.fusion.cells import segment
+from endoct.fusion.comparison import CompareParameters, compare_panoramas
+from endoct.fusion.outcome import Comparison
+from endoct.modalities.acquisition import validate
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.specimens import PRESET_WORDS, simulated, truths_of
+from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, draw
+from endoct.workbench.bench.truth import held_against, jaccard, load_truth
+
+Part = Literal["oct", "endoscope", "compare"]
+Settings = Mapping[Part, Mapping[str, Any]]
+RANGES: Mapping[str, Range] = {"preset": PRESET_WORDS}
+USUAL: Mapping[str, Range] = {"preset": ("quick",)}
+SCORES: Mapping[str, str] = {
+    "pair_native": "Jaccard index, endoscope against OCT, on the OCT's rows",
+    "oct_truth": "Jaccard index, OCT against the truth",
+    "endo_truth": "Jaccard index, endoscope against the truth",
+    "landmark_mm": "error of where wall points are mapped to, 95th percentile, mm",
+    "oct_valid": "share of the OCT's samples that are valid",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """A specimen's folder; what was unrolled is kept for settings that leave it as it is."""
+
+    folder: Path
+    _unrolled: dict[tuple[str, str], Panorama] = field(default_factory=dict)
+
+    def unrolled(self, part: str, settings: Mapping[str, Any]) -> Panorama:
+        """Return the panorama of the recording ``part`` under settings of its plug-in."""
+        from endoct.workbench import unroll
+
+        key = part, repr(sorted(settings.items()))
+        if key not in self._unrolled:
+            self._unrolled[key] = unroll(self.folder / part, settings=settings)
+        return self._unrolled[key]
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A comparison of a specimen's endoscope (A) and OCT (B), and what it was made of."""
+
+    endoscope: Panorama
+    oct: Panorama
+    comparison: Comparison
+    parameters: CompareParameters
+
+
+def compared(specimen: Specimen, settings: Settings) -> Compared:
+    """Unroll and compare as `endoct compare SPECIMEN/endoscope SPECIMEN/oct` does, under ``settings``."""
+    parameters = validate(CompareParameters, dict(settings.get("compare", {})), "the settings of the comparison")
+    endoscope, oct_ = (specimen.unrolled(part, settings.get(part, {})) for part in ("endoscope", "oct"))
+    return Compared(endoscope, oct_, compare_panoramas(endoscope, oct_, parameters), parameters)
+
+
+def simulated_case(seed: int, index: int, ranges: Mapping[str, Range]) -> Case:
+    """Return a simulated specimen as a case."""
+    drawn = draw(seed, index, ranges)
+    scratch = simulated(str(drawn["preset"]), seed, index)
+    folder = Path(scratch.name) / "specimen"
+    return Case(f"{drawn['preset']}-{seed}-{index}", (Specimen(folder),), folder, drawn, scratch)
+
+
+def own_cases(folder: Path) -> list[Case]:
+    """Return a folder of the user's own, with oct/, endoscope/ and truth/, as a case."""
+    if not all((folder / part).is_dir() for part in ("oct", "endoscope")):
+        raise EndoctError(f"{folder} holds no pair", expected="both oct/ and endoscope/ in it")
+    return [Case(folder.name, (Specimen(folder),), folder, {"specimen": folder.name})]
+
+
+def judge(case: Case, answer: Compared) -> dict[str, float]:
+    """Hold a comparison against the truth. Raises :class:`Declined` where the sides were not aligned."""
+    folder: Path = case.truth
+    if (folder / "truth" / "wall.zarr").is_dir():
+        truth = load_truth(folder)
+        found = held_against(truth, answer.endoscope, answer.oct, answer.comparison, answer.parameters)
+        right = found.pop("right", 0.0)
+        found.pop("aligned")
+    else:
+        found, right = _against_drawn(folder, answer), 1.0
+    if answer.comparison.alignment is None:
+        raise Declined(answer.comparison.reason or "not aligned", {SUCCESS: 0.0} | found)
+    return {SUCCESS: right} | found
+
+
+def _against_drawn(folder: Path, answer: Compared) -> dict[str, float]:
+    """Score against masks drawn by hand, each side for which there are some; several raters count alike."""
+    found = {}
+    for name, panorama in (("oct_truth", answer.oct), ("endo_truth", answer.endoscope)):
+        if any((folder / "truth").glob(f"{panorama.modality}*")):
+            cells = segment(panorama, answer.parameters)
+            drawn = truths_of(folder, panorama).values()
+            found[name] = float(np.mean([jaccard(cells, one, panorama.valid) for one in drawn]))
+    if answer.comparison.alignment is not None:
+        scored = answer.comparison.result["scores"]["own_rows"]["jaccard"]
+        found |= {} if scored is None else {"pair_native": float(scored)}
+    return found

@@ -1,0 +1,99 @@
+"""The task "sensitivity": the main comparison with each parameter up and down by a factor, one at a time."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from pydantic import BaseModel
+
+from endoct.fusion.comparison import CompareParameters
+from endoct.modalities.registry import manifests
+from endoct.workbench.bench.ablate import MAIN
+from endoct.workbench.bench.compared import (
+    RANGES,
+    SCORES,
+    USUAL,
+    Compared,
+    Part,
+    Specimen,
+    compared,
+    judge,
+    own_cases,
+    simulated_case,
+)
+from endoct.workbench.bench.task import Case, Range, Task
+
+FACTOR = 1.5
+UP, DOWN = " up", " down"
+NOT_TUNED = {"oct": {"seed"}, "endoscope": set[str](), "compare": set[str]()}
+"""Numbers that are no setting of a scale."""
+
+
+def scaled(part: Part, name: str, default: float, power: int, specimen: Specimen, factor: float) -> Compared:
+    """Compare with one parameter at ``default · factor**power``, rounded where it is a whole number."""
+    value = default * factor**power
+    return compared(specimen, {part: {name: round(value) if isinstance(default, int) else value}})
+
+
+def unchanged(specimen: Specimen, factor: float) -> Compared:
+    """Compare with every parameter at its default."""
+    del factor
+    return compared(specimen, {})
+
+
+def parameters() -> dict[tuple[Part, str], float]:
+    """Return (part, name) → default of every parameter that is a number other than 0."""
+    plugins = manifests()
+    models: dict[Part, type[BaseModel]] = {
+        "oct": plugins["oct"].load().parameters,
+        "endoscope": plugins["endoscope"].load().parameters,
+        "compare": CompareParameters,
+    }
+    return {
+        (part, name): field.default
+        for part, model in models.items()
+        for name, field in model.model_fields.items()
+        if _is_number(field.default) and name not in NOT_TUNED[part]
+    }
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value != 0
+
+
+def _methods() -> dict[str, Callable[..., Compared]]:
+    found: dict[str, Callable[..., Compared]] = {MAIN: unchanged}
+    for (part, name), default in parameters().items():
+        for suffix, power in ((UP, 1), (DOWN, -1)):
+            found[f"{part}.{name}{suffix}"] = partial(scaled, part, name, default, power)
+    return found
+
+
+def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> Case:
+    """Return a simulated specimen, and the factor, as a case."""
+    case = simulated_case(seed, index, ranges)
+    return replace(case, given=(*case.given, float(case.conditions["factor"])))
+
+
+def own(folder: Any) -> list[Case]:
+    """Return a folder of the user's own, and the factor, as a case."""
+    return [replace(case, given=(*case.given, FACTOR)) for case in own_cases(folder)]
+
+
+TASK = Task(
+    name="sensitivity",
+    title="the main comparison with each parameter up and down by a factor",
+    signature=(
+        "method(specimen: endoct.workbench.bench.compared.Specimen, factor: float) -> "
+        "endoct.workbench.bench.compared.Compared; compared(specimen, settings) makes one"
+    ),
+    cases=cases,
+    judge=judge,
+    ranges={**RANGES, "factor": (FACTOR, FACTOR)},
+    usual=USUAL,
+    scores=SCORES,
+    own=own,
+    methods=_methods(),
+    against=MAIN,
+)
