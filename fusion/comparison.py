@@ -1,6 +1,6 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -9,12 +9,15 @@ from pydantic import Field
 from endoct.fusion.alignment import Alignment, NotAligned, align, open_orientations
 from endoct.fusion.cells import Segmentation, SegmentParameters, find_cells
 from endoct.fusion.evidence import Evidence, Polarity, clipped
+from endoct.fusion.objects import Surface
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore, common_grid
 from endoct.fusion.prepare import MASK_MODALITY, prepare
-from endoct.fusion.scores import Agreement, agreement
+from endoct.fusion.scorecard import BOOTSTRAP, overlap_scores
+from endoct.fusion.scoring import Scored, score
+from endoct.fusion.sites import find_sites
 from endoct.fusion.store import load_comparison, save_comparison
-from endoct.stitching.arrays import Mask
+from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.panorama import Panorama
 
 __all__ = ["CompareParameters", "Comparison", "compare_panoramas", "load_comparison", "save_comparison"]
@@ -34,6 +37,7 @@ class CompareParameters(SegmentParameters):
     polarity: Literal["auto", "dark", "bright"] = Field(
         default="auto", description="how cells look to a side without depth; auto: by its correlation with the other"
     )
+    tolerance_mm: float = Field(default=0.1, gt=0, description="outlines nearer to each other than this count as one")
     force: bool = Field(default=False, description="believe the best alignment however little it stands out")
 
 
@@ -50,27 +54,34 @@ def compare_panoramas(a: Panorama, b: Panorama, parameters: CompareParameters | 
     evidence = prepare(a), prepare(b)
     found = _align(a, b, evidence, parameters)
     alignment = found if isinstance(found, Alignment) else None
-    (cells_a, told_a), (cells_b, told_b) = _segment((a, b), evidence, alignment, parameters)
-    segmented = cells_a, cells_b
+    told = _segment((a, b), evidence, alignment, parameters)
     placing = alignment or IN_PLACE
     finer_mm = min(a.grid.dz_mm, placing.z_scale * b.grid.dz_mm)
     grid = common_grid(a, b, placing, dz_mm=parameters.dz_mm or max(finer_mm, FINEST_DZ_MM), n_theta=parameters.n_theta)
     shape = (2, *grid.shape)
     intensity, depth_mm = np.zeros(shape, np.float32), np.full(shape, np.nan, np.float32)
     mask, valid = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+    names = _names(a, b)
+    surfaces = []
     for k, (side, where) in enumerate(((a, IN_PLACE), (b, placing))):
         placement = Placement(side, where, grid, grid.z_mm, grid.dz_mm)
         intensity[k], valid[k] = placement.image(side.intensity, side.valid)
-        mask[k], _ = placement.mask(segmented[k].mask, side.valid)
+        mask[k], _ = placement.mask(told[k].segmentation.mask, side.valid)
         if side.depth_mm is not None:
-            depth, known = placement.image(side.depth_mm, side.valid & np.isfinite(side.depth_mm))
-            depth_mm[k] = np.where(known, depth, np.nan)
-    names = _names(a, b)
-    on_grid = agreement(mask[0], mask[1], valid[0] & valid[1], grid.dz_mm * grid.dtheta_mm)
-    own_rows = _on_own_rows(a, b, segmented, placing)
+            depth_mm[k] = _known(placement, side.depth_mm, side.valid & np.isfinite(side.depth_mm))
+        relief_mm, contrast = (None if e is None else _known(placement, e.values, e.valid) for e in told[k].shown)
+        surfaces.append(Surface(names[k], mask[k], valid[k], relief_mm, contrast))
+    scored = score((a, b), (surfaces[0], surfaces[1]), grid, alignment, parameters.tolerance_mm)
+    own_rows = _on_own_rows(a, b, told, placing) if alignment else None
     reason = found.reason if isinstance(found, NotAligned) else None
-    result = _result(names, found, segmented, (told_a, told_b), (on_grid, own_rows), valid, grid.dz_mm)
-    return Comparison(grid, names, intensity, depth_mm, mask, valid, alignment, reason, result)
+    result = _result(names, found, told, scored, own_rows, valid, grid.dz_mm)
+    return Comparison(grid, names, intensity, depth_mm, mask, valid, alignment, reason, result, scored.cells)
+
+
+def _known(placement: Placement, image: Image, valid: Mask) -> Image:
+    """Return ``image`` placed, NaN where unknown."""
+    values, known = placement.image(image, valid)
+    return np.where(known, values, np.float32(np.nan))
 
 
 def _align(
@@ -91,13 +102,22 @@ def _drawn_on(one: Panorama, other: Panorama) -> bool:
     return drawn and one.grid == other.grid and np.array_equal(one.z_mm, other.z_mm)
 
 
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """One side's cells, what told whether they are dark or bright, and what is known of (relief, contrast)."""
+
+    segmentation: Segmentation
+    polarity_from: str | None
+    shown: tuple[Evidence | None, Evidence | None]
+
+
 def _segment(
     sides: tuple[Panorama, Panorama],
     evidence: tuple[Evidence, Evidence],
     alignment: Alignment | None,
     parameters: CompareParameters,
-) -> tuple[tuple[Segmentation, str | None], tuple[Segmentation, str | None]]:
-    """Find each side's cells on its own samples; with each, what told whether they are dark or bright."""
+) -> tuple[_Told, _Told]:
+    """Find each side's cells on its own samples."""
     a, b = (_segment_side(sides[k], evidence[k], evidence[1 - k], alignment, parameters, first=k == 0) for k in (0, 1))
     return a, b
 
@@ -110,15 +130,16 @@ def _segment_side(
     parameters: CompareParameters,
     *,
     first: bool,
-) -> tuple[Segmentation, str | None]:
+) -> _Told:
     """Find one side's cells.
 
     Whether they are dark or bright is the sign of the correlation with what knows: the other side, if it has depth
     or is a mask, or the side's own relief. Where nothing knows, A's cells are dark, and B's as the two correlate.
     """
     shown = own if parameters.segment == "relief" or own.kind == "mask" else prepare(side, prefer="intensity")
+    relief = own if own.kind == "relief" else None
     if shown.knows_cells:
-        return find_cells(shown, parameters), None
+        return _Told(find_cells(shown, parameters), None, (relief, None))
     if parameters.polarity != "auto":
         polarity: Polarity = parameters.polarity
         told_by = "given"
@@ -132,7 +153,7 @@ def _segment_side(
         polarity, told_by = "dark", "assumed"
     if polarity == "bright":
         shown = prepare(side, prefer="intensity", polarity="bright")
-    return find_cells(shown, parameters), told_by
+    return _Told(find_cells(shown, parameters), told_by, (relief, shown))
 
 
 def _correlation(one: Evidence, other: Evidence) -> float:
@@ -144,13 +165,13 @@ def _correlation(one: Evidence, other: Evidence) -> float:
     return float(common / np.sqrt(of_one * of_other)) if of_one > 0 and of_other > 0 else 0.0
 
 
-def _on_own_rows(
-    a: Panorama, b: Panorama, segmented: tuple[Segmentation, Segmentation], alignment: Alignment
-) -> Agreement:
-    """Return the agreement on B's own samples, to which A is brought; B is not interpolated at all."""
+def _on_own_rows(a: Panorama, b: Panorama, told: tuple[_Told, _Told], alignment: Alignment) -> dict[str, Any]:
+    """Return the overlap on B's own samples, to which A is brought; B is not interpolated at all."""
     placement = Placement(a, alignment.inverse(), b.grid, b.z_mm, b.grid.dz_mm)
-    mask, seen = placement.mask(segmented[0].mask, a.valid)
-    return agreement(mask, segmented[1].mask, seen & b.valid, b.grid.dz_mm * b.grid.dtheta_mm)
+    mask, seen = placement.mask(told[0].segmentation.mask, a.valid)
+    one, two = Surface("", mask, seen), Surface("", told[1].segmentation.mask, b.valid)
+    sites = find_sites(mask, two.mask, seen & b.valid, b.grid.dz_mm * b.grid.dtheta_mm)
+    return overlap_scores(one, two, sites, b.grid)
 
 
 def _reached(valid: Mask) -> Mask:
@@ -171,36 +192,35 @@ def _names(a: Panorama, b: Panorama) -> tuple[str, str]:
 def _result(
     names: tuple[str, str],
     found: Alignment | NotAligned,
-    segmented: tuple[Segmentation, Segmentation],
-    told_by: tuple[str | None, str | None],
-    scores: tuple[Agreement, Agreement],
+    told: tuple[_Told, _Told],
+    scored: Scored,
+    own_rows: dict[str, Any] | None,
     valid: Mask,
     dz_mm: float,
 ) -> dict[str, Any]:
-    aligned = isinstance(found, Alignment)
-    on_grid, own_rows = scores
+    segmented = [side.segmentation for side in told]
+    on_grid = scored.scores["grid"] if scored.scores else {}
     overlap_rows = _reached(valid[0]) & _reached(valid[1])
     both = valid[0] & valid[1]
     return {
         "sides": list(names),
-        "aligned": aligned,
+        "aligned": isinstance(found, Alignment),
         "reason": None if isinstance(found, Alignment) else found.reason,
         "alignment": asdict(found) if isinstance(found, Alignment) else None,
         "best_unbelieved": asdict(found.best) if isinstance(found, NotAligned) and found.best else None,
-        "jaccard": on_grid.jaccard if aligned else None,
-        "dice": on_grid.dice if aligned else None,
+        "jaccard": on_grid.get("jaccard"),
+        "dice": on_grid.get("dice"),
         "threshold": {
             name: {"value": side.threshold, "unit": side.unit, "of": side.of}
             for name, side in zip(names, segmented, strict=True)
         },
         "polarity": {name: side.polarity for name, side in zip(names, segmented, strict=True)},
-        "polarity_from": dict(zip(names, told_by, strict=True)),
-        "scores": {
-            "grid": on_grid.as_json(),
-            "own_rows": {"rows_of": names[1], **own_rows.as_json()},
-        }
-        if aligned
+        "polarity_from": {name: side.polarity_from for name, side in zip(names, told, strict=True)},
+        "scores": {**scored.scores, "own_rows": {"rows_of": names[1], **own_rows}}
+        if scored.scores and own_rows
         else None,
+        "budget": scored.budget,
+        "bootstrap": BOOTSTRAP,
         "valid_fraction": float(both[overlap_rows].mean()) if overlap_rows.any() else 0.0,
         "overlap_mm": float(overlap_rows.sum()) * dz_mm,
     }

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from endoct.fusion.objects import Cell
 from endoct.fusion.pose import Alignment
 from endoct.stitching.arrays import Image, Mask, readonly
 from endoct.stitching.grid import SurfaceGrid
@@ -26,6 +27,8 @@ class Comparison:
     alignment: where B lies in A's frame; None where that could not be found.
     reason: why not, in a full sentence; None where it was found.
     result: the part of ``result.json`` that fusion knows, JSON-serialisable.
+    cells: the cells of both sides as objects, A's first; empty where the comparison was read from a store written
+        before there were any.
 
     Arrays are read-only.
     """
@@ -39,6 +42,7 @@ class Comparison:
     alignment: Alignment | None
     reason: str | None
     result: Mapping[str, Any]
+    cells: tuple[Cell, ...] = ()
 
     def __post_init__(self) -> None:
         for name, dtype in (

@@ -1,5 +1,7 @@
 """A side's images brought onto a common grid, in the frame an alignment puts them in."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
@@ -15,6 +17,14 @@ FARTHEST_OUTLINE_MM = 1.0
 IN_PLACE = Alignment(theta_shift_rad=0.0, z_shift_mm=0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Where the samples of an image lie: its columns by ``grid``, its rows, even or not, at ``z_mm``, (n_z,)."""
+
+    grid: SurfaceGrid
+    z_mm: Coordinates
+
+
 class Placement:
     """Takes images on the samples of ``panorama``, moved by ``alignment``, to rows and columns of another grid.
 
@@ -23,7 +33,12 @@ class Placement:
     """
 
     def __init__(
-        self, panorama: Panorama, alignment: Alignment, grid: SurfaceGrid, z_mm: Coordinates, row_extent_mm: float
+        self,
+        panorama: Panorama | Samples,
+        alignment: Alignment,
+        grid: SurfaceGrid,
+        z_mm: Coordinates,
+        row_extent_mm: float,
     ) -> None:
         self._flip = slice(None, None, -1 if alignment.z_reversed else 1)
         from_mm = alignment.z_to_a(panorama.z_mm)[self._flip]
@@ -46,13 +61,13 @@ class Placement:
         true where at least half of what was observed of it is.
         """
         if self._refines:
-            distance, seen = self.image(_signed_distance(mask & valid, self._sample_mm), valid)
+            distance, seen = self.image(signed_distance(mask & valid, self._sample_mm), valid)
             return (distance > 0) & seen, seen
         share, seen = self.image(mask.astype(np.float32), valid)
         return (share >= 0.5) & seen, seen
 
 
-def _signed_distance(mask: Mask, sample_mm: tuple[float, float]) -> Image:
+def signed_distance(mask: Mask, sample_mm: tuple[float, float]) -> Image:
     """Return the distance to the outline of ``mask`` in mm, positive inside, at most ``FARTHEST_OUTLINE_MM``."""
     pad = min(int(np.ceil(FARTHEST_OUTLINE_MM / sample_mm[1])), mask.shape[1])
     padded = np.pad(mask, ((0, 0), (pad, pad)), mode="wrap")

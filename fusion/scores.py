@@ -1,11 +1,15 @@
 """How far two masks of one wall agree, where both sides observed it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Mask
+from endoct.fusion.intervals import interval_of
+from endoct.stitching.arrays import Coordinates, Mask
+
+FEWEST_PAIRS = 3
 
 
 @dataclass(frozen=True)
@@ -48,3 +52,23 @@ def difference(a: Mask, b: Mask, valid: Mask) -> NDArray[np.int8]:
     """Return the difference image, int8: 0 neither, 1 both, 2 only ``a``, 3 only ``b``, −1 not seen by both."""
     codes = np.select([a & b, a & ~b, ~a & b], [1, 2, 3], default=0)
     return np.where(valid, codes, -1).astype(np.int8)
+
+
+def bland_altman(a: Coordinates, b: Coordinates) -> dict[str, Any] | None:
+    """Return how far ``b`` differs from ``a``, pairs of measurements (n,) each; None for fewer than three.
+
+    Bland and Altman 1986 (doi:10.1016/S0140-6736(86)90837-8): ``bias`` the mean of b − a, ``low`` and ``high`` the
+    limits bias ± 1.96 SD within which 95 % of differences lie if they are normal; ``bias_interval`` bootstrapped over
+    pairs.
+    """
+    if a.size < FEWEST_PAIRS:
+        return None
+    differs = b - a
+    bias, spread = float(differs.mean()), 1.96 * float(differs.std(ddof=1))
+    return {
+        "pairs": int(a.size),
+        "bias": bias,
+        "low": bias - spread,
+        "high": bias + spread,
+        "bias_interval": interval_of(differs, np.mean),
+    }

@@ -1,0 +1,48 @@
+"""Bootstrap intervals over things that were drawn independently: cells, patches of wall, specimens. Never pixels."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates
+
+RESAMPLES = 2000
+SEED = 2019
+LEVEL = 0.95
+FEWEST = 5
+"""Of fewer things than this no interval is given: a bootstrap of so few is far too narrow."""
+
+Interval = tuple[float, float] | None
+
+
+def weights(n: int) -> NDArray[np.int32]:
+    """Return how often each of ``n`` things is drawn in every resample, (RESAMPLES, n); always the same."""
+    return np.random.default_rng(SEED).multinomial(n, np.full(n, 1 / n), size=RESAMPLES).astype(np.int32)
+
+
+def ratio_interval(numerators: Coordinates, denominators: Coordinates) -> Interval:
+    """Return the percentile bootstrap interval of Σ numerators / Σ denominators over their n things, (n,) each."""
+    if numerators.size < FEWEST:
+        return None
+    drawn = weights(numerators.size).astype(np.float64)
+    below = drawn @ denominators
+    above = drawn @ numerators
+    return percentiles(above[below > 0] / below[below > 0])
+
+
+def interval_of(values: Coordinates, statistic: Callable[..., Any] = np.median) -> Interval:
+    """Return the percentile bootstrap interval of ``statistic`` of ``values`` (n,)."""
+    if values.size < FEWEST:
+        return None
+    rng = np.random.default_rng(SEED)
+    return percentiles(np.array([statistic(rng.choice(values, values.size)) for _ in range(RESAMPLES)]))
+
+
+def percentiles(estimates: Coordinates) -> Interval:
+    """Return the middle ``LEVEL`` of ``estimates`` (m,); None where there are none."""
+    if not estimates.size:
+        return None
+    low, high = np.quantile(estimates, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return float(low), float(high)
