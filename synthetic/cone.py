@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.parameters import Endoscope
+from endoct.synthetic.root import root
 
 STEEPEST = 0.97
 """Largest tan ψ of a mirror that is to be seen, as a part of tan a, at which a ray runs along the cone."""
@@ -111,7 +111,7 @@ def focal_length_px(optics: Mapping[str, float], inner_px: float, outer_px: floa
             expected=f"up to {length + excess_mm(shortest):.2f} mm",
             remedy="vary visible_length_mm less, or mirror_distance_mm upwards",
         )
-    return float(brentq(excess_mm, shortest, 1e5 * outer_px, xtol=1e-9 * outer_px, rtol=1e-14))
+    return root(excess_mm, shortest, 1e5 * outer_px, within=1e-9 * outer_px, share=1e-14)
 
 
 def _undistorted(image: Reals, k1: float) -> Reals:

@@ -16,10 +16,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from typing import IO, Any
 
-import cv2
-
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.camera import stored_frame
 from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.parameters import Sample
 
@@ -93,9 +90,13 @@ def _ended(process: FrameProcess) -> EndoctError:
 def main() -> None:
     """Serve one caller until it closes its end or is no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller is interrupted as well, and ends this process
-    cv2.setNumThreads(1)
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
+    import cv2
+
+    from endoct.synthetic.camera import stored_frame  # the caller need not load it before it starts this
+
+    cv2.setNumThreads(1)
     with contextlib.suppress(EOFError, BrokenPipeError):
         sample, wall = pickle.load(sys.stdin.buffer)
         while True:
