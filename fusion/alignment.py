@@ -2,7 +2,12 @@
 
 The search is exhaustive: masked normalised cross-correlation over every turn (θ is a circle), every shift, a
 range of z scales and every orientation left open. Its sign carries no information and is not used. The best
-place is refined to a fraction of a sample. How far it stands out decides whether it is believed.
+place is refined to a fraction of a sample.
+
+It is believed where it stands out in two ways: against the next best place of the same pair (``confidence``), and
+against what one side, shuffled, reaches on the other (``chance``). Neither alone would do: a pattern that both sides
+have everywhere beats every shuffle, but not its own runner-up; two that show next to nothing have one best place all
+the same, but no better than shuffled.
 """
 
 from dataclasses import replace
@@ -14,8 +19,10 @@ from endoct.fusion.search import search
 
 __all__ = ["Alignment", "NotAligned", "align", "open_orientations"]
 
-BELIEVABLE = 0.2
-"""Least confidence of an alignment. On simulated specimens true pairs had 0.49 and more, wrong ones 0.14 and less."""
+BELIEVABLE = 0.15
+"""Least confidence of an alignment that is believed."""
+LIKELY_CHANCE = 1e-4
+"""A place that chance would give more often than this is not believed. benchmarks/confidence.py shows both margins."""
 
 
 def open_orientations(*, handedness_known: bool, travel_known: bool) -> tuple[Orientation, ...]:
@@ -26,6 +33,11 @@ def open_orientations(*, handedness_known: bool, travel_known: bool) -> tuple[Or
     if not travel_known:
         return ALL_ORIENTATIONS
     return ALL_ORIENTATIONS[:1] if handedness_known else ALL_ORIENTATIONS[:2]
+
+
+def believable(found: Alignment) -> bool:
+    """Say whether ``found`` stands out enough to be believed."""
+    return found.confidence >= BELIEVABLE and found.chance <= LIKELY_CHANCE
 
 
 def align(
@@ -43,10 +55,11 @@ def align(
     found = search(clipped(a), clipped(b), orientations, z_scale_range)
     if found is None:
         return NotAligned("The two sides share no structure: at least one shows no cells.")
-    if found.confidence < BELIEVABLE and not force:
+    if not (force or believable(found)):
         reason = (
-            f"No place of one side on the other stands out: the best correlates at {abs(found.correlation):.2f}, "
-            f"{found.ratio:.2f} times the runner-up."
+            f"No place of one side on the other stands out: the best correlates at {abs(found.correlation):.2f}, its "
+            f"score is {found.ratio:.2f} times the runner-up's, and chance would give as much with a probability of "
+            f"{found.chance:.1g}."
         )
         return NotAligned(reason + _what_if(clipped(a), clipped(b), orientations, z_scale_range), found)
     if found.correlation < 0 and "darkness" in (a.kind, b.kind):
@@ -63,7 +76,7 @@ def _what_if(
     """Say whether an orientation that the sidecars rule out would have been believed."""
     ruled_out = tuple(orientation for orientation in ALL_ORIENTATIONS if orientation not in orientations)
     found = search(a, b, ruled_out, z_scale_range) if ruled_out else None
-    if found is None or found.confidence < BELIEVABLE:
+    if found is None or not believable(found):
         return ""
     turned = " and ".join(["mirrored"] * found.mirrored + ["with z reversed"] * found.z_reversed)
     return f" {turned.capitalize()} they would align: check handedness and travel in the sidecars."

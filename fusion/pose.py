@@ -16,7 +16,8 @@ class Alignment:
 
     θ_B counts negative if ``mirrored``, z_B if ``z_reversed``. ``correlation`` is that of the two sides' evidence
     for cells in place (its sign says whether they agree or are each other's negative), ``ratio`` how its score
-    compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``overlap_mm2`` the
+    compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``chance`` how likely a
+    bore that does not match would reach that score (:mod:`endoct.fusion.chance`), ``overlap_mm2`` the
     wall both have seen. ``uneven_rad`` is the largest smooth departure from a rigid turn that was found and left
     uncorrected: what uneven rotation and an off-axis probe leave in θ; ``twist_rad_per_mm`` a turn along A's z that was
     found and left as well. ``covariance`` is that of the error of
@@ -31,6 +32,7 @@ class Alignment:
     confidence: float = 0.0
     correlation: float = 0.0
     ratio: float = 1.0
+    chance: float = 1.0
     overlap_mm2: float = 0.0
     uneven_rad: float = 0.0
     twist_rad_per_mm: float = 0.0

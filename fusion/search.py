@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from endoct.fusion.chance import chance_of, score
 from endoct.fusion.correlation import masked_correlation, padded_rows, spectra
 from endoct.fusion.evidence import Evidence, blurred, on_grid, reoriented
 from endoct.fusion.pose import Alignment, Orientation
@@ -18,8 +19,6 @@ SEARCH_BAND_MM = (0.06, 0.3)
 independent pieces on one bore's wall to tell places apart."""
 DISTINCT_MM = 0.75
 """Two places nearer than this are one peak."""
-LEAST_OVERLAP = 0.25
-"""Of the largest overlap any shift has; less is chance."""
 
 
 def search(
@@ -45,11 +44,18 @@ def search(
             candidates += _peaks(*maps, start, grid_a.column_mm)
     if not candidates:
         return None
-    score, best = max(candidates, key=lambda candidate: candidate[0])
+    best_score, best = max(candidates, key=lambda candidate: candidate[0])
     z_middle = float(b.z_mm[[0, -1]].mean())
     others = [s for s, other in candidates if not _same_place(best, other, z_middle, a.radius_mm)]
-    ratio = min(score / max(max(others, default=0.0), 1e-6), 100.0)
-    return replace(best, ratio=ratio, confidence=abs(best.correlation) * (1 - 1 / ratio))
+    ratio = min(best_score / max(max(others, default=0.0), 1e-6), 100.0)
+    stretched = _searchable(reoriented(b, mirrored=False, z_reversed=False, z_scale=best.z_scale))
+    n_maps = len(orientations) * len(_scales(a, b, z_scale_range))
+    return replace(
+        best,
+        ratio=ratio,
+        chance=chance_of(best_score, grid_a, stretched, (best.mirrored, best.z_reversed), n_maps),
+        confidence=abs(best.correlation) * (1 - 1 / ratio),
+    )
 
 
 def _scales(a: Evidence, b: Evidence, z_scale_range: tuple[float, float]) -> Coordinates:
@@ -61,21 +67,15 @@ def _scales(a: Evidence, b: Evidence, z_scale_range: tuple[float, float]) -> Coo
 
 
 def _peaks(correlation: Image, overlap: Image, start: Alignment, column_mm: float) -> Iterator[tuple[float, Alignment]]:
-    """Yield (score, alignment) of the two best, distinct places; sample (0, 0) of the maps is at ``start``.
-
-    The score is |correlation|·√(overlap / largest overlap): by chance, correlations scatter with 1/√overlap.
-    """
-    most = float(overlap.max())
-    if most < 1:
-        return
-    score = np.abs(correlation) * np.sqrt(overlap / most) * (overlap >= LEAST_OVERLAP * most)
-    n_z, n_theta = score.shape
+    """Yield (score, alignment) of the two best, distinct places; sample (0, 0) of the maps is at ``start``."""
+    scores = score(correlation, overlap * np.float32(SEARCH_DZ_MM * column_mm))
+    n_z, n_theta = scores.shape
     for _ in range(2):
-        row, column = np.unravel_index(int(np.argmax(score)), score.shape)
-        if not score[row, column] > 0:
+        row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+        if not scores[row, column] > 0:
             return
         yield (
-            float(score[row, column]),
+            float(scores[row, column]),
             replace(
                 start,
                 theta_shift_rad=float(np.mod(start.theta_shift_rad + 2 * np.pi * column / n_theta, 2 * np.pi)),
@@ -87,7 +87,7 @@ def _peaks(correlation: Image, overlap: Image, start: Alignment, column_mm: floa
         rows = np.abs(np.arange(n_z) - row) * SEARCH_DZ_MM < DISTINCT_MM
         off = np.abs(np.arange(n_theta) - column)
         columns = np.minimum(off, n_theta - off) * column_mm < DISTINCT_MM
-        score[np.ix_(rows, columns)] = 0
+        scores[np.ix_(rows, columns)] = 0
 
 
 def _searchable(evidence: Evidence) -> Evidence:
