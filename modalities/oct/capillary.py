@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.oct.lines import Points, fit_circle
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.rotation import starts_anywhere
 from endoct.modalities.oct.sine import RIPPLE_HARMONICS, Sine, circle_distance_mm, ransac_sine, ripple_basis
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
@@ -96,24 +97,37 @@ def locate_faces(
         near = evidence.lines[np.abs(evidence.lines[:, 2] - axis_depth) < SAME_LINE_MM]
         if near.size:
             circles[i] = near[int(np.argmax(near[:, 3])), :3]
-    circles = _without_outliers(circles)
+    free = starts_anywhere(circles[:, 0], circles[:, 1], np.isfinite(circles[:, 0]), parameters)
+    circles = _without_outliers(circles, free)
     starts = _bridge(circles)
     axis_depth = float(np.nanmedian(circles[:, 2]))
     fitted, fraction, residual = np.empty_like(starts), np.zeros(len(slices)), np.full(len(slices), np.nan)
     for i, evidence in enumerate(slices):
         fitted[i], fraction[i], residual[i] = _refine(evidence, starts[i], axis_depth, radius_mm, parameters)
     good = (fraction >= parameters.least_inlier_fraction) & (np.abs(fitted[:, 2] - axis_depth) < SAME_LINE_MM)
-    steady = np.isfinite(_without_outliers(np.where(good[:, None], fitted, np.nan))[:, 0])
+    steady = np.isfinite(_without_outliers(np.where(good[:, None], fitted, np.nan), free)[:, 0])
     good &= steady | (fraction > CERTAIN_FRACTION)
     if 2 * np.count_nonzero(good) < len(slices):
         raise _no_capillary(f"it in {np.count_nonzero(good)} of {len(slices)} slices")
     fitted = _bridge(np.where(good[:, None], fitted, np.nan))
     sines = _sines(slices, fitted, good, radius_mm, parameters)
-    ripple = [
-        _ripple(evidence.points, circle, radius_mm, parameters) if found else np.zeros(2 * RIPPLE_HARMONICS - 2)
-        for evidence, circle, found in zip(slices, fitted, good, strict=True)
-    ]
-    return Faces(fitted[:, 0], fitted[:, 1], fitted[:, 2], fraction, residual, ~good, sines, np.asarray(ripple))
+    ripple = _ripples(slices, fitted, good, radius_mm, parameters)
+    return Faces(fitted[:, 0], fitted[:, 1], fitted[:, 2], fraction, residual, ~good, sines, ripple)
+
+
+def refit_faces(slices: Sequence[SliceEvidence], faces: Faces, radius_mm: float, parameters: OctParameters) -> Faces:
+    """Return ``faces`` fitted again, from where they are, to ``slices`` with beam angles for nominal ones.
+
+    The sines stay those of nominal angles; a bridged slice stays as it is.
+    """
+    good = ~faces.bridged
+    fitted = np.stack([faces.x_mm, faces.y_mm, faces.axis_depth_mm], axis=1)
+    axis_depth = float(np.median(faces.axis_depth_mm[good]))
+    fraction, residual = faces.inlier_fraction.copy(), faces.residual_mm.copy()
+    for i in np.flatnonzero(good):
+        fitted[i], fraction[i], residual[i] = _refine(slices[i], fitted[i], axis_depth, radius_mm, parameters)
+    ripple = _ripples(slices, fitted, good, radius_mm, parameters)
+    return Faces(fitted[:, 0], fitted[:, 1], fitted[:, 2], fraction, residual, ~good, faces.sines, ripple)
 
 
 def _axis_depth(
@@ -131,7 +145,7 @@ def _axis_depth(
         return float(np.median(lines[near, 2]))
     for without_fixed in (True, False):
         tracks = []
-        for depth in _peaks(lines, mm_per_px):
+        for depth in line_depths_mm(lines, mm_per_px):
             on = np.abs(lines[:, 2] - depth) < SAME_LINE_MM
             presence = np.unique(index[on]).size / len(slices)
             still = np.median(np.hypot(lines[on, 0], lines[on, 1])) < FIXED_LINE_MM
@@ -144,8 +158,8 @@ def _axis_depth(
     raise _no_capillary("no line with darkness and then a wall behind it")
 
 
-def _peaks(lines: Coordinates, mm_per_px: float) -> Coordinates:
-    """Depths at which many lines of the recording have their axis."""
+def line_depths_mm(lines: Coordinates, mm_per_px: float) -> Coordinates:
+    """Return depths, mm, at which many ``lines`` (n, 4) of a recording have their axis."""
     low = lines[:, 2].min() - 4 * SAME_LINE_MM
     depth = np.arange(low, lines[:, 2].max() + 4 * SAME_LINE_MM, mm_per_px / 2)
     density = np.zeros(depth.size)
@@ -234,6 +248,17 @@ def _sines(
     return tuple(sines)
 
 
+def _ripples(
+    slices: Sequence[SliceEvidence], circles: Coordinates, good: Mask, radius_mm: float, parameters: OctParameters
+) -> Coordinates:
+    return np.array(
+        [
+            _ripple(evidence.points, circle, radius_mm, parameters) if found else np.zeros(2 * RIPPLE_HARMONICS - 2)
+            for evidence, circle, found in zip(slices, circles, good, strict=True)
+        ]
+    )
+
+
 def _ripple(points: Points, circle: Coordinates, radius_mm: float, parameters: OctParameters) -> Coordinates:
     """Harmonics of where the face departs from the circle, by uneven rotation and oblique glass; a few µm."""
     residual = points.depth_mm - circle[2] - circle_distance_mm(points.angle_rad, circle[0], circle[1], radius_mm)
@@ -244,9 +269,14 @@ def _ripple(points: Points, circle: Coordinates, radius_mm: float, parameters: O
     return np.asarray(np.linalg.solve(normal, basis.T @ (weight * residual)))
 
 
-def _without_outliers(circles: Coordinates) -> Coordinates:
-    """Replace circles that stray from both neighbours and from the median of six by NaN."""
+def _without_outliers(circles: Coordinates, free: bool) -> Coordinates:
+    """Replace circles that stray from both neighbours and from the median of six by NaN.
+
+    Where turns start anywhere (``free``), only how far off the axis they are can be compared.
+    """
     kept = circles.copy()
+    if free:
+        circles = np.stack([np.hypot(circles[:, 0], circles[:, 1]), np.zeros(len(circles)), circles[:, 2]], axis=1)
     for i in range(len(circles)):
         before, after = circles[max(0, i - 3) : i], circles[i + 1 : i + 4]
         before, after = before[np.isfinite(before[:, 0])], after[np.isfinite(after[:, 0])]

@@ -31,6 +31,15 @@ class OctParameters(BaseModel):
     )
     seed: int = Field(default=0, ge=0, description="of the random choice of A-scans")
 
+    # the rotation of the catheter
+    correct_rotation: bool = Field(default=True, description="undo the smooth error of angle within every turn")
+    correct_turn_length: bool = Field(default=True, description="undo turns that are longer or shorter than counted")
+    correct_start_angle: bool = Field(default=True, description="undo turns that start at an angle of their own")
+    correct_lost_ascans: bool = Field(default=True, description="undo jumps of angle where A-scans were lost")
+    start: Literal["auto", "triggered", "free"] = Field(
+        default="auto", description="turns start at one angle, or anywhere; auto: as the capillary's direction tells"
+    )
+
     # enhancement before the fit
     denoise_threshold: float = Field(default=1.0, ge=0, description="soft threshold of wavelets, in noise σ")
     clahe_clip_limit: float = Field(default=2.0, gt=0, description="contrast limit of the histogram equalisation")

@@ -1,0 +1,309 @@
+"""Where every turn starts, from what does not turn with the optics.
+
+Sheath lines are drawn from off the sheath's axis. The direction of that offset stays put while the catheter is pulled,
+so that in a turn that starts later it is seen earlier. Two lines or more that keep their angle to one another through
+the recording are such a mark; how well they keep it says how well they tell. The mark itself is allowed to creep from
+slice to slice, which nothing in the recording can tell from a creeping start: that share of the twist stays unknown
+and is stated. The direction of the capillary's offset from the catheter, which drifts by degrees a slice, and cells
+that span two slices, are what is left where turns start anywhere and no sheath is seen.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from endoct.modalities.oct.capillary import Faces, SliceEvidence, line_depths_mm
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.rotation import Rotation, starts_anywhere
+from endoct.modalities.oct.sine import circle_distance_mm
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.circle import wrap_rad
+
+SAME_LINE_MM = 0.02
+LINE_WIDTH_MM = 0.008
+LEAST_SECTORS = 0.3
+LEAST_PRESENCE = 0.6
+TELLING_MM = 0.006  # a line nearer to its axis has no direction
+POINT_MM = 0.0004  # of a line's offset, at best
+RIGID_RAD = 0.08
+CREEP_RAD = 0.0017  # of a mark from slice to slice: 0.1°
+LEAST_START_RAD = 0.002
+DRIFT_RAD = 0.09  # of the capillary's direction from slice to slice: 5°
+PROFILE_MM = (0.02, 0.10)  # behind the nominal wall: dark in cells
+N_PROFILE = 192
+NEAR_RAD = 0.7
+LEAST_LIKENESS = 0.6
+CELLS_RAD = 0.035  # how far cells' own shapes shift one slice against the next: 2°
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Direction (n,) in which a mark is seen in each slice's own frame, NaN where not, with its standard deviation."""
+
+    direction_rad: Coordinates
+    sigma_rad: Coordinates
+
+
+def measure_starts(
+    slices: Sequence[SliceEvidence],
+    faces: Faces,
+    rotation: Rotation,
+    radius_mm: float,
+    bore_mm: float,
+    mm_per_px: float,
+    parameters: OctParameters,
+) -> tuple[Rotation, str]:
+    """Return ``rotation`` with starts, and a sentence on what told them, or "".
+
+    ``slices`` in the order of z with beam angles for nominal ones, ``radius_mm`` of the outer face, ``bore_mm`` of the
+    nominal wall. Starts are given against their mean where turns are triggered, against the first slice where not.
+    """
+    free = starts_anywhere(faces.x_mm, faces.y_mm, ~faces.bridged, parameters)
+    mark = _sheath(slices, faces, radius_mm, mm_per_px)
+    if free:
+        return _free(slices, faces, rotation, mark, bore_mm, mm_per_px)
+    if mark is None:
+        return rotation, ""
+    return _triggered(rotation, mark), ""
+
+
+def _triggered(rotation: Rotation, mark: _Seen) -> Rotation:
+    """Turns begin near one angle, so that long ones lie later in the mean; slow changes are rather the mark's."""
+    seen = np.isfinite(mark.direction_rad)
+    later = np.pi * rotation.stretch
+    direction = mark.direction_rad + later
+    centre = np.angle(np.sum(np.exp(1j * direction[seen])))
+    moved = np.where(seen, wrap_rad(direction - centre), 0.0)
+    steps = np.diff(moved[seen])
+    usual = max(LEAST_START_RAD, 1.4826 * float(np.median(np.abs(steps))) / np.sqrt(2)) if steps.size else 0.0
+    if not usual:
+        return rotation
+    n = seen.size
+    sigma = np.where(seen, mark.sigma_rad, np.inf)
+    # unknown: n starts, then n directions of the mark; the mark is seen at its direction less the start
+    rows, values, weights = _creep(n, n)
+    for i in range(n):
+        rows.append({i: 1.0})
+        values.append(0.0)
+        weights.append(1 / usual)
+        if seen[i]:
+            rows.append({n + i: 1.0, i: -1.0})
+            values.append(float(moved[i]))
+            weights.append(1 / float(sigma[i]))
+    solution, covariance = _least_squares(rows, values, weights, 2 * n)
+    start, spread = solution[:n] + later, np.sqrt(np.diag(covariance)[:n])
+    return replace(
+        rotation,
+        start_rad=np.where(seen, start - start[seen].mean(), 0.0),
+        start_known=seen,
+        start_sigma_rad=np.where(seen, spread, np.nan),
+    )
+
+
+def _free(
+    slices: Sequence[SliceEvidence],
+    faces: Faces,
+    rotation: Rotation,
+    mark: _Seen | None,
+    bore_mm: float,
+    mm_per_px: float,
+) -> tuple[Rotation, str]:
+    n = len(slices)
+    capillary = np.where(faces.bridged, np.nan, np.arctan2(faces.y_mm, faces.x_mm))
+    if mark is not None:
+        seen = np.isfinite(mark.direction_rad)
+        start = np.where(seen, -mark.direction_rad, np.nan)
+        first = int(np.flatnonzero(seen)[0])
+        away = np.abs(np.arange(n) - first)
+        sigma = np.where(seen, np.hypot(mark.sigma_rad, CREEP_RAD * np.sqrt(away)), np.nan)
+        how = "Turns start anywhere; where each does was told by the sheath's lines."
+        # what shows no sheath goes by the capillary's direction, between slices that show both
+        both = seen & np.isfinite(capillary)
+        left = ~seen & np.isfinite(capillary)
+        if both.any() and left.any():
+            at, common = np.flatnonzero(both), np.unwrap((capillary + start)[both])
+            start = np.where(left, np.interp(np.arange(n), at, common) - capillary, start)
+            distance = np.abs(np.arange(n)[:, None] - at[None, :]).min(axis=1)
+            sigma = np.where(left, DRIFT_RAD * np.sqrt(distance), sigma)
+    else:
+        start, sigma = _from_neighbours(slices, faces, capillary, bore_mm, mm_per_px)
+        how = (
+            "Turns start anywhere and no sheath line tells where; cells that span two slices and the capillary's "
+            "direction were followed from slice to slice, so that the twist along the bore is uncertain."
+        )
+    known = np.isfinite(start)
+    start = np.where(known, start, 0.0)
+    if known.any():
+        start = start - start[int(np.flatnonzero(known)[0])]
+    return (
+        replace(
+            rotation,
+            start_rad=np.where(known, np.mod(start, 2 * np.pi), 0.0),
+            start_known=known,
+            start_sigma_rad=np.where(known, sigma, np.nan),
+        ),
+        how,
+    )
+
+
+def _from_neighbours(
+    slices: Sequence[SliceEvidence], faces: Faces, capillary_rad: Coordinates, bore_mm: float, mm_per_px: float
+) -> tuple[Coordinates, Coordinates]:
+    """Return starts and their standard deviations against the first slice, each found from the one before."""
+    profiles = _profiles(slices, faces, bore_mm, mm_per_px)
+    n = len(slices)
+    start, variance = np.full(n, np.nan), np.full(n, np.nan)
+    last = -1
+    for i in range(n):
+        if not np.isfinite(capillary_rad[i]):
+            continue
+        if last < 0:
+            start[i], variance[i] = 0.0, 0.0
+        else:
+            by_capillary = float(wrap_rad(np.asarray(capillary_rad[last] - capillary_rad[i])))
+            sigma = DRIFT_RAD * np.sqrt(i - last)
+            by_cells, likeness = _turned_by(profiles[last], profiles[i], by_capillary)
+            step, spread = by_capillary, sigma
+            if likeness > LEAST_LIKENESS:
+                share = sigma**2 / (sigma**2 + CELLS_RAD**2)
+                step = by_capillary + share * by_cells
+                spread = np.sqrt(share) * CELLS_RAD
+            start[i], variance[i] = start[last] + step, variance[last] + spread**2
+        last = i
+    return start, np.sqrt(variance)
+
+
+def _turned_by(a: Coordinates, b: Coordinates, about_rad: float) -> tuple[float, float]:
+    """Return by how much more than ``about_rad`` the start of b lies behind that of a, and how alike they are then."""
+    spectrum = np.fft.rfft(a) * np.conj(np.fft.rfft(b))
+    shift = np.fft.rfftfreq(a.size, 1 / a.size) * about_rad
+    alike = np.fft.irfft(spectrum * np.exp(1j * shift), n=a.size) / max(
+        float(np.sqrt(np.sum(a**2) * np.sum(b**2))), 1e-9
+    )
+    reach = round(NEAR_RAD / (2 * np.pi) * a.size)
+    near = np.roll(alike, reach)[: 2 * reach + 1]
+    k = int(np.argmax(near))
+    if k in (0, 2 * reach):
+        return 0.0, 0.0
+    before, here, after = near[k - 1 : k + 2]
+    sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
+    return (k + sub - reach) * 2 * np.pi / a.size, float(here)
+
+
+def _profiles(slices: Sequence[SliceEvidence], faces: Faces, bore_mm: float, mm_per_px: float) -> Coordinates:
+    """Return how bright each slice is just behind the nominal wall, over θ in its own frame, float64 (n, N_PROFILE)."""
+    theta = 2 * np.pi * np.arange(N_PROFILE) / N_PROFILE
+    found = np.zeros((len(slices), N_PROFILE))
+    for i, one in enumerate(slices):
+        x, y, depth = faces.x_mm[i], faces.y_mm[i], faces.axis_depth_mm[i]
+        along = circle_distance_mm(one.ascan_angle_rad, x, y, bore_mm)
+        total = np.concatenate([np.zeros((one.ascans.shape[0], 1)), np.cumsum(one.ascans, axis=1, dtype=float)], axis=1)
+        low, high = (
+            np.clip(np.round((depth + along + beyond) / mm_per_px).astype(int), 0, one.ascans.shape[1])
+            for beyond in PROFILE_MM
+        )
+        each = np.arange(low.size)
+        level = (total[each, high] - total[each, low]) / np.maximum(high - low, 1)
+        at = np.arctan2(y + along * np.sin(one.ascan_angle_rad), x + along * np.cos(one.ascan_angle_rad))
+        order = np.argsort(np.mod(at, 2 * np.pi))
+        found[i] = np.interp(theta, np.mod(at, 2 * np.pi)[order], level[order], period=2 * np.pi)
+    dark, bright = np.percentile(found, 5), np.median(found)
+    found = np.clip((found - dark) / max(bright - dark, 1e-9), 0, 1)
+    return np.asarray(found - found.mean(axis=1, keepdims=True))
+
+
+def _sheath(slices: Sequence[SliceEvidence], faces: Faces, radius_mm: float, mm_per_px: float) -> _Seen | None:
+    """Return the direction of the lines that keep their angle to one another, or None where fewer than two do."""
+    lines = np.concatenate([one.lines for one in slices])
+    axis_mm = float(np.median(faces.axis_depth_mm))
+    offsets = []
+    for depth in line_depths_mm(lines, mm_per_px):
+        if abs(depth - axis_mm) < SAME_LINE_MM:
+            continue
+        offset = np.array([_offset(one, float(depth), radius_mm) for one in slices])
+        seen = np.isfinite(offset)
+        if np.mean(seen) >= LEAST_PRESENCE and np.median(np.abs(offset[seen])) > TELLING_MM:
+            offsets.append(offset)
+    if len(offsets) < 2:
+        return None
+    seen = np.array(offsets)
+    directions, lengths = np.angle(seen), np.nanmedian(np.abs(seen), axis=1)
+    apart = np.array([[_scatter(a - b) for b in directions] for a in directions])
+    rigid = apart < RIGID_RAD
+    members = np.flatnonzero(rigid[int(np.argmax(rigid.sum(axis=1)))])
+    if members.size < 2:
+        return None
+    return _together(directions[members], POINT_MM / lengths[members])
+
+
+def _offset(evidence: SliceEvidence, depth_mm: float, radius_mm: float) -> complex:
+    """Return the offset x + iy of the line whose axis lies near ``depth_mm``, NaN where it is not seen well."""
+    near = evidence.lines[np.abs(evidence.lines[:, 2] - depth_mm) < SAME_LINE_MM]
+    if not near.size:
+        return complex(np.nan, np.nan)
+    x, y, zero = near[int(np.argmax(near[:, 3])), :3]
+    points = evidence.points
+    cosine, sine = np.cos(points.angle_rad), np.sin(points.angle_rad)
+    for _ in range(5):
+        residual = points.depth_mm - zero - circle_distance_mm(points.angle_rad, x, y, radius_mm)
+        weight = np.maximum(1 - (residual / LINE_WIDTH_MM) ** 2, 0) ** 2 * points.strength
+        if np.unique(points.angle_rad[weight > 0]).size < LEAST_SECTORS * evidence.n_columns:
+            return complex(np.nan, np.nan)
+        jacobian = np.stack([-cosine, -sine, np.ones_like(cosine)], axis=1)
+        normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-9 * np.eye(3)
+        x, y, zero = np.array([x, y, zero]) + np.linalg.solve(normal, jacobian.T @ (weight * residual))
+    return complex(x, y)
+
+
+def _scatter(angle_rad: Coordinates) -> float:
+    """Robust standard deviation of angles about their centre; NaN are left out."""
+    known = angle_rad[np.isfinite(angle_rad)]
+    if known.size < 4:
+        return float("inf")
+    centre = np.angle(np.sum(np.exp(1j * known)))
+    away = wrap_rad(known - centre)
+    return 1.4826 * float(np.median(np.abs(away - np.median(away))))
+
+
+def _together(directions_rad: Coordinates, least_sigma_rad: Coordinates) -> _Seen:
+    """Return the weighted direction of lines, float64 (lines, n), that keep their angles to one another.
+
+    A line weighs by how it keeps to the others.
+    """
+    sigma = np.full(len(directions_rad), 0.02)
+    seen = np.isfinite(directions_rad)
+    turned = directions_rad - np.angle(np.nansum(np.exp(1j * (directions_rad - directions_rad[:1])), axis=1))[:, None]
+    for _ in range(4):
+        sums = np.where(seen, np.exp(1j * turned) / sigma[:, None] ** 2, 0)
+        others = sums.sum(axis=0) - sums  # without itself, or the surest would only agree with itself
+        away = np.where(seen & (np.abs(others) > 0), wrap_rad(turned - np.angle(others)), np.nan)
+        turned = turned - np.nanmedian(away, axis=1)[:, None]
+        # its own scatter less that of the others it was held against
+        held = 1 / np.sqrt(np.maximum(np.sum(1 / sigma**2) - 1 / sigma**2, 1e-12))
+        scatter = np.array([_scatter(one) for one in away])
+        sigma = np.maximum(np.sqrt(np.maximum(scatter**2 - held**2, (0.5 * scatter) ** 2)), least_sigma_rad)
+    sums = np.where(seen, np.exp(1j * turned) / sigma[:, None] ** 2, 0).sum(axis=0)
+    weight = np.where(seen, 1 / sigma[:, None] ** 2, 0).sum(axis=0)
+    known = weight > 0
+    return _Seen(
+        np.where(known, np.angle(sums), np.nan), np.where(known, 1 / np.sqrt(np.maximum(weight, 1e-12)), np.nan)
+    )
+
+
+def _creep(n: int, first: int) -> tuple[list[dict[int, float]], list[float], list[float]]:
+    """Rows that say that the n unknowns from ``first`` on hardly change from one to the next, and add up to nothing."""
+    rows: list[dict[int, float]] = [{first + i: -1.0, first + i + 1: 1.0} for i in range(n - 1)]
+    rows.append({first + i: 1.0 / n for i in range(n)})
+    return rows, [0.0] * n, [1 / CREEP_RAD] * (n - 1) + [1e3]
+
+
+def _least_squares(
+    rows: list[dict[int, float]], values: list[float], weights: list[float], n: int
+) -> tuple[Coordinates, Coordinates]:
+    matrix = np.zeros((len(rows), n))
+    for k, row in enumerate(rows):
+        matrix[k, list(row)] = list(row.values())
+    weighted = matrix * np.array(weights)[:, None]
+    covariance = np.linalg.inv(weighted.T @ weighted)
+    return covariance @ (weighted.T @ (np.array(values) * np.array(weights))), covariance
