@@ -61,9 +61,17 @@ class Segmentation:
     noise_share: float = 0.0
 
     @property
-    def trusted(self) -> bool:
-        """Whether few enough of the samples called cell are noise, and not most of the wall is."""
-        return self.noise_share <= MOST_NOISE and float(self.mask.mean()) <= MOST_CELLS
+    def doubt(self) -> str | None:
+        """Why these are not to be trusted as cells, in a full sentence; None where nothing speaks against them."""
+        if self.noise_share > MOST_NOISE:
+            return (
+                f"What was taken for cells may be noise: {self.noise_share:.0%} as many samples lie as far in front of "
+                "the wall, where nothing can be."
+            )
+        share = float(self.mask.mean())
+        return (
+            f"The wall may not have been found: {share:.0%} of it was taken for cells." if share > MOST_CELLS else None
+        )
 
 
 def segment(panorama: Panorama, parameters: SegmentParameters | None = None, *, polarity: Polarity = "dark") -> Mask:

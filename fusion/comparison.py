@@ -214,6 +214,7 @@ def _result(
             name: {"value": side.threshold, "unit": side.unit, "of": side.of}
             for name, side in zip(names, segmented, strict=True)
         },
+        "doubts": {name: [side.doubt] if side.doubt else [] for name, side in zip(names, segmented, strict=True)},
         "polarity": {name: side.polarity for name, side in zip(names, segmented, strict=True)},
         "polarity_from": {name: side.polarity_from for name, side in zip(names, told, strict=True)},
         "scores": {**scored.scores, "own_rows": {"rows_of": names[1], **own_rows}}

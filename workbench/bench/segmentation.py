@@ -93,11 +93,8 @@ def ours(panorama: Panorama) -> Mask:
     Raises :class:`Declined` where that would be called untrusted.
     """
     found = find_cells(prepare(panorama), SegmentParameters())
-    if not found.trusted:
-        raise Declined(
-            f"of what looks like cells as much as {found.noise_share:.0%} lies in front of the wall, where only noise "
-            f"can be; {found.mask.mean():.0%} of the wall would be cells"
-        )
+    if found.doubt is not None:
+        raise Declined(found.doubt)
     return found.mask
 
 
