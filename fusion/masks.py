@@ -6,12 +6,13 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from endoct.fusion.drawings import read_drawing
+from endoct.fusion.objects import Surface, label_in_order, measure
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore
 from endoct.fusion.prepare import MASK_MODALITY
-from endoct.fusion.scores import agreement
+from endoct.fusion.scorecard import scorecard
 from endoct.modalities.acquisition import read_toml, validate
-from endoct.modalities.recording import open_stack
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
@@ -27,31 +28,26 @@ class MaskSidecar(BaseModel):
     bore_diameter_mm: float = Field(gt=0, description="nominal diameter of the drill hole; sets mm along θ")
     z0_mm: float = Field(description="place of the first row's centre along the bore, mm")
     dz_mm: float = Field(gt=0, description="distance of two rows, mm")
+    rater: str | None = Field(default=None, description="who drew it; left out, as the file's name says")
+    session: str | None = Field(default=None, description="when; left out, as the file's name says")
 
 
 def read_mask(path: Path, like: Panorama | None = None) -> Panorama:
-    """Read a mask image (PNG, TIFF, …; what is not zero is cell) as a panorama of the modality "mask".
+    """Read a mask as a panorama of the modality "mask": an image, or outlines of napari or Fiji.
 
-    Rows are z, ascending, columns the full circle of θ from 0. A sidecar NAME.toml beside it says where its rows
-    lie; without one it must have as many rows and columns as ``like`` and lies on its samples, also where these
-    are uneven. Intensity is 0 or 1 and everything is valid.
+    :mod:`endoct.fusion.drawings` says which files. Rows are z, ascending, columns the full circle of θ from 0. A
+    sidecar NAME.toml beside it says where its rows lie; without one it must have as many rows and columns as ``like``
+    and lies on its samples, also where these are uneven. Intensity is 0 or 1 and everything is valid. Its provenance
+    names ``rater`` and ``session``: by the sidecar, else by the file's name, RATER_SESSION.png; a name without "_" is
+    a rater's only session, "1".
 
     Raises :class:`EndoctError` where the image cannot be read, shows nothing, or nothing says where it lies.
     """
-    if path.is_dir():
-        raise EndoctError(
-            f"{path} is no mask", found="a folder", expected="one image drawn over a panorama, PNG or TIFF"
-        )
-    stack = open_stack(path)
-    if len(stack) != 1:
-        raise EndoctError(f"{path} is no mask", found=f"{len(stack)} images", expected="one")
-    samples = stack[0]
-    cell: Mask = samples != 0 if samples.ndim == 2 else np.any(samples != 0, axis=2)
-    if not cell.any() or cell.all():
-        raise EndoctError(f"the mask {path} shows no cells", found="one and the same value everywhere")
+    cell = read_drawing(path, None if like is None else like.grid.shape)
     sidecar = path.with_suffix(".toml")
     if sidecar.is_file():
-        return _panorama(cell, _grid(cell, validate(MaskSidecar, read_toml(sidecar), str(sidecar))), path, on=None)
+        told = validate(MaskSidecar, read_toml(sidecar), str(sidecar))
+        return _panorama(cell, _grid(cell, told), path, on=None, told=told)
     if like is None or cell.shape != like.grid.shape:
         found = f"{cell.shape[0]} × {cell.shape[1]} samples"
         raise EndoctError(
@@ -64,20 +60,34 @@ def read_mask(path: Path, like: Panorama | None = None) -> Panorama:
     return _panorama(cell, like.grid, path, on=like)
 
 
-def score_against(comparison: Comparison, truth: Panorama) -> dict[str, Any]:
-    """Return each side's agreement with a mask in side A's frame, by side, over the samples that side observed.
+def score_against(comparison: Comparison, truth: Panorama, tolerance_mm: float = 0.1) -> dict[str, Any]:
+    """Return the scores of each side against a mask in side A's frame, by side, over what that side observed.
 
-    On the comparison's grid; JSON-serialisable, as :meth:`endoct.fusion.scores.Agreement.as_json`. Raises
+    On the comparison's grid; JSON-serialisable: the overlap as :func:`endoct.fusion.scorecard.overlap_scores`, and
+    beside it the other parts of a :func:`~endoct.fusion.scorecard.scorecard`, the mask as reference. Raises
     :class:`EndoctError` for another bore diameter.
     """
+    return score_surface(comparison, on_comparison(comparison, truth), tolerance_mm)
+
+
+def on_comparison(comparison: Comparison, truth: Panorama) -> Surface:
+    """Return a mask in side A's frame on the comparison's grid."""
     grid = comparison.grid
-    check_same_bore(comparison.grid.radius_mm, truth.grid.radius_mm)
+    check_same_bore(grid.radius_mm, truth.grid.radius_mm)
     cells, seen = Placement(truth, IN_PLACE, grid, grid.z_mm, grid.dz_mm).mask(truth.intensity > 0.5, truth.valid)
-    area_mm2 = grid.dz_mm * grid.dtheta_mm
-    return {
-        side: agreement(comparison.mask[k], cells, comparison.valid[k] & seen, area_mm2).as_json()
-        for k, side in enumerate(comparison.sides)
-    }
+    return Surface("given truth", cells, seen)
+
+
+def score_surface(comparison: Comparison, truth: Surface, tolerance_mm: float) -> dict[str, Any]:
+    """Return as :func:`score_against` the scores of each side against ``truth`` on the comparison's grid."""
+    grid, scores = comparison.grid, {}
+    of_truth = label_in_order(truth.mask)
+    for k, name in enumerate(comparison.sides):
+        side = Surface(name, comparison.mask[k], comparison.valid[k])
+        cells = measure((truth, side), (of_truth, label_in_order(side.mask)), grid, aligned=True)
+        card = scorecard(truth, side, cells, grid, tolerance_mm)
+        scores[name] = card.pop("overlap") | card
+    return scores
 
 
 def _grid(cell: Mask, sidecar: MaskSidecar) -> SurfaceGrid:
@@ -86,7 +96,11 @@ def _grid(cell: Mask, sidecar: MaskSidecar) -> SurfaceGrid:
     return SurfaceGrid.full_circle(n_z, n_theta, z0_mm=sidecar.z0_mm, dz_mm=sidecar.dz_mm, radius_mm=radius_mm)
 
 
-def _panorama(cell: Mask, grid: SurfaceGrid, path: Path, *, on: Panorama | None) -> Panorama:
+def _panorama(
+    cell: Mask, grid: SurfaceGrid, path: Path, *, on: Panorama | None, told: MaskSidecar | None = None
+) -> Panorama:
+    rater, _, session = path.stem.rpartition("_")
+    rater, session = (rater, session) if rater else (session, "1")
     return Panorama(
         grid=grid,
         z_mm=grid.z_mm if on is None else on.z_mm,
@@ -98,5 +112,11 @@ def _panorama(cell: Mask, grid: SurfaceGrid, path: Path, *, on: Panorama | None)
         # a mask drawn on the other side's panorama has its frame; of any other, nobody said
         handedness_known=on is not None,
         travel_known=on is not None,
-        provenance={"notes": [], "drawn_on_other_side": on is not None, "mask": path.name},
+        provenance={
+            "notes": [],
+            "drawn_on_other_side": on is not None,
+            "mask": path.name,
+            "rater": (told and told.rater) or rater,
+            "session": (told and told.session) or session,
+        },
     )

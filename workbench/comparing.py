@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from endoct.fusion.cell_table import write_cells
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
-from endoct.fusion.masks import read_mask, score_against
+from endoct.fusion.drawings import OUTLINE_SUFFIXES
+from endoct.fusion.masks import read_mask
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import check_same_bore
 from endoct.fusion.store import save_comparison
@@ -17,6 +19,7 @@ from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama, save_panorama
+from endoct.workbench.drawn import score_drawings, write_mask
 from endoct.workbench.inputs import digests, versions
 from endoct.workbench.pictures import save_pictures
 from endoct.workbench.progress import Stages
@@ -55,10 +58,14 @@ def write_comparison(
     )
     with stages.stage("align, segment, score"):
         comparison = compare_panoramas(a, b, parameters)
-        against = {str(path): score_against(comparison, read_mask(path, like=a)) for path in truth}
+        drawn = {str(path): read_mask(path, like=a) for path in truth}
+        against = score_drawings(comparison, drawn, parameters.tolerance_mm)
     folder.mkdir()
     with stages.stage("write"):
         save_comparison(comparison, folder / "comparison.zarr")
+        write_cells(comparison.cells, folder / "cells.csv")
+        if against.consensus is not None:
+            write_mask(against.consensus, comparison.grid, folder / "consensus.png")
         for name, panorama in zip(comparison.sides, (a, b), strict=True):
             save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
         for k, name in enumerate(comparison.sides):
@@ -66,8 +73,11 @@ def write_comparison(
                 _picture(folder, name, made)
     result = {
         **comparison.result,
-        **({"truth": against} if against else {}),
-        "notes": {n: list(p.provenance.get("notes", ())) for n, p in zip(comparison.sides, (a, b), strict=True)},
+        **against.result,
+        "notes": {
+            n: [*p.provenance.get("notes", ()), *comparison.result["doubts"][n]]
+            for n, p in zip(comparison.sides, (a, b), strict=True)
+        },
         "versions": versions(),
         "inputs": _inputs(sides, (a, b), truth),
         "parameters": {
@@ -83,7 +93,9 @@ def write_comparison(
 
 
 def is_mask_image(path: Path) -> bool:
-    """Say whether ``path`` is one image of at most two values: a mask drawn by hand, not a recording."""
+    """Say whether ``path`` is a mask drawn by hand, not a recording: outlines, or one image of at most two values."""
+    if path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES:
+        return True
     if not path.is_file() or path.suffix.lower() not in IMAGE_SUFFIXES or sidecar_path(path).is_file():
         return False
     stack = open_stack(path)
