@@ -1,7 +1,7 @@
 """Where the beams of a turning, off-axis catheter meet the capillary and the bore's wall.
 
 Everything is in the bore frame: x = r cos θ, y = r sin θ, z along the bore. The capillary's axis departs from the
-bore's with ``bore_tilt_rad``; the catheter lies at e from the capillary's axis, and a beam leaves it at α. Both
+bore's with ``tilt_rad``; the catheter lies at e from the capillary's axis, and a beam leaves it at α. Both
 faces of the glass bend it. A round wall keeps n·r·sin(incidence) constant along a ray (Bouguer), so with e·sin(α − β)
 as that constant, β the direction of e, every angle and length has a closed form.
 """
@@ -102,8 +102,8 @@ def beam_angle_rad(oct_: Oct, slice_index: int, turn_rad: Coordinates) -> Coordi
 
 def capillary_axis_mm(bore: Bore, z_mm: Coordinates) -> tuple[Coordinates, Coordinates]:
     """Return x and y of the capillary's axis in the bore frame at ``z_mm``."""
-    away = -np.tan(bore.bore_tilt_rad) * (z_mm - bore.length_mm / 2)
-    return away * np.cos(bore.bore_tilt_direction_rad), away * np.sin(bore.bore_tilt_direction_rad)
+    away = -np.tan(bore.tilt_rad) * (z_mm - bore.length_mm / 2)
+    return away * np.cos(bore.tilt_direction_rad), away * np.sin(bore.tilt_direction_rad)
 
 
 def refract(offset_mm: float, gamma_rad: Coordinates, inner_mm: float, outer_mm: float, index: float) -> Refracted:

@@ -98,10 +98,9 @@ def _signal(sample: Sample, wall: WallMaps, frame_index: int) -> Image:
         seen = view(camera, frame_index, rows)
         planes = np.repeat(around.light(rows)[None], colours, axis=0)
         if seen.pixel.size:
-            place = seen.pixel - rows.start * camera.width_px
             arrived = light(sample, lit, seen, follow(reached, camera, frame_index, seen))
             for plane, colour in zip(planes, arrived, strict=True):
-                plane.ravel()[place] += colour
+                plane.ravel()[seen.place] += colour
         image[rows] = cv2.merge(list(planes)).reshape(image[rows].shape)
     _defocus(camera, image, frame_index)
     return image if camera.colour else image[..., 0]

@@ -113,13 +113,22 @@ def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
 
 
 def transmission(camera: Endoscope, seen: View) -> Image:
-    """Return which part of the light the dirt on the optics lets through, float32 (n,)."""
-    kept = np.ones_like(seen.r_px)
+    """Return which part of the light the dirt on the optics lets through, float32 (n,).
+
+    A speck is a product of its courses across and down, so that these are enough to be worked out.
+    """
+    kept = np.ones(seen.shape, np.float32)
     for speck in camera.dirt:
-        near = seen.near(speck.x_px, speck.y_px, 5 * speck.sigma_px)
-        away = (seen.x_px[near] - speck.x_px) ** 2 + (seen.y_px[near] - speck.y_px) ** 2
-        kept[near] *= 1 - speck.loss * np.exp(away * (-0.5 / speck.sigma_px**2))
-    return kept
+        columns, rows = (
+            slice(*np.searchsorted(axis, np.array([at - 5 * speck.sigma_px, at + 5 * speck.sigma_px], np.float32)))
+            for axis, at in ((seen.across_px, speck.x_px), (seen.down_px, speck.y_px))
+        )
+        across, down = (
+            np.exp((axis - np.float32(at)) ** 2 * np.float32(-0.5 / speck.sigma_px**2))
+            for axis, at in ((seen.across_px[columns], speck.x_px), (seen.down_px[rows], speck.y_px))
+        )
+        kept[rows, columns] *= 1 - np.float32(speck.loss) * down[:, None] * across
+    return kept.ravel().take(seen.place)
 
 
 def _reference(camera: Endoscope, radius_mm: float) -> float:

@@ -20,12 +20,11 @@ Harmonic = tuple[float, float]  # factors of the cosine and of the sine
 
 
 def _drawn(low: float, high: float, about: str, allowed: tuple[float, float] | None = None) -> Any:
-    least, most = allowed or (low, high)
-    return Field(ge=least, le=most, description=about, json_schema_extra={"draw": [low, high]})
+    return _range(*(allowed or (low, high)), about, draw=[low, high])
 
 
-def _range(low: float, high: float, about: str) -> Any:
-    return Field(ge=low, le=high, description=about)
+def _range(least: float, most: float, about: str, **more: Any) -> Any:
+    return Field(ge=least, le=most, description=about, json_schema_extra=more)
 
 
 class _Parameters(BaseModel):
@@ -67,8 +66,8 @@ class Bore(_Parameters):
     diameter_mm: float = _drawn(2.4, 2.6, "nominal, stands in both sidecars, mm (paper: 2.5)", (1.6, 4.0))
     length_mm: float = Field(gt=0, lt=100, description="of the simulated wall, from the mouth, mm")
     taper_mm: float = _drawn(-0.015, 0.015, "change of radius from mouth to end, mm (chosen)", (-0.2, 0.2))
-    bore_tilt_rad: float = _drawn(0, 0.001, "of the bore against the capillary in it, rad (chosen)", (0, 0.01))
-    bore_tilt_direction_rad: float = _drawn(0, 6.2832, "towards which the bore leans, θ, rad")
+    tilt_rad: float = _drawn(0, 0.001, "of the bore against the capillary in it, rad (chosen)", (0, 0.01))
+    tilt_direction_rad: float = _drawn(0, 6.2832, "towards which the bore leans, θ, rad")
     wander_mm: float = _drawn(0.004, 0.015, "rms of the smooth departures from a cylinder, mm (chosen)", (0, 0.05))
     roughness_mm: float = _drawn(0.001, 0.004, "rms of cut bone, mm (chosen)", (0, 0.02))
     drill_mark_depth_mm: float = _drawn(0.001, 0.006, "amplitude of the drill's helical mark, mm (chosen)", (0, 0.05))

@@ -31,18 +31,27 @@ RIM_PLACES = 64
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Pixels of the annulus, row by row, float32 (n,) each but the indices.
+    """Pixels of the annulus in a band of rows, row by row, float32 (n,) each but the indices.
 
-    ``pixel``: index into the flattened image; ``x_px``, ``y_px``: columns and rows from the annulus' centre, and
+    ``pixel``: index into the flattened image, ``place``: into the flattened band, whose columns lie at ``across_px``
+    and whose rows at ``down_px`` from the annulus' centre; ``x_px``, ``y_px``: columns and rows from that centre,
     ``r_px`` from it; ``look_x_px``, ``look_y_px``: where the pixel looks, which a droplet displaces.
     """
 
     pixel: NDArray[np.intp]
+    place: NDArray[np.intp]
+    across_px: Image
+    down_px: Image
     x_px: Image
     y_px: Image
     r_px: Image
     look_x_px: Image
     look_y_px: Image
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the band."""
+        return self.down_px.size, self.across_px.size
 
     def near(self, x_px: float, y_px: float, reach_px: float) -> NDArray[np.intp]:
         """Return which of the pixels are in the square of ``reach_px`` about a place."""
@@ -182,14 +191,16 @@ def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View
     cx, cy = camera.centre_px[frame_index]
     shift_x, shift_y = camera.inner_shift_px
     top = rows.indices(camera.height_px)[0]
-    x = (np.arange(camera.width_px) - cx).astype(np.float32)[None, :]
-    y = (np.arange(camera.height_px)[rows] - cy).astype(np.float32)[:, None]
-    inside = (x - np.float32(shift_x)) ** 2 + (y - np.float32(shift_y)) ** 2 >= camera.inner_px**2
-    inside &= x**2 + y**2 <= camera.outer_px**2
-    row, column = np.nonzero(inside)
-    pixel = (row + top) * camera.width_px + column
-    x, y = x[0, column], y[row, 0]
-    seen = View(pixel, x, y, np.sqrt(x * x + y * y), x.copy(), y.copy())
+    across = (np.arange(camera.width_px) - cx).astype(np.float32)
+    down = (np.arange(camera.height_px)[rows] - cy).astype(np.float32)
+    square = down[:, None] ** 2 + across**2
+    inside = (down[:, None] - np.float32(shift_y)) ** 2 + (across - np.float32(shift_x)) ** 2 >= camera.inner_px**2
+    inside &= square <= camera.outer_px**2
+    place = np.flatnonzero(inside)
+    row, column = np.divmod(place, camera.width_px)
+    x, y = across[column], down[row]
+    r = np.sqrt(square.ravel()[place])
+    seen = View(place + top * camera.width_px, place, across, down, x, y, r, x.copy(), y.copy())
     for drop in camera.droplets:
         near = seen.near(drop.x_px, drop.y_px, drop.radius_px)
         dx, dy = x[near] - np.float32(drop.x_px), y[near] - np.float32(drop.y_px)

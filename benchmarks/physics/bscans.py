@@ -33,7 +33,7 @@ def plain(preset: str = "quick", seed: int = 1000, **oct_: Any) -> Sample:
     drawn = draw(preset, seed, wishes={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})  # type: ignore[arg-type]
     n = PRESETS[drawn.preset].n_slices
     bore = {
-        "cells": (), "taper_mm": 0.0, "bore_tilt_rad": 0.0, "wander_mm": 0.0, "roughness_mm": 0.0,
+        "cells": (), "taper_mm": 0.0, "tilt_rad": 0.0, "wander_mm": 0.0, "roughness_mm": 0.0,
         "drill_mark_depth_mm": 0.0, "texture": 0.0, "smear": 0.0,
     }  # fmt: skip
     quiet = {

@@ -117,7 +117,7 @@ def test_a_long_turn_goes_beyond_the_circle_and_a_helical_one_along_z(sample: Sa
 
 
 def test_the_capillary_leans_against_the_bore(sample: Sample) -> None:
-    bore = sample.bore.model_copy(update={"bore_tilt_rad": 0.01, "bore_tilt_direction_rad": np.pi / 2})
+    bore = sample.bore.model_copy(update={"tilt_rad": 0.01, "tilt_direction_rad": np.pi / 2})
     x, y = capillary_axis_mm(bore, np.array([0.0, bore.length_mm / 2, bore.length_mm]))
     np.testing.assert_allclose(x, 0, atol=COORDINATE_ATOL)
     np.testing.assert_allclose(y, np.tan(0.01) * bore.length_mm / 2 * np.array([1, 0, -1]), atol=COORDINATE_ATOL)

@@ -72,9 +72,7 @@ def make_dataset(
     """
     start = time.perf_counter()
     stages = stages or SilentStages()
-    root = Path(os.path.abspath(output))  # noqa: PTH100 - where a link leads may differ between machines
-    workers = _checked_workers(workers, scheduler)
-    _check(root, plan)
+    root, workers = _checked(output, plan, workers, scheduler)
     with disk_errors_told(root), _begun(root, plan):
         clear_dead_scratch(root)
         with stages.stage("what is there"):
@@ -116,9 +114,7 @@ def forecast(
     Nothing else is written. Raises :class:`EndoctError` as :func:`make_dataset` does.
     """
     stages = stages or SilentStages()
-    root = Path(os.path.abspath(output))  # noqa: PTH100
-    workers = _checked_workers(workers, scheduler)
-    _check(root, plan)
+    root, workers = _checked(output, plan, workers, scheduler)
     if scheduler is not None:
         with existing_cluster(scheduler) as client:
             workers = max(1, sum(client.nthreads().values()))
@@ -142,18 +138,17 @@ def forecast(
     )
 
 
-def _checked_workers(workers: int | None, scheduler: str | None) -> int:
+def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str | None) -> tuple[Path, int]:
+    """Return the folder of the set and the number of processes; raise where they or the plan cannot be."""
     if workers is not None and scheduler is not None:
         raise EndoctError("--workers and --scheduler exclude one another", remedy="leave one of them out")
     if workers is not None and workers < 1:
         raise EndoctError("--workers cannot be that", found=str(workers), expected="1 or more")
-    return workers or os.cpu_count() or 1
-
-
-def _check(root: Path, plan: Plan) -> None:
+    root = Path(os.path.abspath(output))  # noqa: PTH100 - where a link leads may differ between machines
     check_identity(root, plan)
     first = job(plan, 0)
     draw(plan.preset, first.seed, bore_seed=first.bore_seed, wishes=plan.wishes)
+    return root, workers or os.cpu_count() or 1
 
 
 @contextmanager
