@@ -1,0 +1,45 @@
+"""A method in a package of its own: installed beside endoct, on the bench, and as docs/bench.md prints it."""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from endoct.workbench.bench.methods import check_names, load_task, origin
+from endoct.workbench.bench.runner import Plan, run
+
+PACKAGE = Path(__file__).parent / "endoct-behind-median"
+DOCS = Path(__file__).parents[2] / "docs" / "bench.md"
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Install the package into a folder of its own, with nothing fetched, where this process finds it."""
+    shutil.copytree(PACKAGE, tmp_path / "source")  # pip builds inside the source folder
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target", str(tmp_path / "site")]
+    subprocess.run([sys.executable, "-m", "pip", "install", *options, str(tmp_path / "source")], check=True)
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    yield
+    sys.modules.pop("endoct_behind_median", None)
+
+
+def test_it_is_on_the_bench_beside_the_others(installed: None) -> None:
+    task = load_task("segmentation")
+    names = check_names(task, ["behind-median", "li-raw"])
+    assert "endoct-behind-median 0.1.0" in origin(task, "behind-median")
+    ranges = {**task.ranges, "recipe": ("made",), "signal_db": (20.0, 20.0)}
+    rows = run(Plan(task.name, names, (1, 2, 3), 1, ranges), workers=1, advance=lambda _: None)
+    own = [row for row in rows if row.method == "behind-median"]
+    for row in own:
+        assert row.status == ("ok" if row.conditions["modality"] == "depth" else "declined"), row.reason
+    assert {row.conditions["modality"] for row in own} == {"depth", "intensity"}
+    assert max(row.scores.get("jaccard", 0) for row in own) > 0.3
+
+
+def test_the_documentation_prints_the_package_as_it_is() -> None:
+    text = DOCS.read_text(encoding="utf-8")
+    assert f"```toml\n{(PACKAGE / 'pyproject.toml').read_text(encoding='utf-8')}```" in text
+    assert f"```python\n{(PACKAGE / 'endoct_behind_median.py').read_text(encoding='utf-8')}```" in text
