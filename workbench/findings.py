@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from endoct.fusion.comparison import Comparison, load_comparison
+from endoct.fusion.objects import Cell
 from endoct.fusion.prepare import MASK_MODALITY
 from endoct.modalities.contract import Picture
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -50,20 +51,25 @@ class SideFindings:
 
 @dataclass(frozen=True)
 class Overlap:
-    """How far two masks agree: ``of`` what with what, ``where``, and the scores (Jaccard index, Dice, areas)."""
+    """How far two masks agree: ``of`` what with what, ``where``, and the scores (Jaccard index, Dice, areas).
+
+    ``interval`` is that of the Jaccard index, bootstrapped over cells; None where it is not known.
+    """
 
     of: tuple[str, str]
     where: str
     scores: Mapping[str, float | None]
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison folder: ``result`` as in ``result.json``, the common grid in side A's frame, and the sides."""
+    """A comparison folder: ``result`` as in ``result.json``, the common grid in A's frame, the sides, their cells."""
 
     result: Mapping[str, Any]
     grid: SurfaceGrid
     sides: tuple[SideFindings, SideFindings]
+    cells: tuple[Cell, ...] = ()
 
     @property
     def aligned(self) -> bool:
@@ -87,7 +93,7 @@ def read_findings(folder: Path) -> Findings:
     comparison = load_comparison(folder / "comparison.zarr")
     pictures = load_pictures(folder / "pictures")
     a, b = (_side(comparison, k, name, folder, pictures.get(name, {})) for k, name in enumerate(comparison.sides))
-    return Findings(result, comparison.grid, (a, b))
+    return Findings(result, comparison.grid, (a, b), comparison.cells)
 
 
 def _side(
@@ -109,16 +115,24 @@ def _overlaps(result: Mapping[str, Any]) -> Iterator[Overlap]:
     if result["aligned"]:
         first, second = result["sides"]
         scores = result.get("scores") or {}
-        yield Overlap(
-            (first, second),
-            "on the common grid",
-            {"jaccard": result["jaccard"], "dice": result["dice"]} | _numbers(scores.get("grid", {})),
-        )
+        grid = scores.get("grid", {})
+        numbers = {"jaccard": result["jaccard"], "dice": result["dice"]} | _numbers(grid)
+        yield Overlap((first, second), "on the common grid", numbers, _interval(grid))
         if rows := scores.get("own_rows"):
-            yield Overlap((first, second), f"on the own rows of {rows['rows_of']}, not interpolated", _numbers(rows))
+            where = f"on the own rows of {rows['rows_of']}, not interpolated"
+            yield Overlap((first, second), where, _numbers(rows), _interval(rows))
     for path, sides in (result.get("truth") or {}).items():
         for side, scores in sides.items():
-            yield Overlap((side, "given truth"), f"against {Path(path).name}", _numbers(scores))
+            yield Overlap((side, "given truth"), f"against {Path(path).name}", _numbers(scores), _interval(scores))
+    for name, consensus in (result.get("raters") or {}).get("consensus", {}).items():
+        for side, scores in consensus["sides"].items():
+            where = f"against what the raters agree on ({name})"
+            yield Overlap((side, "consensus"), where, _numbers(scores), _interval(scores))
+
+
+def _interval(scores: Mapping[str, Any]) -> tuple[float, float] | None:
+    interval = scores.get("jaccard_interval")
+    return None if interval is None else (interval[0], interval[1])
 
 
 def _numbers(scores: Mapping[str, Any]) -> dict[str, float | None]:

@@ -17,8 +17,9 @@ from endoct.workbench.doubts import doubts, without_stop
 from endoct.workbench.figures.all import draw_all
 from endoct.workbench.figures.drawing import Drawn
 from endoct.workbench.findings import Findings, read_findings
+from endoct.workbench.report_scores import score_tables
 from endoct.workbench.report_tables import numbers, provenance, threshold_text
-from endoct.workbench.wording import bullets, value_text
+from endoct.workbench.wording import bullets, interval_text, value_text
 
 CSS_PIXELS_PER_INCH = 148
 EMBEDDED_QUALITY = 88
@@ -29,6 +30,7 @@ LEAST_UNEVEN_DEG = 1.0
 FIGURE_SECTIONS = {
     "panoramas": "Panoramas",
     "masks": "Cells and difference",
+    "agreement": "How far they agree, and what stands in the way",
     "alignment": "Alignment",
     "depth": "Depth",
     "frames": "Single frames, as recorded and as understood",
@@ -57,6 +59,7 @@ def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
     shown = dict.fromkeys((*FIGURE_SECTIONS, "quality"), "")
     for number, figure in enumerate(drawn, 1):
         shown[figure.section] += _figure(number, figure)
+    shown["agreement"] += "".join(score_tables(findings))
     sections = [
         *(_section(name, title, shown[name]) for name, title in FIGURE_SECTIONS.items()),
         _section("numbers", "Numbers", "".join(numbers(findings))),
@@ -137,6 +140,8 @@ def _cards(findings: Findings) -> Iterator[str]:
 
     for overlap in findings.overlaps:
         of = f"cells of {overlap.of[0]} and {overlap.of[1]}, {overlap.where}"
+        if overlap.interval:
+            of += f"; {interval_text(overlap.interval)}"
         yield card("Jaccard index", value_text("jaccard", overlap.scores["jaccard"]), of)
     if findings.aligned:
         yield card("Dice", value_text("dice", findings.result["dice"]), "on the common grid")

@@ -29,6 +29,14 @@ def value_text(name: str, value: Any) -> str:
     return str(value)
 
 
+def interval_text(interval: Sequence[float] | None, digits: int = 2) -> str:
+    """Return "95 % interval 0.61 to 0.81"; "" where it is not known."""
+    if interval is None:
+        return ""
+    low, high = (f"{value:.{digits}f}".replace("-", "−") for value in interval)
+    return f"95 % interval {low} to {high}"
+
+
 def key_text(key: str) -> str:
     """Return a key in words, without the unit that its value is shown with: "z_shift_mm" as "z shift"."""
     return " ".join(_words_and_unit(key)[0])

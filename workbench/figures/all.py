@@ -4,6 +4,7 @@ import gc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from endoct.workbench.figures.agreement import draw_budget, draw_scores
 from endoct.workbench.figures.cylinder import draw_cylinder
 from endoct.workbench.figures.drawing import Drawn
 from endoct.workbench.figures.frames import draw_depth, draw_frames
@@ -26,6 +27,8 @@ def draw_all(findings: Findings, folder: Path) -> list[Drawn]:
 def _drawings(findings: Findings, folder: Path) -> Iterator[Callable[[], Drawn | None]]:
     yield lambda: draw_panoramas(findings, folder)
     yield lambda: draw_masks(findings, folder)
+    yield lambda: draw_budget(findings, folder)
+    yield lambda: draw_scores(findings, folder)
     yield lambda: draw_alignment(findings, folder)
     for side in findings.sides:
         yield lambda side=side: draw_depth(side, folder)  # type: ignore[misc]
