@@ -1,6 +1,6 @@
 """The public Python interface, the command line, the pipeline and the report.
 
-``from endoct.workbench import unroll, compare, simulate``; they load on first use, so that the command line
+``from endoct.workbench import unroll, compare, simulate, summarise``; they load on first use, so that the command line
 starts at once.
 """
 
@@ -8,9 +8,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from endoct.workbench.api import compare, simulate, unroll
+    from endoct.workbench.api import compare, simulate, summarise, unroll
 
-__all__ = ["compare", "simulate", "unroll"]
+__all__ = ["compare", "simulate", "summarise", "unroll"]
 
 
 def __getattr__(name: str) -> Any:

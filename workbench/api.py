@@ -16,6 +16,8 @@ from endoct.synthetic.presets import PresetName
 from endoct.synthetic.ranges import Wish
 from endoct.workbench.comparing import Side, write_comparison
 from endoct.workbench.progress import SilentStages, Stages
+from endoct.workbench.summarising import summarise as _summarise
+from endoct.workbench.summarising import write_summary
 from endoct.workbench.unrolling import open_side, unroll_recording, write_volume
 
 
@@ -112,6 +114,26 @@ def simulate(
             spectra=spectra,
             on_progress=lambda _, share: advance(share),
         )
+
+
+def summarise(
+    folders: Sequence[Path | str],
+    output: Path | str | None = None,
+    *,
+    against: Sequence[Path | str] = (),
+    repeats: bool = False,
+    overwrite: bool = False,
+) -> dict[str, list[dict[str, Any]]]:
+    """Summarise comparison folders, written to the folder ``output`` where one is given.
+
+    See :func:`endoct.workbench.summarising.summarise`. Raises :class:`EndoctError` where a folder is no comparison, no
+    two of two sets can be paired, or ``output`` exists.
+    """
+    tables = _summarise([Path(f) for f in folders], [Path(f) for f in against], repeats=repeats)
+    if output is not None:
+        with new_output(Path(output), overwrite=overwrite) as scratch:
+            write_summary(tables, scratch)
+    return tables
 
 
 def demo(

@@ -21,6 +21,10 @@ WIDE = 200
 ModalityName = Annotated[str | None, arg(metavar="NAME")]
 
 
+_IN_FILES_ONLY = ("statistic", "quartile_1", "quartile_3")
+"""Columns of a summary that are left out of what is printed."""
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status."""
     commands: dict[str, Any] = {
@@ -31,6 +35,7 @@ def run(arguments: Sequence[str]) -> int:
         "dataset": dataset,
         "bench": bench,
         "report": report,
+        "summarise": summarise,
         "info": info,
         "modalities": modalities,
     }
@@ -178,7 +183,8 @@ def compare(
         a: first side; the comparison is in its frame
         b: second side
         output: folder to write
-        truth: mask image drawn over side A's panorama to score both against; several may follow
+        truth: mask drawn over side A's panorama to score both against: an image, shapes of napari (.csv) or regions
+            of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png
         modality_a: plug-in to read side A with
         modality_b: plug-in to read side B with
         set: a parameter of the comparison; repeat for more
@@ -332,6 +338,44 @@ def report(folder: Positional[Path]) -> int:
     with _stages(False).stage("report"):
         path = write_report(folder)
     _say(f"report: {path}")
+    return DONE
+
+
+def summarise(
+    folders: Positional[tuple[Path, ...]],
+    output: Output,
+    against: tuple[Path, ...] = (),
+    repeats: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Summarise many comparisons: a tidy table, medians over specimens with intervals, differences, repeatability.
+
+    Args:
+        folders: what `endoct compare` wrote, several
+        output: folder to write
+        against: a second set of comparisons, paired with the first by their recordings, or else by the folders' names
+        repeats: comparisons in one folder are of one specimen; say how well they repeat
+        overwrite: replace the output if it exists
+        json: print the summary as JSON
+    """
+    from endoct.workbench import api
+
+    tables = api.summarise(folders, output, against=against, repeats=repeats, overwrite=overwrite)
+    if json:
+        _print_json(tables)
+        return DONE
+    for name in ("summary", "paired", "repeatability"):
+        if rows := [{k: v for k, v in row.items() if k not in _IN_FILES_ONLY} for row in tables[name]]:
+            table = Table(title=name, title_justify="left", box=None)
+            for column in rows[0]:
+                table.add_column(column, no_wrap=True)
+            for row in rows:
+                table.add_row(
+                    *("–" if v is None else f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values())
+                )
+            _Console().print(table)
+    _say(f"summary: {output}")
     return DONE
 
 
