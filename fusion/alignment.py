@@ -12,8 +12,9 @@ the same, but no better than shuffled.
 
 from dataclasses import replace
 
-from endoct.fusion.evidence import Evidence, clipped, negated
+from endoct.fusion.evidence import Evidence, clipped
 from endoct.fusion.pose import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation
+from endoct.fusion.prepare import brightness
 from endoct.fusion.refinement import refine
 from endoct.fusion.search import search
 
@@ -64,7 +65,7 @@ def align(
         return NotAligned(reason + _what_if(clipped(a), clipped(b), orientations, z_scale_range), found)
     if found.correlation < 0 and "darkness" in (a.kind, b.kind):
         # bright cells: clipping has cut away just what tells them from the wall
-        a, b = (a, negated(b)) if b.kind == "darkness" else (negated(a), b)
+        a, b = (a, brightness(b)) if b.kind == "darkness" else (brightness(a), b)
         refined = refine(clipped(a), clipped(b), found, z_scale_range)
         return replace(refined, correlation=-refined.correlation)
     return refine(clipped(a), clipped(b), found, z_scale_range)

@@ -62,11 +62,6 @@ def clipped(evidence: Evidence) -> Evidence:
     return replace(evidence, values=np.clip(evidence.values, *CLIP[evidence.kind]))
 
 
-def negated(evidence: Evidence) -> Evidence:
-    """Return ``evidence`` with dark for bright."""
-    return replace(evidence, values=-evidence.values)
-
-
 def blurred(evidence: Evidence, sigma_mm: float) -> Evidence:
     """Return ``evidence`` smoothed by a Gaussian over its valid samples."""
     sigmas = sigma_mm / evidence.dz_mm, sigma_mm / evidence.column_mm

@@ -74,6 +74,15 @@ def contrast(evidence: Evidence, polarity: Polarity) -> Image:
     return np.where(evidence.valid, behind - light, np.float32(0)).astype(np.float32)
 
 
+def brightness(darkness: Evidence) -> Evidence:
+    """Return evidence for bright cells of evidence for dark ones: negated, and the light taken off anew.
+
+    Where the cells are bright, a fit that leaves dark ones out has taken the light for brighter near them.
+    """
+    bright = replace(darkness, values=-darkness.values, kind="brightness")
+    return replace(bright, values=np.where(bright.valid, bright.values - _light(bright), np.float32(0)))
+
+
 def _light(behind: Evidence) -> Image:
     """Return the slow course over the wall, on the same samples, of an image in which cells lie behind (higher)."""
     n_from = behind.values.shape[1]

@@ -13,7 +13,7 @@ from endoct.stitching.arrays import Coordinates, Image, Mask
 BLURS_MM = (0.12, 0.06, 0.03)
 FINER_MM = (0.015, 0.0075)
 """Blurs, too, for two sides that are both sampled no wider than that."""
-SAMPLES_A_BLUR = (4, 2)
+SAMPLES_A_BLUR = (4, 1)
 """In one sigma of a blur, of the side that is interpolated and of the one that is not."""
 ROUNDS = 12
 WAVES = 2
@@ -25,8 +25,12 @@ FARTHEST_MM = 0.5
 PATCH_MM = 0.6
 """Residuals farther apart than this err independently: cells are about as large."""
 
-RIGID = 5
-"""Unknowns before the bends: turn, shift, scale, gain and level."""
+MOVES = 3
+"""Unknowns before the bends: turn, shift, scale. After the bends come the coefficients of the tone."""
+TONE = 3
+"""Degree of the polynomial by which the values of one side depend on the other's: gamma, saturation, a logarithm."""
+STILL = 1e-3
+"""A step below this share of the blur ends all levels but the last, of which it may be at most ``STILL**2``."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class _Fit:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Normal equations of one step: ``normal`` (k, k), ``slope`` (k,), for turn, shift, scale, gain, level, bends.
+    """Normal equations of one step: ``normal`` (k, k), ``slope`` (k,), for turn, shift, scale, bends and tone.
 
     The scale changes about ``middle_mm``; ``correlation`` is that before the step. ``effects`` (k, n) and ``pulls``
     (n,), weighted residuals, are those of the samples ``used``, bool (n_z, n_theta), that the equations come from.
@@ -58,7 +62,7 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     """Return ``start`` with turn, shift and scale refined, their covariance, and the correlation there.
 
     The side with the coarser rows is compared at its own rows, where the other is interpolated: nothing is
-    interpolated across wide rows. The relation of the two is linear with a free gain of either sign; samples
+    interpolated across wide rows. The values of one are a polynomial of the other's, rising or falling; samples
     that fit badly count little. Where it does not converge near ``start``, the search's answer stands.
 
     Uneven rotation of a catheter and a probe off the axis bend θ by waves, a slow drift twists it. Where cells lie on
@@ -70,12 +74,14 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
         return refine(b, a, start.inverse(), (1 / high, 1 / low)).inverse()
     fit = _Fit(start, np.zeros(1 + 2 * WAVES))
     coarsest_mm = max(b.dz_mm, b.column_mm, a.column_mm)
-    for sigma_mm in (*BLURS_MM, *(finer for finer in FINER_MM if coarsest_mm <= finer)):
+    blurs_mm = *BLURS_MM, *(finer for finer in FINER_MM if coarsest_mm <= finer)
+    for sigma_mm in blurs_mm:
         fine, coarse = (
             blurred(_sampled(side, sigma_mm / samples), sigma_mm)
             for side, samples in zip((a, b), SAMPLES_A_BLUR, strict=True)
         )
-        fit = _gauss_newton(fine, coarse, fit, z_scale_range, sigma_mm)
+        still_mm = sigma_mm * (STILL**2 if sigma_mm == blurs_mm[-1] else STILL)
+        fit = _gauss_newton(fine, coarse, fit, z_scale_range, sigma_mm, still_mm)
     found = fit.alignment
     middle_mm = b.z_mm[[0, -1]].mean()
     moved_mm = abs(float(found.z_to_a(middle_mm) - start.z_to_a(middle_mm)))
@@ -106,9 +112,14 @@ def _sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
 
 
 def _gauss_newton(
-    fine: Evidence, coarse: Evidence, start: _Fit, z_scale_range: tuple[float, float], sigma_mm: float
+    fine: Evidence,
+    coarse: Evidence,
+    start: _Fit,
+    z_scale_range: tuple[float, float],
+    sigma_mm: float,
+    still_mm: float,
 ) -> _Fit:
-    """Return ``start`` improved until it stands still; ``start`` itself where too little is left to go by."""
+    """Return ``start`` improved until it moves by less; ``start`` itself where too little is left to go by."""
     slopes = _slopes(fine)
     fit = start
     for last in (*[False] * (ROUNDS - 1), True):
@@ -131,9 +142,9 @@ def _gauss_newton(
             z_shift_mm=found.z_shift_mm + float(shift_mm) - (scale - found.z_scale) * equations.middle_mm,
             correlation=equations.correlation,
         )
-        fit = _Fit(found, fit.bends + np.clip(step[RIGID:], -0.05, 0.05))
-        still = abs(step[0]) < 1e-6 and abs(step[1]) < 1e-6 and abs(step[2]) < 1e-7
-        if still or last:
+        fit = _Fit(found, fit.bends + np.clip(step[MOVES : MOVES + fit.bends.size], -0.05, 0.05))
+        ends_mm = np.abs(step[:MOVES]) * (coarse.radius_mm, 1.0, float(np.ptp(coarse.z_mm)))
+        if last or ends_mm.max() < still_mm:
             covariance = as_covariance(_covariance(equations, coarse))
             return replace(fit, alignment=replace(found, covariance=covariance))
     return fit
@@ -163,26 +174,30 @@ def _equations(
     (of_value, common), (_, of_target) = np.cov(value, target)
     if not (of_value > 0 and of_target > 0):
         return None
-    gain = common / of_value
-    residual = target - target.mean() - gain * (value - value.mean())
+    powers = ((value - value.mean()) / np.sqrt(of_value)) ** np.arange(TONE + 1)[:, np.newaxis]
+    tone = np.linalg.solve(powers @ powers.T + 1e-6 * value.size * np.eye(TONE + 1), powers @ target)
+    gain = (tone[1:] * np.arange(1, TONE + 1) / np.sqrt(of_value)) @ powers[:-1]
+    residual = target - tone @ powers
     size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
     weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
     off_mm = np.broadcast_to(from_middle_mm, use.shape)[use]
-    turns = [gain * dtheta * np.broadcast_to(wave, use.shape)[use] for wave in waves]
-    effects = np.stack(
-        [gain * dtheta, gain * dz, gain * dz * off_mm, value, np.ones_like(value), gain * dtheta * off_mm, *turns]
-    )
+    turn, shift = gain * dtheta, gain * dz
+    turns = [turn * np.broadcast_to(wave, use.shape)[use] for wave in waves]
+    effects = np.stack([turn, shift, shift * off_mm, turn * off_mm, *turns, *powers])
+    pulls = weight * residual
     normal = (effects * weight) @ effects.T
+    slope = effects @ pulls
     # BEND_RAD as a prior, against residuals of which all within one blur count as one
     one_px = 4 * np.pi * sigma_mm**2 / (coarse.dz_mm * coarse.column_mm)
     half_mm = max(float(np.ptp(along_mm[met])) / 2, 1e-3)
     typical = BEND_RAD * np.r_[1 / half_mm, np.ones(len(waves))]
-    stiffness = max(1.0, one_px) * float((weight * residual**2).mean()) / typical**2
-    diagonal = np.diag_indices(len(normal))
-    normal[diagonal] = normal[diagonal] * (1 + 1e-6) + np.r_[np.zeros(RIGID), stiffness]
-    slope = (effects * weight) @ residual - np.r_[np.zeros(RIGID), stiffness * fit.bends]
+    stiffness = max(1.0, one_px) * float((pulls * residual).mean()) / typical**2
+    bends = np.arange(MOVES, MOVES + typical.size)
+    normal[np.diag_indices(len(normal))] *= 1 + 1e-9
+    normal[bends, bends] += stiffness
+    slope[bends] -= stiffness * fit.bends
     correlation = float(common / np.sqrt(of_value * of_target))
-    return _Equations(normal, slope, middle_mm, correlation, effects, weight * residual, use)
+    return _Equations(normal, slope, middle_mm, correlation, effects, pulls, use)
 
 
 def _covariance(equations: _Equations, coarse: Evidence) -> Coordinates:
