@@ -1,17 +1,21 @@
 """Makes one data set in four ways, and says whether they agree and how long each took.
 
-    python benchmarks/dataset_scaling.py --count 200 [--preset learning] [--seed 1000] [--keep DIR]
+    python benchmarks/dataset_scaling.py --count 200 [--preset learning] [--seed 1000] [--keep DIR] [--again]
 
 By one process; by two workers; by two workers of which one gets SIGKILL when half is done; and by a `dask scheduler`
 with two `dask worker` processes on loopback. Every file is hashed anew here, but for the records, which hold times.
 A specimen counts as made once for each record file that was seen to appear, so one made twice shows even where both
-are the same. Seconds are those of the whole command, its start included; the ratio is what travels between machines.
-It says little where other work runs beside it; the processor time (of an existing cluster: the client's) tells.
+are the same. Of the seconds of the whole command, the start is what passes until the first specimen is begun: loading
+the program, and for workers their cluster; work is what passes from there until the last record; the end makes the
+manifest. The efficiency of two workers is that of the work, and of the whole command beside it. Either says little
+where other work runs beside it: then the processor time of the two runs differs (of an existing cluster it is the
+client's), and so does that of one process at the beginning and once more at the end, which --again adds.
 """
 
 import argparse
 import hashlib
 import json
+import math
 import os
 import resource
 import signal
@@ -33,9 +37,11 @@ Watch = Callable[[psutil.Process, int], None]
 
 @dataclass(frozen=True)
 class Run:
-    """What one way gave."""
+    """What one way gave; of its ``seconds``, ``start`` passed before the first specimen was begun, ``work`` after."""
 
     seconds: float
+    start: float
+    work: float
     cpu_seconds: float
     appeared: int
     files: dict[str, str]
@@ -47,18 +53,28 @@ def make(root: Path, options: list[str], watch: Watch) -> Run:
     start, cpu = time.perf_counter(), cpu_of_children()
     process = psutil.Popen([ENDOCT, "dataset", "-o", str(root), *options, "--json"], stdout=subprocess.DEVNULL)
     seen: set[tuple[str, int]] = set()
+    begun, last = math.inf, 0.0
     while True:
         ended = process.poll() is not None
-        seen |= {(path.name, path.stat().st_ino) for path in root.glob("records/*.json")}
+        appeared = {(path.name, path.stat().st_ino) for path in root.glob("records/*.json")} - seen
+        if appeared:
+            last = time.perf_counter() - start
+            begun = min(begun, *(last - seconds_of(root / "records" / name) for name, _ in appeared))
+            seen |= appeared
         if ended:
             break
         watch(process, len(seen))
-        time.sleep(0.1)
+        time.sleep(0.05)
     seconds = time.perf_counter() - start
     if process.returncode:
         sys.exit(f"endoct dataset {' '.join(options)} ended with {process.returncode}")
     scratch = sum(path.name.startswith(".making") for path in root.rglob(".*"))
-    return Run(seconds, cpu_of_children() - cpu, len(seen), hashes(root), scratch)
+    return Run(seconds, begun, last - begun, cpu_of_children() - cpu, len(seen), hashes(root), scratch)
+
+
+def seconds_of(record: Path) -> float:
+    """Return how long the specimen of a record took to make."""
+    return float(json.loads(record.read_text(encoding="utf-8"))["seconds"])
 
 
 def cpu_of_children() -> float:
@@ -128,6 +144,7 @@ def main() -> None:
     parser.add_argument("--preset", default="learning")
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--keep", type=Path, help="an empty folder to keep the four sets in")
+    parser.add_argument("--again", action="store_true", help="make the set by one process once more at the end")
     arguments = parser.parse_args()
     options = ["--count", str(arguments.count), "--preset", arguments.preset, "--seed", str(arguments.seed)]
     killed: list[int] = []
@@ -147,20 +164,26 @@ def main() -> None:
             name = "existing cluster"
             runs[name] = make(folder / "existing-cluster", [*options, "--scheduler", address], lambda *_: None)
             tell(name, runs[name], arguments.count)
+        if arguments.again:
+            name = "one process again"
+            runs[name] = make(folder / "again", [*options, "--workers", "1"], lambda *_: None)
+            tell(name, runs[name], arguments.count)
     first, second = runs["one process"], runs["two workers"]
     same = all(run.files == first.files for run in runs.values())
-    print(f"files in each: {len(first.files)}; the same in all four: {'yes' if same else 'NO'}; killed: {len(killed)}")
+    print(f"files in each: {len(first.files)}; the same in all: {'yes' if same else 'NO'}; killed: {len(killed)}")
     print(f"load of the machine now: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    ratio = first.seconds / second.seconds
-    print(f"one to two workers: {ratio:.2f} times as fast, efficiency {ratio / 2:.0%}")
+    for what, ratio in (("work", first.work / second.work), ("whole command", first.seconds / second.seconds)):
+        print(f"one to two workers, {what}: {ratio:.2f} times as fast, efficiency {ratio / 2:.0%}")
+    print(f"processor time of two workers over that of one process: {second.cpu_seconds / first.cpu_seconds:.2f}")
     sys.exit(0 if same and killed and all(run.appeared == arguments.count for run in runs.values()) else 1)
 
 
 def tell(name: str, run: Run, count: int) -> None:
     """Print the row of one way."""
-    rate = 3600 * count / run.seconds
+    rate = 3600 * count / run.work
     print(
-        f"{name:26s} {run.seconds:7.1f} s  {run.cpu_seconds:7.1f} s cpu  {rate:6.0f} an hour  "
+        f"{name:26s} {run.seconds:7.1f} s = {run.start:.1f} start + {run.work:.1f} work + "
+        f"{run.seconds - run.start - run.work:.1f} end  {run.cpu_seconds:7.1f} s cpu  {rate:6.0f} an hour  "
         f"made {run.appeared} of {count}  made twice {run.appeared - count}  scratch left {run.scratch_left}",
         flush=True,
     )

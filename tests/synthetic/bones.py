@@ -1,17 +1,30 @@
 """Bores without any unevenness and with chosen cells, whose surfaces can be worked out by hand."""
 
+from functools import cache
 from typing import Any
 
 from endoct.synthetic.draw import draw
 from endoct.synthetic.parameters import Cell, Sample
 
-EVEN = {"taper_mm": 0.0, "wander_mm": 0.0, "roughness_mm": 0.0, "drill_mark_depth_mm": 0.0, "diameter_mm": 2.5}
+EVEN = {
+    "taper_mm": 0.0,
+    "wander_mm": 0.0,
+    "roughness_mm": 0.0,
+    "drill_mark_depth_mm": 0.0,
+    "diameter_mm": 2.5,
+    "length_mm": 5.0,
+}
 
 
 def bone(*cells: Cell, **bore: Any) -> Sample:
-    """Return a ``learning`` sample whose bore is a cylinder of 1.25 mm with those cells."""
-    sample = draw("learning", 0)
+    """Return a ``learning`` sample whose bore is a cylinder of 1.25 mm, 5 mm long, with those cells."""
+    sample = _any()
     return sample.model_copy(update={"bore": sample.bore.model_copy(update=EVEN | {"cells": cells} | bore)})
+
+
+@cache
+def _any() -> Sample:
+    return draw("learning", 0)
 
 
 def hole(**given: Any) -> Cell:

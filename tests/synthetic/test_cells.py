@@ -79,6 +79,6 @@ def test_fillings_and_linings_come_in_their_shares(kind: str) -> None:
 
 def test_too_much_to_ask_is_an_error_that_ends() -> None:
     bore = drawn("mastoid", 0, cell_fraction=0.1)
-    crowded = bore.model_copy(update={"cell_fraction": 0.4, "septum_mm": 0.5})
+    crowded = bore.model_copy(update={"cell_fraction": 0.4, "septum_mm": 0.5, "length_mm": 3.0})
     with pytest.raises(EndoctError, match="no room"):
         draw_cells(np.random.default_rng(0), crowded)
