@@ -5,6 +5,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,9 +28,11 @@ from endoct.workbench.figures.drawing import (
     journal_style,
 )
 
-STYLES = [
+LineStyle = Literal["-", "--", "-."]
+_MARKERS: tuple[tuple[LineStyle, str], ...] = (("-", "os^D"), ("--", "v<>P"), ("-.", "XphD"))
+STYLES: list[tuple[str, str, LineStyle]] = [
     (colour, marker, line)
-    for line, markers in (("-", "os^D"), ("--", "v<>P"))
+    for line, markers in _MARKERS
     for marker, colour in zip(markers * 2, (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, INK), strict=False)
 ]
 MOST_PANELS = 6
@@ -142,28 +145,28 @@ def _handle(place: int, method: str) -> Line2D:
 def _curve(axes: Axes, rows: Sequence[Row], condition: str, name: str, method: str, place: int, n_methods: int) -> None:
     colour, marker, line = STYLES[place % len(STYLES)]
     shift = (place - (n_methods - 1) / 2) / max(1, n_methods - 1)
-    at, middle, low, high = [], [], [], []
+    at: list[float] = []
+    values: list[tuple[float, float, float]] = []
     for x, width, group in _groups(rows, condition):
         if name in (SUCCESS, "not answered"):
             hits = [r.scores.get(SUCCESS, 0) > 0.5 if name == SUCCESS else r.status != "ok" for r in group]
             found = share(sum(hits), len(hits))
-            values = found.k / found.n, found.low, found.high
+            value = found.k / found.n, found.low, found.high
         else:
             scored = [row.scores[name] for row in group if name in row.scores]
             if not scored:
                 continue
             quartiles = spread(scored)
-            values = quartiles.median, quartiles.low, quartiles.high
+            value = quartiles.median, quartiles.low, quartiles.high
         at.append(x + 0.5 * width * shift)
-        for column, value in zip((middle, low, high), values, strict=True):
-            column.append(value)
+        values.append(value)
     if not at:
         return
-    below, above = np.subtract(middle, low), np.subtract(high, middle)
+    middle, low, high = np.transpose(values)
     axes.errorbar(
         at,
         middle,
-        np.maximum([below, above], 0),
+        np.maximum([middle - low, high - middle], 0),
         color=colour,
         marker=marker,
         linestyle=line if _is_number(rows[0].conditions[condition]) else "none",
