@@ -99,7 +99,7 @@ def _write_wall(path: Path, wall: Wall) -> None:
     surface = ("z", "theta")
     n_z, n_theta = wall.relief_mm.shape
     along, around = wall.dz_mm * np.arange(n_z), wall.dtheta_rad * np.arange(n_theta)
-    arrays: dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, str]]] = {
+    arrays: dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]] = {
         "relief_mm": (surface, wall.relief_mm, {"units": "mm", "long_name": "wall radius minus bore radius"}),
         "cell": (surface, wall.cell, {"long_name": "the surface at the bore's radius is missing"}),
         "cell_id": (surface, wall.cell_id, {"long_name": "1 + the cell's index in sample.json, 0 where there is none"}),
