@@ -17,6 +17,7 @@ from endoct.workbench.bench.compared import (
     own_cases,
     simulated_case,
 )
+from endoct.workbench.bench.specimens import DIFFICULTIES
 from endoct.workbench.bench.task import Task
 
 MAIN = "main"
@@ -78,6 +79,7 @@ TASK = Task(
     judge=judge,
     ranges=RANGES,
     usual=USUAL,
+    optional=DIFFICULTIES,
     scores=SCORES,
     own=own_cases,
     methods={name: partial(without, name) for name in STEPS},

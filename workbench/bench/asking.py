@@ -1,7 +1,7 @@
 """Reads which cases are asked for."""
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.task import Range, Task
@@ -32,10 +32,11 @@ def narrowed(task: Task, wishes: Sequence[str], sweep: str | None = None) -> dic
         _check_name(name, task)
         if name in wished:
             raise EndoctError(f"the condition '{name}' is given twice", found=f"'{wish}'", expected="each once")
-        ranges[name] = _range(wish, value, task.ranges[name])
+        ranges[name] = _range(wish, value, _all(task)[name])
         wished.add(name)
     if sweep is not None:
         _check_name(sweep, task)
+        ranges.setdefault(sweep, _all(task)[sweep])
         for name in ranges.keys() - wished - {sweep}:
             ranges[name] = middle(ranges[name])
     return ranges
@@ -50,9 +51,13 @@ def middle(range_: Range) -> Range:
     return value, value
 
 
+def _all(task: Task) -> Mapping[str, Range]:
+    return {**task.optional, **task.ranges}
+
+
 def _check_name(name: str, task: Task) -> None:
-    if name not in task.ranges:
-        nearest = difflib.get_close_matches(name, task.ranges, 1, cutoff=0.4)
+    if name not in _all(task):
+        nearest = difflib.get_close_matches(name, _all(task), 1, cutoff=0.4)
         known = f"'{nearest[0]}'" if nearest else ", ".join(task.ranges)
         raise EndoctError(f"'{name}' is no condition of '{task.name}'", expected=known or "none: it varies nothing")
 

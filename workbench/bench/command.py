@@ -50,9 +50,12 @@ def describe_task(name: str) -> tuple[dict[str, Any], list[RenderableType]]:
     lines: list[RenderableType] = [f"{task.name}: {task.title}", f"a method: {task.signature}", ""]
     for title, entries in (
         ("condition", {key: _shown(range_) for key, range_ in task.ranges.items()}),
+        ("only where asked for", {key: _shown(range_) for key, range_ in task.optional.items()}),
         ("score", task.scores),
         ("method", told["methods"]),
     ):
+        if not entries:
+            continue
         rows = Table(title, "", box=None)
         for key, value in entries.items():
             rows.add_row(key, value)

@@ -13,7 +13,7 @@ from endoct.fusion.outcome import Comparison
 from endoct.modalities.acquisition import validate
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.specimens import PRESET_WORDS, simulated, truths_of
+from endoct.workbench.bench.specimens import DIFFICULTIES, PRESET_WORDS, simulated, truths_of
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, draw
 from endoct.workbench.bench.truth import held_against, jaccard, load_truth
 
@@ -67,7 +67,8 @@ def compared(specimen: Specimen, settings: Settings) -> Compared:
 def simulated_case(seed: int, index: int, ranges: Mapping[str, Range]) -> Case:
     """Return a simulated specimen as a case."""
     drawn = draw(seed, index, ranges)
-    scratch = simulated(str(drawn["preset"]), seed, index)
+    difficulties = {name: value for name, value in drawn.items() if name in DIFFICULTIES}
+    scratch = simulated(str(drawn["preset"]), seed, index, difficulties)
     folder = Path(scratch.name) / "specimen"
     return Case(f"{drawn['preset']}-{seed}-{index}", (Specimen(folder),), folder, drawn, scratch)
 

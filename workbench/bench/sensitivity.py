@@ -22,6 +22,7 @@ from endoct.workbench.bench.compared import (
     own_cases,
     simulated_case,
 )
+from endoct.workbench.bench.specimens import DIFFICULTIES
 from endoct.workbench.bench.task import Case, Range, Task
 
 FACTOR = 1.5
@@ -92,6 +93,7 @@ TASK = Task(
     judge=judge,
     ranges={**RANGES, "factor": (FACTOR, FACTOR)},
     usual=USUAL,
+    optional=DIFFICULTIES,
     scores=SCORES,
     own=own,
     methods=_methods(),

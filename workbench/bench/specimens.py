@@ -5,6 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
+import numpy as np
+import tifffile
+
 from endoct.fusion.masks import read_mask
 from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore
 from endoct.modalities.recording import IMAGE_SUFFIXES
@@ -12,24 +15,52 @@ from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.presets import PRESETS, PresetName
+from endoct.synthetic.ranges import PARTS, Wish, choices, default_ranges
+from endoct.workbench.bench.task import Range, rng_of
 from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
 
 PRESET_WORDS: tuple[str, ...] = tuple(PRESETS)
 MODALITIES: Sequence[str] = ("oct", "endoscope")
 
 
-def simulated(preset: str, seed: int, index: int) -> "tempfile.TemporaryDirectory[str]":
+BLACK_SLICES = "black_slices"
+DIFFICULTIES: Mapping[str, Range] = {
+    BLACK_SLICES: (0.0, 0.3),
+    **{f"{part}.{name}": range_ for part, model in PARTS.items() for name, range_ in default_ranges(model).items()},
+    **{f"{part}.{name}": words for part, model in PARTS.items() for name, words in choices(model).items()},
+}
+"""What a simulated specimen can be asked to be: the share of the OCT's slices that are black, or any parameter that
+``endoct simulate --vary`` takes, drawn from its default range where no other is given."""
+
+
+def simulated(
+    preset: str, seed: int, index: int, difficulties: Mapping[str, float | str] | None = None
+) -> "tempfile.TemporaryDirectory[str]":
     """Return a temporary folder with one specimen; the first of a seed is that of ``endoct simulate --seed``."""
     from endoct.synthetic.specimen import simulate
 
+    difficulties = difficulties or {}
+    wishes: dict[str, Wish] = {
+        name: (value,) if isinstance(value, str) else (float(value), float(value))
+        for name, value in difficulties.items()
+        if name != BLACK_SLICES
+    }
     folder: tempfile.TemporaryDirectory[str] = tempfile.TemporaryDirectory(prefix="endoct-bench-")
     try:
         of = seed if index == 0 else 1_000_000 * (1 + seed) + index
-        simulate(Path(folder.name) / "specimen", preset=cast(PresetName, preset), seed=of)
+        simulate(Path(folder.name) / "specimen", preset=cast(PresetName, preset), seed=of, wishes=wishes)
+        if share := float(difficulties.get(BLACK_SLICES, 0.0)):
+            _blacken(Path(folder.name) / "specimen" / "oct" / "pullback.tif", share, rng_of(seed, index, BLACK_SLICES))
     except BaseException:
         folder.cleanup()
         raise
     return folder
+
+
+def _blacken(recording: Path, share: float, rng: np.random.Generator) -> None:
+    volume = tifffile.imread(recording)
+    volume[rng.permutation(len(volume))[: round(share * len(volume))]] = 0
+    tifffile.imwrite(recording, volume)
 
 
 def truths_of(specimen: Path, panorama: Panorama) -> Mapping[str, Mask]:

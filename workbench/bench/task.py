@@ -76,6 +76,7 @@ class Task:
     scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` needs
         no entry.
     usual: what ``ranges`` are narrowed to where the user asks for nothing.
+    optional: further conditions and what they may be drawn from; only drawn where the user asks for them.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
     methods: methods the task brings along by its nature, beside those that are registered.
     against: the method from which all others' differences are told, case by case, unless the user names one.
@@ -89,6 +90,7 @@ class Task:
     ranges: Mapping[str, Range] = field(default_factory=dict)
     scores: Mapping[str, str] = field(default_factory=dict)
     usual: Mapping[str, Range] = field(default_factory=dict)
+    optional: Mapping[str, Range] = field(default_factory=dict)
     own: Callable[[Path], Sequence[Case]] | None = None
     methods: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     against: str | None = None
