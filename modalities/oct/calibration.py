@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.rotation import Rotation
 from endoct.modalities.oct.sine import Sine
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
@@ -39,8 +40,10 @@ class OctCalibration:
     acquisition, parameters: what it was made with.
     n_ascans, n_depth: the size of a B-scan.
     slice_z_mm: float64 (n_slices,), in recording order.
-    offset_x_mm, offset_y_mm, axis_depth_mm: float64 (n_slices,): the catheter's offset in the frame of its own
-        rotation (A-scan 0 at angle 0), and the depth, from sample 0 and in the medium, at which ρ = 0.
+    rotation: how the catheter turned, in recording order.
+    offset_x_mm, offset_y_mm, axis_depth_mm: float64 (n_slices,): the catheter's offset in the frame of each slice, in
+        which ``rotation`` gives the directions of beams (A-scan 0 near angle 0), and the depth, from sample 0 and in
+        the medium, at which ρ = 0.
     ripple_mm: float64 (n_slices, 10): harmonics of where the face departs from the circle (uneven rotation, oblique
         glass). The wall is delayed by the same, so it is taken off depths, not off angles.
     glass_mm: thickness of the capillary's wall, mm; 0 where its inner face is not seen.
@@ -57,6 +60,7 @@ class OctCalibration:
     n_ascans: int
     n_depth: int
     slice_z_mm: Coordinates
+    rotation: Rotation
     offset_x_mm: Coordinates
     offset_y_mm: Coordinates
     axis_depth_mm: Coordinates
@@ -92,5 +96,5 @@ class OctCalibration:
         return self.acquisition.capillary_outer_diameter_mm / 2
 
     def rotation_of_theta(self, theta_rad: Coordinates) -> Coordinates:
-        """Return the rotation angle from A-scan 0 of a panorama's θ, rad in [0, 2π)."""
+        """Return the angle of a panorama's θ in the frame that slices share, A-scan 0 of even turns at 0; [0, 2π)."""
         return np.asarray(np.mod(self.sense * (theta_rad - self.acquisition.theta_origin_rad), 2 * np.pi))

@@ -37,7 +37,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
     theta, radii = calibration.grid.theta_rad, volume_radii_mm(calibration)
     undistorted = resample(frame, calibration, radii)
     undistorted = np.where(np.isfinite(undistorted), undistorted, np.nanmin(undistorted))
-    beam = beam_angles_rad(calibration, index, theta)
+    beam, _ = beam_angles_rad(calibration, index, theta)
     nearest = np.round((beam - beams.angle_rad[0]) / calibration.grid.dtheta_rad).astype(np.intp) % theta.size
     every = max(1, theta.size // PICTURE_COLUMNS)
     wall_radius = radius_mm(calibration, index, beams.angle_rad, wall)[nearest]

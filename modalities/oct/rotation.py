@@ -12,6 +12,7 @@ less one; the sum, what friction does in every turn; ``lost``, the angle of a bl
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Coordinates, Mask
@@ -92,6 +93,10 @@ class Rotation:
             gap = beyond - wanted
             seen &= ~((gap > 2 * half) & (gap < self.lost_rad[index]))
         return nominal, seen
+
+    def reordered(self, order: NDArray[np.intp]) -> "Rotation":
+        """Return the same rotation with slice ``order[i]`` in place i."""
+        return Rotation(**{name: values[order] for name, values in vars(self).items()})
 
     def peak_rad(self) -> Coordinates:
         """Return the largest departure of α(a) from a over each slice's turn, its mean taken off, float64 (n,)."""

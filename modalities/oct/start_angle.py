@@ -25,7 +25,8 @@ LINE_WIDTH_MM = 0.008
 LEAST_SECTORS = 0.3
 LEAST_PRESENCE = 0.6
 TELLING_MM = 0.006  # a line nearer to its axis has no direction
-POINT_MM = 0.0004  # of a line's offset, at best
+ROBUST_STEPS = 5
+POINT_MM = 0.0001  # of a line's offset, at best
 RIGID_RAD = 0.08
 CREEP_RAD = 0.0017  # of a mark from slice to slice: 0.1°
 LEAST_START_RAD = 0.002
@@ -82,16 +83,20 @@ def _triggered(rotation: Rotation, mark: _Seen) -> Rotation:
     n = seen.size
     sigma = np.where(seen, mark.sigma_rad, np.inf)
     # unknown: n starts, then n directions of the mark; the mark is seen at its direction less the start
-    rows, values, weights = _creep(n, n)
-    for i in range(n):
-        rows.append({i: 1.0})
-        values.append(0.0)
-        weights.append(1 / usual)
-        if seen[i]:
-            rows.append({n + i: 1.0, i: -1.0})
-            values.append(float(moved[i]))
-            weights.append(1 / float(sigma[i]))
-    solution, covariance = _least_squares(rows, values, weights, 2 * n)
+    creeping, told = _creep(n), np.flatnonzero(seen)
+    matrix = np.zeros((n + n + told.size, 2 * n))
+    matrix[:n, n:] = creeping
+    matrix[n : 2 * n, :n] = np.eye(n) / usual
+    matrix[2 * n + np.arange(told.size), n + told] = 1 / sigma[told]
+    matrix[2 * n + np.arange(told.size), told] = -1 / sigma[told]
+    values = np.concatenate([np.zeros(2 * n), moved[told] / sigma[told]])
+    weight = np.ones(values.size)
+    for _ in range(ROBUST_STEPS):  # a turn that was measured wrongly is an outlier to its neighbours too
+        weighted = matrix * weight[:, None]
+        covariance = np.linalg.inv(weighted.T @ weighted)
+        solution = covariance @ (weighted.T @ (weight * values))
+        away = matrix @ solution - values
+        weight[n:] = 1 / np.sqrt(1 + (away[n:] / 2) ** 2)
     start, spread = solution[:n] + later, np.sqrt(np.diag(covariance)[:n])
     return replace(
         rotation,
@@ -283,27 +288,20 @@ def _together(directions_rad: Coordinates, least_sigma_rad: Coordinates) -> _See
         held = 1 / np.sqrt(np.maximum(np.sum(1 / sigma**2) - 1 / sigma**2, 1e-12))
         scatter = np.array([_scatter(one) for one in away])
         sigma = np.maximum(np.sqrt(np.maximum(scatter**2 - held**2, (0.5 * scatter) ** 2)), least_sigma_rad)
-    sums = np.where(seen, np.exp(1j * turned) / sigma[:, None] ** 2, 0).sum(axis=0)
-    weight = np.where(seen, 1 / sigma[:, None] ** 2, 0).sum(axis=0)
-    known = weight > 0
-    return _Seen(
-        np.where(known, np.angle(sums), np.nan), np.where(known, 1 / np.sqrt(np.maximum(weight, 1e-12)), np.nan)
-    )
+    weight = np.where(seen, 1 / sigma[:, None] ** 2, 0)
+    mean = np.zeros(directions_rad.shape[1])
+    for _ in range(8):  # a line that was mistaken for another in one slice must not pull the rest
+        sums = np.where(seen, np.exp(1j * turned), 0) * weight
+        mean = np.angle(np.sum(sums, axis=0))
+        away = np.where(seen, wrap_rad(turned - mean), 0)
+        weight = np.where(seen, 1 / (sigma[:, None] ** 2 + away**2), 0)
+    total = weight.sum(axis=0)
+    known = total > 0
+    return _Seen(np.where(known, mean, np.nan), np.where(known, 1 / np.sqrt(np.maximum(total, 1e-12)), np.nan))
 
 
-def _creep(n: int, first: int) -> tuple[list[dict[int, float]], list[float], list[float]]:
-    """Rows that say that the n unknowns from ``first`` on hardly change from one to the next, and add up to nothing."""
-    rows: list[dict[int, float]] = [{first + i: -1.0, first + i + 1: 1.0} for i in range(n - 1)]
-    rows.append({first + i: 1.0 / n for i in range(n)})
-    return rows, [0.0] * n, [1 / CREEP_RAD] * (n - 1) + [1e3]
-
-
-def _least_squares(
-    rows: list[dict[int, float]], values: list[float], weights: list[float], n: int
-) -> tuple[Coordinates, Coordinates]:
-    matrix = np.zeros((len(rows), n))
-    for k, row in enumerate(rows):
-        matrix[k, list(row)] = list(row.values())
-    weighted = matrix * np.array(weights)[:, None]
-    covariance = np.linalg.inv(weighted.T @ weighted)
-    return covariance @ (weighted.T @ (np.array(values) * np.array(weights))), covariance
+def _creep(n: int) -> Coordinates:
+    """Return rows, float64 (n, n), that say that n unknowns hardly change from one to the next, and add up to 0."""
+    rows = (np.eye(n, k=1) - np.eye(n)) / CREEP_RAD
+    rows[-1] = 1e3 / n
+    return np.asarray(rows)

@@ -12,11 +12,14 @@ from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import Background, OctCalibration
-from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces
+from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces, refit_faces
 from endoct.modalities.oct.glass import glass_mm
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.rotation import Rotation, even_rotation, starts_anywhere
+from endoct.modalities.oct.start_angle import measure_starts
+from endoct.modalities.oct.uneven_turn import measure_turns, turned
 from endoct.modalities.oct.wall import bridge_rows
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image
@@ -52,10 +55,11 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     line_excess = _line_excess(slices, mm_per_px)
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     faces = locate_faces(slices, radius_mm, bore_mm - radius_mm, mm_per_px, parameters)
-    background = _background(slices, faces, line_excess, radius_mm, bore_mm - radius_mm, mm_per_px)
     thickness = glass_mm(slices, faces, acquisition.medium_index)
+    slices, faces, rotation, told = _turned(slices, faces, thickness, acquisition, parameters)
+    background = _background(slices, faces, line_excess, radius_mm, bore_mm - radius_mm, mm_per_px)
     recorded = np.argsort(inward, kind="stable")
-    faces = faces.reordered(recorded)
+    faces, rotation = faces.reordered(recorded), rotation.reordered(recorded)
     row_z_mm = z_mm[inward]
     grid = SurfaceGrid.full_circle(
         len(row_z_mm),
@@ -67,13 +71,14 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     return OctCalibration(
         grid=grid,
         row_z_mm=row_z_mm,
-        per_frame=_per_frame(z_mm, faces, thickness, acquisition),
-        notes=_notes(faces, line_excess, acquisition),
+        per_frame=_per_frame(z_mm, faces, rotation, thickness, acquisition),
+        notes=(*_notes(faces, line_excess, acquisition), *told),
         acquisition=acquisition,
         parameters=parameters,
         n_ascans=n_ascans,
         n_depth=n_depth,
         slice_z_mm=z_mm,
+        rotation=rotation,
         offset_x_mm=faces.x_mm,
         offset_y_mm=faces.y_mm,
         axis_depth_mm=faces.axis_depth_mm,
@@ -83,6 +88,34 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         bridged=faces.bridged,
         background=background,
     )
+
+
+def _turned(
+    slices: list[SliceEvidence],
+    faces: Faces,
+    thickness_mm: float,
+    acquisition: OctAcquisition,
+    parameters: OctParameters,
+) -> tuple[list[SliceEvidence], Faces, Rotation, tuple[str, ...]]:
+    """Return slices and faces with the angles of beams in place of nominal ones, the rotation, and notes on it.
+
+    All in the order of z.
+    """
+    rotation, notes = even_rotation(len(slices)), []
+    radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
+    mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
+    if parameters.correct_rotation or parameters.correct_turn_length or parameters.correct_lost_ascans:
+        rotation, faces = measure_turns(slices, faces, radius_mm, thickness_mm, parameters)
+        slices = [turned(evidence, rotation, i) for i, evidence in enumerate(slices)]
+        faces = refit_faces(slices, faces, radius_mm, parameters)
+        if count := int(np.count_nonzero(np.isfinite(rotation.lost_at_rad))):
+            notes.append(f"{count} of {len(slices)} slices lack a block of A-scans; what lay there is not valid.")
+    if parameters.correct_start_angle:
+        rotation, how = measure_starts(slices, faces, rotation, radius_mm, bore_mm, mm_per_px, parameters)
+        notes += [how] if how else []
+    elif starts_anywhere(faces.x_mm, faces.y_mm, ~faces.bridged, parameters):
+        notes.append("Turns start anywhere; this was not corrected, so that slices lie at unrelated angles.")
+    return slices, faces, rotation, tuple(notes)
 
 
 def _examine(
@@ -196,10 +229,10 @@ def _with_ascans(evidence: SliceEvidence, ascans: Image) -> SliceEvidence:
 
 
 def _per_frame(
-    z_mm: Coordinates, faces: Faces, thickness_mm: float, acquisition: OctAcquisition
+    z_mm: Coordinates, faces: Faces, rotation: Rotation, thickness_mm: float, acquisition: OctAcquisition
 ) -> dict[str, Coordinates]:
     sense = -1 if acquisition.handedness == "mirrored" else 1
-    direction = acquisition.theta_origin_rad + sense * np.arctan2(faces.y_mm, faces.x_mm)
+    direction = acquisition.theta_origin_rad + sense * (np.arctan2(faces.y_mm, faces.x_mm) + rotation.start_rad)
     return {
         "z_mm": z_mm,
         "sine_amplitude_mm": np.array([sine.amplitude_mm for sine in faces.sines]),
@@ -212,6 +245,15 @@ def _per_frame(
         "inlier_fraction": faces.inlier_fraction,
         "residual_mm": faces.residual_mm,
         "bridged": faces.bridged,
+        "start_angle_rad": rotation.start_rad,
+        "start_angle_known": rotation.start_known,
+        "start_angle_sigma_rad": rotation.start_sigma_rad,
+        "turn_length": 1 + rotation.stretch,
+        "rotation_amplitude_rad": rotation.peak_rad(),
+        "rotation_known": rotation.shape_known,
+        "rotation_sigma_rad": rotation.shape_sigma_rad,
+        "lost_at_rad": rotation.lost_at_rad,
+        "lost_rad": rotation.lost_rad,
     }
 
 

@@ -67,8 +67,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
 
     θ of a column is where the beam crosses the nominal bore surface, so that an opening there is put at its own
     θ; its depth is that of the surface the beam meets. Where a living beam meets no surface in range (a deep
-    cell), the depth is that of the last sample, a lower bound; bridged slices, dead A-scans and what stands before
-    the wall are not valid.
+    cell), the depth is that of the last sample, a lower bound; bridged slices, dead A-scans, what stands before the
+    wall and what no A-scan looked at are not valid.
 
     Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
     beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth; R is the nominal bore
@@ -77,7 +77,7 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     beams = profile_beams(frame, calibration)
     grid = calibration.grid
     wall_radius = radius_mm(calibration, frame.index, beams.angle_rad, beams.wall_mm)
-    wanted = beam_angles_rad(calibration, frame.index, grid.theta_rad)
+    wanted, seen = beam_angles_rad(calibration, frame.index, grid.theta_rad)
     step = 2 * np.pi / grid.n_theta
     nearest = np.round((wanted - beams.angle_rad[0]) / step).astype(np.intp) % grid.n_theta
     valid = beams.trusted & (not calibration.bridged[frame.index])
@@ -86,7 +86,7 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
         theta_rad=grid.theta_rad,
         intensity=beams.intensity[nearest][None],
         depth_mm=(wall_radius - grid.radius_mm)[nearest][None],
-        valid=valid[nearest][None],
+        valid=(valid[nearest] & seen)[None],
         weight=np.ones((1, grid.n_theta), np.float32),
         diagnostics={"surface_fraction": float(beams.surface.mean())},
     )

@@ -21,6 +21,7 @@ from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.store import write_dataset
 
 INSIDE_MM = 0.05
+OUTSIDE_PX = -10.0
 
 
 def volume_radii_mm(calibration: OctCalibration) -> Coordinates:
@@ -43,7 +44,7 @@ def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates) -
     wrapped = np.concatenate([image, image[:1]])
     sampled = cv2.remap(
         wrapped,
-        (depth / calibration.mm_per_px).astype(np.float32),
+        np.nan_to_num(depth / calibration.mm_per_px, nan=OUTSIDE_PX).astype(np.float32),
         np.broadcast_to(column, depth.shape).astype(np.float32),
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_CONSTANT,

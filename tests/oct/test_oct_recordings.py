@@ -21,7 +21,7 @@ def test_a_simulated_specimen(quick_specimen: Path, unroll_path: Unroll) -> None
     _, calibration, panorama = unroll_path(quick_specimen / "oct", stream.acquisition)
     truth = json.loads((quick_specimen / "truth" / "recording.json").read_text())
     relief_mm, true = _truth(quick_specimen, truth["oct"], calibration, panorama)
-    found = calibration.offset_x_mm + 1j * calibration.offset_y_mm
+    found = (calibration.offset_x_mm + 1j * calibration.offset_y_mm) * np.exp(1j * calibration.rotation.start_rad)
     assert np.max(np.abs(found - true)) < 0.01
     assert panorama.valid.mean() >= 0.95
     assert panorama.depth_mm is not None
@@ -41,7 +41,8 @@ def _truth(specimen: Path, truth: dict[str, Any], calibration: Any, panorama: Pa
     radius, n = panorama.grid.radius_mm, relief_mm.shape[1]
     rows = np.empty(panorama.grid.shape)
     for row, i in enumerate(np.argsort(calibration.slice_z_mm)):
-        turn = beam_angles_rad(calibration, i, panorama.grid.theta_rad)
+        nominal, _ = beam_angles_rad(calibration, i, panorama.grid.theta_rad)
+        turn = nominal * truth["turn_length"][i]
         angle = turn + truth["start_angle_rad"][i]
         pairs = zip(truth["rotation_error_cos_rad"][i], truth["rotation_error_sin_rad"][i], strict=True)
         for h, (cosine, sine) in enumerate(pairs, 1):
@@ -77,7 +78,9 @@ def test_a_clinical_pullback(recordings: Path, unroll_path: Unroll) -> None:
         along = (catheter * beam.conj()).real
         wall = np.maximum(radius + panorama.depth_mm[row], abs(catheter))
         distance_px = (np.sqrt(wall**2 - abs(catheter) ** 2 + along**2) - along) / stream.acquisition.axial_pixel_mm
-        column = np.round(np.mod(np.angle(beam), 2 * np.pi) / (2 * np.pi) * 504).astype(int) % 504
+        turned = np.angle(beam) - calibration.rotation.start_rad[i]
+        nominal, _ = calibration.rotation.nominal_rad(i, turned, 504)
+        column = np.round(nominal / (2 * np.pi) * 504).astype(int) % 504
         errors.append((distance_px - lumen_px[i, column])[panorama.valid[row]])
     error = np.abs(np.concatenate(errors))
     assert panorama.valid.mean() >= 0.85

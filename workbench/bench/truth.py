@@ -63,9 +63,14 @@ def true_pose(panorama: Panorama, truth: Truth) -> Pose:
     if "roll_rad" in of:  # the panorama's angle of a frame is image angle + estimated roll
         turn = np.asarray(of["roll_rad"])[index] - panorama.per_frame["roll_rad"]
         return Pose(float(turn[0] + np.median(wrap_rad(turn - turn[0]))), 1, z_panorama, z_bore)
+    # a common angle of all turns is nothing a recording can know: the middle of theirs against what was found
+    late = np.asarray(of["start_angle_rad"]) + np.pi * (np.asarray(of["turn_length"]) - 1)
+    late = late[index] - panorama.per_frame.get("start_angle_rad", 0.0)
+    common = float(np.angle(np.sum(np.exp(1j * late))))
     stated_mirrored = panorama.provenance["acquisition"]["handedness"] == "mirrored"
+    sense = int(of["theta_sense"])
     return Pose(
-        float(of["theta_origin_rad"]), int(of["theta_sense"]) * (-1 if stated_mirrored else 1), z_panorama, z_bore
+        float(of["theta_origin_rad"]) + sense * common, sense * (-1 if stated_mirrored else 1), z_panorama, z_bore
     )
 
 
