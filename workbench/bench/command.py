@@ -20,6 +20,8 @@ from endoct.workbench.bench.task import Task
 from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
 from endoct.workbench.progress import Stages
 
+MOST_LISTED = 20
+
 
 def list_tasks() -> tuple[dict[str, Any], list[RenderableType]]:
     """Return what can be run, as facts and for people; a task that cannot be imported says so."""
@@ -39,7 +41,9 @@ def list_tasks() -> tuple[dict[str, Any], list[RenderableType]]:
             "scores": dict(task.scores),
             "methods": {method: origin(task, method) for method in method_names(task)},
         }
-        lines.add_row(name, task.title, ", ".join(method_names(task)))
+        names = method_names(task)
+        shown = names if len(names) <= MOST_LISTED else [*names[:MOST_LISTED], f"and {len(names) - MOST_LISTED} more"]
+        lines.add_row(name, task.title, ", ".join(shown))
     return found, [lines]
 
 

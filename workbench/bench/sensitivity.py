@@ -27,8 +27,8 @@ from endoct.workbench.bench.task import Case, Range, Task
 
 FACTOR = 1.5
 UP, DOWN = " up", " down"
-NOT_TUNED = {"oct": {"seed"}, "endoscope": set[str](), "compare": set[str]()}
-"""Numbers that are no setting of a scale."""
+NOT_TUNED = {"oct": {"seed"}, "endoscope": set[str](), "compare": {"z_scale_min", "z_scale_max"}}
+"""Numbers that are no amount: a name, and bounds about 1."""
 
 
 def scaled(part: Part, name: str, default: float, power: int, specimen: Specimen, factor: float) -> Compared:
