@@ -47,8 +47,9 @@ class BoundaryDistances:
 
     def within(self, tolerance_mm: float) -> float:
         """Return the share of both outlines' length that lies within ``tolerance_mm`` of the other."""
-        near = (self.a_to_b_mm <= tolerance_mm) @ self.a.length_mm + (self.b_to_a_mm <= tolerance_mm) @ self.b.length_mm
-        return float(near / (self.a.length_mm.sum() + self.b.length_mm.sum()))
+        of_a, of_b = near(self.a_to_b_mm, tolerance_mm), near(self.b_to_a_mm, tolerance_mm)
+        within = of_a @ self.a.length_mm + of_b @ self.b.length_mm
+        return min(1.0, float(within / (self.a.length_mm.sum() + self.b.length_mm.sum())))
 
 
 def outline(
@@ -75,6 +76,13 @@ def boundary_distances(a: Outline, b: Outline, around_mm: float) -> BoundaryDist
     if not (a.length_mm.size and b.length_mm.size):
         return None
     return BoundaryDistances(a, b, _nearest(a, b, around_mm), _nearest(b, a, around_mm))
+
+
+def near(distance_mm: Coordinates, tolerance_mm: float) -> Coordinates:
+    """Return 1.0 where a distance is within the tolerance, else 0.0; distances on a grid often equal it but for
+    rounding.
+    """
+    return (distance_mm <= tolerance_mm * (1 + 1e-9)).astype(np.float64)
 
 
 def _nearest(of: Outline, to: Outline, around_mm: float) -> Coordinates:

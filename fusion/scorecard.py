@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.boundary import BoundaryDistances, boundary_distances, outline
+from endoct.fusion.boundary import BoundaryDistances, boundary_distances, near, outline
 from endoct.fusion.intervals import LEVEL, RESAMPLES, SEED, Interval, ratio_interval
 from endoct.fusion.objects import Cell, Surface
 from endoct.fusion.scores import agreement, bland_altman
@@ -50,13 +50,13 @@ def _boundary(a: Surface, b: Surface, sites: Sites, grid: SurfaceGrid, tolerance
     found = boundary_distances(of_a, of_b, grid.n_theta * grid.dtheta_mm)
     if found is None:
         return None
-    near = [(d <= tolerance_mm).astype(np.float64) for d in (found.a_to_b_mm, found.b_to_a_mm)]
+    within = [near(d, tolerance_mm) for d in (found.a_to_b_mm, found.b_to_a_mm)]
     return {
         "mean_mm": found.mean_mm,
         "mean_interval_mm": _over_sites(found, found.a_to_b_mm, found.b_to_a_mm, sites),
         "p95_mm": found.p95_mm,
         "within_share": found.within(tolerance_mm),
-        "within_interval": _over_sites(found, *near, sites),
+        "within_interval": _over_sites(found, *within, sites),
         "tolerance_mm": tolerance_mm,
     }
 

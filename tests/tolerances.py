@@ -95,3 +95,15 @@ FOUND_RIM_PX = 0.25
 # single frames scatter by 0.001 mm and 0.001 rad.
 FOUND_PAINT_MM = 0.002
 FOUND_PAINT_RAD = 0.003
+
+# Cells drawn as discs of some 400 samples and more: the staircase of their edge.
+CELL_AREA_REL = 0.01
+CELL_PLACE_MM = 0.005
+
+# How often an interval of 95 % covers: 300 trials scatter by 0.013, and percentile bootstraps of 40 are a little narrow.
+COVERAGE = 0.03
+
+# Parts of the agreement budget against what was put in: the phase of the rows is drawn, not known, and cells touch.
+BUDGET = 0.03
+# The same where one cause is all there is, relative: four errors stand for a normal distribution.
+BUDGET_OF_ONE_CAUSE = 0.15
