@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
-from scipy import ndimage, sparse
-from scipy.sparse.csgraph import connected_components
 
 from endoct.fusion.evidence import Evidence, Polarity
+from endoct.fusion.outlines import Outlining, clearest_regions
 from endoct.fusion.prepare import prepare
+from endoct.fusion.regions import morphology, remove_small
 from endoct.fusion.threshold import li_threshold
 from endoct.stitching.arrays import Mask
 from endoct.stitching.circle import masked_gaussian
@@ -31,6 +29,9 @@ class SegmentParameters(BaseModel):
     relief_cap_mm: float = Field(default=0.2, gt=0, description="relief above this counts as this")
     contrast_cap: float = Field(
         default=1.5, gt=0, description="|log| of intensity relative to the wall's above this counts as this"
+    )
+    outlines: bool = Field(
+        default=True, description="of intensity alone, take cells up to where their outline is clearest; else Li alone"
     )
     smooth_mm: float = Field(default=0.015, ge=0, description="sigma of the smoothing before the threshold")
     open_mm: float = Field(default=0.03, ge=0, description="cells narrower than twice this are removed")
@@ -112,6 +113,12 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
             "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
         ) from error
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
+    if p.outlines and evidence.kind != "relief":
+        outlining = Outlining(p.open_mm, p.close_mm, p.smallest_mm2)
+        clear = clearest_regions(evidence, prepared, threshold, outlining)
+        if clear is not None:
+            mask = clear
+            of += ", cells up to their clearest outline"
     behind, before = (int(np.count_nonzero(evidence.valid & (side > threshold))) for side in (smooth, -smooth))
     return Segmentation(mask, threshold, unit, of, polarity, before / max(behind, 1))
 
@@ -124,46 +131,3 @@ def clean(mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParamet
     smallest_px = p.smallest_mm2 / (dz_mm * column_mm)
     mask = remove_small(mask, smallest_px)
     return ~remove_small(~mask, smallest_px)
-
-
-def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, columns_px: float) -> Mask:
-    """Return ``mask`` opened or closed with an ellipse of these radii (px): cyclic in θ, ending in z.
-
-    Beyond the ends of z the wall goes on as neither cell nor wall: nothing is removed or added because of them.
-    """
-    up, across = int(rows_px), int(columns_px)
-    if up == 0 and across == 0:
-        return mask
-    y, x = np.mgrid[-up : up + 1, -across : across + 1]
-    ellipse = ((y / max(rows_px, 1e-9)) ** 2 + (x / max(columns_px, 1e-9)) ** 2 <= 1 + 1e-9).astype(np.uint8)
-    pad = min(2 * across, mask.shape[1])
-    padded = np.pad(mask.astype(np.uint8), ((0, 0), (pad, pad)), mode="wrap")
-    kind = cv2.MORPH_OPEN if operation == "open" else cv2.MORPH_CLOSE
-    done = cv2.morphologyEx(padded, kind, ellipse, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(done[:, pad : pad + mask.shape[1]] > 0)
-
-
-def label(mask: Mask) -> tuple[NDArray[np.int32], int]:
-    """Return (labels (n_z, n_theta), 0 outside, 1 … n; n) of connected cells, joined over the seam of θ.
-
-    Samples that touch at a corner are connected.
-    """
-    labels, n = ndimage.label(mask, structure=np.ones((3, 3)))
-    # columns −1 and 0 are neighbours: a row with itself and with the rows above and below
-    last, first = np.pad(labels[:, -1], 1), labels[:, 0]
-    left, right = np.stack([last[:-2], last[1:-1], last[2:]]), np.broadcast_to(first, (3, first.size))
-    touch = (left > 0) & (right > 0)
-    graph = sparse.coo_array((np.ones(touch.sum()), (left[touch], right[touch])), shape=(n + 1, n + 1))
-    n_joined, component = connected_components(graph, directed=False)
-    # the background, 0, is visited first and stays 0
-    return component.astype(np.int32)[labels], int(n_joined) - 1
-
-
-def remove_small(mask: Mask, smallest_px: float) -> Mask:
-    """Return ``mask`` without connected cells of fewer than ``smallest_px`` samples."""
-    if smallest_px <= 1:
-        return mask
-    labels, _ = label(mask)
-    keep = np.bincount(labels.ravel()) >= smallest_px
-    keep[0] = False
-    return np.asarray(keep[labels])

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from endoct.fusion.cells import SegmentParameters, find_cells, label, morphology, remove_small, segment
+from endoct.fusion.cells import SegmentParameters, find_cells, segment
 from endoct.fusion.prepare import prepare
+from endoct.fusion.regions import label, morphology, remove_small
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.cells import SegmentParameters, find_cells, label
+from endoct.fusion.cells import SegmentParameters, find_cells
 from endoct.fusion.prepare import prepare
+from endoct.fusion.regions import label
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama

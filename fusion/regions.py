@@ -1,0 +1,54 @@
+"""Connected regions of the wall and their shapes, where θ is a circle and z ends."""
+
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import connected_components
+
+from endoct.stitching.arrays import Mask
+
+
+def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, columns_px: float) -> Mask:
+    """Return ``mask`` opened or closed with an ellipse of these radii (px): cyclic in θ, ending in z.
+
+    Beyond the ends of z the wall goes on as neither cell nor wall: nothing is removed or added because of them.
+    """
+    up, across = int(rows_px), int(columns_px)
+    if up == 0 and across == 0:
+        return mask
+    y, x = np.mgrid[-up : up + 1, -across : across + 1]
+    ellipse = ((y / max(rows_px, 1e-9)) ** 2 + (x / max(columns_px, 1e-9)) ** 2 <= 1 + 1e-9).astype(np.uint8)
+    pad = min(2 * across, mask.shape[1])
+    padded = np.pad(mask.astype(np.uint8), ((0, 0), (pad, pad)), mode="wrap")
+    kind = cv2.MORPH_OPEN if operation == "open" else cv2.MORPH_CLOSE
+    done = cv2.morphologyEx(padded, kind, ellipse, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(done[:, pad : pad + mask.shape[1]] > 0)
+
+
+def label(mask: Mask) -> tuple[NDArray[np.int32], int]:
+    """Return (labels (n_z, n_theta), 0 outside, 1 … n; n) of connected cells, joined over the seam of θ.
+
+    Samples that touch at a corner are connected.
+    """
+    labels, n = ndimage.label(mask, structure=np.ones((3, 3)))
+    # columns −1 and 0 are neighbours: a row with itself and with the rows above and below
+    last, first = np.pad(labels[:, -1], 1), labels[:, 0]
+    left, right = np.stack([last[:-2], last[1:-1], last[2:]]), np.broadcast_to(first, (3, first.size))
+    touch = (left > 0) & (right > 0)
+    graph = sparse.coo_array((np.ones(touch.sum()), (left[touch], right[touch])), shape=(n + 1, n + 1))
+    n_joined, component = connected_components(graph, directed=False)
+    # the background, 0, is visited first and stays 0
+    return component.astype(np.int32)[labels], int(n_joined) - 1
+
+
+def remove_small(mask: Mask, smallest_px: float) -> Mask:
+    """Return ``mask`` without connected cells of fewer than ``smallest_px`` samples."""
+    if smallest_px <= 1:
+        return mask
+    labels, _ = label(mask)
+    keep = np.bincount(labels.ravel()) >= smallest_px
+    keep[0] = False
+    return np.asarray(keep[labels])
