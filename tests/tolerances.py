@@ -107,3 +107,6 @@ COVERAGE = 0.03
 BUDGET = 0.03
 # The same where one cause is all there is, relative: four errors stand for a normal distribution.
 BUDGET_OF_ONE_CAUSE = 0.15
+
+# Sensitivity of raters over some 10 000 samples of cell: three standard errors, and that truth is estimated with it.
+STAPLE = 0.025
