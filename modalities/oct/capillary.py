@@ -20,7 +20,7 @@ from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
 
 SAME_LINE_MM = 0.02
-FIXED_LINE_MM = 0.005
+FIXED_LINE_MM = 0.01
 LEAST_PRESENCE = 0.4
 DARK_SHARE = 0.4
 STRAY_MM = 0.08
@@ -91,10 +91,16 @@ def locate_faces(
 
     Raises :class:`EndoctError` where no line qualifies or most slices do not show it.
     """
-    axis_depth = _axis_depth(slices, radius_mm, gap_mm, mm_per_px, parameters)
+    moving = [s.lines[np.hypot(s.lines[:, 0], s.lines[:, 1]) > FIXED_LINE_MM] for s in slices]
+    for lines in (moving, [s.lines for s in slices]):  # a line of the detector does not move; nor may a centred face
+        axis_depth = _axis_depth(slices, lines, radius_mm, gap_mm, mm_per_px, parameters)
+        if axis_depth is not None:
+            break
+    else:
+        raise _no_capillary("no line with darkness and then a wall behind it")
     circles = np.full((len(slices), 3), np.nan)
-    for i, evidence in enumerate(slices):
-        near = evidence.lines[np.abs(evidence.lines[:, 2] - axis_depth) < SAME_LINE_MM]
+    for i, of_slice in enumerate(lines):
+        near = of_slice[np.abs(of_slice[:, 2] - axis_depth) < SAME_LINE_MM]
         if near.size:
             circles[i] = near[int(np.argmax(near[:, 3])), :3]
     free = starts_anywhere(circles[:, 0], circles[:, 1], np.isfinite(circles[:, 0]), parameters)
@@ -131,31 +137,28 @@ def refit_faces(slices: Sequence[SliceEvidence], faces: Faces, radius_mm: float,
 
 
 def _axis_depth(
-    slices: Sequence[SliceEvidence], radius_mm: float, gap_mm: float, mm_per_px: float, parameters: OctParameters
-) -> float:
-    """The depth of the axis, where ρ = 0, that the outer face has through the recording, mm."""
-    index = np.concatenate([np.full(len(s.lines), i) for i, s in enumerate(slices)])
-    lines = np.concatenate([s.lines for s in slices])
+    slices: Sequence[SliceEvidence],
+    lines_of: Sequence[Coordinates],
+    radius_mm: float,
+    gap_mm: float,
+    mm_per_px: float,
+    parameters: OctParameters,
+) -> float | None:
+    """The depth of the axis, where ρ = 0, that the outer face has through the recording, mm; None if no line fits."""
+    index = np.concatenate([np.full(len(lines), i) for i, lines in enumerate(lines_of)])
+    lines = np.concatenate(lines_of)
     if not lines.size:
-        raise _no_capillary("no line")
+        return None
     if parameters.start_offset_mm is not None:
         near = np.abs(lines[:, 2] + radius_mm - parameters.start_offset_mm) < 3 * SAME_LINE_MM
-        if not near.any():
-            raise _no_capillary(f"no line at a depth of {parameters.start_offset_mm} mm")
-        return float(np.median(lines[near, 2]))
-    for without_fixed in (True, False):
-        tracks = []
-        for depth in line_depths_mm(lines, mm_per_px):
-            on = np.abs(lines[:, 2] - depth) < SAME_LINE_MM
-            presence = np.unique(index[on]).size / len(slices)
-            still = np.median(np.hypot(lines[on, 0], lines[on, 1])) < FIXED_LINE_MM
-            if presence < LEAST_PRESENCE or (still and without_fixed):
-                continue
-            if _dark_behind(slices, index[on], lines[on], radius_mm, gap_mm, mm_per_px):
-                tracks.append(float(np.median(lines[on, 2])))
-        if tracks:
-            return max(tracks)
-    raise _no_capillary("no line with darkness and then a wall behind it")
+        return float(np.median(lines[near, 2])) if near.any() else None
+    tracks = []
+    for depth in line_depths_mm(lines, mm_per_px):
+        on = np.abs(lines[:, 2] - depth) < SAME_LINE_MM
+        presence = np.unique(index[on]).size / len(slices)
+        if presence >= LEAST_PRESENCE and _dark_behind(slices, index[on], lines[on], radius_mm, gap_mm, mm_per_px):
+            tracks.append(float(np.median(lines[on, 2])))
+    return max(tracks) if tracks else None
 
 
 def line_depths_mm(lines: Coordinates, mm_per_px: float) -> Coordinates:
