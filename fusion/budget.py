@@ -31,6 +31,7 @@ from endoct.fusion.intervals import RESAMPLES, SEED, percentiles, weights
 from endoct.fusion.objects import Cell, Labels, Surface
 from endoct.fusion.placement import IN_PLACE, Placement, Samples, signed_distance
 from endoct.fusion.pose import Alignment
+from endoct.fusion.scores import agreement
 from endoct.fusion.visibility import invisible_cells
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
@@ -86,7 +87,9 @@ def agreement_budget(
         visible = [mask & ~zone for mask, zone in zip(sampled, hidden, strict=True)]
         stages[2].append(_count(visible[0], visible[1], both, patches))
     observed = _count(a.mask, b.mask, both, patches)
-    return _as_json(surfaces, cells, stages, observed, placing, unseen)
+    seen_by_both = surfaces[0].valid & surfaces[1].valid
+    counted = agreement(surfaces[0].mask, surfaces[1].mask, seen_by_both, grid.dz_mm * grid.dtheta_mm)
+    return _as_json(surfaces, cells, stages, observed, counted.jaccard or 0.0, placing, unseen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +212,13 @@ def _as_json(
     cells: Sequence[Cell],
     stages: list[list[Count]],
     observed: Count,
+    jaccard: float,
     placing: Alignment,
     unseen: list[list[int]],
 ) -> dict[str, Any]:
-    levels = [1.0, *(float(np.mean([_jaccard(*c) for c in stage])) for stage in stages), _jaccard(*observed)]
+    levels = [1.0, *(float(np.mean([_jaccard(*c) for c in stage])) for stage in stages), jaccard]
     shares = -np.diff(levels)
-    intervals = _intervals(stages, observed)
+    intervals = _intervals(stages, observed, jaccard)
     names = [side.name for side in surfaces]
     missed = [[c for c in cells if c.side == names[1 - k] and c.id in set(unseen[k])] for k in (0, 1)]
     return {
@@ -235,7 +239,7 @@ def _as_json(
     }
 
 
-def _intervals(stages: list[list[Count]], observed: Count) -> list[tuple[float, float] | None]:
+def _intervals(stages: list[list[Count]], observed: Count, jaccard: float) -> list[tuple[float, float] | None]:
     """Return the interval of every part, over patches and draws together."""
     holding = observed[1] + stages[0][0][1] > 0
     if holding.sum() < 2:
@@ -250,7 +254,9 @@ def _intervals(stages: list[list[Count]], observed: Count) -> list[tuple[float, 
         below = (drawn @ either)[rows, pick]
         return np.divide((drawn @ shared)[rows, pick], below, out=np.zeros(RESAMPLES), where=below > 0)
 
-    levels = [np.ones(RESAMPLES), *(resampled(stage) for stage in stages), resampled([observed])]
+    # the last is that of the grid itself, which the coarser samples here miss by a little
+    last = resampled([observed]) + (jaccard - _jaccard(*observed))
+    levels = [np.ones(RESAMPLES), *(resampled(stage) for stage in stages), last]
     return [percentiles(before - after) for before, after in pairwise(levels)]
 
 

@@ -53,13 +53,15 @@ class SideFindings:
 class Overlap:
     """How far two masks agree: ``of`` what with what, ``where``, and the scores (Jaccard index, Dice, areas).
 
-    ``interval`` is that of the Jaccard index, bootstrapped over cells; None where it is not known.
+    ``interval`` is that of the Jaccard index, bootstrapped over cells; None where it is not known. ``is_detail`` says
+    that others tell more at a glance: of several raters, what most agree on.
     """
 
     of: tuple[str, str]
     where: str
     scores: Mapping[str, float | None]
     interval: tuple[float, float] | None = None
+    is_detail: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,13 +123,15 @@ def _overlaps(result: Mapping[str, Any]) -> Iterator[Overlap]:
         if rows := scores.get("own_rows"):
             where = f"on the own rows of {rows['rows_of']}, not interpolated"
             yield Overlap((first, second), where, _numbers(rows), _interval(rows))
+    consensus = (result.get("raters") or {}).get("consensus", {})
     for path, sides in (result.get("truth") or {}).items():
         for side, scores in sides.items():
-            yield Overlap((side, "given truth"), f"against {Path(path).name}", _numbers(scores), _interval(scores))
-    for name, consensus in (result.get("raters") or {}).get("consensus", {}).items():
-        for side, scores in consensus["sides"].items():
+            where = f"against {Path(path).name}"
+            yield Overlap((side, "given truth"), where, _numbers(scores), _interval(scores), bool(consensus))
+    for name, told in consensus.items():
+        for side, scores in told["sides"].items():
             where = f"against what the raters agree on ({name})"
-            yield Overlap((side, "consensus"), where, _numbers(scores), _interval(scores))
+            yield Overlap((side, "consensus"), where, _numbers(scores), _interval(scores), name != "majority")
 
 
 def _interval(scores: Mapping[str, Any]) -> tuple[float, float] | None:

@@ -139,6 +139,8 @@ def _cards(findings: Findings) -> Iterator[str]:
         return f"<li><span>{escape(title)}</span><b>{escape(value)}</b><span>{escape(of)}</span></li>"
 
     for overlap in findings.overlaps:
+        if overlap.is_detail:
+            continue
         of = f"cells of {overlap.of[0]} and {overlap.of[1]}, {overlap.where}"
         if overlap.interval:
             of += f"; {interval_text(overlap.interval)}"

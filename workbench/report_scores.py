@@ -38,10 +38,14 @@ def _cards(findings: Findings) -> Iterator[tuple[str, Mapping[str, Any]]]:
     a, b = (side.name for side in findings.sides)
     if findings.aligned and (scores := result.get("scores")) and "cells" in scores:
         yield f"{a} and {b}", scores
-    for path, sides in (result.get("truth") or {}).items():
+    if raters := result.get("raters"):
+        against = {"consensus": raters["consensus"]["majority"]["sides"]}
+    else:
+        against = {Path(path).name: sides for path, sides in (result.get("truth") or {}).items()}
+    for name, sides in against.items():
         for side, scores in sides.items():
             if "cells" in scores:
-                yield f"{Path(path).name} and {side}", scores
+                yield f"{name} and {side}", scores
 
 
 def _rows(cards: Mapping[str, Mapping[str, Any]]) -> Iterator[list[str]]:

@@ -176,4 +176,4 @@ def _range(low: float | None, high: float | None) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.3f}".replace("-", "−")
+    return f"{value if abs(value) >= 0.0005 else 0.0:.3f}".replace("-", "−")
