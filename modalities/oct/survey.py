@@ -210,16 +210,26 @@ def _background(
         filled = _with_ascans(slices[i], bridge_rows(slices[i].ascans, line_excess > 0))
         samples = behind(filled, circle, radius_mm, mm_per_px, n_px)
         band = samples[:, first:last]
-        means = band.mean(axis=1)
-        dark.append(band[means <= np.nanpercentile(means, 40)].ravel())
+        # judged by one half of the band, taken from the other: the darkest noise is darker than noise
+        halves = band[:, : last - first - (last - first) // 2], band[:, (last - first) // 2 :]
+        for judged, taken in (halves, halves[::-1]):
+            means = judged.mean(axis=1)
+            dark.append(taken[means <= np.nanpercentile(means, 40)].ravel())
         samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
         smooth = uniform_filter1d(samples, max(1, round(0.04 / mm_per_px)), axis=1)
         bright.append(np.median(smooth[:, first:].max(axis=1)))
     noise_samples = np.concatenate(dark)
     noise_samples = noise_samples[np.isfinite(noise_samples)]
-    noise = float(np.median(noise_samples))
-    sigma = 1.4826 * float(np.median(np.abs(noise_samples - noise)))
+    noise = _median_between_counts(noise_samples)
+    sigma = 1.4826 * _median_between_counts(np.abs(noise_samples - noise))
     return Background(noise, sigma, float(np.median(bright)), line_excess)
+
+
+def _median_between_counts(samples: Image) -> float:
+    """The median of samples that may be whole counts, each standing for all that was rounded to it."""
+    values, count = np.unique(samples, return_counts=True)
+    edges = np.concatenate([values[:1], (values[1:] + values[:-1]) / 2, values[-1:]])
+    return float(np.interp(samples.size / 2, np.concatenate([[0], np.cumsum(count)]), edges))
 
 
 def _with_ascans(evidence: SliceEvidence, ascans: Image) -> SliceEvidence:
