@@ -3,7 +3,7 @@
 import hashlib
 import random
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite
@@ -102,26 +102,26 @@ def _run_by_processes(plan: Plan, workers: int, advance: Advance) -> list[Row]:
 def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> list[Row]:
     """Run every method on the cases of one source."""
     task = load_task(plan.task)
-    rows = []
-    for case in _cases(task, source, plan):
+    cases = _cases(task, source, plan)
+    rows: list[Row] = []
+    for case in cases:
         try:
-            for done, name in enumerate(plan.methods):
+            for name in plan.methods:
                 rows.append(run_method(task, name, case))
                 if advance is not None:
-                    advance((done + 1) / len(plan.methods))
+                    advance(len(rows) / (len(cases) * len(plan.methods)))
         finally:
             if case.scratch is not None:
                 case.scratch.cleanup()
     return rows
 
 
-def _cases(task: Task, source: Source, plan: Plan) -> Iterator[Case]:
+def _cases(task: Task, source: Source, plan: Plan) -> Sequence[Case]:
     if not isinstance(source, Path):
-        yield task.cases(*source, task.ranges if plan.ranges is None else plan.ranges)
-        return
+        return [task.cases(*source, task.ranges if plan.ranges is None else plan.ranges)]
     if task.own is None:
         raise EndoctError(f"the task '{task.name}' reads no data of your own", remedy="leave --data out")
-    yield from task.own(source)
+    return task.own(source)
 
 
 def run_method(task: Task, name: str, case: Case) -> Row:
