@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import new_output
 from endoct.workbench.bench.asking import narrowed, parse_seeds
 from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
-from endoct.workbench.bench.runner import Plan, Row, run
+from endoct.workbench.bench.paired import difference_table, differences, draw_differences, write_differences
+from endoct.workbench.bench.plots import draw_plots
+from endoct.workbench.bench.runner import Plan, run
 from endoct.workbench.bench.summary import score_names
 from endoct.workbench.bench.task import Task
 from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
@@ -136,23 +138,18 @@ def _run(
     with stages.stage(f"bench {task.name}") as advance:
         rows = run(plan, workers=workers, advance=advance)
     told = facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
-    if folder is not None:
-        _write(rows, task, told, folder, stages)
-    return told, [table(rows, task), *footnotes(rows, task)]
-
-
-def _write(rows: Sequence[Row], task: Task, told: dict[str, Any], folder: Path, stages: Stages) -> None:
-    # matplotlib loads for who wants figures
-    from endoct.workbench.bench.paired import differences, draw_differences, write_differences
-    from endoct.workbench.bench.plots import draw_plots
-
+    lines: list[RenderableType] = [table(rows, task), *footnotes(rows, task)]
+    apart = differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []
+    if task.against and apart:
+        lines.append(difference_table(apart, task.against))
+        told["differences"] = {"against": task.against, "of": [asdict(one) for one in apart]}
+    if folder is None:
+        return told, lines
     write_csv(rows, task, folder / "results.csv")
     write_json(told, folder / "bench.json")
     with stages.stage("plots"):
         draw_plots(rows, task, folder / "plots")
-        if task.against is None:
-            return
-        found = differences(rows, task.against, score_names(rows, [*task.scores]))
-        if found:
-            write_differences(found, task.against, folder / "differences.csv")
-            draw_differences(found, task.against, task, folder / "plots" / "differences.png")
+        if task.against and apart:
+            write_differences(apart, task.against, folder / "differences.csv")
+            draw_differences(apart, task.against, task, folder / "plots" / "differences.png")
+    return told, lines

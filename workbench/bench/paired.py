@@ -1,6 +1,7 @@
 """How methods differ from one of them, case by case: the same cases, so that their difficulty cancels."""
 
 import csv
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from rich.table import Table
 
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.summary import Spread, spread
@@ -64,6 +66,21 @@ def write_differences(found: Sequence[Difference], reference: str, path: Path) -
             writer.writerow([one.method, reference, one.score, s.n, *told, one.lower, one.higher])
 
 
+def difference_table(found: Sequence[Difference], reference: str) -> Table:
+    """Return the table for the console: median and quartiles of the first scores' differences, a line a method."""
+    scores = list(dict.fromkeys(one.score for one in found))[:MOST_PANELS]
+    made = Table(f"less {reference}", *scores, "higher/lower/cases", box=None)
+    for column in made.columns[1:]:
+        column.justify = "right"
+    told = {(one.method, one.score): one for one in found}
+    for method in dict.fromkeys(one.method for one in found):
+        own = [told.get((method, score)) for score in scores]
+        shown = [f"{d.spread.median:+.3g} ({d.spread.low:+.3g}–{d.spread.high:+.3g})" if d else "–" for d in own]
+        first = own[0]
+        made.add_row(method, *shown, f"{first.higher}/{first.lower}/{first.spread.n}" if first else "–")
+    return made
+
+
 def draw_differences(found: Sequence[Difference], reference: str, task: Task, path: Path) -> None:
     """Draw the differences as bars with quartiles, the largest first (by the first score), up and down on one line."""
     scores = list(dict.fromkeys(one.score for one in found))[:MOST_PANELS]
@@ -85,7 +102,7 @@ def draw_differences(found: Sequence[Difference], reference: str, task: Task, pa
             axes.axvline(0, color=INK, linewidth=0.6)
             axes.grid(axis="x", linewidth=0.3)
             axes.set_xlabel("difference")
-            axes.set_title(_wrapped(task.scores.get(score, score)), fontsize=7)
+            axes.set_title("\n".join(textwrap.wrap(task.scores.get(score, score), 32)), fontsize=7)
             axes.tick_params(labelleft=k == 0)
         if first is not None:
             first.set_yticks(range(len(lines)), lines)
@@ -112,9 +129,3 @@ def _lines(found: Sequence[Difference], score: str) -> list[str]:
         if one.score == score:
             size[_line(one.method)] = max(size[_line(one.method)], float(np.abs(one.spread.median)))
     return sorted(size, key=lambda line: -size[line])
-
-
-def _wrapped(text: str) -> str:
-    import textwrap
-
-    return "\n".join(textwrap.wrap(text, 32))
