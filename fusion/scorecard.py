@@ -50,13 +50,13 @@ def _boundary(a: Surface, b: Surface, sites: Sites, grid: SurfaceGrid, tolerance
     found = boundary_distances(of_a, of_b, grid.n_theta * grid.dtheta_mm)
     if found is None:
         return None
-    within = [near(d, tolerance_mm) for d in (found.a_to_b_mm, found.b_to_a_mm)]
+    near_a, near_b = near(found.a_to_b_mm, tolerance_mm), near(found.b_to_a_mm, tolerance_mm)
     return {
         "mean_mm": found.mean_mm,
         "mean_interval_mm": _over_sites(found, found.a_to_b_mm, found.b_to_a_mm, sites),
         "p95_mm": found.p95_mm,
         "within_share": found.within(tolerance_mm),
-        "within_interval": _over_sites(found, *within, sites),
+        "within_interval": _over_sites(found, near_a, near_b, sites),
         "tolerance_mm": tolerance_mm,
     }
 
