@@ -10,7 +10,7 @@ found alignment to the common grid as real masks are.
 - ``true_geometry``: what is lost besides where the OCT's true cells are put by the found alignment: its error, and what
   of both panoramas is not rigid.
 - ``true_rest``: the rest of 1 − J, which visibility and segmentation predict together.
-- ``error_z_um``, ``sd_z_um``: error of the alignment along z in the middle of the overlap, and what its covariance says;
+- ``error_z_um``, ``sd_z_um``: error of the alignment along z amid the overlap, and what its covariance says;
   ``error_arc_um``, ``sd_arc_um`` the same around the bore.
 """
 
