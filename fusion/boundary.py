@@ -98,7 +98,7 @@ def _on_circle(outline_: Outline, around_mm: float) -> Coordinates:
 def _corners(samples: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return which of four neighbouring samples are set, (n_z − 1, n_theta): bits 1, 2 above, 4, 8 below."""
     right = np.roll(samples, -1, axis=1)
-    return samples[:-1] | right[:-1] << 1 | samples[1:] << 2 | right[1:] << 3
+    return np.asarray(samples[:-1] | right[:-1] << 1 | samples[1:] << 2 | right[1:] << 3, dtype=np.uint8)
 
 
 def _lengths(dz_mm: float, column_mm: float) -> Coordinates:

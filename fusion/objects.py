@@ -218,7 +218,7 @@ class _Depth:
             side.name,
             _quantiles(relief, found, n, 0.5),
             _quantiles(relief, found, n, 0.95),
-            np.bincount(found, fan, n + 1),
+            np.asarray(np.bincount(found, fan, n + 1), dtype=np.float64),
         )
 
 

@@ -104,8 +104,8 @@ def _expectation_maximisation(
 def _scores(one: Drawing, two: Drawing, grid: SurfaceGrid, tolerance_mm: float) -> dict[str, float | None]:
     both = one.valid & two.valid
     counted = agreement(one.mask, two.mask, both, grid.dz_mm * grid.dtheta_mm)
-    outlines = [outline(drawing.mask, both, grid.dz_mm, grid.dtheta_mm) for drawing in (one, two)]
-    found = boundary_distances(*outlines, grid.n_theta * grid.dtheta_mm)
+    of_one, of_two = (outline(drawing.mask, both, grid.dz_mm, grid.dtheta_mm) for drawing in (one, two))
+    found = boundary_distances(of_one, of_two, grid.n_theta * grid.dtheta_mm)
     return {
         "jaccard": counted.jaccard,
         "dice": counted.dice,

@@ -66,7 +66,8 @@ def find_sites(a: Mask, b: Mask, both_valid: Mask, sample_mm2: float) -> Sites:
     kind = a[inside] + 2 * b[inside].astype(np.int64)
     n = int(labels.max(initial=0))
     counts = np.bincount(4 * labels[inside].astype(np.int64) + kind, minlength=4 * (n + 1)).reshape(-1, 4)[1:]
-    return Sites(labels, *(counts[:, k].astype(np.float64) for k in (3, 1, 2)), sample_mm2)
+    both, only_a, only_b = (counts[:, k].astype(np.float64) for k in (3, 1, 2))
+    return Sites(labels, both, only_a, only_b, sample_mm2)
 
 
 def strata(sites: Sites, surfaces: Sequence[Surface]) -> dict[str, list[dict[str, Any]]]:
