@@ -5,10 +5,12 @@ rows; the one angle that no OCT recording knows, common to all its slices, is th
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
 
 from endoct.fusion.cells import segment
 from endoct.stitching.arrays import Coordinates, Mask
@@ -51,6 +53,18 @@ def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> Case:
     scratch = simulated(PRESET, seed, index, difficulties)
     specimen = Path(scratch.name) / "specimen"
     return Case(f"{seed}-{index}", specimen / "oct", load_truth(specimen), drawn, scratch)
+
+
+def own_cases(specimen: Path) -> list[Case]:
+    """Return the pullback of a simulated specimen in a folder of the user's own as a case."""
+    if not (specimen / "oct").is_dir():
+        raise EndoctError(f"{specimen} holds no OCT recording", expected="oct/ in it")
+    with tifffile.TiffFile(specimen / "oct" / "pullback.tif") as file:
+        n_ascans = file.series[0].shape[-1]
+    truth = load_truth(specimen)
+    of = {**truth.recording["oct"], "n_ascans": n_ascans}
+    truth = replace(truth, recording={**truth.recording, "oct": of})
+    return [Case(specimen.name, specimen / "oct", truth, {"specimen": specimen.name})]
 
 
 def judge(case: Case, answer: Any) -> dict[str, float]:
@@ -99,7 +113,7 @@ def beam_errors_rad(panorama: Panorama, truth: Truth) -> Coordinates:
 
 def _true_error_rad(of: Mapping[str, Any], index: int, nominal_rad: Coordinates) -> Coordinates:
     """The true angle of beams, from A-scan 0 of a perfect turn, less the nominal one."""
-    n_ascans = PRESETS[PRESET].n_ascans
+    n_ascans = of.get("n_ascans", PRESETS[PRESET].n_ascans)
     position = nominal_rad / (2 * np.pi) * n_ascans
     for lost in of["lost_ascans"]:
         if lost["slice_index"] == index:
@@ -157,5 +171,6 @@ TASK = Task(
         "beam_deg": "angle of beams, rms error after what was corrected, degrees",
         "valid": "share of samples called valid",
     },
+    own=own_cases,
     against="endoct",
 )
