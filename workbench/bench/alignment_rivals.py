@@ -1,0 +1,230 @@
+"""How one would align two panoramas with existing libraries, in a few lines each.
+
+Each gets what ours is given, and the light taken off as ours does it. None knows that θ is a circle, so they see A
+continued by half a turn at either end. Those that cannot search orientations are tried in all that are open and
+keep what correlates best; those that need the polarity are tried with both.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from skimage.registration import phase_cross_correlation
+
+from endoct.fusion.alignment import open_orientations
+from endoct.fusion.evidence import Evidence, clipped, on_grid, reoriented
+from endoct.fusion.pose import Alignment, NotAligned, Orientation
+from endoct.fusion.prepare import prepare
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+
+SLOW_PX = 4
+"""How many samples of A across a pixel is for those that would take minutes otherwise."""
+BLUR_PX = 1.0
+
+
+@dataclass(frozen=True)
+class Flat:
+    """Two flat images of one pixel size: ``a`` continued around by half a turn at either end, ``b`` one turn.
+
+    ``place`` makes an alignment of a matrix (2, 3) that maps (x, y) of B to (x, y) of A, pixels.
+    """
+
+    a: Image
+    b: Image
+    px_mm: float
+    starts_mm: tuple[float, float]
+    radius_mm: float
+    orientation: Orientation
+
+    def place(self, matrix: Coordinates) -> Alignment:
+        """Return the turn, shift and scale of an affine matrix; what else is in it is left out."""
+        rad = self.px_mm / self.radius_mm
+        half, middle = self.b.shape[1] // 2, np.array([self.b.shape[1] / 2, self.b.shape[0] / 2, 1.0])
+        x, y = np.asarray(matrix, np.float64) @ middle
+        scale = float(matrix[1][1])
+        b_mm = self.starts_mm[1] + middle[1] * self.px_mm  # z of B's middle after the orientation
+        return Alignment(
+            theta_shift_rad=float(np.mod((x - half - middle[0]) * rad, 2 * np.pi)),
+            z_shift_mm=float(self.starts_mm[0] + y * self.px_mm - scale * b_mm),
+            z_scale=scale,
+            mirrored=self.orientation[0],
+            z_reversed=self.orientation[1],
+        )
+
+    def correlation(self, matrix: Coordinates) -> float:
+        """Return the correlation of A with B brought there, without its sign; 0 where they hardly overlap."""
+        forward = np.vstack([np.asarray(matrix, np.float64), [0, 0, 1]])
+        if not np.isfinite(forward).all() or abs(np.linalg.det(forward)) < 1e-6:
+            return 0.0
+        size = self.a.shape[1], self.a.shape[0]
+        moved = cv2.warpAffine(self.b, forward[:2], size, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
+        seen = np.isfinite(moved)
+        if seen.sum() < 0.1 * self.b.size:
+            return 0.0
+        (of_a, both), (_, of_b) = np.cov(self.a[seen], moved[seen])
+        return float(abs(both) / np.sqrt(of_a * of_b)) if of_a > 0 and of_b > 0 else 0.0
+
+
+Matrix = Coordinates
+Method = Callable[[Flat], Iterator[Matrix]]
+
+
+def phase_correlation(a: Panorama, b: Panorama) -> Alignment | NotAligned:
+    """scikit-image's phase correlation of A with B, padded, at scale 1."""
+
+    def shifts(flat: Flat) -> Iterator[Matrix]:
+        b_there = np.zeros_like(flat.a)
+        rows = min(flat.a.shape[0], flat.b.shape[0])
+        b_there[:rows, : flat.b.shape[1]] = flat.b[:rows]
+        (down, across), _, _ = phase_cross_correlation(flat.a, b_there, upsample_factor=20)
+        yield np.array([[1, 0, across], [0, 1, down]])
+
+    return _best(a, b, shifts)
+
+
+def ecc(a: Panorama, b: Panorama) -> Alignment | NotAligned:
+    """OpenCV's ECC (affine), started from scikit-image's phase correlation, with either polarity."""
+
+    def refined(flat: Flat) -> Iterator[Matrix]:
+        b_there = np.zeros_like(flat.a)
+        rows = min(flat.a.shape[0], flat.b.shape[0])
+        b_there[:rows, : flat.b.shape[1]] = flat.b[:rows]
+        (down, across), _, _ = phase_cross_correlation(flat.a, b_there)
+        criteria = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-5
+        for sign in (1, -1):
+            start = np.array([[1, 0, across], [0, 1, down]], np.float32)
+            try:
+                _, found = cv2.findTransformECC(
+                    np.float32(sign) * flat.b,
+                    flat.a,
+                    start,
+                    cv2.MOTION_AFFINE,
+                    criteria,
+                    np.full(flat.a.shape, 255, np.uint8),
+                    5,
+                )
+            except cv2.error:
+                continue
+            yield np.asarray(found, np.float64)
+
+    return _best(a, b, refined)
+
+
+def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
+    """SIFT features, matched by Lowe's ratio, and OpenCV's RANSAC of a partial affine; with either polarity."""
+
+    def matched(flat: Flat) -> Iterator[Matrix]:
+        sift = cv2.SIFT_create()
+        points_a, described_a = sift.detectAndCompute(_bytes(flat.a), None)
+        for sign in (1, -1):
+            points_b, described_b = sift.detectAndCompute(_bytes(np.float32(sign) * flat.b), None)
+            if described_a is None or described_b is None or len(points_a) < 2:
+                continue
+            pairs = cv2.BFMatcher().knnMatch(described_b, described_a, k=2)
+            good = [pair[0] for pair in pairs if len(pair) == 2 and pair[0].distance < 0.8 * pair[1].distance]
+            if len(good) < 4:
+                continue
+            from_b = np.array([points_b[match.queryIdx].pt for match in good])
+            to_a = np.array([points_a[match.trainIdx].pt for match in good])
+            cv2.setRNGSeed(0)
+            matrix, _ = cv2.estimateAffinePartial2D(from_b, to_a, ransacReprojThreshold=3.0)
+            if matrix is not None:
+                yield np.asarray(matrix, np.float64)
+
+    return _best(a, b, matched)
+
+
+def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
+    """kornia's pyramidal registration of a similarity, with either polarity, on every fourth sample."""
+    try:
+        import torch
+        from kornia.geometry.transform import ImageRegistrator
+    except ImportError as error:
+        raise EndoctError("kornia is not installed", remedy="pip install kornia") from error
+
+    def registered(flat: Flat) -> Iterator[Matrix]:
+        rows, columns = max(flat.a.shape[0], flat.b.shape[0]), flat.a.shape[1]
+        for sign in (1, -1):
+            there, here = np.zeros((2, rows, columns), np.float32)
+            there[: flat.a.shape[0]] = _unit(flat.a)
+            here[: flat.b.shape[0], : flat.b.shape[1]] = _unit(np.float32(sign) * flat.b)
+            torch.manual_seed(0)
+            registrator = ImageRegistrator("similarity", num_iterations=100, tolerance=1e-6)
+            model = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
+            found = model.detach().numpy().reshape(3, 3).astype(np.float64)
+            to_unit = np.array([[2 / (columns - 1), 0, -1], [0, 2 / (rows - 1), -1], [0, 0, 1]])
+            for candidate in (found, np.linalg.inv(found)):  # which of the two it means has changed between versions
+                yield (np.linalg.inv(to_unit) @ candidate @ to_unit)[:2]
+
+    return _best(a, b, registered, SLOW_PX)
+
+
+def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
+    """SimpleITK's registration by Mattes' mutual information, affine, from the middle, on every fourth sample."""
+    try:
+        import SimpleITK as sitk
+    except ImportError as error:
+        raise EndoctError("SimpleITK is not installed", remedy="pip install SimpleITK") from error
+
+    def registered(flat: Flat) -> Iterator[Matrix]:
+        fixed, moving = sitk.GetImageFromArray(flat.b), sitk.GetImageFromArray(flat.a)
+        middle = sitk.CenteredTransformInitializerFilter.GEOMETRY
+        first = sitk.CenteredTransformInitializer(fixed, moving, sitk.AffineTransform(2), middle)
+        method = sitk.ImageRegistrationMethod()
+        method.SetMetricAsMattesMutualInformation(32)
+        method.SetMetricSamplingStrategy(method.RANDOM)
+        method.SetMetricSamplingPercentage(0.2, 1)
+        method.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-4, 200)
+        method.SetOptimizerScalesFromPhysicalShift()
+        method.SetShrinkFactorsPerLevel([4, 2, 1])
+        method.SetSmoothingSigmasPerLevel([2, 1, 0])
+        method.SetInterpolator(sitk.sitkLinear)
+        method.SetNumberOfThreads(1)
+        method.SetInitialTransform(first)
+        try:
+            found = method.Execute(fixed, moving)
+        except RuntimeError:
+            return
+        origin, right, down = (np.array(found.TransformPoint(point)) for point in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+        yield np.stack([right - origin, down - origin, origin], axis=1)
+
+    return _best(a, b, registered, SLOW_PX)
+
+
+def _best(a: Panorama, b: Panorama, method: Method, px: int = 1) -> Alignment | NotAligned:
+    """Return what correlates best of all that ``method`` finds in the orientations that are open."""
+    known = a.handedness_known and b.handedness_known, a.travel_known and b.travel_known
+    prepared = clipped(prepare(a)), clipped(prepare(b))
+    found: list[tuple[float, Alignment]] = []
+    for orientation in open_orientations(handedness_known=known[0], travel_known=known[1]):
+        flat = _flat(*prepared, orientation, px)
+        found += [(flat.correlation(matrix), flat.place(matrix)) for matrix in method(flat)]
+    if not found:
+        return NotAligned("It found nothing.")
+    return max(found, key=lambda one: one[0])[1]
+
+
+def _flat(a: Evidence, b: Evidence, orientation: Orientation, px: int) -> Flat:
+    n_theta = 2 * round(a.values.shape[1] / (2 * px))
+    px_mm = 2 * np.pi * a.radius_mm / n_theta
+    turned = reoriented(b, mirrored=orientation[0], z_reversed=orientation[1], z_scale=1.0)
+    images, starts = [], []
+    for side in (a, turned):
+        n = 1 + int(np.ptp(side.z_mm) / px_mm)
+        even = on_grid(side, side.z_mm[0] + px_mm * np.arange(n), n_theta)
+        images.append(cv2.GaussianBlur(even.values, (0, 0), BLUR_PX))
+        starts.append(float(side.z_mm[0]))
+    around = np.pad(images[0], ((0, 0), (n_theta // 2, n_theta // 2)), mode="wrap")
+    return Flat(around, images[1], px_mm, (starts[0], starts[1]), a.radius_mm, orientation)
+
+
+def _unit(image: Image) -> Image:
+    low, high = np.percentile(image, [1, 99])
+    return np.asarray(np.clip((image - low) / max(high - low, 1e-6), 0, 1), dtype=np.float32)
+
+
+def _bytes(image: Image) -> Image:
+    return np.asarray(255 * _unit(image)).astype(np.uint8)
