@@ -20,6 +20,8 @@ from endoct.workbench.bench.task import Range, rng_of
 RADIUS_MM, LENGTH_MM, PITCH_MM = 1.25, 6.0, 0.2
 N_ASCANS, N_COLUMNS, ROW_MM = 1000, 1024, 0.02
 SHALLOWEST_MM, DEEPEST_MM = 0.05, 1.5
+SQUARENESS = 8.0
+"""Of a cell's profile: 2 is a bowl; drilled holes of the simulator have 5 to 12."""
 RANGES: Mapping[str, Range] = {
     "signal_db": (3.0, 30.0),
     "cell_mm": (0.2, 1.5),
@@ -87,7 +89,7 @@ def _wall(rng: np.random.Generator, grid: SurfaceGrid, cell_mm: float, fill: flo
         across = RADIUS_MM * wrap_rad(grid.theta_rad - theta_rad) / (radius_mm * flatness)
         near = np.ix_(np.abs(along) < 1, np.abs(across) < 1)
         squared = along[np.abs(along) < 1, np.newaxis] ** 2 + across[np.abs(across) < 1] ** 2
-        relief[near] = np.maximum(relief[near], depth_mm * np.clip(1 - squared**3, 0, None))
+        relief[near] = np.maximum(relief[near], depth_mm * np.clip(1 - squared ** (SQUARENESS / 2), 0, None))
     return Wall(relief, relief > 0)
 
 
