@@ -23,6 +23,7 @@ UPSAMPLED = 20
 LEAST_RESPONSE = 0.05
 LEAST_ECC = 0.3
 ASHLAR_SIGMA_PX = 2.0
+FEWEST_ROWS = 8
 
 Move = Callable[[Image, Image, float], tuple[float, float, bool]]
 """(strip, the next one, nominal rows) → by how many rows and columns what it shows lies lower, and whether it knows."""
@@ -79,22 +80,36 @@ def opencv_scans(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses
 
 
 def ashlar(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
-    """ashlar: its registration of two tiles, cropped to where they overlap by the nominal pitch."""
+    """ashlar: its registration of two tiles cropped to their nominal overlap, and its null for what is an error."""
+    return _ashlar(_images(strips), strips, nominal_pitch_mm)
+
+
+def ashlar_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+    """ashlar: the same on strips without what all of them show."""
+    return _ashlar(_prepared(strips), strips, nominal_pitch_mm)
+
+
+def _ashlar(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     try:
         from ashlar import utils
     except ImportError as error:
         raise EndoctError("ashlar is not installed", remedy="pip install ashlar") from error
+    whole = round(nominal_pitch_mm / _row_mm(strips))
+    n = images.shape[1] - abs(whole)
+    if n < FEWEST_ROWS:
+        raise Declined("strips at the nominal pitch hardly overlap")
 
-    def move(a: Image, b: Image, rows: float) -> tuple[float, float, bool]:
-        whole = round(rows)
-        n = len(a) - abs(whole)
-        if n < 8:
-            return np.nan, np.nan, False
+    def register(a: Image, b: Image) -> tuple[float, float, float]:
         first, second = (a[whole:], b[:n]) if whole >= 0 else (a[:n], b[-whole:])
-        shift, error = utils.register(first, second, ASHLAR_SIGMA_PX, UPSAMPLED)
-        return whole + float(shift[0]), float(shift[1]), bool(np.isfinite(error))
+        (rows, columns), error = utils.register(first, second, ASHLAR_SIGMA_PX, UPSAMPLED)
+        return whole + float(rows), float(columns), float(error)
 
-    return _by_pairs(_images(strips), strips, nominal_pitch_mm, move)
+    # strips far apart show nothing in common: what they score is chance
+    apart = len(images) // 2
+    null = [register(a, b)[2] for a, b in zip(images[:-apart], images[apart:], strict=True)]
+    largest = float(np.percentile(null, 1)) if null else np.inf
+    moves = [register(a, b) for a, b in pairwise(images)]
+    return _added_up([(rows, columns, error < largest) for rows, columns, error in moves], strips, nominal_pitch_mm)
 
 
 def _skimage(a: Image, b: Image, rows: float) -> tuple[float, float, bool]:  # noqa: ARG001
