@@ -110,3 +110,16 @@ BUDGET_OF_ONE_CAUSE = 0.15
 
 # Sensitivity of raters over some 10 000 samples of cell: three standard errors, and that truth is estimated with it.
 STAPLE = 0.025
+
+# A turn's angles told by the capillary 0.25 mm off axis, 1 µm of noise in each of 256 sectors: 0.1°, times four. Starts
+# told by three sheath lines 20 µm off axis: 1 µm·√(2/256)/20 µm/√3 = 0.15°, the largest of 14 three times that.
+TURN_RAD = 0.007
+FREE_START_RAD = 0.009
+START_RAD = 0.005
+
+# An alignment after both sides were rolled by whole samples: the search's and the light's grids do not roll with them.
+ROLLED_RAD = 5e-5
+ROLLED_Z_MM = 1e-4
+
+# What is asked of fine panoramas, in px of 2048 around: the goal is 0.05 in the mean, single cases reach 0.1.
+LANDMARK_PX = 0.12

@@ -24,14 +24,18 @@ SMOOTH_SIGMA_RAD = 0.06  # of the first harmonic, of the others in proportion to
 ROUNDNESS_MM = 0.0007  # the face's departure from a circle, each harmonic
 AXIS_SIGMA_MM = 0.003
 POINT_SIGMA_MM = 0.001
-WIDTHS_MM = (0.05, 0.04, 0.03, 0.02, 0.012, 0.006, 0.006, 0.006)
+WIDE_MM = (0.05, 0.04, 0.03, 0.02, 0.02)
+WIDEST_MM = (0.08, 0.06)
+NARROW_MM = (0.012, 0.006, 0.006, 0.006)
 NOTHING_RAD = 1e-6
 LEAST_SHARE = 0.35  # of sectors that show the face
+CERTAIN_SHARE = 0.5  # of the same, where the face was not seen by a circle
+NEAR_AXIS_MM = 0.04
 LEAST_INFORMATION = 0.5  # of the variance that was possible may be left
 MOST_UNEVEN = 0.7  # of the mean speed
 NEIGHBOURS = 4
 LEAST_NEIGHBOURS = 3
-LOST_GAIN = 40.0  # twice the logarithm of the likelihood's ratio
+LOST_GAIN = 28.0  # twice the logarithm of the likelihoods' ratio
 LOST_RAD = (0.01, 0.15)
 
 
@@ -48,36 +52,38 @@ def measure_turns(
     open_ = np.array([parameters.correct_turn_length, *[parameters.correct_rotation] * N_SMOOTH])
     h = np.repeat(np.arange(1, HARMONICS + 1), 2)
     usual = np.where(open_, np.concatenate([[STRETCH_SIGMA], SMOOTH_SIGMA_RAD / h]), NOTHING_RAD)
-    mean = np.array([0.0, 0.0, float(np.median(faces.axis_depth_mm[~faces.bridged]))])
+    axis_mm = float(np.median(faces.axis_depth_mm[~faces.bridged]))
+    mean = np.array([0.0, 0.0, axis_mm])
+    for i in np.flatnonzero(faces.bridged):  # too uneven a turn, perhaps, for an even one's circle
+        near = slices[i].lines[np.abs(slices[i].lines[:, 2] - axis_mm) < NEAR_AXIS_MM]
+        if near.size:
+            circles[i] = near[int(np.argmax(near[:, 3])), :3]
     start = np.concatenate([circles, np.zeros((n, usual.size + 2 * (RIPPLE_HARMONICS - 1)))], axis=1)
-    first = [
-        None
-        if faces.bridged[i]
-        else _solve(slices[i].points, start[i], _Prior.of(mean, np.zeros(usual.size), usual), radius_mm, glass_mm)
-        for i in range(n)
-    ]
-    told = [fit if fit is not None and _trusted(fit, slices[i], usual) else None for i, fit in enumerate(first)]
+    usual_prior = _Prior.of(mean, np.zeros(usual.size), usual)
+    first = [_solve(slices[i].points, start[i], usual_prior, radius_mm, glass_mm) for i in range(n)]
+    told = [fit if _trusted(fit, slices[i], usual) else None for i, fit in enumerate(first)]
     about, spread = _neighbours([None if fit is None else fit.factors for fit in told], usual)
     stretch, smooth = np.zeros(n), np.zeros((n, N_SMOOTH))
-    fixed = np.full(usual.size, NOTHING_RAD)
     lost_at, lost, sigma = np.full(n, np.nan), np.zeros(n), np.full(n, np.nan)
     known = np.zeros(n, bool)
-    for i in np.flatnonzero(~faces.bridged):
+    can_tell = any(fit is not None for fit in told)
+    for i in range(n):
         begin = start[i].copy()
         begin[3 : 3 + usual.size] = about[i]
-        fit = _solve(slices[i].points, begin, _Prior.of(mean, about[i], spread), radius_mm, glass_mm)
-        if fit is None:
-            continue
-        if told[i] is None:
+        widths = WIDE_MM if told[i] is not None else WIDEST_MM + WIDE_MM
+        wide = _solve(slices[i].points, begin, _Prior.of(mean, about[i], spread), radius_mm, glass_mm, widths)
+        fit = None
+        if wide is not None and can_tell:
+            fit = _finished(slices[i].points, wide, radius_mm, glass_mm, parameters.correct_lost_ascans)
+        if fit is not None and _plausible(fit, slices[i], usual, CERTAIN_SHARE if faces.bridged[i] else LEAST_SHARE):
+            circles[i], known[i], sigma[i] = fit.unknown[:3], True, np.sqrt(fit.variance)
+            stretch[i], smooth[i], lost_at[i], lost[i] = fit.factors[0], fit.factors[1:], fit.lost_at_rad, fit.lost_rad
+        elif not faces.bridged[i]:
             # as its neighbours turned, which is nothing where they did not tell either
-            fit = _solve(slices[i].points, begin, _Prior.of(mean, about[i], fixed), radius_mm, glass_mm)
+            fixed = _Prior.of(mean, about[i], np.full(usual.size, NOTHING_RAD))
+            fit = _solve(slices[i].points, begin, fixed, radius_mm, glass_mm)
             if fit is not None:
                 circles[i], smooth[i] = fit.unknown[:3], about[i, 1:]
-            continue
-        if parameters.correct_lost_ascans:
-            fit = _with_lost_block(slices[i].points, fit, radius_mm, glass_mm)
-        circles[i], known[i], sigma[i] = fit.unknown[:3], True, np.sqrt(fit.variance)
-        stretch[i], smooth[i], lost_at[i], lost[i] = fit.factors[0], fit.factors[1:], fit.lost_at_rad, fit.lost_rad
     rotation = replace(
         even_rotation(n),
         stretch=stretch,
@@ -87,7 +93,10 @@ def measure_turns(
         shape_known=known,
         shape_sigma_rad=sigma,
     )
-    return rotation, replace(faces, x_mm=circles[:, 0], y_mm=circles[:, 1], axis_depth_mm=circles[:, 2])
+    kept = faces.bridged & ~known
+    circles[kept] = np.stack([faces.x_mm, faces.y_mm, faces.axis_depth_mm], axis=1)[kept]
+    x, y, depth = circles.T
+    return rotation, replace(faces, x_mm=x, y_mm=y, axis_depth_mm=depth, bridged=kept)
 
 
 def turned(evidence: SliceEvidence, rotation: Rotation, index: int) -> SliceEvidence:
@@ -193,14 +202,21 @@ def _neighbours(factors: Sequence[Coordinates | None], usual: Coordinates) -> tu
     return about, spread
 
 
-def _trusted(fit: _Fit, evidence: SliceEvidence, usual: Coordinates) -> bool:
-    """Whether enough of the face was seen, it told enough, and what it told is a rotation."""
-    if np.unique(evidence.points.angle_rad[fit.weight > 0]).size < LEAST_SHARE * evidence.n_columns:
+def _trusted(fit: "_Fit | None", evidence: SliceEvidence, usual: Coordinates) -> bool:
+    """Whether a fit about nothing known told enough, and what may be."""
+    return (
+        fit is not None
+        and _plausible(fit, evidence, usual, LEAST_SHARE)
+        and fit.variance < LEAST_INFORMATION * _mean_variance(np.diag(usual**2))
+    )
+
+
+def _plausible(fit: "_Fit", evidence: SliceEvidence, usual: Coordinates, share: float) -> bool:
+    """Whether enough of the face was seen, and what it told is a rotation."""
+    if np.unique(evidence.points.angle_rad[fit.weight > 0]).size < share * evidence.n_columns:
         return False
     rate = np.diff(smooth_basis(np.linspace(0, 2 * np.pi, 180)) @ fit.factors) / (2 * np.pi / 179)
-    if np.abs(rate).max() > MOST_UNEVEN or np.any(np.abs(fit.factors) > 4 * usual):
-        return False
-    return fit.variance < LEAST_INFORMATION * _mean_variance(np.diag(usual**2))
+    return bool(np.abs(rate).max() < MOST_UNEVEN and np.all(np.abs(fit.factors) < 5 * usual))
 
 
 def _solve(
@@ -209,6 +225,7 @@ def _solve(
     prior: _Prior,
     radius_mm: float,
     glass_mm: float,
+    widths_mm: Sequence[float] = WIDE_MM + NARROW_MM,
     lost_at_rad: float = float("nan"),
 ) -> _Fit | None:
     """Reweighted least squares (Tukey) over circle, rotation, face and, with ``lost_at_rad``, a lost block."""
@@ -222,7 +239,7 @@ def _solve(
         rotation_columns = np.append(rotation_columns, last_face)
     tiny = 1e-6
     fit: _Fit | None = None
-    for width in WIDTHS_MM:
+    for width in widths_mm:
         alpha = angle + basis @ unknown[rotation_columns]
         x, y = float(unknown[0]), float(unknown[1])
         if np.hypot(x, y) > 0.8 * radius_mm:
@@ -248,11 +265,12 @@ def _solve(
     return fit
 
 
-def _with_lost_block(points: Points, fit: _Fit, radius_mm: float, glass_mm: float) -> _Fit:
-    """Return the fit with a lost block where one explains much that smooth rotation does not; else as it is."""
+def _finished(points: Points, fit: _Fit, radius_mm: float, glass_mm: float, seek_lost: bool) -> _Fit:
+    """Return a wide fit narrowed, with a lost block where one explains much that smooth rotation does not."""
+    finished = _solve(points, fit.unknown, fit.prior, radius_mm, glass_mm, NARROW_MM) or fit
     candidates = np.unique(points.angle_rad)[4:-4]
-    if not candidates.size:
-        return fit
+    if not seek_lost or not candidates.size:
+        return finished
     jump = (points.angle_rad[None, :] >= candidates[:, None]) * fit.slope
     weighted = jump * fit.weight
     coupled = weighted @ fit.jacobian
@@ -264,7 +282,17 @@ def _with_lost_block(points: Points, fit: _Fit, radius_mm: float, glass_mm: floa
     gain = np.where((size > LOST_RAD[0]) & (size < LOST_RAD[1]), gain, 0)
     best = int(np.argmax(gain))
     if gain[best] <= LOST_GAIN:
-        return fit
-    at = float(candidates[best])
-    again = _solve(points, np.append(fit.unknown, size[best]), fit.prior.with_lost_block(), radius_mm, glass_mm, at)
-    return fit if again is None or not LOST_RAD[0] < again.lost_rad < LOST_RAD[1] else again
+        return finished
+    begin, widths, at = np.append(fit.unknown, size[best]), (WIDE_MM[-1], *NARROW_MM), float(candidates[best])
+    again = _solve(points, begin, fit.prior.with_lost_block(), radius_mm, glass_mm, widths, at)
+    if again is None or not LOST_RAD[0] < again.lost_rad < LOST_RAD[1]:
+        return finished
+    return again if _misfit(points, finished) - _misfit(points, again) > LOST_GAIN else finished
+
+
+def _misfit(points: Points, fit: _Fit) -> float:
+    """Twice the negative logarithm of the likelihood, points far off counting alike (Tukey), and of the prior."""
+    far = NARROW_MM[-1]
+    within = np.minimum((fit.residual / far) ** 2, 1)
+    cost = float(np.sum(points.strength * (1 - (1 - within) ** 3))) * far**2 / 3
+    return cost / POINT_SIGMA_MM**2 + float(np.sum(fit.prior.precision * (fit.unknown - fit.prior.mean) ** 2))
