@@ -97,12 +97,18 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
 
 
 def _sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
-    """Return ``evidence`` on samples about ``spacing_mm`` apart where its own lie closer, on its own elsewhere."""
+    """Return ``evidence`` on samples up to ``spacing_mm`` apart where its own lie closer, on its own elsewhere.
+
+    Columns become one of a whole number of old ones, so that they meet the same samples wherever θ starts.
+    """
     n_theta = evidence.values.shape[1]
-    wanted = min(n_theta, int(np.ceil(2 * np.pi * evidence.radius_mm / spacing_mm)))
+    most = max(1, int(spacing_mm / evidence.column_mm + 1e-9))
+    wanted = n_theta // max(each for each in range(1, most + 1) if n_theta % each == 0)
     if evidence.dz_mm < spacing_mm:
         n = int(np.ptp(evidence.z_mm) / spacing_mm) + 1
-        return on_grid(evidence, evidence.z_mm[0] + spacing_mm * np.arange(n), wanted)
+        from_zero = replace(evidence, theta0_rad=0.0)
+        even = on_grid(from_zero, evidence.z_mm[0] + spacing_mm * np.arange(n), wanted)
+        return replace(even, theta0_rad=evidence.theta0_rad)
     if wanted == n_theta:
         return evidence
     columns = n_theta / wanted * np.arange(wanted)
