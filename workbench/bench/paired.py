@@ -101,6 +101,7 @@ def draw_differences(found: Sequence[Difference], reference: str, task: Task, pa
                 axes.plot([s.low, s.high], [at, at], color=INK, linewidth=0.8)
             axes.axvline(0, color=INK, linewidth=0.6)
             axes.grid(axis="x", linewidth=0.3)
+            axes.locator_params(axis="x", nbins=4)
             axes.set_xlabel("difference")
             axes.set_title("\n".join(textwrap.wrap(task.scores.get(score, score), 32)), fontsize=7)
             axes.tick_params(labelleft=k == 0)
