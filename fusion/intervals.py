@@ -33,11 +33,11 @@ def ratio_interval(numerators: Coordinates, denominators: Coordinates) -> Interv
 
 
 def interval_of(values: Coordinates, statistic: Callable[..., Any] = np.median) -> Interval:
-    """Return the percentile bootstrap interval of ``statistic`` of ``values`` (n,)."""
+    """Return the percentile bootstrap interval of ``statistic`` (with an ``axis``) of ``values`` (n,)."""
     if values.size < FEWEST:
         return None
-    rng = np.random.default_rng(SEED)
-    return percentiles(np.array([statistic(rng.choice(values, values.size)) for _ in range(RESAMPLES)]))
+    drawn = np.random.default_rng(SEED).integers(values.size, size=(RESAMPLES, values.size))
+    return percentiles(np.asarray(statistic(values[drawn], axis=1)))
 
 
 def percentiles(estimates: Coordinates) -> Interval:

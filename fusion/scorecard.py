@@ -11,7 +11,11 @@ from endoct.fusion.objects import Cell, Surface
 from endoct.fusion.scores import agreement, bland_altman
 from endoct.fusion.sites import Sites, find_sites, strata
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.circle import wrap_rad
 from endoct.stitching.grid import SurfaceGrid
+
+FEWEST_TO_DRIFT = 6
+"""Of fewer matched cells no drift is told."""
 
 BOOTSTRAP = {"resamples": RESAMPLES, "seed": SEED, "level": LEVEL, "over": "sites: places where either shows a cell"}
 
@@ -19,8 +23,8 @@ BOOTSTRAP = {"resamples": RESAMPLES, "seed": SEED, "level": LEVEL, "over": "site
 def scorecard(a: Surface, b: Surface, cells: Sequence[Cell], grid: SurfaceGrid, tolerance_mm: float) -> dict[str, Any]:
     """Return the scores of ``b`` against ``a`` on ``grid``, JSON-serialisable; ``cells`` are those of both.
 
-    ``overlap`` as :meth:`~endoct.fusion.scores.Agreement.as_json` with intervals; ``boundary``, ``cells``, ``area``,
-    ``depth`` and ``strata``, each None where there is nothing to score.
+    ``overlap`` as :meth:`~endoct.fusion.scores.Agreement.as_json` with intervals; ``boundary``, ``cells``,
+    ``area_mm2``, ``depth_mm``, ``drift`` and ``strata``, each None where there is nothing to score.
     """
     both = a.valid & b.valid
     sites = find_sites(a.mask, b.mask, both, grid.dz_mm * grid.dtheta_mm)
@@ -29,6 +33,7 @@ def scorecard(a: Surface, b: Surface, cells: Sequence[Cell], grid: SurfaceGrid, 
         "boundary": _boundary(a, b, sites, grid, tolerance_mm),
         "cells": _cells(a.name, b.name, cells),
         **_quantities(a, b, cells),
+        "drift": _drift(a.name, b.name, cells, grid),
         "strata": strata(sites, (a, b)),
     }
 
@@ -106,15 +111,44 @@ def _cells(reference: str, other: str, cells: Sequence[Cell]) -> dict[str, Any] 
     }
 
 
+def whole_pairs(a: str, b: str, cells: Sequence[Cell]) -> list[tuple[Cell, Cell]]:
+    """Return the cells that both sides show whole, matched: (A's, B's)."""
+    of_b = {c.id: c for c in cells if c.side == b}
+    pairs = [(c, of_b[c.partner]) for c in cells if c.side == a and c.is_matched and c.partner is not None]
+    return [(one, two) for one, two in pairs if not one.touches_edge and not two.touches_edge]
+
+
+def _drift(a: str, b: str, cells: Sequence[Cell], grid: SurfaceGrid) -> dict[str, Any] | None:
+    """Return how far matched whole cells lie apart, B's less A's, along z and around the bore, and how that grows.
+
+    For each of ``z_mm`` and ``arc_mm``: the ``mean`` of the distance of their centroids, its slope along z
+    (``per_mm``) by least squares and that slope's standard error. What a rigid alignment should leave is no slope.
+    """
+    pairs = whole_pairs(a, b, cells)
+    at_mm = np.array([one.z_mm for one, _ in pairs])
+    if at_mm.size < FEWEST_TO_DRIFT or np.ptp(at_mm) == 0:
+        return None
+    along_mm = np.array([two.z_mm - one.z_mm for one, two in pairs])
+    turn_rad = wrap_rad([two.theta_rad - one.theta_rad for one, two in pairs])
+    return {
+        "pairs": len(pairs),
+        "length_mm": float(np.ptp(at_mm)),
+        "z_mm": _line(at_mm, along_mm),
+        "arc_mm": _line(at_mm, turn_rad * grid.radius_mm),
+    }
+
+
+def _line(at_mm: Coordinates, apart_mm: Coordinates) -> dict[str, float]:
+    away = at_mm - at_mm.mean()
+    slope = float(away @ apart_mm / (away @ away))
+    residual = apart_mm - apart_mm.mean() - slope * away
+    error = float(np.sqrt(residual @ residual / (at_mm.size - 2) / (away @ away)))
+    return {"mean": float(apart_mm.mean()), "per_mm": slope, "per_mm_error": error}
+
+
 def _quantities(a: Surface, b: Surface, cells: Sequence[Cell]) -> dict[str, Any]:
     """Return how areas and depths of whole, matched cells agree; None where fewer than three pairs tell."""
-    of_b = {c.id: c for c in cells if c.side == b.name}
-    pairs = [
-        (c, of_b[c.partner])
-        for c in cells
-        if c.side == a.name and c.is_matched and c.partner is not None and not c.touches_edge
-    ]
-    pairs = [(one, two) for one, two in pairs if not two.touches_edge]
+    pairs = whole_pairs(a.name, b.name, cells)
     area = bland_altman(*np.array([(one.area_mm2, two.area_mm2) for one, two in pairs]).reshape(-1, 2).T)
     depths = [
         (one.depth_median_mm, two.depth_median_mm)

@@ -1,6 +1,7 @@
 """What a reader of a comparison should not rely on, in full sentences."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,11 @@ from endoct.workbench.findings import Findings, SideFindings
 
 LEAST_VALID_SHARE = 0.9
 """Where less of the wall was observed, the report says so."""
+
+LEAST_DRIFT_MM = 0.1
+"""Cells that drift apart by less are no reason to doubt the alignment,"""
+SURE_OF_DRIFT = 2.5
+"""nor by less than so many standard errors."""
 
 SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "ok")
 """Flags whose names end so speak for a frame; every other flag, "bridged" say, speaks against it."""
@@ -41,8 +47,25 @@ def _on_the_whole(findings: Findings) -> Iterator[str]:
     share = result.get("valid_fraction")
     if share is not None and share < LEAST_VALID_SHARE:
         yield f"Both sides observed only {share:.1%} of the wall over the length that they share."
+    for what, key in (("along the bore", "z_mm"), ("around the bore", "arc_mm")):
+        if drift := _drift_mm(result, key):
+            length_mm = result["scores"]["drift"]["length_mm"]
+            yield (
+                f"Cells that both sides show drift apart {what}, by {abs(drift):.2f} mm over {length_mm:.1f} mm of "
+                "it: the alignment may be wrong, or not rigid."
+            )
     if findings.result["jaccard"] is None:
         yield "Neither side shows a cell where both observed the wall, so there is nothing to score."
+
+
+def _drift_mm(result: Mapping[str, Any], key: str) -> float | None:
+    """Return by how much matched cells drift apart over the length on which there are any; None where they do not."""
+    drift = (result.get("scores") or {}).get("drift")
+    if not drift:
+        return None
+    line, grown_mm = drift[key], drift[key]["per_mm"] * drift["length_mm"]
+    sure = abs(line["per_mm"]) > SURE_OF_DRIFT * line["per_mm_error"]
+    return float(grown_mm) if sure and abs(grown_mm) > LEAST_DRIFT_MM else None
 
 
 def _on_side(findings: Findings, side: SideFindings) -> Iterator[str]:

@@ -22,6 +22,8 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
+from endoct.workbench.doubts import doubts
+from endoct.workbench.findings import read_findings
 from endoct.workbench.pictures import load_pictures, save_pictures
 from endoct.workbench.report import write_report
 
@@ -240,6 +242,18 @@ def test_little_observed_wall_is_not_trusted(make: Callable[..., Made]) -> None:
     assert "Neither side shows a cell" in page.text
     assert "cylinder-oct-1.png" in page.text
     assert "cylinder-oct-2.png" in page.text
+
+
+@pytest.mark.parametrize(("per_mm", "error", "doubted"), [(0.04, 0.01, True), (0.04, 0.03, False), (0.005, 0.0, False)])
+def test_cells_that_drift_apart_cast_doubt(tmp_path: Path, per_mm: float, error: float, doubted: bool) -> None:
+    still = {"mean": 0.0, "per_mm": 0.0, "per_mm_error": 0.01}
+    moving = {"mean": 0.0, "per_mm": per_mm, "per_mm_error": error}
+    drift = {"pairs": 12, "length_mm": 8.0, "z_mm": moving, "arc_mm": still}
+    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), scores={"grid": {}, "drift": drift})
+    said = [sentence for sentence in doubts(read_findings(tmp_path / "c")) if "drift apart" in sentence]
+    assert len(said) == doubted
+    if doubted:
+        assert said[0].startswith("Cells that both sides show drift apart along the bore, by 0.32 mm over 8.0 mm of it")
 
 
 def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made]) -> None:
