@@ -1,5 +1,6 @@
 """The command line as users run it, on one simulated specimen."""
 
+import csv
 import json
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ import pytest
 import xarray as xr
 import zarr
 
+from endoct.fusion.masks import read_mask
 from endoct.stitching.store import load_panorama
 from endoct.workbench import cli, compare, unroll
 
@@ -72,6 +74,61 @@ def test_compare_writes_what_the_design_fixes(compared: Path, quick_specimen: Pa
     assert told == pytest.approx(result["jaccard"], abs=1e-6)
     assert (compared / "report.html").is_file()
     assert list((compared / "figures").glob("*.png"))
+
+
+def test_compare_says_what_stands_in_the_way_of_full_agreement(compared: Path) -> None:
+    result = json.loads((compared / "result.json").read_text())
+    parts = result["budget"]["parts"]
+    assert sum(part["share"] for part in parts.values()) == pytest.approx(1 - result["jaccard"])
+    low, high = result["scores"]["grid"]["jaccard_interval"]
+    assert low < result["jaccard"] < high
+    assert result["scores"]["boundary"]["mean_mm"] < 0.3
+    assert 0 < result["scores"]["cells"]["quality"] < 1
+    assert {"budget.png", "scores.png"} <= {path.name for path in (compared / "figures").iterdir()}
+    page = (compared / "report.html").read_text()
+    assert "What stands in the way of full agreement" in page
+    with (compared / "cells.csv").open() as file:
+        cells = list(csv.DictReader(file))
+    assert {cell["side"] for cell in cells} == {"endoscope", "oct"}
+    with xr.open_zarr(compared / "comparison.zarr") as stored:
+        assert stored["cells"].shape[0] == len(cells)
+        assert float(stored["cells"].sel(property="area_mm2")[0]) == pytest.approx(
+            float(cells[0]["area_mm2"]), rel=1e-5
+        )
+
+
+def test_masks_of_several_raters(tmp_path: Path, run: Run) -> None:
+    rng = np.random.default_rng(1)
+    cells = np.zeros((100, 256), np.uint8)
+    for _ in range(20):
+        cv2.circle(cells, (int(rng.integers(256)), int(rng.integers(100))), int(rng.integers(3, 8)), 255, -1)
+    for name in ("one", "two"):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), cells)
+        sidecar = 'modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.04\n'
+        (tmp_path / f"{name}.toml").write_text(sidecar)
+    drawn = []
+    for name, width in (("anna_1", 1), ("anna_2", 1), ("bea_1", 5)):
+        drawn.append(tmp_path / f"{name}.png")
+        cv2.imwrite(str(drawn[-1]), np.roll(cv2.dilate(cells, np.ones((width, width))), name == "anna_2", axis=1))
+    arguments = ("compare", tmp_path / "one.png", tmp_path / "two.png", "-o", tmp_path / "c")
+    status, said = run(*arguments, "--truth", *drawn, "--json")
+    assert status == 0
+    raters = json.loads(said)["raters"]
+    assert raters["within"]["pairs"] == 1
+    assert raters["between"]["pairs"] == 2
+    assert raters["within"]["jaccard"] > raters["between"]["jaccard"]
+    assert set(raters["consensus"]) == {"majority", "staple"}
+    assert raters["consensus"]["majority"]["sides"]["mask-1"]["jaccard"] > 0.6
+    assert "Two raters" in (tmp_path / "c" / "report.html").read_text()
+    # what they agree on can be read as a mask again
+    consensus = read_mask(tmp_path / "c" / "consensus.png")
+    assert consensus.provenance["rater"] == "consensus"
+    assert consensus.grid.n_theta == 2048
+    (tmp_path / "more").mkdir()
+    twice = tmp_path / "more" / "anna_1.png"
+    twice.write_bytes(drawn[0].read_bytes())
+    assert run(*arguments, "--overwrite", "--truth", drawn[0], twice)[0] == 1
+    assert (tmp_path / "c" / "report.html").is_file()
 
 
 def test_demo_seed_scores_as_the_paper_or_better(compared: Path) -> None:
