@@ -91,7 +91,7 @@ def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> Case:
     blobs = _blobs(random, number["cell_area"], min(0.0, low_px), max(N_Z - 1, low_px + length_px))
     own_px = np.arange(N_THETA, dtype=np.float64)
     theta_px = number["theta_shift_rad"] / (2 * np.pi) * N_THETA + sense * own_px
-    z_px = shift_px + scale * direction * np.arange(N_Z)
+    z_px = shift_px + scale * direction * np.arange(N_Z, dtype=np.float64)
     contrast = SPECKLE[str(drawn["noise"])]
     a = _seen(blobs.shown(np.arange(N_Z, dtype=np.float64), own_px), random, 1.0, contrast / 3, inverted=False)
     b = _seen(blobs.shown(z_px, theta_px), random, number["gamma"], contrast, inverted=drawn["polarity"] == "bright")

@@ -117,7 +117,7 @@ def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """SIFT features, matched by Lowe's ratio, and OpenCV's RANSAC of a partial affine; with either polarity."""
 
     def matched(flat: Flat) -> Iterator[Matrix]:
-        sift = cv2.SIFT_create()
+        sift = cv2.SIFT.create()
         points_a, described_a = sift.detectAndCompute(_bytes(flat.a), None)
         for sign in (1, -1):
             points_b, described_b = sift.detectAndCompute(_bytes(np.float32(sign) * flat.b), None)
@@ -215,9 +215,9 @@ def _flat(a: Evidence, b: Evidence, orientation: Orientation, px: int) -> Flat:
     for side in (a, turned):
         n = 1 + int(np.ptp(side.z_mm) / px_mm)
         even = on_grid(side, side.z_mm[0] + px_mm * np.arange(n), n_theta)
-        images.append(cv2.GaussianBlur(even.values, (0, 0), BLUR_PX))
+        images.append(np.asarray(cv2.GaussianBlur(even.values, (0, 0), BLUR_PX), dtype=np.float32))
         starts.append(float(side.z_mm[0]))
-    around = np.pad(images[0], ((0, 0), (n_theta // 2, n_theta // 2)), mode="wrap")
+    around = np.pad(images[0], ((0, 0), (n_theta // 2, n_theta // 2)), mode="wrap").astype(np.float32, copy=False)
     return Flat(around, images[1], px_mm, (starts[0], starts[1]), a.radius_mm, orientation)
 
 

@@ -51,7 +51,7 @@ def made_strips(
     light = _light(rng_of(seed, index, "probe"), conditions["pattern"])
     noise = rng_of(seed, index, "noise")
     rows_mm = VISIBLE_MM * ((np.arange(N_ROWS) + 0.5) / N_ROWS - 0.5)
-    theta_rad = 2 * np.pi / N_COLUMNS * np.arange(N_COLUMNS)
+    theta_rad = 2 * np.pi / N_COLUMNS * np.arange(N_COLUMNS, dtype=np.float64)
     whole = np.ones((N_ROWS, N_COLUMNS), np.bool_)
     strips = []
     for z, roll in zip(z_mm, roll_rad, strict=True):

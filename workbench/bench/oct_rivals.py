@@ -127,7 +127,7 @@ def blockwise(recording: Path) -> Panorama:
             apart = (np.arange(n) - centre + n / 2) % n - n / 2
             weight = np.exp(-0.5 * (apart / (WINDOW * n / N_BLOCKS / 4)) ** 2)
             found.append(whole + _lag(before * weight, np.roll(here, whole) * weight, n // 36))
-        return np.interp(np.arange(n), centres, np.asarray(found, dtype=float), period=n)
+        return np.asarray(np.interp(np.arange(n), centres, np.asarray(found, dtype=float), period=n))
 
     return _chained(base, shift)
 

@@ -122,7 +122,7 @@ def ours(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
         logs,
         float(first.z_mm[1] - first.z_mm[0]),
         made_strips.RADIUS_MM,
-        nominal_pitch_mm * np.arange(len(strips)),
+        nominal_pitch_mm * np.arange(len(strips), dtype=np.float64),
         valid=seen,
     )
     return StripPoses(feed.z_mm, feed.roll_rad, feed.trusted)
