@@ -219,7 +219,7 @@ def _covariance(equations: _Equations, coarse: Evidence) -> Coordinates:
     along = ((coarse.z_mm - coarse.z_mm[0]) / PATCH_MM).astype(np.intp)[row]
     patch = along * n_around + around
     pulls = np.stack([np.bincount(patch, effect * equations.pulls) for effect in equations.effects])
-    n_patches = np.count_nonzero(np.bincount(patch))
+    n_patches = int(np.count_nonzero(np.bincount(patch)))
     inverse = np.linalg.pinv(equations.normal, hermitian=True)
     spread = inverse @ (pulls @ pulls.T) @ inverse * (n_patches / max(1, n_patches - len(pulls)))
     to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -equations.middle_mm], [0.0, 0.0, 1.0]])
