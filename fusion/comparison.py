@@ -17,6 +17,7 @@ from endoct.fusion.scorecard import BOOTSTRAP, overlap_scores
 from endoct.fusion.scoring import Scored, score
 from endoct.fusion.sites import find_sites
 from endoct.fusion.store import load_comparison, save_comparison
+from endoct.fusion.twist import find_twist, untwisted
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.panorama import Panorama
 
@@ -39,6 +40,9 @@ class CompareParameters(SegmentParameters):
     )
     tolerance_mm: float = Field(default=0.1, gt=0, description="outlines nearer to each other than this count as one")
     force: bool = Field(default=False, description="believe the best alignment however little it stands out")
+    correct_twist: bool = Field(
+        default=False, description="turn B's rows to where they fit A best; raises the score, so that both are given"
+    )
 
 
 def compare_panoramas(a: Panorama, b: Panorama, parameters: CompareParameters | None = None) -> Comparison:
@@ -50,6 +54,23 @@ def compare_panoramas(a: Panorama, b: Panorama, parameters: CompareParameters | 
     Raises :class:`EndoctError` where the bore diameters differ, a side has nothing valid, or shows no cells.
     """
     parameters = parameters or CompareParameters()
+    plain = _compared(a, b, parameters)
+    if not parameters.correct_twist or plain.alignment is None:
+        return plain
+    twist = find_twist(a, b, (prepare(a), prepare(b)), plain.alignment)
+    corrected = _compared(a, untwisted(b, twist), parameters)
+    told = {
+        "note": "B's rows were turned to where they fit A best. That raises the score by itself; see both.",
+        "z_mm": twist.z_mm.tolist(),
+        "twist_rad": twist.twist_rad.tolist(),
+        "known": twist.known.tolist(),
+        "jaccard_without": plain.result["jaccard"],
+        "jaccard_with": corrected.result["jaccard"],
+    }
+    return replace(corrected, result={**corrected.result, "twist": told})
+
+
+def _compared(a: Panorama, b: Panorama, parameters: CompareParameters) -> Comparison:
     check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
     evidence = prepare(a), prepare(b)
     found = _align(a, b, evidence, parameters)
