@@ -21,7 +21,8 @@ from endoct.stitching.store import load_panorama
 from endoct.workbench import compare, simulate
 from endoct.workbench.bench.truth import held_against, load_truth
 
-LITERAL = {"undistort": "sine", "wall": "maximum"}
+EVEN_TURNS = {f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")}
+LITERAL = {"undistort": "sine", "wall": "maximum", **EVEN_TURNS}
 
 
 def evaluate(specimen: Path, work: Path, literal: bool) -> dict[str, float | str]:

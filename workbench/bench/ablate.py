@@ -38,9 +38,13 @@ class Step:
         return {"oct": self.oct, "endoscope": self.endoscope, "compare": self.compare}
 
 
+EVEN_TURNS: Mapping[str, Any] = {
+    f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")
+}
 STEPS: Mapping[str, Step] = {
     MAIN: Step("everything as it is"),
-    "literal": Step("the paper's chain for the OCT", oct={"undistort": "sine", "wall": "maximum"}),
+    "literal": Step("the paper's chain for the OCT", oct={"undistort": "sine", "wall": "maximum", **EVEN_TURNS}),
+    "no-turning": Step("turns are taken for even, whole and starting at one angle", oct=EVEN_TURNS),
     "no-circle": Step("undistort by the sine, not by the circle off the axis", oct={"undistort": "sine"}),
     "no-edge": Step("the wall is the brightest sample, not the first edge", oct={"wall": "maximum"}),
     "no-continuity": Step("the wall may jump along θ at no cost", oct={"slope_cost_per_mm": 0, "jump_cost": 0.0}),
