@@ -130,7 +130,7 @@ def refit_faces(slices: Sequence[SliceEvidence], faces: Faces, radius_mm: float,
     fitted = np.stack([faces.x_mm, faces.y_mm, faces.axis_depth_mm], axis=1)
     axis_depth = float(np.median(faces.axis_depth_mm[good]))
     fraction, residual = faces.inlier_fraction.copy(), faces.residual_mm.copy()
-    for i in np.flatnonzero(good):
+    for i in map(int, np.flatnonzero(good)):
         fitted[i], fraction[i], residual[i] = _refine(slices[i], fitted[i], axis_depth, radius_mm, parameters)
     ripple = _ripples(slices, fitted, good, radius_mm, parameters)
     return Faces(fitted[:, 0], fitted[:, 1], fitted[:, 2], fraction, residual, ~good, faces.sines, ripple)

@@ -70,7 +70,7 @@ def beam_of(
 
 def _in_slice_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> Coordinates:
     """The angle of a panorama's θ in the frame of one slice."""
-    return calibration.rotation_of_theta(theta_rad) - calibration.rotation.start_rad[index]
+    return np.asarray(calibration.rotation_of_theta(theta_rad) - calibration.rotation.start_rad[index])
 
 
 def _beams_at_bore(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> Coordinates:

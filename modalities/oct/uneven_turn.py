@@ -54,7 +54,7 @@ def measure_turns(
     usual = np.where(open_, np.concatenate([[STRETCH_SIGMA], SMOOTH_SIGMA_RAD / h]), NOTHING_RAD)
     axis_mm = float(np.median(faces.axis_depth_mm[~faces.bridged]))
     mean = np.array([0.0, 0.0, axis_mm])
-    for i in np.flatnonzero(faces.bridged):  # too uneven a turn, perhaps, for an even one's circle
+    for i in map(int, np.flatnonzero(faces.bridged)):  # too uneven a turn, perhaps, for an even one's circle
         near = slices[i].lines[np.abs(slices[i].lines[:, 2] - axis_mm) < NEAR_AXIS_MM]
         if near.size:
             circles[i] = near[int(np.argmax(near[:, 3])), :3]
@@ -171,7 +171,7 @@ class _Fit:
     @property
     def variance(self) -> float:
         """Of α(a), rad², its mean over the turn."""
-        return _mean_variance(np.linalg.inv(self.normal)[3 : 4 + N_SMOOTH, 3 : 4 + N_SMOOTH])
+        return _mean_variance(np.asarray(np.linalg.inv(self.normal)[3 : 4 + N_SMOOTH, 3 : 4 + N_SMOOTH], np.float64))
 
 
 def _mean_variance(covariance: Coordinates) -> float:
