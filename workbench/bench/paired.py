@@ -75,7 +75,7 @@ def difference_table(found: Sequence[Difference], reference: str) -> Table:
     told = {(one.method, one.score): one for one in found}
     for method in dict.fromkeys(one.method for one in found):
         own = [told.get((method, score)) for score in scores]
-        shown = [f"{d.spread.median:+.3g} ({d.spread.low:+.3g}–{d.spread.high:+.3g})" if d else "–" for d in own]
+        shown = [f"{d.spread.median:+.3g} ({d.spread.low:+.3g} to {d.spread.high:+.3g})" if d else "–" for d in own]
         first = own[0]
         made.add_row(method, *shown, f"{first.higher}/{first.lower}/{first.spread.n}" if first else "–")
     return made

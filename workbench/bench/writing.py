@@ -98,4 +98,7 @@ def _share(share: Share | None) -> str:
 
 
 def _spread(spread: Spread | None) -> str:
-    return f"{spread.median:.3g} ({spread.low:.3g}–{spread.high:.3g})" if spread else "–"
+    if spread is None:
+        return "–"
+    dash = " to " if spread.low < 0 else "–"
+    return f"{spread.median:.3g} ({spread.low:.3g}{dash}{spread.high:.3g})"
