@@ -1,5 +1,6 @@
 """What a survey of a pullback found: everything that unrolling one B-scan needs beside it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -21,13 +22,15 @@ class Background:
 
     Attributes: ``noise`` and ``noise_sigma`` of the dark space between capillary and wall; ``wall``, the typical
     level just below the wall's surface; ``line_excess``, float32 (n_depth,), how far the
-    detector's fixed lines stand out of the darkness, 0 where there are none.
+    detector's fixed lines stand out of the darkness, 0 where there are none; ``noise_power``, the mean power of noise
+    over its median power, 1 / ln 2 unless it was processed.
     """
 
     noise: float
     noise_sigma: float
     wall: float
     line_excess: Image
+    noise_power: float = 1 / math.log(2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,8 +47,12 @@ class OctParameters(BaseModel):
     threshold_window_mm: float = Field(default=0.15, gt=0, description="depth of the local threshold's window")
 
     # the wall
-    noise_sigmas: float = Field(default=0.65, gt=0, description="a sample this far above the noise speaks for the wall")
-    wall_window_mm: float = Field(default=0.12, gt=0, description="depth behind an edge that must be bright")
+    least_signal: float = Field(
+        default=0.25, gt=0, description="power over the noise's, in multiples of it, that speaks for the wall"
+    )
+    wall_decay_mm: float = Field(
+        default=0.25, gt=0, description="depth over which what speaks for an edge behind it counts for less"
+    )
     slope_cost_per_mm: float = Field(default=100, ge=0, description="evidence lost by a change of depth along θ")
     jump_cost: float = Field(default=10.0, ge=0, description="evidence lost at most by one jump of the wall along θ")
     clearance_mm: float = Field(default=0.03, gt=0, description="nearest to the outer face at which a wall is sought")

@@ -13,6 +13,7 @@ from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import Background, OctCalibration
 from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces, refit_faces
+from endoct.modalities.oct.evidence import MOST_POWER, relative_power
 from endoct.modalities.oct.glass import glass_mm
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
@@ -222,7 +223,8 @@ def _background(
     noise_samples = noise_samples[np.isfinite(noise_samples)]
     noise = _median_between_counts(noise_samples)
     sigma = 1.4826 * _median_between_counts(np.abs(noise_samples - noise))
-    return Background(noise, sigma, float(np.median(bright)), line_excess)
+    power = np.minimum(relative_power(noise_samples, noise, max(sigma, 1e-6)), 2 * MOST_POWER)
+    return Background(noise, sigma, float(np.median(bright)), line_excess, float(power.mean()))
 
 
 def _median_between_counts(samples: Image) -> float:

@@ -1,20 +1,18 @@
 """Where the bore wall lies in one B-scan."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.modalities.oct.bore import BLOCK_MM, favour_bore, gap_rows
 from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.evidence import surface_evidence
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Image, Mask
 
 Rows = NDArray[np.intp]
 
-SPECKLE_MM2 = 0.025 * 0.008  # lateral times axial resolution: how much wall gives one independent sample
-MOST_SIGMAS = 3.0
-BRIGHT_MM = (0.025, 0.03)  # along θ and depth
-LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: where the noise is all but nil, texture is not
-LEAST_THRESHOLD_SHARE = 0.2
+COLUMN_MM = 0.008  # a third of the beam's width: finer columns are taken together
+STIFFER = 5.0
 HIDDEN_SHARE = 0.6
 
 
@@ -70,49 +68,34 @@ def first_edge(
 ) -> Rows:
     """Return the row of the wall's surface in every A-scan of ``image`` (θ, depth); n_depth where there is none.
 
-    A surface has darkness before it, from ``first_row`` (n_theta,) on, and brightness for ``wall_window_mm`` behind
-    it. The evidence for every row is summed over samples, and the path through θ with the most evidence is found
-    by dynamic programming; changing depth costs evidence in proportion, but a jump (the rim of a cell) costs no
-    more than ``jump_cost``. The path closes over the turn.
+    A surface has darkness before it, from ``first_row`` (n_theta,) on, and bone behind it
+    (:mod:`endoct.modalities.oct.evidence`). The path through θ with the most evidence is found by dynamic
+    programming; changing depth costs evidence in proportion, but a jump (the rim of a cell) costs no more than
+    ``jump_cost``. The path closes over the turn. A stiff path over blocks of columns first tells where the bore's own
+    wall runs, which then is the likelier surface (:mod:`endoct.modalities.oct.bore`).
     """
     nearest = int(first_row.min())
+    together = _divisor(image.shape[0], round(COLUMN_MM / mm_per_column))
+    first = first_row.reshape(-1, together).max(axis=1) - nearest
     beyond = np.ascontiguousarray(image[:, nearest:])
-    evidence = _evidence(beyond, first_row - nearest, background, mm_per_px, mm_per_column, parameters)
-    return nearest + _best_path(evidence, parameters.slope_cost_per_mm * mm_per_px, parameters.jump_cost)
+    evidence = surface_evidence(beyond, first, background, mm_per_px, mm_per_column, parameters, together)
+    mm_per_column *= together
+    slope_cost, jump_cost = parameters.slope_cost_per_mm * mm_per_px, parameters.jump_cost
+    block = _divisor(first.size, round(BLOCK_MM / mm_per_column))
+    blocks = evidence.reshape(-1, block, evidence.shape[1]).sum(axis=1)
+    from_row = first.reshape(-1, block).mean(axis=1).round().astype(np.intp)
+    stiff = _best_path(blocks, STIFFER * slope_cost, STIFFER * jump_cost)
+    gap = gap_rows(stiff, from_row, blocks, mm_per_px)
+    if np.isfinite(gap).all():
+        middle = (np.arange(gap.size) + 0.5) * block - 0.5
+        wall_row = first + np.interp(np.arange(first.size), middle, gap, period=first.size)
+        favour_bore(evidence, wall_row, mm_per_px, mm_per_column)
+    return nearest + np.repeat(_best_path(evidence, slope_cost, jump_cost), together)
 
 
-def _evidence(
-    image: Image,
-    first_row: Rows,
-    background: Background,
-    mm_per_px: float,
-    mm_per_column: float,
-    parameters: OctParameters,
-) -> Image:
-    """Evidence for the surface at each row, and in the last column for none, float32 (n_theta, n_depth + 1)."""
-    n_theta, n_depth = image.shape
-    contrast = max(background.wall - background.noise, 1e-6)
-    sigma = max(background.noise_sigma, LEAST_SIGMA_SHARE * contrast)
-    threshold = background.noise + max(
-        parameters.noise_sigmas * background.noise_sigma, LEAST_THRESHOLD_SHARE * contrast
-    )
-    signal = np.clip((image - np.float32(threshold)) * np.float32(1 / sigma), -MOST_SIGMAS, MOST_SIGMAS)
-    signal *= np.float32(mm_per_px * mm_per_column / SPECKLE_MM2)
-    row = np.arange(n_depth)
-    allowed = row >= first_row[:, None]
-    signal[~allowed] = 0
-    window = max(3, round(parameters.wall_window_mm / mm_per_px))
-    total = np.zeros((n_theta, n_depth + 1), np.float32)
-    np.cumsum(signal, axis=1, out=total[:, 1:])
-    evidence = np.zeros((n_theta, n_depth + 1), np.float32)
-    evidence[:, :n_depth] = total[:, np.minimum(row + window, n_depth)] - total[:, :n_depth]
-    evidence[:, :n_depth][~allowed] = -1e6
-    # what is bright over more than a speckle before the surface speaks against it
-    columns, rows = max(1, round(BRIGHT_MM[0] / mm_per_column)) | 1, max(1, round(BRIGHT_MM[1] / mm_per_px)) | 1
-    wide = np.concatenate([signal[-columns:], signal, signal[:columns]])
-    bright = np.maximum(cv2.blur(wide, (rows, columns), borderType=cv2.BORDER_REPLICATE)[columns:-columns], 0)
-    evidence[:, 1:] -= np.cumsum(bright, axis=1)
-    return evidence
+def _divisor(n: int, wanted: int) -> int:
+    """The largest divisor of ``n`` up to ``wanted``, at least 1."""
+    return max(k for k in range(1, max(wanted, 1) + 1) if n % k == 0)
 
 
 def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> Rows:
