@@ -227,7 +227,7 @@ def _as_json(
             part: {"share": float(share), "interval": interval}
             for part, share, interval in zip(PARTS, shares, intervals, strict=True)
         },
-        "alignment_known": placing.covariance is not None or placing == IN_PLACE,
+        "alignment_known": placing.covariance is not None,
         "not_visible": {
             name: {"cells": len(those), "area_mm2": sum(c.area_mm2 for c in those)}
             for name, those in zip(names, missed, strict=True)

@@ -12,6 +12,7 @@ from endoct.fusion.evidence import Evidence, Polarity, clipped
 from endoct.fusion.objects import Surface
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore, common_grid
+from endoct.fusion.pose import as_covariance
 from endoct.fusion.prepare import MASK_MODALITY, prepare
 from endoct.fusion.scorecard import BOOTSTRAP, overlap_scores
 from endoct.fusion.scoring import Scored, score
@@ -109,7 +110,8 @@ def _align(
     a: Panorama, b: Panorama, evidence: tuple[Evidence, Evidence], parameters: CompareParameters
 ) -> Alignment | NotAligned:
     if _drawn_on(a, b) or _drawn_on(b, a):
-        return replace(IN_PLACE, confidence=1.0, correlation=_correlation(*evidence))
+        exact = as_covariance(np.zeros((3, 3)))
+        return replace(IN_PLACE, confidence=1.0, correlation=_correlation(*evidence), covariance=exact)
     orientations = open_orientations(
         handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known
     )

@@ -44,6 +44,12 @@ def _on_the_whole(findings: Findings) -> Iterator[str]:
         return
     if (result.get("parameters") or {}).get("compare", {}).get("force"):
         yield "The alignment was believed because that was asked for, however little it stood out."
+    if twist := result.get("twist"):
+        without, corrected = (_jaccard_text(twist.get(f"jaccard_{key}")) for key in ("without", "with"))
+        yield (
+            f"The rows of {result['sides'][1]} were turned to where they fit {result['sides'][0]} best, as was asked "
+            f"for. That raises the score by itself: the Jaccard index is {without} without it, {corrected} with it."
+        )
     share = result.get("valid_fraction")
     if share is not None and share < LEAST_VALID_SHARE:
         yield f"Both sides observed only {share:.1%} of the wall over the length that they share."
@@ -56,6 +62,10 @@ def _on_the_whole(findings: Findings) -> Iterator[str]:
             )
     if findings.result["jaccard"] is None:
         yield "Neither side shows a cell where both observed the wall, so there is nothing to score."
+
+
+def _jaccard_text(jaccard: float | None) -> str:
+    return "not known" if jaccard is None else f"{jaccard:.3f}"
 
 
 def _drift_mm(result: Mapping[str, Any], key: str) -> float | None:

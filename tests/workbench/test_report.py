@@ -256,6 +256,12 @@ def test_cells_that_drift_apart_cast_doubt(tmp_path: Path, per_mm: float, error:
         assert said[0].startswith("Cells that both sides show drift apart along the bore, by 0.32 mm over 8.0 mm of it")
 
 
+def test_a_twist_corrected_against_the_other_side_is_said_with_both_figures(tmp_path: Path) -> None:
+    twist = {"jaccard_without": 0.71, "jaccard_with": 0.78}
+    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), twist=twist)
+    assert any("0.710 without it, 0.780 with it" in said for said in doubts(read_findings(tmp_path / "c")))
+
+
 def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made]) -> None:
     folder, result, page = make(
         Kind("mask", depth=False, drawn=True),
