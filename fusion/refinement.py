@@ -27,8 +27,9 @@ PATCH_MM = 0.6
 
 MOVES = 3
 """Unknowns before the bends: turn, shift, scale. After the bends come the coefficients of the tone."""
-TONE = 3
-"""Degree of the polynomial by which the values of one side depend on the other's: gamma, saturation, a logarithm."""
+TONE, FINE_TONE = 1, 3
+"""Degree of the polynomial by which the values of one side depend on the other's. What bends it, gamma, saturation or
+a logarithm, moves fine edges; where edges are wide anyway it would rather follow what the light's fit leaves."""
 STILL = 1e-3
 """A step below this share of the blur ends all levels but the last, of which it may be at most ``STILL**2``."""
 
@@ -62,8 +63,8 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     """Return ``start`` with turn, shift and scale refined, their covariance, and the correlation there.
 
     The side with the coarser rows is compared at its own rows, where the other is interpolated: nothing is
-    interpolated across wide rows. The values of one are a polynomial of the other's, rising or falling; samples
-    that fit badly count little. Where it does not converge near ``start``, the search's answer stands.
+    interpolated across wide rows. The values of one are a polynomial of the other's, rising or falling; samples that
+    fit badly count little. Where it does not converge near ``start``, the search's answer stands.
 
     Uneven rotation of a catheter and a probe off the axis bend θ by waves, a slow drift twists it. Where cells lie on
     one side only, a rigid turn would follow that there; so the first harmonics and a twist are sought too and then
@@ -180,9 +181,10 @@ def _equations(
     (of_value, common), (_, of_target) = np.cov(value, target)
     if not (of_value > 0 and of_target > 0):
         return None
-    powers = ((value - value.mean()) / np.sqrt(of_value)) ** np.arange(TONE + 1)[:, np.newaxis]
-    tone = np.linalg.solve(powers @ powers.T + 1e-6 * value.size * np.eye(TONE + 1), powers @ target)
-    gain = (tone[1:] * np.arange(1, TONE + 1) / np.sqrt(of_value)) @ powers[:-1]
+    degree = FINE_TONE if sigma_mm in FINER_MM else TONE
+    powers = ((value - value.mean()) / np.sqrt(of_value)) ** np.arange(degree + 1)[:, np.newaxis]
+    tone = np.linalg.solve(powers @ powers.T + 1e-6 * value.size * np.eye(degree + 1), powers @ target)
+    gain = (tone[1:] * np.arange(1, degree + 1) / np.sqrt(of_value)) @ powers[:-1]
     residual = target - tone @ powers
     size = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
     weight = 1 / np.maximum(1, np.abs(residual) / (2 * size))
