@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.fusion.evidence import Evidence
 from endoct.fusion.regions import label, morphology, remove_small
@@ -46,7 +47,7 @@ class Outlining:
 class _Level:
     """Labels of the regions above one level (0 outside), and by label what their outlines count."""
 
-    labels: Image
+    labels: NDArray[np.int32]
     score: Coordinates
 
 
@@ -77,7 +78,7 @@ def _level(behind: Evidence, above: Mask, count: Image, how: Outlining) -> _Leve
     mask = _cleaned(above & behind.valid, behind, how)
     labels, n = label(mask)
     outline = mask & ~_eroded(mask)
-    score = np.bincount(labels[outline], count[outline], n + 1)
+    score = np.bincount(labels[outline], count[outline], n + 1).astype(np.float64)
     score[0] = 0
     return _Level(labels, score)
 
@@ -94,7 +95,7 @@ def _clearest(tree: list[_Level]) -> Mask:
             inside = higher > 0
             parent = np.zeros(best.size, np.intp)
             parent[higher[inside]] = level.labels[inside]
-            within = np.bincount(parent, best, level.score.size)
+            within = np.bincount(parent, best, level.score.size).astype(np.float64)
         own = (level.score > 0) & (level.score >= within)
         own[0] = False
         best = np.where(own, level.score, within)
@@ -127,8 +128,8 @@ def _highest(image: Image, rows_px: float, columns_px: float) -> Image:
 
 def _cleaned(mask: Mask, behind: Evidence, how: Outlining) -> Mask:
     """Return ``mask`` opened, closed, without small regions, and with what its regions enclose."""
-    for operation, size_mm in (("open", how.open_mm), ("close", how.close_mm)):
-        mask = morphology(mask, operation, size_mm / behind.dz_mm, size_mm / behind.column_mm)
+    mask = morphology(mask, "open", how.open_mm / behind.dz_mm, how.open_mm / behind.column_mm)
+    mask = morphology(mask, "close", how.close_mm / behind.dz_mm, how.close_mm / behind.column_mm)
     sample_mm2 = behind.dz_mm * behind.column_mm
     mask = remove_small(mask, how.smallest_mm2 / sample_mm2)
     return ~remove_small(~mask, LARGEST_FLOOR_MM2 / sample_mm2)

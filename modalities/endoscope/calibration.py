@@ -19,7 +19,8 @@ class EndoscopeCalibration:
     """What a survey found; everything that unrolling a frame needs beside the frame.
 
     ``annuli``, one a frame, in pixels of the files; ``drift_px`` (x, y): by how much the centre of the circles of
-    constant z drifts from the outer rim to the inner; ``z_mm`` of every frame's band centre. θ of the wall is
+    constant z drifts from the outer rim to the inner, and ``shift_px`` by how much it lies beside the outer rim;
+    ``z_mm`` of every frame's band centre. θ of the wall is
     image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
     field from the band's centre; ``exposure`` (n,): logarithm of what each frame is brighter than its light says.
     """
@@ -32,6 +33,7 @@ class EndoscopeCalibration:
     travel_known: bool
     annuli: tuple[Annulus, ...]
     drift_px: tuple[float, float]
+    shift_px: tuple[float, float]
     z_mm: Coordinates
     roll_rad: Coordinates
     sway_rad: Coordinates

@@ -90,6 +90,12 @@ class ConeOptics:
         r: Coordinates = self.focal_px * t * self._stretch(t)
         return r
 
+    def centre_shift_px_per_mm(self, r_px: Coordinates) -> Coordinates:
+        """Return m/(dz/dr), px/mm: how far a circle of constant z is off centre for 1 mm that the bore's axis is."""
+        psi = np.arctan(self._undistorted(r_px))
+        slope = (self._ahead_mm(r_px + 0.5) - self._ahead_mm(r_px - 0.5)).clip(1e-9)
+        return np.asarray(1 / np.tan(2 * self.half_angle_rad - psi) / slope)
+
     @property
     def _middle_mm(self) -> float:
         return float(np.mean(self._ahead_mm(np.array([self.inner_px, self.outer_px]))))

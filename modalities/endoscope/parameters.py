@@ -23,3 +23,7 @@ class EndoscopeParameters(BaseModel):
     taper: float = Field(
         default=0.3, gt=0, le=1, description="part of the visible band over which weights rise and fall"
     )
+    probe_offset: bool = Field(
+        default=True,
+        description="correct z and θ for a probe off the bore's axis, where the sidecar gives the mirror's optics",
+    )

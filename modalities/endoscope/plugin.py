@@ -114,7 +114,7 @@ class Endoscope:
         by_row, by_column = c.oversample
         fine_z = _finer(z_mm - centre_mm, c.grid.dz_mm, by_row)
         fine_angle = c.image_angle(frame.index, _finer(theta_rad, c.grid.dtheta_rad, by_column))
-        annulus = c.annuli[frame.index].with_drift(*c.drift_px)
+        annulus = c.annuli[frame.index].with_drift(*c.drift_px).moved(*c.shift_px)
         columns, rows = pixel_map(annulus, c.optics.r_px(fine_z), fine_angle)
 
         light, inside = sample(brightness(frame.samples, c.full_scale), columns, rows)

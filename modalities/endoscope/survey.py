@@ -13,6 +13,7 @@ from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+from endoct.modalities.endoscope.offset import ON_AXIS, bore_axis, probe_offsets
 from endoct.modalities.endoscope.optics import DISAGREEMENT, Optics, stated_optics, turned
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.unroll import pixel_map, sample
@@ -96,11 +97,17 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     feed = _feed(logs, flat, exposure, outward_mm, nominal, acquisition, optics, parameters)
     settled = tuple(a.scaled(factor) for a in annuli)
     drift_px = _drift(settled[0], feed)
-    logs = _recentred(logs, settled[0], settled[0].with_drift(*drift_px), look.r_px * factor)
+    radius_mm = acquisition.bore_diameter_mm / 2
+    axis = bore_axis(drift_px, settled[0], optics, radius_mm) if parameters.probe_offset else None
+    shift_px = (axis or ON_AXIS).shift_px
+    centred = settled[0].with_drift(*drift_px).moved(*shift_px)
+    logs = _recentred(logs, settled[0], centred, look.r_px * factor)
     flat = estimate_flat_field(logs, views, parameters.least_transmission)
     optics = _rim(optics, acquisition, feed, notes)
     z_mm, roll_rad = _places(feed, optics, nominal, acquisition, parameters, notes)
-    origin_rad = roll_rad[0] - feed.roll_rad[0]
+    sway_rad = _turned(feed.sway_rad, float(roll_rad[0] - feed.roll_rad[0]))
+    if axis is not None:
+        sway_rad = sway_rad + axis.sway_rad(float(np.median(roll_rad)), radius_mm)
 
     if optics.rim_sign < 0:
         flat = FlatField(flat.log_light[::-1], flat.pattern[::-1], flat.usable[::-1])
@@ -108,15 +115,19 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     return EndoscopeCalibration(
         grid=grid,
         row_z_mm=grid.z_mm,
-        per_frame=_per_frame(z_mm, roll_rad, settled, found, feed, exposure, glimpses),
+        per_frame={
+            **_per_frame(z_mm, roll_rad, settled, found, feed, exposure, glimpses),
+            **probe_offsets(axis, sway_rad, radius_mm),
+        },
         notes=(*notes, *notes_on_gaps(acquisition.positions_mm)),
         handedness_known=True,
         travel_known=acquisition.travel != "unknown",
         annuli=settled,
         drift_px=drift_px,
+        shift_px=shift_px,
         z_mm=z_mm,
         roll_rad=roll_rad,
-        sway_rad=_turned(feed.sway_rad, float(origin_rad)),
+        sway_rad=sway_rad,
         optics=optics,
         flat=flat,
         exposure=exposure,
