@@ -1,5 +1,7 @@
 """The task "alignment" of the bench: what it draws is what it says, and ours finds it to a fraction of a pixel."""
 
+import sys
+
 import numpy as np
 import pytest
 from tolerances import LANDMARK_PX
@@ -69,7 +71,7 @@ def test_a_rival_finds_what_hardly_moved(easy: Case) -> None:
 def test_a_rival_that_is_not_installed_says_so(
     easy: Case, monkeypatch: pytest.MonkeyPatch, rival: str, package: str
 ) -> None:
-    monkeypatch.setitem(__import__("sys").modules, package, None)
-    monkeypatch.setitem(__import__("sys").modules, "kornia.geometry.transform", None)
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setitem(sys.modules, "kornia.geometry.transform", None)
     with pytest.raises(EndoctError, match=f"pip install {package}"):
         getattr(alignment_rivals, rival)(*easy.given)
