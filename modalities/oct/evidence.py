@@ -15,10 +15,11 @@ from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Image
 
 LN_POWER_PER_SIGMA = 1.139  # ln of exponentially distributed power, as speckle and noise have, over its σ (from MAD)
-MOST_POWER = 5.0  # a glint says no more than this
+MOST_POWER = 4.0  # times that from which samples speak for bone: a glint says no more than this
+HAZE_SHARE = 0.2  # of the wall's contrast
 MOST_LN_POWER = 20.0  # far beyond, and no overflow
 LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: where the noise is all but nil, texture is not
-LOOK_MM2 = 8e-5  # of wall, about four samples: how much gives one independent sample of noise and speckle
+LOOK_MM2 = 6.4e-5  # of wall, about three samples: how much gives one independent sample of noise and speckle
 PATCH_MM = (0.05, 0.05)  # along θ and depth: over this much, noise is no longer as bright as bone
 NEVER = -1e6
 
@@ -67,7 +68,9 @@ def _signal(level: Image, background: Background, least_signal: float) -> Image:
     contrast = max(background.wall - background.noise, 1e-6)
     sigma = max(background.noise_sigma, LEAST_SIGMA_SHARE * contrast)
     power = relative_power(level, background.noise, sigma)
-    power *= np.float32(1 / background.noise_power)
+    # from what power on a sample speaks for bone: over the noise; and where bone is bright, over faint haze as well
+    haze = float(np.exp(LN_POWER_PER_SIGMA * HAZE_SHARE * contrast / sigma))
+    power *= np.float32(1 / max((1 + least_signal) * background.noise_power, haze))
     np.minimum(power, np.float32(MOST_POWER), out=power)
-    power -= np.float32(1 + least_signal)
+    power -= 1
     return power

@@ -13,7 +13,7 @@ from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import Background, OctCalibration
 from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces, refit_faces
-from endoct.modalities.oct.evidence import MOST_POWER, relative_power
+from endoct.modalities.oct.evidence import relative_power
 from endoct.modalities.oct.glass import glass_mm
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
@@ -37,6 +37,7 @@ LINE_OF_FACE_MM = 0.06  # nearer to the outer face, what stands out is the face 
 LINE_BACKGROUND_MM = 0.35
 LINE_BEYOND_MM = (0.07, 0.13)  # behind a line and its echo, nearer than the end of what bone there returns
 DARK_SHARE = 0.2
+MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
 FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
 
@@ -223,7 +224,7 @@ def _background(
     noise_samples = noise_samples[np.isfinite(noise_samples)]
     noise = _median_between_counts(noise_samples)
     sigma = 1.4826 * _median_between_counts(np.abs(noise_samples - noise))
-    power = np.minimum(relative_power(noise_samples, noise, max(sigma, 1e-6)), 2 * MOST_POWER)
+    power = np.minimum(relative_power(noise_samples, noise, max(sigma, 1e-6)), MOST_NOISE_POWER)
     return Background(noise, sigma, float(np.median(bright)), line_excess, float(power.mean()))
 
 
