@@ -1,10 +1,10 @@
-"""The shape of the cavities that cells are, in torch: how far a place on a ray is inside one, and how far it stays so.
+"""The shape of the cavities that cells are: how far a place on a ray is inside one, and how far it stays so.
 
 In coordinates across and along its axis, each divided by its semi-axis, a cavity is N < 1 with
 N = (s^p + W^p)^(1/p), s = ρ/outline(φ) and W = |w|, or max(w, 0) for a drilled shaft, which is open towards the bore.
 Along a ray s changes by at most ``grows`` per mm and w linearly, so that N stays under the norm of s + grows·t and
 W(w + rate·t), which is convex in t: a step to where a chord of that bound is 1 never leaves the cavity unseen.
-No function here is given more than some 32 000 numbers at once, which fit a cache and which torch leaves to one thread.
+No function here is given more than some 32 000 numbers at once, which fit a cache.
 """
 
 import math
@@ -13,21 +13,25 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import DTypeLike, NDArray
 
+from endoct.stitching.arrays import Mask
+from endoct.synthetic.elementary import Numbers, exp, log
 from endoct.synthetic.parameters import Cell
 
+Indices = NDArray[np.intp]
+
 FIRST_HARMONIC = 2
-TABLE = 1024  # directions around a cavity's axis at which its outline is kept; between them linear to 2e-5
+# directions around a cavity's axis at which its outline is kept, even along a square about it, as a place on that takes
+# no arctangent; between them linear to 1e-5
+TABLE = 2048
 OWN_SIDE = 0.3  # cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite
 DUST_RIPPLE_MM = 0.004
-VECTORS = 64  # numbers: a multiple of what any processor works on at once
 
 
 @dataclass(frozen=True, eq=False)
 class Cavities:
-    """All cells of a bore, n of them, as tensors, float64 but for the table, the last a cavity nothing is in.
+    """All cells of a bore, n of them, float64 but for the table, the last a cavity nothing is in.
 
     ``centre`` (n, 3): of the widest part, mm; ``axes`` (n, 3, 3): rows u, v and w, unit vectors over
     semi-axes; ``offset`` (n, 3): the centre in them; ``outward`` (n, 3): radial direction where the axis
@@ -38,21 +42,21 @@ class Cavities:
     axis, ∞ without.
     """
 
-    centre: Tensor
-    axes: Tensor
-    offset: Tensor
-    outward: Tensor
-    reach: Tensor
-    inverse: Tensor
-    steepest: Tensor
-    power: Tensor
-    closed: Tensor
-    across: Tensor
-    along: Tensor
-    edge: Tensor
-    bulge: Tensor
-    dust: Tensor
-    fluid: Tensor
+    centre: Numbers
+    axes: Numbers
+    offset: Numbers
+    outward: Numbers
+    reach: Numbers
+    inverse: Numbers
+    steepest: Numbers
+    power: Numbers
+    closed: Numbers
+    across: Numbers
+    along: Numbers
+    edge: Numbers
+    bulge: Numbers
+    dust: Numbers
+    fluid: Numbers
 
     def __len__(self) -> int:
         return int(self.centre.shape[0])
@@ -62,55 +66,62 @@ class Cavities:
 class Near:
     """Rays and the cavities near them, k for each of n rays; all (n, k), or (1, k) where the same for all rays.
 
-    At t a ray is at u + t·du, v + t·dv, w + t·dw over the semi-axes; ``cell`` int64: index of the cavity.
+    At t a ray is at u + t·du, v + t·dv, w + t·dw over the semi-axes; ``cell`` intp: index of the cavity.
     ``grows``, ``sinks`` and ``fastest``: how much s, W and N can change per mm. The rest as in :class:`Cavities`.
     """
 
-    u: Tensor
-    v: Tensor
-    w: Tensor
-    du: Tensor
-    dv: Tensor
-    dw: Tensor
-    cell: Tensor
-    grows: Tensor
-    sinks: Tensor
-    fastest: Tensor
-    power: Tensor
-    closed: Tensor
-    across: Tensor
-    along: Tensor
-    edge: Tensor
-    bulge: Tensor
-    dust: Tensor
+    u: Numbers
+    v: Numbers
+    w: Numbers
+    du: Numbers
+    dv: Numbers
+    dw: Numbers
+    cell: Indices
+    grows: Numbers
+    sinks: Numbers
+    fastest: Numbers
+    power: Numbers
+    closed: Numbers
+    across: Numbers
+    along: Numbers
+    edge: Numbers
+    bulge: Numbers
+    dust: Numbers
     dusty: bool
 
-    def of(self, which: Tensor) -> "Near":
-        """Return these for some of the rays only, int64 indices."""
-        return self._with(lambda values: values if len(values) == 1 else values.index_select(0, which))
+    def of(self, which: Indices) -> "Near":
+        """Return these for some of the rays only."""
+        return self._with(lambda values: values if len(values) == 1 else values.take(which, axis=0))
 
     def alone(self, slot: int) -> "Near":
         """Return these with one of the k cavities only."""
         return self._with(lambda values: values[..., slot : slot + 1])
 
-    def numbers(self, slot: Tensor) -> Tensor:
-        """Return 1 + index of the cavity in each ray's ``slot``, int64 (n,)."""
-        return self.cell.expand(len(slot), -1).gather(1, slot[:, None])[:, 0] + 1
+    def numbers(self, slot: Indices) -> Indices:
+        """Return 1 + index of the cavity in each ray's ``slot``, (n,)."""
+        return chosen(np.broadcast_to(self.cell, (len(slot), self.cell.shape[1])), slot) + 1
 
-    def _with(self, change: Callable[[Tensor], Tensor]) -> "Near":
-        changed: dict[str, Any] = {name: change(v) for name, v in vars(self).items() if isinstance(v, Tensor)}
+    def _with(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Near":
+        changed: dict[str, Any] = {name: change(v) for name, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **changed)
 
 
-def cavities(cells: Sequence[Cell], radius_mm: float, device: str = "cpu") -> Cavities:
+def chosen(values: NDArray[Any], slot: Indices) -> NDArray[Any]:
+    """Return of each row of (n, k) the value in its ``slot``, (n,)."""
+    return values[np.arange(len(slot)), slot]
+
+
+def cavities(cells: Sequence[Cell], radius_mm: float) -> Cavities:
     """Return the cavities of ``cells`` in a bore of that nominal radius."""
     frames = [frame(cell, radius_mm) for cell in cells]
     nothing = (np.full(3, 1e6), np.eye(3), np.eye(3)[0])
     centre, axes, outward = (np.stack(parts) for parts in zip(*frames, nothing, strict=True))
-    angle = 2 * math.pi / TABLE * np.arange(TABLE + 1)
+    place = 4 / TABLE * np.arange(TABLE + 1) - 1
+    y = np.where(place > 1, 2 - place, place)
+    angle = np.arctan2(y, np.where(place > 1, -1, 1) * (1 - np.abs(y)))
     inverse = np.stack([1 / _outline(cell, angle) for cell in cells] + [np.ones(TABLE + 1)])
-    step = np.diff(inverse, axis=1, append=inverse[:, 1:2])
-    slope = step * TABLE / (2 * math.pi)
+    slope = np.diff(inverse, axis=1) / np.diff(np.unwrap(angle))
+    slope = np.append(slope, slope[:, :1], axis=1)
     # a chord's slope and the curve's differ by half a step's change
     steepest = 1.01 * np.sqrt((inverse**2 + slope**2).max(axis=1))
     along = np.array([cell.depth_mm - cell.bulge_mm for cell in cells] + [1.0])
@@ -121,25 +132,25 @@ def cavities(cells: Sequence[Cell], radius_mm: float, device: str = "cpu") -> Ca
     dust = [cell.fill_mm if cell.filling == "dust" else math.inf for cell in cells] + [math.inf]
     fluid = [cell.fill_mm if cell.filling == "fluid" else math.inf for cell in cells] + [math.inf]
 
-    def tensor(values: object) -> Tensor:
-        return torch.as_tensor(np.asarray(values, dtype=np.float64), device=device)
+    def array(values: object) -> Numbers:
+        return np.asarray(values, dtype=np.float64)
 
     return Cavities(
-        centre=tensor(centre),
-        axes=tensor(axes),
-        offset=tensor(np.einsum("nij,nj->ni", axes, centre)),
-        outward=tensor(outward),
-        reach=tensor(np.hypot(longest, np.maximum(along, (1 - closed) * below))),
-        inverse=tensor(np.append(inverse, 1.0)).to(torch.float32),
-        steepest=tensor(steepest),
-        power=tensor([cell.squareness for cell in cells] + [2.0]),
-        closed=tensor(closed),
-        across=tensor(across),
-        along=tensor(along),
-        edge=tensor([cell.edge_mm for cell in cells] + [0.005]),
-        bulge=tensor([cell.bulge_mm for cell in cells] + [0.0]),
-        dust=tensor(dust),
-        fluid=tensor(fluid),
+        centre=array(centre),
+        axes=array(axes),
+        offset=array(np.einsum("nij,nj->ni", axes, centre)),
+        outward=array(outward),
+        reach=array(np.hypot(longest, np.maximum(along, (1 - closed) * below))),
+        inverse=np.append(inverse, 1.0).astype(np.float32),
+        steepest=array(steepest),
+        power=array([cell.squareness for cell in cells] + [2.0]),
+        closed=array(closed),
+        across=array(across),
+        along=array(along),
+        edge=array([cell.edge_mm for cell in cells] + [0.005]),
+        bulge=array([cell.bulge_mm for cell in cells] + [0.0]),
+        dust=array(dust),
+        fluid=array(fluid),
     )
 
 
@@ -176,17 +187,17 @@ def _outline(cell: Cell, angle: np.ndarray) -> np.ndarray:
     return outline
 
 
-def near(all_: Cavities, cell: Tensor, origin: Tensor, direction: Tensor, dtype: torch.dtype) -> Near:
+def near(all_: Cavities, cell: Indices, origin: Numbers, direction: Numbers, dtype: DTypeLike) -> Near:
     """Return the cavities ``cell`` (n, k), or (1, k) for all, of rays as the tracing wants them, in ``dtype``."""
     at, rate = [], []
     for row in range(3):
         x, y, z = (all_.axes[:, row, axis][cell] for axis in range(3))
-        at.append((_dot((x, y, z), origin) - all_.offset[:, row][cell]).to(dtype))
-        rate.append(_dot((x, y, z), direction).to(dtype))
-    power, closed = all_.power[cell].to(dtype), all_.closed[cell].to(dtype)
-    grows = all_.steepest[cell].to(dtype) * torch.sqrt(rate[0] * rate[0] + rate[1] * rate[1])
-    sinks = torch.maximum(rate[2], -closed * rate[2])
-    dust = all_.dust[cell].to(dtype)
+        at.append((_dot((x, y, z), origin) - all_.offset[:, row][cell]).astype(dtype))
+        rate.append(_dot((x, y, z), direction).astype(dtype))
+    power, closed = all_.power[cell].astype(dtype), all_.closed[cell].astype(dtype)
+    grows = all_.steepest[cell].astype(dtype) * np.sqrt(rate[0] * rate[0] + rate[1] * rate[1])
+    sinks = np.maximum(rate[2], -closed * rate[2])
+    dust = all_.dust[cell].astype(dtype)
     return Near(
         **dict(zip(("u", "v", "w"), at, strict=True)),
         **dict(zip(("du", "dv", "dw"), rate, strict=True)),
@@ -196,71 +207,58 @@ def near(all_: Cavities, cell: Tensor, origin: Tensor, direction: Tensor, dtype:
         fastest=_parts(grows, sinks, power)[0],
         power=power,
         closed=closed,
-        across=all_.across[cell].to(dtype),
-        along=all_.along[cell].to(dtype),
-        edge=all_.edge[cell].to(dtype),
-        bulge=all_.bulge[cell].to(dtype),
+        across=all_.across[cell].astype(dtype),
+        along=all_.along[cell].astype(dtype),
+        edge=all_.edge[cell].astype(dtype),
+        bulge=all_.bulge[cell].astype(dtype),
         dust=dust,
-        dusty=bool(torch.isfinite(dust).any()),
+        dusty=bool(np.isfinite(dust).any()),
     )
 
 
-def _dot(row: tuple[Tensor, Tensor, Tensor], vector: Tensor) -> Tensor:
+def _dot(row: tuple[Numbers, Numbers, Numbers], vector: Numbers) -> Numbers:
     """Return the scalar products (n, k) of ``row``, its parts (n, k), with vectors (n, 3)."""
     return row[0] * vector[:, 0, None] + row[1] * vector[:, 1, None] + row[2] * vector[:, 2, None]
 
 
-def _parts(s: Tensor, w: Tensor, power: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _parts(s: Numbers, w: Numbers, power: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Return N = (s^p + w^p)^(1/p), w ≥ 0, and s^p and w^p over the larger of the two."""
-    log_s, log_w = torch.log(s.clamp_min(1e-6)), torch.log(w.clamp_min(1e-6))
-    larger = torch.maximum(log_s, log_w)
-    s_p, w_p = torch.exp(power * (log_s - larger)), torch.exp(power * (log_w - larger))
-    return torch.exp(larger + torch.log(s_p + w_p) / power), s_p, w_p
+    log_s, log_w = log(np.maximum(s, 1e-6)), log(np.maximum(w, 1e-6))
+    larger = np.maximum(log_s, log_w)
+    s_p, w_p = exp(power * (log_s - larger)), exp(power * (log_w - larger))
+    return exp(larger + log(s_p + w_p) / power), s_p, w_p
 
 
-def _depth(rays: Near, w: Tensor) -> Tensor:
+def _depth(rays: Near, w: Numbers) -> Numbers:
     """Return W: |w|, but 0 on the side of the bore in a shaft."""
-    return torch.maximum(w, -rays.closed * w)
+    return np.maximum(w, -rays.closed * w)
 
 
-def local(rays: Near, t: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def local(rays: Near, t: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Return u, v, w over the semi-axes at ``t`` (n,) along the rays, (n, k) each."""
     along = t[:, None]
     u, v, w = (at + along * rate for at, rate in ((rays.u, rays.du), (rays.v, rays.dv), (rays.w, rays.dw)))
     return u, v, w
 
 
-def azimuth(x: Tensor, y: Tensor) -> Tensor:
-    """Return the arctangent of y/x, of any one shape, the same for the same numbers wherever they stand.
-
-    What does not fill the processor's vectors at its end torch works out by another routine, which rounds otherwise.
-    """
-    angle = torch.atan2(y, x)
-    over = angle.numel() % VECTORS
-    if over:
-        ends = (torch.nn.functional.pad(part.reshape(-1)[-over:], (0, VECTORS - over)) for part in (y, x))
-        angle.view(-1)[-over:] = torch.atan2(*ends)[:over]
-    return angle
-
-
-def outlined(table: Tensor, rays: Near, u: Tensor, v: Tensor) -> Tensor:
+def outlined(table: Numbers, rays: Near, u: Numbers, v: Numbers) -> Numbers:
     """Return s, 1 on the outline; ``table`` is ``Cavities.inverse``."""
-    place = azimuth(u, v) * (TABLE / (2 * math.pi))
-    place = place + TABLE * (place < 0)
-    whole = place.floor()
-    first = rays.cell * (TABLE + 1) + whole.long()
-    here = torch.take(table, first)
-    return torch.sqrt(u * u + v * v) * (here + (place - whole) * (torch.take(table, first + 1) - here))
+    share = v / np.maximum(np.abs(u) + np.abs(v), 1e-30)
+    place = (2 - np.copysign(1 - share, u)) * (TABLE / 4)
+    whole = np.floor(place)
+    first = rays.cell * (TABLE + 1) + whole.astype(np.intp)
+    here = table.take(first)
+    return np.sqrt(u * u + v * v) * (here + (place - whole) * (table.take(first + 1) - here))
 
 
-def _to_dust(rays: Near, u: Tensor, v: Tensor, w: Tensor) -> Tensor:
+def _to_dust(rays: Near, u: Numbers, v: Numbers, w: Numbers) -> Numbers:
     """Return the height above the dust, mm along the axis; its surface is a little uneven."""
     x, y = u * rays.across, v * rays.across
-    ripple = torch.sin(61 * x + 2 * torch.sin(37 * y)) * torch.sin(53 * y + 2 * torch.sin(29 * x))
+    ripple = np.sin(61 * x + 2 * np.sin(37 * y)) * np.sin(53 * y + 2 * np.sin(29 * x))
     return rays.dust + DUST_RIPPLE_MM * ripple - (w * rays.along + rays.bulge)
 
 
-def covers(table: Tensor, rays: Near, t: Tensor) -> Tensor:
+def covers(table: Numbers, rays: Near, t: Numbers) -> Mask:
     """Return whether the places at ``t`` (n,) are inside the cavities, in their filling or above it, bool (n, k)."""
     u, v, w = local(rays, t)
     return _parts(outlined(table, rays, u, v), _depth(rays, w), rays.power)[0] < 1
@@ -274,50 +272,50 @@ class Clearance:
     surely stays inside (> 0), or surely outside (−); ``in_dust``: the dust bounds it, not the bone.
     """
 
-    air_mm: Tensor
-    step_mm: Tensor
-    in_dust: Tensor | None
+    air_mm: Numbers
+    step_mm: Numbers
+    in_dust: Mask | None
 
 
-def air_mm(table: Tensor, rays: Near, t: Tensor) -> Tensor:
+def air_mm(table: Numbers, rays: Near, t: Numbers) -> Numbers:
     """Return the distance to the cavities' surface at ``t`` (n,), > 0 inside, whatever fills them; (n, k), mm."""
     u, v, w = local(rays, t)
     return _air(rays, outlined(table, rays, u, v), w)[0]
 
 
-def _air(rays: Near, s: Tensor, w: Tensor) -> tuple[Tensor, Tensor]:
+def _air(rays: Near, s: Numbers, w: Numbers) -> tuple[Numbers, Numbers]:
     """Return that distance, exact near the surface, and 1 − N."""
     depth = _depth(rays, w)
     norm, s_p, w_p = _parts(s, depth, rays.power)
     left = 1 - norm
     # N's derivatives by s and by w, but for a factor, so that left over its gradient is a distance
-    by_s, by_w = s_p / (s.clamp_min(1e-6) * rays.across), w_p / (depth.clamp_min(1e-6) * rays.along)
-    return left * (s_p + w_p) / (norm * torch.sqrt(by_s * by_s + by_w * by_w)), left
+    by_s, by_w = s_p / (np.maximum(s, 1e-6) * rays.across), w_p / (np.maximum(depth, 1e-6) * rays.along)
+    return left * (s_p + w_p) / (norm * np.sqrt(by_s * by_s + by_w * by_w)), left
 
 
-def clearance(table: Tensor, rays: Near, t: Tensor) -> Clearance:
+def clearance(table: Numbers, rays: Near, t: Numbers) -> Clearance:
     """Return the clearance of every ray at ``t`` (n,), mm."""
     u, v, w = local(rays, t)
     s = outlined(table, rays, u, v)
     air, left = _air(rays, s, w)
-    inside = left.clamp_min(0)
-    step = torch.maximum(inside / rays.fastest, _stays_inside(rays, s, w, inside)) + left.clamp_max(0) / rays.fastest
+    inside = np.maximum(left, 0)
+    step = np.maximum(inside / rays.fastest, _stays_inside(rays, s, w, inside)) + np.minimum(left, 0) / rays.fastest
     if not rays.dusty:
         return Clearance(air, step, None)
     above = _to_dust(rays, u, v, w)
     # the ripple is no steeper than 1 in 2
-    sinks = rays.dw.abs() * rays.along + 0.5
-    return Clearance(torch.minimum(air, above), torch.minimum(step, above / sinks), above < air)
+    sinks = np.abs(rays.dw) * rays.along + 0.5
+    return Clearance(np.minimum(air, above), np.minimum(step, above / sinks), above < air)
 
 
-def _stays_inside(rays: Near, s: Tensor, w: Tensor, left: Tensor) -> Tensor:
+def _stays_inside(rays: Near, s: Numbers, w: Numbers, left: Numbers) -> Numbers:
     """Return how far rays surely stay inside, ``left`` being 1 − N there and 0 outside.
 
     One of the bound's two parts is 1 first; there its norm is at most 1 + x/p, x the other part's power.
     """
     # a ray that goes up a shaft has all the room that w can give
-    room = (1 - torch.copysign(w, w * rays.dw)).abs()
-    farthest = torch.minimum((1 - s).abs() / rays.grows.clamp_min(1e-9), room / rays.sinks.clamp_min(1e-9))
-    other = torch.minimum(s + farthest * rays.grows, _depth(rays, w + farthest * rays.dw))
-    beyond = torch.exp(rays.power * torch.log(other.clamp_min(1e-6))) / rays.power
-    return farthest * left / (left + beyond).clamp_min(1e-9)
+    room = np.abs(1 - np.copysign(w, w * rays.dw))
+    farthest = np.minimum(np.abs(1 - s) / np.maximum(rays.grows, 1e-9), room / np.maximum(rays.sinks, 1e-9))
+    other = np.minimum(s + farthest * rays.grows, _depth(rays, w + farthest * rays.dw))
+    beyond = exp(rays.power * log(np.maximum(other, 1e-6))) / rays.power
+    return farthest * left / np.maximum(left + beyond, 1e-9)

@@ -1,7 +1,7 @@
 """Renders frames of the endoscope in a process of its own, beside the one that renders the OCT.
 
 Threads of one process wait for one another wherever arrays are small. The process is started before there is a wall
-to look at, so that it is ready by then; it never loads torch. It is a program of its own, not a fork, which is unsafe
+to look at, so that it is ready by then. It is a program of its own, not a fork, which is unsafe
 beside threads, and no child of `multiprocessing`, which would run the script of whoever calls the simulator again.
 """
 

@@ -4,14 +4,12 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import torch
 from numpy.random import Generator
 from numpy.typing import NDArray
-from torch import Tensor
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.cavity import OWN_SIDE, Cavities, Near, cavities, covers, near, sag
+from endoct.synthetic.cavity import OWN_SIDE, Cavities, Indices, Near, cavities, covers, near, sag
 from endoct.synthetic.parameters import Bore, Cell, Harmonic
 from endoct.synthetic.relief import WallGrid
 
@@ -30,35 +28,32 @@ class Fan:
 
     def of(self, row: NDArray[np.intp], column: NDArray[np.intp]) -> Near:
         """Return the rays from ``row`` towards ``column``, indices into those rows and columns (n,)."""
-        place, heading = (torch.as_tensor(index, device=self.from_rows.cell.device) for index in (row, column))
-        starts = {name: getattr(self.from_rows, name).index_select(0, place) for name in ("u", "v", "w")}
+        starts = {name: getattr(self.from_rows, name).take(row, axis=0) for name in ("u", "v", "w")}
         changes = ("du", "dv", "dw", "grows", "sinks", "fastest")
-        rates = {name: getattr(self.towards, name).index_select(0, heading) for name in changes}
+        rates = {name: getattr(self.towards, name).take(column, axis=0) for name in changes}
         return replace(self.from_rows, **starts, **rates)
 
 
 def fan(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], number: int) -> Fan:
     """Return the rays from the axis at all ``rows`` towards all ``columns`` of the wall, to one cavity."""
-    cell = torch.full((1, 1), number, device=all_.centre.device)
+    cell = np.array([[number]])
     from_rows = radial(grid, all_, rows, np.zeros_like(rows), cell)
     return Fan(from_rows, radial(grid, all_, np.zeros_like(columns), columns, cell))
 
 
-def radial(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Tensor) -> Near:
-    """Return the rays from the axis through nodes of the wall (n,), with ``cells`` int64 (n, k) or (1, k), float32."""
+def radial(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Indices) -> Near:
+    """Return the rays from the axis through nodes of the wall (n,), with ``cells`` (n, k) or (1, k), float32."""
     theta = 2 * math.pi / grid.n_theta * columns
     heading = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=1)
     origin = np.zeros_like(heading)
     origin[:, 2] = grid.dz_mm * rows
-    device = all_.centre.device
-    start, towards = torch.as_tensor(origin, device=device), torch.as_tensor(heading, device=device)
-    return near(all_, cells, start, towards, torch.float32)
+    return near(all_, cells, origin, heading, np.float32)
 
 
 def patch(grid: WallGrid, all_: Cavities, cell: Cell, number: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the rows and columns within which radial rays can meet a cavity beyond the wall."""
-    centre, outward, axes = (values[number].cpu().numpy() for values in (all_.centre, all_.outward, all_.axes))
-    widest = 1 / float(all_.inverse[:-1].view(len(all_), -1)[number].min())
+    centre, outward, axes = (values[number] for values in (all_.centre, all_.outward, all_.axes))
+    widest = 1 / float(all_.inverse[:-1].reshape(len(all_), -1)[number].min())
     semi = 1 / np.linalg.norm(axes, axis=1) * np.array([widest, widest, 1.0])
     lowest = (cell.bulge_mm + sag(cell, grid.radius_mm, semi[0])) / semi[2]
     box = axes / np.linalg.norm(axes, axis=1)[:, None] * semi[:, None]
@@ -92,7 +87,6 @@ class CutWall:
         """Whether the wanted part of the wall is cut away."""
         return self._n_cut >= self.bore.cell_fraction * self._cut.size
 
-    @torch.inference_mode()
     def take(self, cell: Cell) -> bool:
         """Cut ``cell`` out unless too much would be missing then; say whether."""
         one = cavities([cell], self._grid.radius_mm)
@@ -102,8 +96,8 @@ class CutWall:
         across, around = (index.ravel() for index in np.indices((rows.size, columns.size)))
         rays = fan(self._grid, one, rows, columns, 0).of(across, around)
         row, column = rows[across], columns[around]
-        at_wall = torch.full((row.size,), self._grid.radius_mm, dtype=torch.float32)
-        open_ = covers(one.inverse, rays, at_wall)[:, 0].numpy()
+        at_wall = np.full(row.size, self._grid.radius_mm, np.float32)
+        open_ = covers(one.inverse, rays, at_wall)[:, 0]
         row, column = row[open_], column[open_]
         more = int((~self._cut[row, column]).sum())
         most = max(MOST_CELL_FRACTION, self.bore.cell_fraction + LEEWAY)

@@ -3,14 +3,12 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 import tifffile
-import torch
 from numpy.typing import NDArray
 
 from endoct.synthetic.appearance import Appearance, build_appearance
@@ -45,32 +43,20 @@ def write_specimen(
 
     ``workers`` threads work, those that speak for one of ``processes`` included.
     """
-    with _one_torch_thread():
-        tell("wall", 0.0)
-        wall = build_wall(sample, workers)
-        appearance = build_appearance(sample, wall)
-        folder.mkdir()
-        tell("wall", 1.0)
-        _record(folder, sample, wall, appearance, processes, tell, workers)
-        if spectra:
-            from endoct.synthetic.raw import write_spectra  # only who asks for them loads it
+    tell("wall", 0.0)
+    wall = build_wall(sample, workers)
+    appearance = build_appearance(sample, wall)
+    folder.mkdir()
+    tell("wall", 1.0)
+    _record(folder, sample, wall, appearance, processes, tell, workers)
+    if spectra:
+        from endoct.synthetic.raw import write_spectra  # only who asks for them loads it
 
-            write_spectra(folder / "oct-spectra", sample, wall, appearance, partial(tell, "spectra"), workers)
-        if labels:
-            from endoct.synthetic.labels.writing import write_labels
+        write_spectra(folder / "oct-spectra", sample, wall, appearance, partial(tell, "spectra"), workers)
+    if labels:
+        from endoct.synthetic.labels.writing import write_labels
 
-            write_labels(folder / "truth" / "labels", sample, wall, appearance, partial(tell, "labels"), workers)
-
-
-@contextmanager
-def _one_torch_thread() -> Iterator[None]:
-    """Keep torch from starting threads of its own: they would fight the renderer's over the processors."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+        write_labels(folder / "truth" / "labels", sample, wall, appearance, partial(tell, "labels"), workers)
 
 
 def _record(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image
 from endoct.synthetic.cone import ConeRays, band_centre_mm, cone_of
+from endoct.synthetic.elementary import azimuth
 from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.parameters import Endoscope
 
@@ -161,13 +162,6 @@ def _arcsine(x: Image) -> Image:
     return series
 
 
-def _azimuth(x: Image, y: Image) -> Image:
-    """Return the arctangent of y/x for unit vectors: a coarse one, corrected by the sine of what it lacks."""
-    coarse = np.asarray(cv2.phase(x, y), dtype=np.float32).ravel()
-    coarse += y * np.cos(coarse) - x * np.sin(coarse)
-    return coarse
-
-
 def lookup(maps: Image, row: Image, column: Image) -> Image:
     """Return maps (row, column) or (row, column, 2–4) at fractional places (n,), bilinear, cyclic in columns."""
     found = np.empty((row.size, *maps.shape[2:]), np.float32)
@@ -269,7 +263,7 @@ def _rays(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> tupl
     turn = camera.roll_rad[frame_index]
     per_px = np.asarray(1 / r_px, dtype=np.float32)
     cos, sin = x_px * per_px, y_px * per_px
-    theta = _azimuth(cos, sin)
+    theta = azimuth(cos, sin)
     theta += np.float32(turn)
     # within a turn, as looking maps up beyond their edges takes ten times as long
     theta -= np.float32(2 * np.pi) * np.floor(theta * np.float32(0.5 / np.pi))

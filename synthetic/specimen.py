@@ -47,7 +47,7 @@ def simulate(
     _check(preset, seed, bore_seed)
     workers = workers or min(MOST_WORKERS, os.cpu_count() or 1)
     with frame_processes(workers - 1) as processes:
-        # what follows needs torch, which takes a while to load: meanwhile the processes get ready
+        # what follows takes a while to load: meanwhile the processes get ready
         from endoct.synthetic.draw import draw
         from endoct.synthetic.recordings import write_specimen
 

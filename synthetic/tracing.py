@@ -6,15 +6,17 @@ surface is then found by the secant rule.
 """
 
 import math
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
-import torch
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
 
-from endoct.synthetic.cavity import Cavities, Near, clearance
+from endoct.stitching.arrays import Mask
+from endoct.synthetic.cavity import Cavities, Indices, Near, chosen, clearance
+from endoct.synthetic.elementary import Numbers
 
 STEP_MM = 0.004
-BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache, and what torch leaves to one thread
+BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache
 # after so many steps few rays are left: these are looked at in so many places at once, as calls cost more than looks;
 # not the number of rays decides, so that where a ray ends does not depend on which others are traced with it
 STEPS, LOOKS = 10, 16
@@ -24,88 +26,89 @@ MOST_AT_REST = 0.25  # of rays that have ended and are carried along: to sort th
 class BoreAlong(Protocol):
     """The bore without cells, along n rays."""
 
-    def of(self, which: Tensor) -> Self:
-        """Return it for some of the rays only, int64 indices."""
+    def of(self, which: Indices) -> Self:
+        """Return it for some of the rays only."""
         ...
 
-    def at(self, t: Tensor) -> tuple[Tensor, Tensor]:
+    def at(self, t: Numbers) -> tuple[Numbers, Numbers]:
         """Return the clearance at ``t`` (n,), mm, and the largest rate at which it can fall along the ray."""
         ...
 
 
-def joined(bore_mm: Tensor, cells_mm: Tensor, edge_mm: Tensor) -> Tensor:
+def joined(bore_mm: Numbers, cells_mm: Numbers, edge_mm: Numbers) -> Numbers:
     """Return the clearance of bore (n,) and cells (n, k) together, (n,): rounded at rims, sharp between cells."""
     if not cells_mm.shape[1]:
         return bore_mm
     bore = bore_mm[:, None]
-    blend = (edge_mm - (bore - cells_mm).abs()).clamp_min(0)
-    return _most(torch.maximum(bore, cells_mm) + blend * blend / (4 * edge_mm))
+    blend = np.maximum(edge_mm - np.abs(bore - cells_mm), 0)
+    return _most(np.maximum(bore, cells_mm) + blend * blend / (4 * edge_mm))
 
 
-def _most(values: Tensor) -> Tensor:
+def _most(values: Numbers) -> Numbers:
     """Return the largest of each row of (n, k)."""
-    return values[:, 0] if values.shape[1] == 1 else values.amax(1)
+    return values[:, 0] if values.shape[1] == 1 else values.max(1)
 
 
-def first_solid(cells: Cavities, rays: Near, bore: BoreAlong, start: Tensor, limit: Tensor) -> Tensor:
+def first_solid(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limit: Numbers) -> Numbers:
     """Return where rays that are in air at ``start`` (n,) first meet a surface, NaN beyond ``limit`` (n,)."""
     return _first_crossing(cells, rays, bore, start, limit, 1)
 
 
-def first_air(cells: Cavities, rays: Near, bore: BoreAlong, start: Tensor, limit: Tensor) -> Tensor:
+def first_air(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limit: Numbers) -> Numbers:
     """Return where rays that are in bone at ``start`` first leave it, NaN beyond ``limit``."""
     return _first_crossing(cells, rays, bore, start + STEP_MM / 2, limit, -1)
 
 
-def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Tensor, limit: Tensor, sign: int) -> Tensor:
+def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limit: Numbers, sign: int) -> Numbers:
     """Return where sign·clearance of rays first falls to 0 between ``start`` and ``limit``, NaN where it does not."""
-    found = torch.full_like(start, math.nan)
-    which = torch.nonzero(start <= limit)[:, 0]
+    found = np.full_like(start, math.nan)
+    which = np.flatnonzero(start <= limit)
     part, along, t, stop = rays.of(which), bore.of(which), start[which], limit[which]
-    last, last_clear = t, torch.zeros_like(t)
-    ends: list[tuple[Tensor, ...]] = []
+    last, last_clear = t, np.zeros_like(t)
+    ends: list[tuple[NDArray[Any], ...]] = []
     for _ in range(STEPS):
         if not len(which):
             break
         clear, step = _look(cells, part, along, t, sign)
-        ahead = t + step.clamp_min(STEP_MM)
+        ahead = t + np.maximum(step, STEP_MM)
         on = (clear > 0) & (ahead < stop)
-        if int(torch.count_nonzero(on)) >= (1 - MOST_AT_REST) * len(which):
+        if np.count_nonzero(on) >= (1 - MOST_AT_REST) * len(which):
             # those that have ended stay where they are
-            last, last_clear = torch.where(on, t, last), torch.where(on, clear, last_clear)
-            t = torch.where(on, ahead, t)
+            last, last_clear = np.where(on, t, last), np.where(on, clear, last_clear)
+            t = np.where(on, ahead, t)
             continue
-        met, kept = torch.nonzero(clear <= 0)[:, 0], torch.nonzero(on)[:, 0]
-        ends.append(tuple(values.index_select(0, met) for values in (which, last, last_clear, t, clear)))
-        last, last_clear, t, which, stop = (values.index_select(0, kept) for values in (t, clear, ahead, which, stop))
+        met, kept = np.flatnonzero(clear <= 0), np.flatnonzero(on)
+        ends.append(tuple(values.take(met) for values in (which, last, last_clear, t, clear)))
+        last, last_clear, t, which, stop = (values.take(kept) for values in (t, clear, ahead, which, stop))
         part, along = part.of(kept), along.of(kept)
     while len(which):
-        each = torch.arange(len(which), device=t.device).repeat_interleave(LOOKS)
-        further = STEP_MM * torch.arange(LOOKS - 1, device=t.device, dtype=t.dtype)
-        places = torch.cat([last[:, None], t[:, None] + further], 1)
-        looked = _look(cells, part.of(each), along.of(each), places.view(-1), sign)
-        clear, step = (values.view(-1, LOOKS) for values in looked)
+        each = np.repeat(np.arange(len(which)), LOOKS)
+        further = STEP_MM * np.arange(LOOKS - 1, dtype=t.dtype)
+        places = np.concatenate([last[:, None], t[:, None] + further], axis=1)
+        looked = _look(cells, part.of(each), along.of(each), places.ravel(), sign)
+        clear, step = (values.reshape(-1, LOOKS) for values in looked)
         past = (clear <= 0) & (places <= stop[:, None])
-        met, first = torch.nonzero(past.any(1))[:, 0], past.to(torch.int8).argmax(1)
-        high = first[met, None]
-        pairs = (values[met].gather(1, at) for at in ((high - 1).clamp_min(0), high) for values in (places, clear))
-        ends.append((which[met], *(values[:, 0] for values in pairs)))
-        ahead = places[:, -1] + step[:, -1].clamp_min(STEP_MM)
-        kept = torch.nonzero(~past.any(1) & (ahead < stop))[:, 0]
-        last, t, which, stop = (values.index_select(0, kept) for values in (places[:, -1], ahead, which, stop))
+        is_met = past.any(1)
+        met = np.flatnonzero(is_met)
+        high = past[met].argmax(1)
+        pairs = (values[met, at] for at in (np.maximum(high - 1, 0), high) for values in (places, clear))
+        ends.append((which[met], *pairs))
+        ahead = places[:, -1] + np.maximum(step[:, -1], STEP_MM)
+        kept = np.flatnonzero(~is_met & (ahead < stop))
+        last, t, which, stop = (values.take(kept) for values in (places[:, -1], ahead, which, stop))
         part, along = part.of(kept), along.of(kept)
     if ends:
-        at, low, at_low, high, at_high = (torch.cat(parts) for parts in zip(*ends, strict=True))
+        at, low, at_low, high, at_high = (np.concatenate(parts) for parts in zip(*ends, strict=True))
         middle = _between(low, at_low, high, at_high)
         clear = _look(cells, rays.of(at), bore.of(at), middle, sign)[0]
         short = clear > 0
-        low, at_low = torch.where(short, middle, low), torch.where(short, clear, at_low)
-        high, at_high = torch.where(short, high, middle), torch.where(short, at_high, clear)
+        low, at_low = np.where(short, middle, low), np.where(short, clear, at_low)
+        high, at_high = np.where(short, high, middle), np.where(short, at_high, clear)
         found[at] = _between(low, at_low, high, at_high)
     return found
 
 
-def _look(cells: Cavities, rays: Near, bore: BoreAlong, t: Tensor, sign: int) -> tuple[Tensor, Tensor]:
+def _look(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers, sign: int) -> tuple[Numbers, Numbers]:
     """Return sign·clearance at ``t``, and how far its sign surely does not change."""
     bore_mm, falls = bore.at(t)
     if not rays.cell.shape[1]:
@@ -113,52 +116,53 @@ def _look(cells: Cavities, rays: Near, bore: BoreAlong, t: Tensor, sign: int) ->
     each = clearance(cells.inverse, rays, t)
     clear = sign * joined(bore_mm, each.air_mm, rays.edge)
     if sign > 0:
-        step = torch.maximum(bore_mm / falls, _most(each.step_mm))
+        step = np.maximum(bore_mm / falls, _most(each.step_mm))
         # in the rounding of a rim neither bore nor cell, only their joint clearance is positive
-        return clear, torch.maximum(step, 0.5 * clear * (step <= 0))
+        return clear, np.maximum(step, 0.5 * clear * (step <= 0))
     step = -_most(each.step_mm)
     near_rim = bore_mm > -2 * _most(rays.edge)
-    return clear, torch.where(near_rim, torch.minimum(step, 0.5 * clear), step)
+    return clear, np.where(near_rim, np.minimum(step, 0.5 * clear), step)
 
 
-def _between(low: Tensor, at_low: Tensor, high: Tensor, at_high: Tensor) -> Tensor:
+def _between(low: Numbers, at_low: Numbers, high: Numbers, at_high: Numbers) -> Numbers:
     """Return where a clearance that is ``at_low`` > 0 and ``at_high`` ≤ 0 is 0, were it linear."""
-    return low + (at_low / (at_low - at_high).clamp_min(1e-12)).clamp(0, 1) * (high - low)
+    return low + np.clip(at_low / np.maximum(at_low - at_high, 1e-12), 0, 1) * (high - low)
 
 
-def owner_of(cells: Cavities, rays: Near, bore: BoreAlong, t: Tensor) -> tuple[Tensor, Tensor]:
+def owner_of(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers) -> tuple[Indices, Mask]:
     """Return 1 + index of the cavity whose surface is at ``t`` (n,), 0 for the bore's, and whether it is dust."""
-    nobody = torch.zeros(len(t), dtype=torch.int32, device=t.device)
+    nobody = np.zeros(len(t), np.intp)
     if not rays.cell.shape[1]:
         return nobody, nobody > 0
     each = clearance(cells.inverse, rays, t)
-    nearest, slot = each.air_mm.max(1)
-    of_cell = nearest > bore.at(t)[0]
-    number = torch.where(of_cell, rays.numbers(slot), 0).to(torch.int32)
+    slot = each.air_mm.argmax(1)
+    of_cell = chosen(each.air_mm, slot) > bore.at(t)[0]
+    number = np.where(of_cell, rays.numbers(slot), 0)
     if each.in_dust is None:
         return number, nobody > 0
-    return number, of_cell & each.in_dust.gather(1, slot[:, None])[:, 0]
+    return number, of_cell & chosen(each.in_dust, slot)
 
 
-def first_fluid(cells: Cavities, rays: Near, start: Tensor, limit: Tensor) -> Tensor:
+def first_fluid(cells: Cavities, rays: Near, start: Numbers, limit: Numbers) -> Numbers:
     """Return where rays enter fluid between ``start`` and ``limit`` (n,), NaN where they do not."""
-    surface = cells.fluid[rays.cell].to(rays.power.dtype)
-    found = torch.full_like(start, math.inf)
+    surface = cells.fluid[rays.cell].astype(rays.power.dtype)
+    found = np.full_like(start, math.inf)
     for slot in range(rays.cell.shape[1]):
-        level = surface[:, slot].expand(len(start))
-        which = torch.nonzero(torch.isfinite(level))[:, 0]
+        level = np.broadcast_to(surface[:, slot], start.shape)
+        which = np.flatnonzero(np.isfinite(level))
         if not len(which):
             continue
         one = rays.of(which).alone(slot)
         sinks = one.dw[:, 0] * one.along[:, 0]
-        plane = (level[which] - one.bulge[:, 0] - one.w[:, 0] * one.along[:, 0]) / sinks
         below = sinks > 0
-        t = torch.where(below, torch.maximum(plane, start[which]), start[which])
-        stop = torch.where(below, limit[which], torch.minimum(plane, limit[which]))
+        with np.errstate(divide="ignore", invalid="ignore"):  # a ray along the fluid's surface is above it or below
+            plane = (level[which] - one.bulge[:, 0] - one.w[:, 0] * one.along[:, 0]) / sinks
+        t = np.where(below, np.maximum(plane, start[which]), start[which])
+        stop = np.where(below, limit[which], np.minimum(plane, limit[which]))
         while len(which):
             step = clearance(cells.inverse, one, t).step_mm[:, 0]
             inside = (step > 0) & (t < stop)
-            found[which[inside]] = torch.minimum(found[which[inside]], t[inside])
-            on = torch.nonzero(~inside & (t < stop))[:, 0]
-            which, t, stop, one = which[on], (t + (-step).clamp_min(STEP_MM))[on], stop[on], one.of(on)
-    return torch.where(torch.isfinite(found), found, math.nan)
+            found[which[inside]] = np.minimum(found[which[inside]], t[inside])
+            on = np.flatnonzero(~inside & (t < stop))
+            which, t, stop, one = which[on], (t + np.maximum(-step, STEP_MM))[on], stop[on], one.of(on)
+    return np.where(np.isfinite(found), found, math.nan)

@@ -11,13 +11,12 @@ from functools import partial
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Image, Mask
-from endoct.synthetic.cavity import Near, air_mm, covers
+from endoct.synthetic.cavity import Indices, Near, air_mm, covers
+from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.opening import fan, patch, radial
 from endoct.synthetic.parameters import Cell, Sample
@@ -108,13 +107,13 @@ def _rims(cells: tuple[Cell, ...], baked: _Baked, grid: WallGrid) -> Image:
 class _AlongRadius:
     """The bore along radial rays through nodes of the wall, of which it has that radius."""
 
-    wall_mm: Tensor
+    wall_mm: Numbers
 
-    def of(self, which: Tensor) -> "_AlongRadius":
-        return _AlongRadius(self.wall_mm.index_select(0, which))
+    def of(self, which: Indices) -> "_AlongRadius":
+        return _AlongRadius(self.wall_mm.take(which))
 
-    def at(self, t: Tensor) -> tuple[Tensor, Tensor]:
-        return self.wall_mm - t, torch.ones_like(t)
+    def at(self, t: Numbers) -> tuple[Numbers, Numbers]:
+        return self.wall_mm - t, np.ones_like(t)
 
 
 def _bake(scene: Scene, cells: Sequence[Cell], workers: int) -> _Baked:
@@ -152,7 +151,6 @@ def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[tuple[NDArr
     return jobs
 
 
-@torch.inference_mode()
 def _reached(scene: Scene, cells: Sequence[Cell], number: int) -> NDArray[np.intp]:
     """Return the nodes at which a cell's cavity lies behind the wall or has moved it, ascending."""
     grid, displacement = scene.grid, scene.relief.displacement_mm.ravel()
@@ -164,55 +162,54 @@ def _reached(scene: Scene, cells: Sequence[Cell], number: int) -> NDArray[np.int
         part = rows[first : first + at_once]
         row, column = (index.ravel() for index in np.indices((part.size, columns.size)))
         rays, node = every.of(row + first, column), (part[:, None] * grid.n_theta + columns).ravel()
-        own = torch.as_tensor(displacement[node] + np.float32(grid.radius_mm), device=scene.device)
+        own = displacement[node] + np.float32(grid.radius_mm)
         near_by = air_mm(scene.cells.inverse, rays, own)[:, 0] > -rays.edge[:, 0]
-        found.append(node[near_by.cpu().numpy()])
+        found.append(node[near_by])
     return np.sort(np.concatenate(found))
 
 
-@torch.inference_mode()
 def _traced(
     scene: Scene, job: tuple[NDArray[np.intp], NDArray[np.int64]]
 ) -> tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]:
     """Return the nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
     nodes, here = job
-    grid, device = scene.grid, scene.device
+    grid = scene.grid
     row, column = np.divmod(nodes, grid.n_theta)
     if here.shape[1] == 1:
         first = int(row[0])
         rows = np.arange(first, int(row[-1]) + 1)
         rays = fan(grid, scene.cells, rows, np.arange(grid.n_theta), int(here[0, 0])).of(row - first, column)
     else:
-        rays = radial(grid, scene.cells, row, column, torch.as_tensor(here, device=device))
+        rays = radial(grid, scene.cells, row, column, here)
     own = scene.relief.displacement_mm.ravel()[nodes]
-    start = torch.as_tensor(own, device=device) + grid.radius_mm
-    limit = torch.full_like(start, grid.radius_mm + DEEPEST_MM)
+    start = own + np.float32(grid.radius_mm)
+    limit = np.full_like(start, grid.radius_mm + DEEPEST_MM)
     radius = first_solid(scene.cells, rays, _AlongRadius(start), start, limit)
-    radius = torch.nan_to_num(radius, nan=grid.radius_mm + DEEPEST_MM)
-    at_wall = torch.full_like(start, grid.radius_mm)
+    radius = np.nan_to_num(radius, nan=grid.radius_mm + DEEPEST_MM)
+    at_wall = np.full_like(start, grid.radius_mm)
     open_cells = covers(scene.cells.inverse, rays, at_wall)
-    covered, slot = open_cells.any(1), open_cells.to(torch.int8).argmax(1)
-    several = torch.nonzero(open_cells.to(torch.int8).sum(1) > 1)[:, 0]
+    covered, slot = open_cells.any(1), open_cells.argmax(1)
+    several = np.flatnonzero(np.count_nonzero(open_cells, axis=1) > 1)
     if len(several):
         slot[several] = _deepest(scene, rays.of(several), open_cells[several], at_wall[several])
     # a rounded rim moves the wall by less than its edge: deeper, the ray has gone into the nearest cavity
-    deep = radius - start > rays.edge.amax(1)
-    slot = torch.where(covered, slot, air_mm(scene.cells.inverse, rays, at_wall).argmax(1))
+    deep = radius - start > rays.edge.max(1)
+    slot = np.where(covered, slot, air_mm(scene.cells.inverse, rays, at_wall).argmax(1))
     covered = covered | deep
-    number = torch.where(covered, rays.numbers(slot), 0).to(torch.int32)
-    wet = torch.isfinite(first_fluid(scene.cells, rays, start, radius)).to(torch.float32)
-    relief = (radius - grid.radius_mm).cpu().numpy()
-    missing = covered.cpu().numpy() & (relief > np.maximum(own, 0) + np.float32(OPEN_MM))
-    return nodes, (relief, missing, number.cpu().numpy(), wet.cpu().numpy())
+    number = np.where(covered, rays.numbers(slot), 0).astype(np.int32)
+    wet = np.isfinite(first_fluid(scene.cells, rays, start, radius)).astype(np.float32)
+    relief = radius - np.float32(grid.radius_mm)
+    missing = covered & (relief > np.maximum(own, 0) + np.float32(OPEN_MM))
+    return nodes, (relief, missing, number, wet)
 
 
-def _deepest(scene: Scene, rays: Near, open_cells: Tensor, start: Tensor) -> Tensor:
-    """Return which of a ray's open cells (n, k) reaches deepest, its filling not considered, int64 (n,)."""
-    depth = torch.zeros(open_cells.shape, dtype=start.dtype, device=start.device)
+def _deepest(scene: Scene, rays: Near, open_cells: Mask, start: Numbers) -> Indices:
+    """Return which of a ray's open cells (n, k) reaches deepest, its filling not considered, (n,)."""
+    depth = np.zeros(open_cells.shape, start.dtype)
     for slot in range(open_cells.shape[1]):
-        which = torch.nonzero(open_cells[:, slot])[:, 0]
+        which = np.flatnonzero(open_cells[:, slot])
         one, t = replace(rays.of(which).alone(slot), dusty=False), start[which]
-        no_bore = _AlongRadius(torch.full_like(t, -DEEPEST_MM))
-        ends = first_solid(scene.cells, one, no_bore, t, t + DEEPEST_MM)
-        depth[which, slot] = torch.nan_to_num(ends, nan=math.inf)
+        no_bore = _AlongRadius(np.full_like(t, -DEEPEST_MM))
+        ends = first_solid(scene.cells, one, no_bore, t, t + np.float32(DEEPEST_MM))
+        depth[which, slot] = np.nan_to_num(ends, nan=math.inf)
     return depth.argmax(1)

@@ -2,9 +2,9 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
-import torch
 
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.cavity import covers, near
@@ -101,7 +101,7 @@ def test_joining_only_adds_air_and_at_most_a_quarter_of_the_edge() -> None:
     rng = np.random.default_rng(1)
     bore, cells, edge = rng.normal(size=500), rng.normal(size=(500, 3)), rng.uniform(0.005, 0.15, (500, 3))
     cells[:200] = bore[:200, None] + rng.uniform(-0.2, 0.2, (200, 3))
-    got = joined(*(torch.as_tensor(values) for values in (bore, cells, edge))).numpy()
+    got = joined(bore, cells, edge)
     added = got - np.maximum(bore, cells.max(axis=1))
     assert added.min() >= 0
     assert np.all(added <= edge.max(axis=1) / 4 + 1e-12)
@@ -123,12 +123,12 @@ def test_no_surface_is_stepped_over(kind: str) -> None:
     places = (origin[:, None] + steps[None, :, None] * direction[:, None]).reshape(-1, 3)
     before = (steps[None] < found.entry_mm[:, None] - 0.005).ravel()
     outside = np.hypot(places[:, 0], places[:, 1]) > RADIUS + float(scene.relief.displacement_mm.max()) + 0.02
-    places = torch.as_tensor(places[before & outside])
+    places = places[before & outside]
     air = np.zeros(len(places), np.bool_)
     for number in range(len(sample.bore.cells)):
-        alone = torch.full((len(places), 1), number)
-        here = near(scene.cells, alone, places, torch.ones_like(places), torch.float64)
-        air |= covers(scene.cells.inverse, here, torch.zeros(len(places), dtype=torch.float64))[:, 0].numpy()
+        alone = np.full((len(places), 1), number)
+        here = near(scene.cells, alone, places, np.ones_like(places), np.float64)
+        air |= covers(scene.cells.inverse, here, np.zeros(len(places)))[:, 0]
     assert len(air) > 200
     assert air.all()
 
@@ -136,14 +136,24 @@ def test_no_surface_is_stepped_over(kind: str) -> None:
 def test_the_number_of_threads_changes_nothing() -> None:
     sample = draw("learning", 2)
     theta = np.linspace(0, 2 * np.pi, 700, endpoint=False)
-    before = torch.get_num_threads()
+    before = cv2.getNumThreads()
     found = []
     try:
         for threads in (1, 2):
-            torch.set_num_threads(threads)
+            cv2.setNumThreads(threads)
             found.append(radially(sample, np.full(700, 3.0), theta, 0.1))
-            assert torch.get_num_threads() == threads
+            assert cv2.getNumThreads() == threads
     finally:
-        torch.set_num_threads(before)
+        cv2.setNumThreads(before)
     for name in vars(found[0]):
         np.testing.assert_array_equal(getattr(found[0], name), getattr(found[1], name), err_msg=name)
+
+
+def test_where_a_ray_ends_does_not_depend_on_those_traced_with_it() -> None:
+    sample = draw("learning", 2)
+    theta = np.linspace(0, 2 * np.pi, 300, endpoint=False)
+    together = radially(sample, np.full(300, 3.0), theta, 0.1)
+    for part in (slice(0, 1), slice(7, 20), slice(40, 140)):
+        alone = radially(sample, np.full(theta[part].size, 3.0), theta[part], 0.1)
+        for name, values in vars(alone).items():
+            np.testing.assert_array_equal(values, getattr(together, name)[part], err_msg=name)

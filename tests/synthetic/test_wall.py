@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from endoct.synthetic.cavity import cavities, clearance, covers, near
 from endoct.synthetic.draw import draw
@@ -41,16 +40,16 @@ def test_ids_are_those_of_the_deepest_cavity_that_is_open() -> None:
     wall = build_wall(sample)
     rng = np.random.default_rng(1)
     rows, columns = (rng.integers(0, size, 700) for size in wall.relief_mm.shape)
-    origin, direction = (torch.as_tensor(values) for values in radial_rays(wall, rows, columns))
+    origin, direction = radial_rays(wall, rows, columns)
     deepest, expected = np.zeros(700), np.zeros(700, np.int32)
     all_ = cavities(sample.bore.cells, wall.radius_mm)
     for number, cell in enumerate(sample.bore.cells):
-        rays = near(all_, torch.full((700, 1), number), origin, direction, torch.float64)
+        rays = near(all_, np.full((700, 1), number), origin, direction, np.float64)
         own_side = np.cos(columns * wall.dtheta_rad - cell.theta_rad) > 0.3
         inside, depth = own_side.copy(), np.zeros(700)
         for t in np.arange(wall.radius_mm, wall.radius_mm + 1.7, 0.02):
-            at = torch.full((700,), float(t), dtype=torch.float64)
-            inside &= covers(all_.inverse, rays, at)[:, 0].numpy()
+            at = np.full(700, t)
+            inside &= covers(all_.inverse, rays, at)[:, 0]
             depth[inside] = t
             if not inside.any():
                 break
@@ -123,9 +122,9 @@ def test_the_bore_alone_departs_as_its_parameters_say() -> None:
 
 def test_clearance_near_a_floor_is_a_distance() -> None:
     all_ = cavities([hole()], 1.25)
-    radii = torch.tensor([1.80, 1.84, 1.86], dtype=torch.float64)
-    heading = torch.tensor([[np.cos(1.0), np.sin(1.0), 0.0]], dtype=torch.float64).expand(3, 3)
-    origin = torch.tensor([[0.0, 0.0, 3.0]], dtype=torch.float64).expand(3, 3)
-    rays = near(all_, torch.zeros((3, 1), dtype=torch.int64), origin, heading, torch.float64)
-    air = clearance(all_.inverse, rays, radii).air_mm[:, 0].numpy()
+    radii = np.array([1.80, 1.84, 1.86])
+    heading = np.tile([np.cos(1.0), np.sin(1.0), 0.0], (3, 1))
+    origin = np.tile([0.0, 0.0, 3.0], (3, 1))
+    rays = near(all_, np.zeros((3, 1), np.intp), origin, heading, np.float64)
+    air = clearance(all_.inverse, rays, radii).air_mm[:, 0]
     np.testing.assert_allclose(air, [0.05, 0.01, -0.01], atol=1e-9)
