@@ -248,14 +248,16 @@ def outlined(table: Numbers, rays: Near, u: Numbers, v: Numbers) -> Numbers:
     whole = np.floor(place)
     first = rays.cell * (TABLE + 1) + whole.astype(np.intp)
     here = table.take(first)
-    return np.sqrt(u * u + v * v) * (here + (place - whole) * (table.take(first + 1) - here))
+    s: Numbers = np.sqrt(u * u + v * v) * (here + (place - whole) * (table.take(first + 1) - here))
+    return s
 
 
 def _to_dust(rays: Near, u: Numbers, v: Numbers, w: Numbers) -> Numbers:
     """Return the height above the dust, mm along the axis; its surface is a little uneven."""
     x, y = u * rays.across, v * rays.across
     ripple = np.sin(61 * x + 2 * np.sin(37 * y)) * np.sin(53 * y + 2 * np.sin(29 * x))
-    return rays.dust + DUST_RIPPLE_MM * ripple - (w * rays.along + rays.bulge)
+    above: Numbers = rays.dust + DUST_RIPPLE_MM * ripple - (w * rays.along + rays.bulge)
+    return above
 
 
 def covers(table: Numbers, rays: Near, t: Numbers) -> Mask:
@@ -318,4 +320,5 @@ def _stays_inside(rays: Near, s: Numbers, w: Numbers, left: Numbers) -> Numbers:
     farthest = np.minimum(np.abs(1 - s) / np.maximum(rays.grows, 1e-9), room / np.maximum(rays.sinks, 1e-9))
     other = np.minimum(s + farthest * rays.grows, _depth(rays, w + farthest * rays.dw))
     beyond = exp(rays.power * log(np.maximum(other, 1e-6))) / rays.power
-    return farthest * left / np.maximum(left + beyond, 1e-9)
+    stays: Numbers = farthest * left / np.maximum(left + beyond, 1e-9)
+    return stays

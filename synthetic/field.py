@@ -20,7 +20,8 @@ from endoct.stitching.arrays import Coordinates, Image
 from endoct.synthetic.appearance import Appearance
 from endoct.synthetic.beams import BONE_INDEX, Echoes
 from endoct.synthetic.parameters import Oct
-from endoct.synthetic.spectrometer import Spectrometer, bell, roll_off
+from endoct.synthetic.randomness import bell
+from endoct.synthetic.spectrometer import Spectrometer, roll_off
 
 Field = NDArray[np.complex64]
 FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
@@ -55,7 +56,12 @@ class Turn:
 
     def __call__(self, ring: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return values of a ring, shape (n_ring, …), at every column."""
-        return ring[np.mod(self.first + np.arange(self.n), self.n_ring)]
+        return ring[self.place]
+
+    @property
+    def place(self) -> NDArray[np.intp]:
+        """Place of every column on the ring, (n,)."""
+        return np.mod(self.first + np.arange(self.n), self.n_ring)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,22 +218,35 @@ def _bone(
     table = np.repeat(np.concatenate([above, table, beyond_table], axis=1), 2, axis=1)
     place = TABLE_PER_PX * (first + 1) - np.rint(np.nan_to_num(entry, nan=2.0 * n) * TABLE_PER_PX).astype(np.intp)
     start = np.clip(place // TABLE_PER_PX + bins.size, 0, table.shape[1] // 2 - bins.size)
-    amplitude = sliding_window_view(table, 2 * bins.size, axis=1)[place % TABLE_PER_PX, 2 * start]
-    for column in np.flatnonzero(np.isfinite(echoes.exit_path_mm)):
-        ends = [echoes.exit_path_mm[column], echoes.reentry_path_mm[column]]
-        out, back = (np.nan_to_num(np.array(ends), nan=np.inf) - oct_.first_sample_mm) / pixel
-        inside, beyond = bins - entry[column], np.minimum(bins, back) - out
-        gap = np.clip(bins + 0.5 - out, 0, 1) - np.clip(bins + 0.5 - back, 0, 1)
-        share = np.clip(inside + 0.5, 0, 1)
-        left = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
-        amplitude[column] = np.repeat(left, 2)
-    amplitude *= np.sqrt(0.5 * one.bone_unit2 * level).astype(np.float32)[:, None]
-    amplitude *= np.repeat(roll_off(oct_, bins.astype(np.float64), n), 2).astype(np.float32)
-
-    amplitude *= turn(bell(rng, turn.n_ring * 2 * bins.size).reshape(turn.n_ring, -1))
+    windows = sliding_window_view(table, 2 * bins.size, axis=1)
+    gain = np.sqrt(0.5 * one.bone_unit2 * level).astype(np.float32)[:, None]
+    rolled = np.repeat(roll_off(oct_, bins.astype(np.float64), n), 2).astype(np.float32)
+    speckle = bell(rng, turn.n_ring * 2 * bins.size).reshape(turn.n_ring, -1)
+    amplitude, on_ring = np.empty((turn.n, 2 * bins.size), np.float32), turn.place
+    for a_block in range(0, turn.n, COLUMNS):
+        columns = slice(a_block, min(turn.n, a_block + COLUMNS))
+        part = windows[place[columns] % TABLE_PER_PX, 2 * start[columns]]
+        for column in np.flatnonzero(np.isfinite(echoes.exit_path_mm[columns])):
+            part[column] = np.repeat(_beyond_septum(oct_, echoes, a_block + int(column), entry, bins), 2)
+        part *= gain[columns]
+        part *= rolled
+        np.multiply(part, speckle.take(on_ring[columns], axis=0), out=amplitude[columns])
     taps = lateral_taps(oct_, radius_mm, turn.n_ring)
     bone[:, first:last] = _summed(amplitude, taps).view(np.complex64)
     return bone
+
+
+def _beyond_septum(
+    oct_: Oct, echoes: Echoes, column: int, entry_px: Coordinates, bins: NDArray[np.intp]
+) -> Coordinates:
+    """Return the amplitude from axial pixels ``bins`` of a beam that leaves bone and may meet it again."""
+    ends = [echoes.exit_path_mm[column], echoes.reentry_path_mm[column]]
+    out, back = (np.nan_to_num(np.array(ends), nan=np.inf) - oct_.first_sample_mm) / oct_.axial_pixel_mm
+    inside, beyond = bins - entry_px[column], np.minimum(bins, back) - out
+    gap = np.clip(bins + 0.5 - out, 0, 1) - np.clip(bins + 0.5 - back, 0, 1)
+    share = np.clip(inside + 0.5, 0, 1)
+    left: Coordinates = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
+    return left
 
 
 def _profile(oct_: Oct, below_px: Coordinates, share: Coordinates) -> Coordinates:

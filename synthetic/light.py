@@ -14,6 +14,7 @@ import numpy as np
 
 from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.cone import cone_of
+from endoct.synthetic.elementary import exp
 from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.parameters import Debris, Endoscope, Sample
 from endoct.synthetic.sight import Hits, View, Visible, lookup
@@ -64,11 +65,14 @@ def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
     Bone seen squarely by a probe on the bore's axis has ``exposure`` in the middle of the annulus.
     """
     camera = sample.endoscope
-    albedo, rim, slope_z, slope_theta = np.ascontiguousarray(lookup(lit.maps, hits.row, hits.column).T)
+    albedo, rim, slope_z, slope_theta = (
+        np.asarray(one).ravel() for one in cv2.split(lookup(lit.maps, hits.row, hits.column)[None])
+    )
     wet = None if lit.wet is None else lookup(lit.wet, hits.row, hits.column)
     deep_mm = np.maximum(hits.radius_mm - np.float32(lit.radius_mm), 0)
     arriving = hits.sine / (hits.path_mm * hits.rho_mm)
-    arriving *= np.exp(deep_mm * np.float32(-1 / camera.fall_off_mm)) * np.float32(1 / lit.irradiance)
+    arriving *= exp(deep_mm * np.float32(-1 / camera.fall_off_mm))
+    arriving *= np.float32(1 / lit.irradiance)
     leaning = slope_theta * hits.around
     leaning += slope_z * hits.inward
     steepness = slope_z * slope_z
@@ -93,11 +97,11 @@ def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
     facing /= 1 + steepness
     lobe = 1 - 1 / np.minimum(facing, 1)
     lobe *= np.float32(0.5 / camera.gloss_rad**2)
-    np.exp(lobe, out=lobe)
-    glossy = gloss * arriving * lobe
+    glossy = gloss * arriving * exp(lobe)
 
     through = camera.exposure * _probe_light(camera, seen)
-    added = np.float32(camera.ring_gain) * np.exp(-0.5 * ((seen.r_px - camera.ring_px) / RING_SIGMA_PX) ** 2)
+    beside_ring = (seen.r_px - np.float32(camera.ring_px)) * np.float32(1 / RING_SIGMA_PX)
+    added = np.float32(camera.ring_gain) * exp(np.float32(-0.5) * beside_ring * beside_ring)
     added += _droplet_shine(camera, seen)
     kept = transmission(camera, seen)
     white = (through * glossy + added) * kept
@@ -119,8 +123,11 @@ def transmission(camera: Endoscope, seen: View) -> Image:
     """
     kept = np.ones(seen.shape, np.float32)
     for speck in camera.dirt:
+        reach = 5 * speck.sigma_px
+        if not seen.down_px[0] - reach <= speck.y_px <= seen.down_px[-1] + reach:
+            continue
         columns, rows = (
-            slice(*np.searchsorted(axis, np.array([at - 5 * speck.sigma_px, at + 5 * speck.sigma_px], np.float32)))
+            slice(*np.searchsorted(axis, np.array([at - reach, at + reach], np.float32)))
             for axis, at in ((seen.across_px, speck.x_px), (seen.down_px, speck.y_px))
         )
         across, down = (

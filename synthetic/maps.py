@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -39,6 +40,11 @@ class WallMaps:
     def dtheta_rad(self) -> float:
         """Step of the columns, rad."""
         return 2 * math.pi / int(self.relief_mm.shape[1])
+
+    @cached_property
+    def relief_range_mm(self) -> tuple[float, float]:
+        """The least and the largest relief."""
+        return float(self.relief_mm.min()), float(self.relief_mm.max())
 
     def at(self, image: Image, z_mm: Coordinates, theta_rad: Coordinates) -> Image:
         """Return one of the maps at scattered places (1-D arrays of one length), bilinear, cyclic in θ."""

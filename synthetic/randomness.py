@@ -4,9 +4,10 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
-from scipy import fft
 
 from endoct.stitching.arrays import Image
+
+BELL_WORDS = 2**14  # drawn at once, for four numbers each
 
 
 class Stage(IntEnum):
@@ -29,11 +30,35 @@ def smooth_field(rng: Generator, shape: tuple[int, int], sigma_rows: float, sigm
 
     It is white noise blurred by a Gaussian of the given sigmas in samples.
     """
-    spectrum = fft.rfft2(rng.standard_normal(shape, dtype=np.float32))
-    rows = 2 * np.pi * fft.fftfreq(shape[0])[:, None]
-    columns = 2 * np.pi * fft.rfftfreq(shape[1])[None, :]
+    spectrum = np.fft.rfft2(rng.standard_normal(shape, dtype=np.float32))
+    rows = 2 * np.pi * np.fft.fftfreq(shape[0])[:, None]
+    columns = 2 * np.pi * np.fft.rfftfreq(shape[1])[None, :]
     spectrum *= np.exp(-0.5 * ((sigma_rows * rows) ** 2 + (sigma_columns * columns) ** 2)).astype(np.float32)
     spectrum[0, 0] = 0
-    field: Image = fft.irfft2(spectrum, s=shape).astype(np.float32)
+    field: Image = np.fft.irfft2(spectrum, s=shape).astype(np.float32)
     field /= np.sqrt(np.mean(np.square(field, dtype=np.float64)))
     return field
+
+
+def bell(rng: Generator, n: int) -> Image:
+    """Return ``n`` random numbers, float32, mean 0, variance 1: sums of four bytes, as good as Gaussian in any sum.
+
+    Their excess kurtosis is −0.3, and that of a transform of a thousand of them −0.0003; in a fifth of the time.
+    """
+    low, eight, words = np.uint64(0x00FF00FF00FF00FF), np.uint64(8), BELL_WORDS
+    numbers = np.empty(n, np.float32)
+    for begin in range(0, n, 4 * words):
+        part = numbers[begin : begin + 4 * words]
+        first, second = rng.bit_generator.random_raw(2 * words).reshape(2, words)[:, : -(-part.size // 4)]
+        sums = first & low
+        sums += second & low
+        first >>= eight
+        first &= low
+        sums += first
+        second >>= eight
+        second &= low
+        sums += second
+        part[:] = sums.view(np.uint16)[: part.size]
+        part -= np.float32(510)
+        part *= np.float32(1 / np.sqrt((256**2 - 1) / 3))
+    return numbers

@@ -20,7 +20,6 @@ from endoct.synthetic.presets import PRESETS
 from endoct.synthetic.sharing import Shared
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, toml
 from endoct.synthetic.specimen import Progress
-from endoct.synthetic.truth import write_truth
 from endoct.synthetic.wall import Wall, build_wall
 
 _Item = TypeVar("_Item")
@@ -92,6 +91,8 @@ def _record(
             serving += [pool.submit(render) for _ in range(workers - len(processes))]
             written: list[int] = []
             endoscope = pool.submit(_write_endoscope, folder / "endoscope", sample, _noted(frames.results(), written))
+            from endoct.synthetic.truth import write_truth  # takes a while to load: meanwhile others work
+
             write_truth(folder / "truth", sample, wall)
             _write_oct(folder / "oct", sample, _told(bscans.results(), partial(tell, "oct"), len(groups)))
             while wait([endoscope], timeout=TELL_EVERY_S).not_done:

@@ -198,7 +198,8 @@ def _displacement(scene: Scene, z: Numbers, theta: Numbers) -> Numbers:
         (first := scene.displacement.take(place)) + right * (scene.displacement.take(place + 1) - first)
         for place in (above, below)
     )
-    return upper + down * (lower - upper)
+    displacement: Numbers = upper + down * (lower - upper)
+    return displacement
 
 
 def _normal(scene: Scene, rays: Near, bore: _BoreAlong, t: Numbers) -> Numbers:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.parameters import Endoscope
-from endoct.synthetic.spectrometer import bell
+from endoct.synthetic.randomness import bell
 
 GAMMA = 1.8
 LEVELS = 2**16

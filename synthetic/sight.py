@@ -100,7 +100,7 @@ class _Rays:
     z1: Image
 
     def of(self, chosen: NDArray[np.intp]) -> "_Rays":
-        return _Rays(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        return _Rays(*(getattr(self, field.name).take(chosen) for field in fields(self)))
 
     def to_radius_mm(self, radius_mm: float) -> Image:
         """Return t where the rays meet the cylinder of ``radius_mm`` from inside."""
@@ -211,7 +211,7 @@ def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
 
     That is found from the rays at the annulus' rims: between these, they end between.
     """
-    least, most = float(wall.relief_mm.min()), float(wall.relief_mm.max())
+    least, most = wall.relief_range_mm
     bend_px = max((drop.bend_px for drop in camera.droplets), default=0.0)
     inner_px = max(0.5 * camera.inner_px, camera.inner_px - math.hypot(*camera.inner_shift_px) - bend_px)
     around = np.arange(RIM_PLACES) * (2 * np.pi / RIM_PLACES)
@@ -313,22 +313,31 @@ def _march(wall: Visible, rays: _Rays) -> Image:
     on = np.flatnonzero(excess_ahead < 0)
     part, there, found, stride = rays.of(on), ahead[on], excess_ahead[on], step[on]
     while on.size:
-        before[on], excess[on] = there, found
-        there += stride
-        found = wall.at(part, there)[0]
-        ahead[on], excess_ahead[on] = there, found
-        kept = np.flatnonzero(found < 0)
-        on, part, there, found, stride = on[kept], part.of(kept), there[kept], found[kept], stride[kept]
+        further = there + stride
+        level = wall.at(part, further)[0]
+        short = level < 0
+        met, kept = np.flatnonzero(~short), np.flatnonzero(short)
+        at = on.take(met)
+        before[at], excess[at], ahead[at], excess_ahead[at] = (a.take(met) for a in (there, found, further, level))
+        on, there, found, stride = on.take(kept), further.take(kept), level.take(kept), stride.take(kept)
+        part = part.of(kept)
     for _ in range(2):
         middle = _crossing(before, excess, ahead, excess_ahead)
         found = wall.at(rays, middle)[0]
-        short = found < 0
-        np.copyto(before, middle, where=short)
-        np.copyto(excess, found, where=short)
-        np.logical_not(short, out=short)
-        np.copyto(ahead, middle, where=short)
-        np.copyto(excess_ahead, found, where=short)
+        share = (found < 0).astype(np.float32)
+        _moved(before, middle, share)
+        _moved(excess, found, share)
+        np.subtract(1, share, out=share)
+        _moved(ahead, middle, share)
+        _moved(excess_ahead, found, share)
     return _crossing(before, excess, ahead, excess_ahead)
+
+
+def _moved(values: Image, to: Image, share: Image) -> None:
+    """Move values by a share of 0 or 1: what a mask does, which takes six times as long where it changes often."""
+    way = to - values
+    way *= share
+    values += way
 
 
 def _crossing(before: Image, excess: Image, ahead: Image, excess_ahead: Image) -> Image:

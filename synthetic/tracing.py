@@ -79,7 +79,8 @@ def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers
             continue
         met, kept = np.flatnonzero(clear <= 0), np.flatnonzero(on)
         ends.append(tuple(values.take(met) for values in (which, last, last_clear, t, clear)))
-        last, last_clear, t, which, stop = (values.take(kept) for values in (t, clear, ahead, which, stop))
+        last, last_clear, t, stop = (values.take(kept) for values in (t, clear, ahead, stop))
+        which = which.take(kept)
         part, along = part.of(kept), along.of(kept)
     while len(which):
         each = np.repeat(np.arange(len(which)), LOOKS)
@@ -95,7 +96,8 @@ def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers
         ends.append((which[met], *pairs))
         ahead = places[:, -1] + np.maximum(step[:, -1], STEP_MM)
         kept = np.flatnonzero(~is_met & (ahead < stop))
-        last, t, which, stop = (values.take(kept) for values in (places[:, -1], ahead, which, stop))
+        last, t, stop = (values.take(kept) for values in (places[:, -1], ahead, stop))
+        which = which.take(kept)
         part, along = part.of(kept), along.of(kept)
     if ends:
         at, low, at_low, high, at_high = (np.concatenate(parts) for parts in zip(*ends, strict=True))

@@ -212,4 +212,4 @@ def _deepest(scene: Scene, rays: Near, open_cells: Mask, start: Numbers) -> Indi
         no_bore = _AlongRadius(np.full_like(t, -DEEPEST_MM))
         ends = first_solid(scene.cells, one, no_bore, t, t + np.float32(DEEPEST_MM))
         depth[which, slot] = np.nan_to_num(ends, nan=math.inf)
-    return depth.argmax(1)
+    return np.asarray(depth.argmax(1))
