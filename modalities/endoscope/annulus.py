@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from endoct.modalities.endoscope.rings import FEWEST_POINTS, Ring, describe, edge_points, find_rings, fit_circle
+from endoct.modalities.endoscope.rings import (
+    FEWEST_POINTS,
+    Ring,
+    describe,
+    edge_points,
+    find_rings,
+    fit_circle,
+    lasting_contrast,
+    without_thin_lines,
+)
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
 
@@ -16,6 +25,8 @@ FAINTEST_SUPPORT = 0.1
 LARGEST_RADIUS_RATIO = 0.85
 SMALLEST_RADIUS_RATIO = 0.1
 FARTHEST_CENTRES = 0.2
+LEAST_LASTING = 0.5
+"""Of an inner rim's contrast must remain farther out: a specular ring on the mirror is bright, and ends."""
 MOST_CHANGE = 0.05
 REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check that the frames show the mirror's ring"
 
@@ -84,8 +95,8 @@ class Annulus:
 def find_annulus(image: Image) -> Annulus:
     """Return the annulus in a grey image, float32 (row, column), best the mean of several frames.
 
-    Of the clear edges from dark to bright the one nearest the outer rim is its inner rim: what lies farther
-    inside is the camera's own reflection. Raises :class:`EndoctError` where there is none.
+    Of the clear edges from dark to lasting brightness the one nearest the outer rim is its inner rim: what lies
+    farther inside is the camera's own reflection. Raises :class:`EndoctError` where there is none.
     """
     spread = float(np.percentile(image, 99) - np.percentile(image, 1))
     if spread < 0.01:
@@ -96,11 +107,21 @@ def find_annulus(image: Image) -> Annulus:
             remedy="check the light and the exposure",
         )
     outers = [ring for ring in find_rings(image, rising=False, count=3) if _support(ring) >= LEAST_SUPPORT]
-    faint = [ring for ring in find_rings(image, rising=True, count=6) if _support(ring) >= FAINTEST_SUPPORT]
+    # a specular ring on the mirror is brighter than the rim next to it and hides it
+    inners = [
+        ring
+        for candidates in (
+            find_rings(without_thin_lines(image), rising=True, count=6),
+            find_rings(image, rising=True, count=6),
+        )
+        for ring in candidates
+        if _support(ring) >= FAINTEST_SUPPORT
+    ]
     # light that falls off towards the inner rim leaves it little contrast
-    inners = [ring for ring in faint if _support(ring) >= LEAST_SUPPORT] or faint
+    inners = [ring for ring in inners if _support(ring) >= LEAST_SUPPORT] or inners
+    lasting = [ring for ring in inners if lasting_contrast(image, ring) >= LEAST_LASTING * ring.contrast]
     for outer in sorted(outers, key=lambda ring: -_support(ring) * ring.radius_px):
-        fitting = [inner for inner in inners if _nested(inner, outer)]
+        fitting = [r for r in lasting if _nested(r, outer)] or [r for r in inners if _nested(r, outer)]
         if fitting:
             clearest = max(_support(ring) for ring in fitting)
             inner = max((r for r in fitting if _support(r) >= 0.5 * clearest), key=lambda ring: ring.radius_px)
@@ -147,23 +168,29 @@ def follow(image: Image, near: Annulus) -> Followed:
 
 def _measure(image: Image, near: Annulus, reaches: tuple[float, ...]) -> Followed:
     """Fit both rims to the steepest edges within ever shorter reaches, which are parts of the outer radius."""
-    rims = []
-    support = []
-    for rim in near.rings:
-        for reach in reaches:
-            reach_px = min(max(2.0, reach * near.outer_px), 0.9 * rim.radius_px)
-            x, y = edge_points(image, rim, reach_px)
-            if x.size >= FEWEST_POINTS:
-                fit = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
-                away = np.hypot(fit.x_px - rim.x_px, fit.y_px - rim.y_px), abs(fit.radius_px - rim.radius_px)
-                # the circle through edges that lie all over the place is not to be followed
-                rim = fit if max(away) <= 2 * reach_px and fit.radius_px > 2 else rim
-        rims.append(rim)
-        support.append(_support(describe(image, rim)))
-    inner, outer = rims
+    inner, outer = near.rings
+    calm = without_thin_lines(image)
+    inners = [_rim(of, inner, near, reaches) for of in (calm, image)]
+    # where a thin line is all there is of the inner rim, it is taken for the rim
+    inner, of_inner = inners[0] if inners[0][1] >= LEAST_SUPPORT else max(inners, key=lambda one: one[1])
+    outer, of_outer = _rim(image, outer, near, reaches)
     return Followed(
-        Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px), min(support)
+        Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px),
+        min(of_inner, of_outer),
     )
+
+
+def _rim(image: Image, rim: Ring, near: Annulus, reaches: tuple[float, ...]) -> tuple[Ring, float]:
+    """Fit one rim within ever shorter reaches; return it and its support."""
+    for reach in reaches:
+        reach_px = min(max(2.0, reach * near.outer_px), 0.9 * rim.radius_px)
+        x, y = edge_points(image, rim, reach_px)
+        if x.size >= FEWEST_POINTS:
+            fit = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
+            away = np.hypot(fit.x_px - rim.x_px, fit.y_px - rim.y_px), abs(fit.radius_px - rim.radius_px)
+            # the circle through edges that lie all over the place is not to be followed
+            rim = fit if max(away) <= 2 * reach_px and fit.radius_px > 2 else rim
+    return rim, _support(describe(image, rim))
 
 
 def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool) -> tuple[list[Annulus], Mask]:

@@ -174,6 +174,30 @@ def describe(image: Image, ring: Ring) -> Ring:
     )
 
 
+def without_thin_lines(image: Image) -> Image:
+    """Return ``image`` without bright lines and spots narrower than a thirtieth of its shorter side; steps stay."""
+    size = 2 * round(0.8 * _reach(image)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.morphologyEx(image, cv2.MORPH_OPEN, disc), dtype=np.float32)
+
+
+def lasting_contrast(image: Image, ring: Ring) -> float:
+    """Return the log ratio of the brightness well outside ``ring`` to that just inside it, median over the rays.
+
+    Well outside is beyond the width of a bright line, so that it is small for the inner edge of such a line.
+    """
+    reach = _reach(image)
+    levels = []
+    for nearest, farthest in ((-1.0, -0.4), (1.5, 3.0)):
+        radii = ring.radius_px + reach * np.linspace(nearest, farthest, 9)
+        profile, inside = rays(image, ring.x_px, ring.y_px, np.maximum(radii, 0.0))
+        levels.append(np.median(np.where(inside, profile, np.nan), axis=1))
+    dark = 0.05 * max(float(np.percentile(image, 95)), 1e-6)
+    ratio = np.log((levels[1] + dark) / (levels[0] + dark))
+    seen = np.isfinite(ratio)
+    return float(np.median(ratio[seen])) * (1 if ring.rising else -1) if seen.any() else 0.0
+
+
 def _reach(image: Image) -> float:
     return max(2.0, 0.02 * float(min(image.shape)))
 

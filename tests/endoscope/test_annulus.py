@@ -17,7 +17,13 @@ TRUE = Annulus(152.3, 118.1, 52.7, 155.6, 121.4, 104.2)
 
 
 def drawing(
-    annulus: Annulus = TRUE, *, height: int = 240, width: int = 320, notches: bool = False
+    annulus: Annulus = TRUE,
+    *,
+    height: int = 240,
+    width: int = 320,
+    notches: bool = False,
+    specular_px: float = 80.0,
+    specular: float = 0.2,
 ) -> NDArray[np.float32]:
     """A bright textured ring on dark ground with soft edges, brighter on one side, with a specular ring in it."""
     rng = np.random.default_rng(3)
@@ -31,7 +37,8 @@ def drawing(
     light = 0.5 * (1 + 0.3 * (x - width / 2) / width)
     texture = cv2.GaussianBlur(rng.standard_normal((height, width)), (0, 0), 2.0)
     image = ring * light * (1 + 0.5 * texture)
-    image += 0.2 * ring * np.exp(-0.5 * ((np.hypot(x - annulus.outer_x_px, y - annulus.outer_y_px) - 80) / 1.2) ** 2)
+    from_centre = np.hypot(x - annulus.outer_x_px, y - annulus.outer_y_px)
+    image += specular * ring * np.exp(-0.5 * ((from_centre - specular_px) / 1.2) ** 2)
     if notches:
         for cx, cy, r in ((60, 80, 22), (250, 150, 25), (150, 65, 18)):
             image *= 1 - 0.9 * disc(cx, cy, r)
@@ -50,6 +57,10 @@ def test_both_rims_are_found_each_with_its_own_centre() -> None:
 
 def test_cells_on_the_rims_do_not_move_them() -> None:
     assert_found(find_annulus(drawing(notches=True)), TRUE, atol=3 * RING_PX)
+
+
+def test_a_specular_ring_close_to_the_inner_rim_is_not_taken_for_it() -> None:
+    assert_found(find_annulus(drawing(specular_px=60.0, specular=0.5)), TRUE, atol=2 * RING_PX)
 
 
 def test_an_annulus_cut_by_the_image_is_found() -> None:
