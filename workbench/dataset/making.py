@@ -125,15 +125,12 @@ def _begins(unit: Unit, old: Record) -> bool:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Keep OpenCV and torch to one thread: each of many processes has one core."""
+    """Keep OpenCV to one thread: each of many processes has one core."""
     import cv2
-    import torch
 
-    before = cv2.getNumThreads(), torch.get_num_threads()
+    before = cv2.getNumThreads()
     cv2.setNumThreads(1)
-    torch.set_num_threads(1)
     try:
         yield
     finally:
-        cv2.setNumThreads(before[0])
-        torch.set_num_threads(before[1])
+        cv2.setNumThreads(before)
