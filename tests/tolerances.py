@@ -100,7 +100,7 @@ FOUND_PAINT_RAD = 0.003
 CELL_AREA_REL = 0.01
 CELL_PLACE_MM = 0.005
 
-# How often an interval of 95 % covers: 300 trials scatter by 0.013, and percentile bootstraps of 40 are a little narrow.
+# How often an interval of 95 % covers: 300 trials scatter by 0.013; percentile bootstraps of 40 are a little narrow.
 COVERAGE = 0.03
 
 # Parts of the agreement budget against what was put in: the phase of the rows is drawn, not known, and cells touch.
