@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from endoct.workbench.figures.drawing import (
     BLUE,
@@ -149,6 +150,9 @@ def _bland_altman(axes: Axes, pairs: np.ndarray[Any, Any], area: Mapping[str, An
     for limit in (area["low"], area["high"]):
         axes.axhline(limit, color=VERMILION, linewidth=0.8, linestyle="--")
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title("(b) area of matched cells", pad=4)
     axes.set_xlabel("mean area (mm²)")
     axes.set_ylabel(f"{b} − {a} (mm²)")
