@@ -16,7 +16,7 @@ LEAST_DRIFT_MM = 0.1
 SURE_OF_DRIFT = 2.5
 """nor by less than so many standard errors."""
 
-SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "ok")
+SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "known", "ok")
 """Flags whose names end so speak for a frame; every other flag, "bridged" say, speaks against it."""
 
 

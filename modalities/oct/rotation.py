@@ -104,11 +104,6 @@ class Rotation:
         errors = np.array([self.error_rad(i, at) for i in range(self.stretch.size)])
         return np.asarray(np.abs(errors - errors.mean(axis=1, keepdims=True)).max(axis=1))
 
-    def harmonics_rad(self) -> dict[str, Coordinates]:
-        """Return the factors of the smooth error by name, ``rotation_cos1_rad`` and so on, each float64 (n,)."""
-        names = [f"rotation_{wave}{h}_rad" for h in range(1, HARMONICS + 1) for wave in ("cos", "sin")]
-        return dict(zip(names, self.smooth_rad.T, strict=True))
-
     def _even(self, index: int) -> bool:
         return (
             self.stretch[index] == 0 and not self.smooth_rad[index].any() and not np.isfinite(self.lost_at_rad[index])

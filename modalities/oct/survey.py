@@ -265,7 +265,7 @@ def _per_frame(
         "rotation_amplitude_rad": rotation.peak_rad(),
         "rotation_known": rotation.shape_known,
         "rotation_sigma_rad": rotation.shape_sigma_rad,
-        **rotation.harmonics_rad(),
+        "rotation_harmonics_rad": rotation.smooth_rad,
         "lost_at_rad": rotation.lost_at_rad,
         "lost_rad": rotation.lost_rad,
     }

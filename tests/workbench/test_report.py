@@ -23,6 +23,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.doubts import doubts
+from endoct.workbench.doubts import flag_text
 from endoct.workbench.findings import read_findings
 from endoct.workbench.pictures import load_pictures, save_pictures
 from endoct.workbench.report import write_report
@@ -324,3 +325,11 @@ def test_pictures_are_read_as_they_were_written(tmp_path: Path) -> None:
         assert list(after.curves) == list(before.curves)
         for label, curve in before.curves.items():
             np.testing.assert_array_equal(after.curves[label], curve)
+
+
+def test_flags_that_speak_for_a_frame_are_told_from_those_against_it() -> None:
+    assert [flag_text(name) for name in ("bridged", "pair_trusted", "rotation_known")] == [
+        "bridged",
+        "pair not trusted",
+        "rotation not known",
+    ]

@@ -91,7 +91,8 @@ def beam_errors_rad(panorama: Panorama, truth: Truth) -> Coordinates:
     """Return by how much the beams' angles are wrong after what the panorama says it corrected, (n_slices, 256).
 
     A panorama says so in ``per_frame`` as :func:`endoct.workbench.unroll` does (``start_angle_rad``, ``turn_length``,
-    ``rotation_cos1_rad``, …, ``lost_at_rad``). One angle common to all slices is taken off.
+    ``rotation_harmonics_rad`` with the factors of cos a, sin a, cos 2a, …, ``lost_at_rad``). One angle common to all
+    slices is taken off.
     """
     of, told = truth.recording["oct"], panorama.per_frame
     index = told[f"{panorama.frame_dim}_index"]
@@ -99,11 +100,8 @@ def beam_errors_rad(panorama: Panorama, truth: Truth) -> Coordinates:
     errors = np.empty((index.size, N_NOMINAL))
     for row, i in enumerate(index):
         found = told["start_angle_rad"][row] + (told["turn_length"][row] - 1) * (nominal - np.pi)
-        h = 1
-        while f"rotation_cos{h}_rad" in told:
-            found += told[f"rotation_cos{h}_rad"][row] * np.cos(h * nominal)
-            found += told[f"rotation_sin{h}_rad"][row] * np.sin(h * nominal)
-            h += 1
+        for h, (cosine, sine) in enumerate(told["rotation_harmonics_rad"][row].reshape(-1, 2), start=1):
+            found += cosine * np.cos(h * nominal) + sine * np.sin(h * nominal)
         if np.isfinite(told["lost_at_rad"][row]):
             found += told["lost_rad"][row] * (nominal >= told["lost_at_rad"][row])
         errors[row] = _true_error_rad(of, int(i), nominal) - found
