@@ -22,8 +22,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.workbench.doubts import doubts
-from endoct.workbench.doubts import flag_text
+from endoct.workbench.doubts import doubts, flag_text
 from endoct.workbench.findings import read_findings
 from endoct.workbench.pictures import load_pictures, save_pictures
 from endoct.workbench.report import write_report
