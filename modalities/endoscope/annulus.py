@@ -168,12 +168,10 @@ def follow(image: Image, near: Annulus) -> Followed:
 
 def _measure(image: Image, near: Annulus, reaches: tuple[float, ...]) -> Followed:
     """Fit both rims to the steepest edges within ever shorter reaches, which are parts of the outer radius."""
-    inner, outer = near.rings
-    calm = without_thin_lines(image)
-    inners = [_rim(of, inner, near, reaches) for of in (calm, image)]
-    # where a thin line is all there is of the inner rim, it is taken for the rim
-    inner, of_inner = inners[0] if inners[0][1] >= LEAST_SUPPORT else max(inners, key=lambda one: one[1])
-    outer, of_outer = _rim(image, outer, near, reaches)
+    inner, of_inner = _rim(without_thin_lines(image), near.rings[0], near, reaches)
+    if of_inner < LEAST_SUPPORT:  # a thin line may be all there is of the inner rim
+        inner, of_inner = max((inner, of_inner), _rim(image, near.rings[0], near, reaches), key=lambda one: one[1])
+    outer, of_outer = _rim(image, near.rings[1], near, reaches)
     return Followed(
         Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px),
         min(of_inner, of_outer),
