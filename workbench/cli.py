@@ -1,16 +1,15 @@
 """The entry point of the command line: exit statuses, and one line for every error."""
 
 import os
-import signal
 import sys
-from types import FrameType
 
+from endoct.workbench.interruption import watch
 from endoct.workbench.status import DONE, INTERRUPTED, UNUSABLE_INPUT
 
 
 def main() -> None:
     """Run `endoct`: status 0 done, 1 unusable input, 2 wrong usage, 3 not aligned, 130 interrupted."""
-    signal.signal(signal.SIGTERM, _terminate)
+    watch()
     try:
         sys.exit(_run())
     except KeyboardInterrupt:
@@ -32,8 +31,3 @@ def _run() -> int:
     except EndoctError as error:
         print(f"endoct: {error}", file=sys.stderr)  # noqa: T201
         return UNUSABLE_INPUT
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    del number, frame
-    raise KeyboardInterrupt

@@ -8,6 +8,8 @@ from typing import Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from endoct.workbench.interruption import stop_if_asked
+
 Advance = Callable[[float], None]
 """Called with the share done, 0 to 1."""
 
@@ -54,6 +56,7 @@ class ConsoleStages(SilentStages):
 
     @contextmanager
     def _shown(self, title: str) -> Iterator[Advance]:
+        stop_if_asked()
         if not self._console.is_terminal:
             yield self._lines(title)
             return
@@ -66,7 +69,12 @@ class ConsoleStages(SilentStages):
         )
         with Progress(*columns, console=self._console) as bars:
             task = bars.add_task(title, total=1.0)
-            yield lambda share: bars.update(task, completed=share)
+
+            def advance(share: float) -> None:
+                stop_if_asked()
+                bars.update(task, completed=share)
+
+            yield advance
             bars.update(task, completed=1.0)
 
     def _lines(self, title: str) -> Advance:
@@ -76,6 +84,7 @@ class ConsoleStages(SilentStages):
 
         def advance(share: float) -> None:
             nonlocal said
+            stop_if_asked()
             if (now := time.monotonic()) - said >= self.LINE_EVERY_S:
                 said = now
                 self._console.print(f"{title}: {share:.0%} after {now - start:.0f} s", highlight=False)
