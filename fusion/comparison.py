@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from endoct.fusion.alignment import Alignment, NotAligned, align, open_orientations
+from endoct.fusion.alignment import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align, open_orientations
 from endoct.fusion.cells import Segmentation, SegmentParameters, find_cells
 from endoct.fusion.evidence import Evidence, Polarity, clipped
 from endoct.fusion.objects import Surface
@@ -230,6 +230,7 @@ def _result(
         "aligned": isinstance(found, Alignment),
         "reason": None if isinstance(found, Alignment) else found.reason,
         "alignment": asdict(found) if isinstance(found, Alignment) else None,
+        "believed_if": {"confidence_at_least": BELIEVABLE, "chance_at_most": LIKELY_CHANCE},
         "best_unbelieved": asdict(found.best) if isinstance(found, NotAligned) and found.best else None,
         "jaccard": on_grid.get("jaccard"),
         "dice": on_grid.get("dice"),
