@@ -31,7 +31,7 @@ class SegmentParameters(BaseModel):
         default=1.5, gt=0, description="|log| of intensity relative to the wall's above this counts as this"
     )
     outlines: bool = Field(
-        default=True, description="of intensity alone, take cells up to where their outline is clearest; else Li alone"
+        default=True, description="take dark cells up to where their outline is clearest; else Li alone"
     )
     smooth_mm: float = Field(default=0.015, ge=0, description="sigma of the smoothing before the threshold")
     open_mm: float = Field(default=0.03, ge=0, description="cells narrower than twice this are removed")
@@ -113,7 +113,7 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
             "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
         ) from error
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
-    if p.outlines and evidence.kind != "relief":
+    if p.outlines and evidence.kind == "darkness":
         outlining = Outlining(p.open_mm, p.close_mm, p.smallest_mm2)
         clear = clearest_regions(evidence, prepared, threshold, outlining)
         if clear is not None:
