@@ -18,9 +18,11 @@ from endoct.workbench.comparing import Side, write_comparison
 from endoct.workbench.progress import SilentStages, Stages
 from endoct.workbench.summarising import summarise as _summarise
 from endoct.workbench.summarising import write_summary
+from endoct.workbench.threads import one_blas_thread
 from endoct.workbench.unrolling import open_side, unroll_recording, write_volume
 
 
+@one_blas_thread()
 def unroll(
     path: Path | str,
     output: Path | str | None = None,
@@ -50,6 +52,7 @@ def unroll(
     return made.panorama
 
 
+@one_blas_thread()
 def compare(
     a: Path | str,
     b: Path | str,
@@ -80,6 +83,7 @@ def compare(
         )
 
 
+@one_blas_thread()
 def simulate(
     output: Path | str,
     *,

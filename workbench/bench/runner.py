@@ -18,6 +18,7 @@ from endoct.workbench.bench.methods import Method, load_method, load_task
 from endoct.workbench.bench.task import Case, Declined, Range, Task
 from endoct.workbench.dataset.working import own_cluster
 from endoct.workbench.progress import Advance
+from endoct.workbench.threads import one_blas_thread
 
 Status = Literal["ok", "declined", "failed"]
 LONGEST_REASON = 300
@@ -99,8 +100,9 @@ def _run_by_processes(plan: Plan, workers: int, advance: Advance) -> list[Row]:
             ) from error
 
 
+@one_blas_thread()
 def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> list[Row]:
-    """Run every method on the cases of one source."""
+    """Run every method on the cases of one source, BLAS with one thread for all."""
     task = load_task(plan.task)
     cases = _cases(task, source, plan)
     rows: list[Row] = []
