@@ -8,12 +8,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from endoct.workbench.api import compare, simulate, summarise, unroll
+    from endoct.workbench.api import compare, summarise, unroll
+    from endoct.workbench.simulating import simulate
 
 __all__ = ["compare", "simulate", "summarise", "unroll"]
 
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
-        return getattr(import_module("endoct.workbench.api"), name)
+        return getattr(import_module(f"endoct.workbench.{'simulating' if name == 'simulate' else 'api'}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

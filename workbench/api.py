@@ -1,6 +1,5 @@
 """The public Python interface: what the command line does, as functions."""
 
-import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,13 +12,15 @@ from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.synthetic.presets import PresetName
-from endoct.synthetic.ranges import Wish
 from endoct.workbench.comparing import Side, write_comparison
 from endoct.workbench.progress import SilentStages, Stages
+from endoct.workbench.simulating import simulate
 from endoct.workbench.summarising import summarise as _summarise
 from endoct.workbench.summarising import write_summary
 from endoct.workbench.threads import one_blas_thread
 from endoct.workbench.unrolling import open_side, unroll_recording, write_volume
+
+__all__ = ["compare", "demo", "simulate", "summarise", "unroll"]
 
 
 @one_blas_thread()
@@ -83,43 +84,6 @@ def compare(
         )
 
 
-@one_blas_thread()
-def simulate(
-    output: Path | str,
-    *,
-    preset: PresetName = "quick",
-    seed: int = 0,
-    replay: Path | str | None = None,
-    vary: Mapping[str, Wish] | None = None,
-    labels: bool = False,
-    spectra: bool = False,
-    overwrite: bool = False,
-    stages: Stages | None = None,
-) -> None:
-    """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
-
-    ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. ``vary`` says what
-    parameters are drawn from, "part.name" → (low, high) or words, where not by the preset. ``labels`` adds what
-    people who train networks ask for, ``spectra`` the spectrometer's raw data. Raises :class:`EndoctError` where
-    something asked for cannot be, or ``output`` exists.
-    """
-    from endoct.synthetic.specimen import simulate as render  # only who simulates loads it
-
-    stages = stages or SilentStages()
-    sample = _read_json(Path(replay)) if replay is not None else None
-    with new_output(Path(output), overwrite=overwrite) as scratch, stages.stage(f"simulate {preset}") as advance:
-        render(
-            scratch,
-            preset=preset,
-            seed=seed,
-            wishes=vary or {},
-            sample=sample,
-            labels=labels,
-            spectra=spectra,
-            on_progress=lambda _, share: advance(share),
-        )
-
-
 def summarise(
     folders: Sequence[Path | str],
     output: Path | str | None = None,
@@ -166,13 +130,3 @@ def demo(
         if not existed:
             shutil.rmtree(output, ignore_errors=True)
         raise
-
-
-def _read_json(path: Path) -> Mapping[str, Any]:
-    try:
-        sample = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise EndoctError(f"{path} cannot be read", found=str(error), expected="a truth/sample.json") from error
-    if not isinstance(sample, dict):
-        raise EndoctError(f"{path} is no sample", expected="a truth/sample.json")
-    return sample

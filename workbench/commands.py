@@ -93,10 +93,10 @@ def simulate(
         spectra: add oct-spectra: the spectrometer's raw data, 2 kB an A-scan
         overwrite: replace the folder if it exists
     """
-    from endoct.workbench import api
+    from endoct.workbench.simulating import simulate as write_specimen
     from endoct.workbench.vary import parse_vary
 
-    api.simulate(
+    write_specimen(
         output,
         preset=preset,
         seed=seed,

@@ -1,0 +1,59 @@
+"""A specimen from the command line or from Python, without loading what only comparing takes."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import new_output
+from endoct.synthetic.presets import PresetName
+from endoct.synthetic.ranges import NO_WISHES, Wish
+from endoct.synthetic.specimen import simulate as render
+from endoct.workbench.progress import SilentStages, Stages
+from endoct.workbench.threads import one_blas_thread
+
+
+@one_blas_thread()
+def simulate(
+    output: Path | str,
+    *,
+    preset: PresetName = "quick",
+    seed: int = 0,
+    replay: Path | str | None = None,
+    vary: Mapping[str, Wish] | None = None,
+    labels: bool = False,
+    spectra: bool = False,
+    overwrite: bool = False,
+    stages: Stages | None = None,
+) -> None:
+    """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
+
+    ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. ``vary`` says what
+    parameters are drawn from, "part.name" → (low, high) or words, where not by the preset. ``labels`` adds what
+    people who train networks ask for, ``spectra`` the spectrometer's raw data. Raises :class:`EndoctError` where
+    something asked for cannot be, or ``output`` exists.
+    """
+    stages = stages or SilentStages()
+    sample = _read_json(Path(replay)) if replay is not None else None
+    with new_output(Path(output), overwrite=overwrite) as scratch, stages.stage(f"simulate {preset}") as advance:
+        render(
+            scratch,
+            preset=preset,
+            seed=seed,
+            wishes=vary or NO_WISHES,
+            sample=sample,
+            labels=labels,
+            spectra=spectra,
+            on_progress=lambda _, share: advance(share),
+        )
+
+
+def _read_json(path: Path) -> Mapping[str, Any]:
+    try:
+        sample = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise EndoctError(f"{path} cannot be read", found=str(error), expected="a truth/sample.json") from error
+    if not isinstance(sample, dict):
+        raise EndoctError(f"{path} is no sample", expected="a truth/sample.json")
+    return sample
