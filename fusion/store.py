@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from endoct.fusion.cell_table import PROPERTIES, as_numbers, from_numbers
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.pose import Alignment, as_covariance
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.store import write_dataset
+from endoct.stitching.zarr_store import Named, read_arrays, write_arrays
 
 FORMAT = "endoct-comparison-1"
 
@@ -25,54 +24,41 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
     and ``cells`` on dims (cell, property).
     """
     grid, dims = comparison.grid, ("side", "z", "theta")
-    dataset = xr.Dataset(
-        {
-            "intensity": (dims, comparison.intensity),
-            "depth_mm": (dims, comparison.depth_mm, {"units": "mm"}),
-            "mask": (dims, comparison.mask, {"long_name": "cells"}),
-            "valid": (dims, comparison.valid, {"long_name": "observed by this side"}),
-            "cells": (
-                ("cell", "property"),
-                as_numbers(comparison.cells, comparison.sides),
-                {"long_name": "cells as objects; sides by their place among the sides, both = 2"},
-            ),
-        },
-        {
-            "side": ("side", list(comparison.sides)),
-            "property": ("property", list(PROPERTIES)),
-            "z": ("z", grid.z_mm, {"units": "mm"}),
-            "theta": ("theta", grid.theta_rad, {"units": "rad"}),
-        },
-        {
-            "format": FORMAT,
-            "radius_mm": grid.radius_mm,
-            "z0_mm": grid.z0_mm,
-            "dz_mm": grid.dz_mm,
-            "theta0_rad": grid.theta0_rad,
-            "alignment": json.dumps(None if comparison.alignment is None else asdict(comparison.alignment)),
-            "reason": json.dumps(comparison.reason),
-            "result": json.dumps(comparison.result),
-        },
-    )
-    for name in ("intensity", "depth_mm", "mask", "valid"):
-        dataset[name].encoding["chunks"] = (1, min(grid.n_z, 512), grid.n_theta)
-    # a text of fixed width is no Zarr 3 data type that other readers know
-    for name in ("side", "property"):
-        dataset[name] = dataset[name].astype(object)
-    write_dataset(dataset, path)
+    chunks = (1, min(grid.n_z, 512), grid.n_theta)
+    cells = "cells as objects; sides by their place among the sides, both = 2"
+    arrays = {
+        "intensity": Named(dims, comparison.intensity, chunks=chunks),
+        "depth_mm": Named(dims, comparison.depth_mm, {"units": "mm"}, chunks),
+        "mask": Named(dims, comparison.mask, {"long_name": "cells"}, chunks),
+        "valid": Named(dims, comparison.valid, {"long_name": "observed by this side"}, chunks),
+        "cells": Named(("cell", "property"), as_numbers(comparison.cells, comparison.sides), {"long_name": cells}),
+        "side": Named(("side",), np.array(comparison.sides, object)),
+        "property": Named(("property",), np.array(PROPERTIES, object)),
+        "z": Named(("z",), grid.z_mm, {"units": "mm"}),
+        "theta": Named(("theta",), grid.theta_rad, {"units": "rad"}),
+    }
+    attributes = {
+        "format": FORMAT,
+        "radius_mm": grid.radius_mm,
+        "z0_mm": grid.z0_mm,
+        "dz_mm": grid.dz_mm,
+        "theta0_rad": grid.theta0_rad,
+        "alignment": json.dumps(None if comparison.alignment is None else asdict(comparison.alignment)),
+        "reason": json.dumps(comparison.reason),
+        "result": json.dumps(comparison.result),
+    }
+    write_arrays(path, arrays, attributes)
 
 
 def load_comparison(path: Path) -> Comparison:
     """Read what :func:`save_comparison` wrote. Raises :class:`EndoctError` where it is something else."""
     try:
-        with xr.open_zarr(path, chunks=None) as dataset:
-            dataset.load()
-        attributes = dataset.attrs
+        arrays, attributes = read_arrays(path)
         if attributes.get("format") != FORMAT:
             raise ValueError("no comparison")
-        _, n_z, n_theta = dataset["mask"].shape
+        _, n_z, n_theta = arrays["mask"].shape
         alignment = json.loads(attributes["alignment"])
-        first, second = (str(name) for name in dataset["side"].values)
+        first, second = (str(name) for name in arrays["side"])
         return Comparison(
             grid=SurfaceGrid.full_circle(
                 n_z,
@@ -83,14 +69,14 @@ def load_comparison(path: Path) -> Comparison:
                 radius_mm=attributes["radius_mm"],
             ),
             sides=(first, second),
-            intensity=dataset["intensity"].values,
-            depth_mm=dataset["depth_mm"].values,
-            mask=dataset["mask"].values.astype(np.bool_),
-            valid=dataset["valid"].values.astype(np.bool_),
+            intensity=arrays["intensity"],
+            depth_mm=arrays["depth_mm"],
+            mask=arrays["mask"].astype(np.bool_),
+            valid=arrays["valid"].astype(np.bool_),
             alignment=None if alignment is None else _alignment(alignment),
             reason=json.loads(attributes["reason"]),
             result=json.loads(attributes["result"]),
-            cells=from_numbers(dataset["cells"].values, (first, second)) if "cells" in dataset else (),
+            cells=from_numbers(arrays["cells"], (first, second)) if "cells" in arrays else (),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise EndoctError(

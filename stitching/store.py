@@ -1,16 +1,17 @@
 """Panoramas on disk: Zarr stores that ``xarray.open_zarr`` reads."""
 
 import json
-import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
+from numpy.typing import NDArray
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.zarr_store import Named, read_arrays, write_arrays
 
 FORMAT = "endoct-panorama-1"
 
@@ -21,25 +22,20 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
     Dims (z, theta) with coordinates in mm and rad; ``intensity``, ``valid``, ``weight``, ``depth_mm`` where
     there is depth; the per-frame quality on the dim named ``frame_dim``.
     """
-    surface = ("z", "theta")
-    variables: dict[str, tuple[Any, Any, dict[str, str]]] = {
-        "intensity": (surface, panorama.intensity, {}),
-        "valid": (surface, panorama.valid, {}),
-        "weight": (surface, panorama.weight, {}),
+    surface, units_mm = ("z", "theta"), {"units": "mm"}
+    arrays = {
+        "intensity": Named(surface, panorama.intensity),
+        "valid": Named(surface, panorama.valid),
+        "weight": Named(surface, panorama.weight),
+        "z": Named(("z",), panorama.z_mm, units_mm),
+        "theta": Named(("theta",), panorama.grid.theta_rad, {"units": "rad"}),
     }
     if panorama.depth_mm is not None:
-        variables["depth_mm"] = (surface, panorama.depth_mm, {"units": "mm"})
-    coordinates: dict[str, tuple[Any, Any, dict[str, str]]] = {
-        "z": ("z", panorama.z_mm, {"units": "mm"}),
-        "theta": ("theta", panorama.grid.theta_rad, {"units": "rad"}),
-    }
+        arrays["depth_mm"] = Named(surface, panorama.depth_mm, units_mm)
     frame_z = f"{panorama.frame_dim}_z_mm"
     for name, values in panorama.per_frame.items():
         dims = (panorama.frame_dim, *(f"{name}_{axis}" for axis in range(1, values.ndim)))
-        if name == frame_z:
-            coordinates[name] = (dims, values, {"units": "mm"})
-        else:
-            variables[name] = (dims, values, {})
+        arrays[name] = Named(dims, values, units_mm if name == frame_z else {})
     grid = panorama.grid
     attributes = {
         "format": FORMAT,
@@ -53,18 +49,7 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
         "theta0_rad": grid.theta0_rad,
         "provenance": json.dumps(panorama.provenance),
     }
-    write_dataset(xr.Dataset(variables, coordinates, attributes), path)
-
-
-def write_dataset(dataset: xr.Dataset, path: Path, *, group: str | None = None) -> None:
-    """Write ``dataset`` as Zarr 3 to ``path`` (or a group in it), which must not exist.
-
-    Metadata are consolidated, so that a plain ``xarray.open_zarr(path)`` is fast and warns of nothing.
-    """
-    with warnings.catch_warnings():
-        # consolidated metadata are not in the Zarr 3 specification yet; readers that do not know them ignore them
-        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
-        dataset.to_zarr(path, mode="w-", group=group, zarr_format=3, consolidated=True)
+    write_arrays(path, arrays, attributes, coordinates=[frame_z] if frame_z in arrays else ())
 
 
 def is_panorama(path: Path) -> bool:
@@ -84,20 +69,14 @@ def load_panorama(path: Path) -> Panorama:
             remedy="unroll the recording first",
         )
     try:
-        with xr.open_zarr(path, chunks=None) as dataset:
-            return _panorama(dataset.load())
+        return _panorama(*read_arrays(path))
     except (OSError, ValueError, KeyError) as error:
         raise EndoctError(f"{path} cannot be read", found=str(error), remedy="unroll the recording again") from error
 
 
-def _panorama(dataset: xr.Dataset) -> Panorama:
-    attributes = dataset.attrs
-    surface = {"intensity", "valid", "weight", "depth_mm"}
-    per_frame = {str(name): v.values for name, v in dataset.data_vars.items() if name not in surface}
-    frame_z = f"{attributes['frame_dim']}_z_mm"
-    if frame_z in dataset.coords:
-        per_frame[frame_z] = dataset[frame_z].values
-    n_z, n_theta = dataset["intensity"].shape
+def _panorama(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Panorama:
+    surface = {"intensity", "valid", "weight", "depth_mm", "z", "theta"}
+    n_z, n_theta = arrays["intensity"].shape
     grid = SurfaceGrid.full_circle(
         n_z,
         n_theta,
@@ -108,15 +87,15 @@ def _panorama(dataset: xr.Dataset) -> Panorama:
     )
     return Panorama(
         grid=grid,
-        z_mm=dataset["z"].values,
-        intensity=dataset["intensity"].values,
-        depth_mm=dataset["depth_mm"].values if "depth_mm" in dataset else None,
-        valid=dataset["valid"].values.astype(np.bool_),
-        weight=dataset["weight"].values,
+        z_mm=arrays["z"],
+        intensity=arrays["intensity"],
+        depth_mm=arrays.get("depth_mm"),
+        valid=arrays["valid"].astype(np.bool_),
+        weight=arrays["weight"],
         modality=attributes["modality"],
         handedness_known=bool(attributes["handedness_known"]),
         travel_known=bool(attributes["travel_known"]),
         frame_dim=attributes["frame_dim"],
-        per_frame=per_frame,
+        per_frame={name: values for name, values in arrays.items() if name not in surface},
         provenance=json.loads(attributes["provenance"]),
     )

@@ -1,14 +1,12 @@
 """What the recordings of a specimen cannot know of themselves, written beside them."""
 
 import json
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
-from numpy.typing import NDArray
 
+from endoct.stitching.zarr_store import Named, write_arrays
 from endoct.synthetic.camera import band_centre_mm
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.wall import Wall
@@ -95,21 +93,17 @@ def recording(sample: Sample) -> dict[str, Any]:
 
 
 def _write_wall(path: Path, wall: Wall) -> None:
-    """Write the maps as Zarr 3 for ``xarray.open_zarr``, without xarray, which takes longer to load than to write."""
     surface = ("z", "theta")
     n_z, n_theta = wall.relief_mm.shape
-    along, around = wall.dz_mm * np.arange(n_z), wall.dtheta_rad * np.arange(n_theta)
-    arrays: dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]] = {
-        "relief_mm": (surface, wall.relief_mm, {"units": "mm", "long_name": "wall radius minus bore radius"}),
-        "cell": (surface, wall.cell, {"long_name": "the surface at the bore's radius is missing"}),
-        "cell_id": (surface, wall.cell_id, {"long_name": "1 + the cell's index in sample.json, 0 where there is none"}),
-        "z": (("z",), along, {"units": "mm", "long_name": "along the bore, from its mouth"}),
-        "theta": (("theta",), around, {"units": "rad"}),
+    whole = (n_z, n_theta)
+    ids = "1 + the cell's index in sample.json, 0 where there is none"
+    arrays = {
+        "relief_mm": Named(
+            surface, wall.relief_mm, {"units": "mm", "long_name": "wall radius minus bore radius"}, whole
+        ),
+        "cell": Named(surface, wall.cell, {"long_name": "the surface at the bore's radius is missing"}, whole),
+        "cell_id": Named(surface, wall.cell_id, {"long_name": ids}, whole),
+        "z": Named(("z",), wall.dz_mm * np.arange(n_z), {"units": "mm", "long_name": "along the bore, from its mouth"}),
+        "theta": Named(("theta",), wall.dtheta_rad * np.arange(n_theta), {"units": "rad"}),
     }
-    group = zarr.create_group(path, zarr_format=3, attributes={"bore_radius_mm": wall.radius_mm})
-    for name, (dims, values, attributes) in arrays.items():
-        group.create_array(name, data=values, chunks=values.shape, dimension_names=dims, attributes=attributes)
-    with warnings.catch_warnings():
-        # they are not in the Zarr 3 specification yet; readers that do not know them ignore them
-        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
-        zarr.consolidate_metadata(str(path))
+    write_arrays(path, arrays, {"bore_radius_mm": wall.radius_mm})

@@ -1,6 +1,5 @@
 """The dense hollow cylinder: everything from the capillary outward, sub-surface included."""
 
-import warnings
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -8,8 +7,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import xarray as xr
-import zarr
 from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, FrameStream
@@ -18,7 +15,7 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.undistort import beam_of
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.store import write_dataset
+from endoct.stitching.zarr_store import Named, consolidate, write_arrays
 
 INSIDE_MM = 0.05
 OUTSIDE_PX = -10.0
@@ -61,28 +58,25 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
     """
     grid, radii = calibration.grid, volume_radii_mm(calibration)
     dtype = stream[0].samples.dtype
-    coordinates: dict[str, Any] = {
-        "z": ("z", calibration.row_z_mm, {"units": "mm"}),
-        "theta": ("theta", grid.theta_rad, {"units": "rad"}),
-        "radius": ("depth", radii, {"units": "mm"}),
+    arrays = {
+        "z": Named(("z",), calibration.row_z_mm, {"units": "mm"}),
+        "theta": Named(("theta",), grid.theta_rad, {"units": "rad"}),
+        "radius": Named(("depth",), radii, {"units": "mm"}),
     }
-    write_dataset(xr.Dataset({}, coordinates, {"radius_mm": grid.radius_mm}), store, group="volume")
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
-        group = zarr.open_group(str(store / "volume"), mode="r+")
-        array = group.create_array(
-            "intensity",
-            shape=(grid.n_z, grid.n_theta, radii.size),
-            chunks=(1, grid.n_theta, radii.size),
-            dtype=dtype,
-            dimension_names=("z", "theta", "depth"),
-        )
-        rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
-        slices: Iterable[Image] = map_frames(partial(resample, calibration=calibration, radii_mm=radii), stream)
-        for row, samples in zip(rows, slices, strict=True):
-            array[int(row)] = _as_recorded(samples, dtype)
-        for place in (store / "volume", store):  # a reader may begin at either
-            zarr.consolidate_metadata(str(place))
+    group = write_arrays(store / "volume", arrays, {"radius_mm": grid.radius_mm}, coordinates=["radius"])
+    array = group.create_array(
+        "intensity",
+        shape=(grid.n_z, grid.n_theta, radii.size),
+        chunks=(1, grid.n_theta, radii.size),
+        dtype=dtype,
+        dimension_names=("z", "theta", "depth"),
+    )
+    rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
+    slices: Iterable[Image] = map_frames(partial(resample, calibration=calibration, radii_mm=radii), stream)
+    for row, samples in zip(rows, slices, strict=True):
+        array[int(row)] = _as_recorded(samples, dtype)
+    for place in (store / "volume", store):  # a reader may begin at either
+        consolidate(place)
 
 
 def _as_recorded(samples: Image, dtype: np.dtype[Any]) -> NDArray[Any]:

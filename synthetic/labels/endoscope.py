@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Image
+from endoct.stitching.zarr_store import consolidate
 from endoct.synthetic.camera import Seen, noise_free, sight
-from endoct.synthetic.labels.arrays import create, finish
+from endoct.synthetic.labels.arrays import create
 from endoct.synthetic.labels.correspondence import ascans_of_places, cartesian_mm, nearest_places
 from endoct.synthetic.labels.pullback import Pullback
 from endoct.synthetic.parameters import Sample
@@ -70,7 +71,7 @@ def write_endoscope_labels(
         write_png(twins / f"frame_{i:04d}.png", twin)
         seen_cells += np.bincount(seen.cell[seen.valid & ~seen.obscured], minlength=seen_cells.size)
         tell((i + 1) / n_frames)
-    finish(folder / "endoscope.zarr")
+    consolidate(folder / "endoscope.zarr")
     return pixels, seen_cells
 
 

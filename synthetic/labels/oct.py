@@ -8,9 +8,10 @@ import tifffile
 from numpy.typing import NDArray
 
 from endoct.modalities.recording import map_frames
+from endoct.stitching.zarr_store import consolidate
 from endoct.synthetic.appearance import Appearance
 from endoct.synthetic.bscan import noise_free
-from endoct.synthetic.labels.arrays import create, finish
+from endoct.synthetic.labels.arrays import create
 from endoct.synthetic.labels.artefacts import FLAGS, artefacts
 from endoct.synthetic.labels.pullback import Pullback
 from endoct.synthetic.parameters import Sample
@@ -72,4 +73,4 @@ def write_oct_labels(
             tiff.write(clean, photometric="minisblack", contiguous=True, metadata={"axes": "ZYX"})
             arrays["artefact"][i] = flags
             tell((i + 1) / size.n_slices)
-    finish(folder / "oct.zarr")
+    consolidate(folder / "oct.zarr")
