@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from panoramas import both_unrolled, unrolled
 from scipy.stats import binomtest
 
 from endoct.fusion.alignment import BELIEVABLE, LIKELY_CHANCE, Alignment, align, open_orientations
@@ -38,11 +39,8 @@ from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import load_panorama
-from endoct.workbench import unroll
 from endoct.workbench.bench.truth import Pose, load_truth, true_pose
 
-SIDES = "endoscope", "oct"
 SHARES = tuple(tenth / 10 for tenth in range(1, 11))
 RIGHT_RAD, RIGHT_MM = np.deg2rad(5), 0.2
 Row = dict[str, Any]
@@ -58,29 +56,9 @@ class Pairing:
     share: float | None = None
 
 
-def unrolled(specimen: Path, cache_folder: Path) -> None:
-    """Unroll both recordings into the cache, or note there why that cannot be done."""
-    for side in SIDES:
-        stored = _stored(specimen, side, cache_folder)
-        note = stored.with_suffix(".txt")
-        if stored.exists() or note.exists():
-            continue
-        try:
-            unroll(specimen / side, stored)
-        except EndoctError as error:
-            note.write_text(f"{error}\n", encoding="utf-8")
-
-
-def _stored(specimen: Path, side: str, cache_folder: Path) -> Path:
-    return cache_folder / specimen.parent.name / f"{specimen.name}-{side}.zarr"
-
-
 @cache
 def _side(specimen: Path, side: str, cache_folder: Path) -> tuple[Panorama, Evidence]:
-    stored = _stored(specimen, side, cache_folder)
-    if (note := stored.with_suffix(".txt")).exists():
-        raise EndoctError(note.read_text(encoding="utf-8").strip())
-    panorama = load_panorama(stored)
+    panorama = unrolled(specimen, side, cache_folder)
     return panorama, prepare(panorama)
 
 
@@ -252,10 +230,8 @@ def main() -> None:
     work = arguments.cache or Path(tempfile.mkdtemp(prefix="endoct-confidence-"))
     todo = list(pairings(arguments.folder, arguments.featureless, arguments.wrong, arguments.curve))
     specimens = sorted({path for pairing in todo for path in (pairing.a, pairing.b)})
-    for folder in {path.parent.name for path in specimens}:
-        (work / folder).mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(arguments.workers) as pool:
-        list(pool.map(partial(unrolled, cache_folder=work), specimens))
+        list(pool.map(partial(both_unrolled, cache=work), specimens))
         rows = list(pool.map(partial(aligned, cache_folder=work), todo, chunksize=4))
     _print(_summary(rows))
     if arguments.csv:
