@@ -3,15 +3,18 @@
     python benchmarks/budget.py SPECIMEN … [--csv FILE]
 
 A row a specimen that ``endoct simulate`` wrote; its recordings are unrolled and compared. Beside the predicted parts of
-the budget stand the true losses: the true cells, at the true places of both panoramas' samples, are sent through the
-found alignment to the common grid as real masks are.
+the budget stand the true losses, taken in the budget's own order (what is lost first hides part of what comes after):
 
-- ``true_sampling``: 1 − J of the endoscope's true cells and the same seen at the OCT's samples only.
-- ``true_geometry``: what is lost besides where the OCT's true cells are put by the found alignment: its error, and what
-  of both panoramas is not rigid.
+- ``true_alignment``: 1 − J of the true cells at the true places of the endoscope's panorama and at those of the OCT's
+  where the found alignment puts them, both on the fine grid: its error, and what of both panoramas' z is not rigid.
+- ``true_sampling``: what is lost besides where both are seen at the panoramas' own samples only and brought from there
+  to the common grid as real masks are.
 - ``true_rest``: the rest of 1 − J, which visibility and segmentation predict together.
 - ``error_z_um``, ``sd_z_um``: error of the alignment along z amid the overlap, and what its covariance says;
   ``error_arc_um``, ``sd_arc_um`` the same around the bore.
+
+Last, of the specimens together: the ratio of predicted and true loss by alignment, and the root mean square of errors
+in units of their standard errors, which is 1 where the covariance tells the truth.
 """
 
 import argparse
@@ -23,10 +26,12 @@ import numpy as np
 
 from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.placement import IN_PLACE, Placement
-from endoct.stitching.arrays import Mask
+from endoct.fusion.pose import Alignment
+from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
+from endoct.stitching.panorama import Panorama
 from endoct.workbench import unroll
-from endoct.workbench.bench.truth import jaccard, load_truth, true_cells, true_pose
+from endoct.workbench.bench.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
 
 
 def evaluate(specimen: Path) -> dict[str, float | str]:
@@ -38,17 +43,16 @@ def evaluate(specimen: Path) -> dict[str, float | str]:
         return {"specimen": specimen.name}
     truth, grid, seen = load_truth(specimen), comparison.grid, comparison.valid.all(axis=0)
     pose_a, pose_b = true_pose(a, truth), true_pose(b, truth)
-    cells_a, cells_b = true_cells(truth, pose_a, a), true_cells(truth, pose_b, b)
-    rows = np.clip(np.rint(np.interp(found.z_to_a(b.z_mm), a.z_mm, np.arange(a.z_mm.size))), 0, None).astype(int)
-    columns = np.rint(a.grid.column_of(found.theta_to_a(b.grid.theta_rad))).astype(int) % a.grid.n_theta
 
-    def placed(k: int, mask: Mask) -> Mask:
-        side, where = ((a, IN_PLACE), (b, found))[k]
+    def fine(pose: Pose, where: Alignment) -> Mask:
+        return _cells_at(truth, pose.z_bore(where.z_to_b(grid.z_mm)), pose.theta_bore(where.theta_to_b(grid.theta_rad)))
+
+    def sampled(side: Panorama, pose: Pose, where: Alignment) -> Mask:
+        mask = true_cells(truth, pose, side)
         return Placement(side, where, grid, grid.z_mm, grid.dz_mm).mask(mask, np.ones_like(mask))[0]
 
-    of_a = placed(0, cells_a)
-    sampled = jaccard(of_a, placed(1, cells_a[np.ix_(rows, columns)]), seen)
-    through = jaccard(of_a, placed(1, cells_b), seen)
+    put = jaccard(fine(pose_a, IN_PLACE), fine(pose_b, found), seen)
+    through = jaccard(sampled(a, pose_a, IN_PLACE), sampled(b, pose_b, found), seen)
     z_a, z_b = pose_a.z_bore(a.z_mm), pose_b.z_bore(b.z_mm)
     shared = (z_b >= z_a.min()) & (z_b <= z_a.max())
     order = np.argsort(z_a)
@@ -62,14 +66,47 @@ def evaluate(specimen: Path) -> dict[str, float | str]:
         "specimen": specimen.name,
         "jaccard": comparison.result["jaccard"],
         **shares,
-        "true_sampling": 1 - sampled,
-        "true_geometry": sampled - through,
+        "true_alignment": 1 - put,
+        "true_sampling": put - through,
         "true_rest": through - comparison.result["jaccard"],
         "error_z_um": 1e3 * float(np.median(error_mm)),
         "sd_z_um": 1e3 * float(np.sqrt(lever @ covariance @ lever)),
         "error_arc_um": 1e3 * turn_rad * a.grid.radius_mm,
         "sd_arc_um": 1e3 * float(np.sqrt(covariance[0, 0])) * a.grid.radius_mm,
     }
+
+
+def _cells_at(truth: Truth, z_mm: Coordinates, theta_rad: Coordinates) -> Mask:
+    """Return the true cells at places of the bore, bool (z, θ), False beyond its ends."""
+    wall_mm, n_theta = truth.wall["z"].values, truth.wall.sizes["theta"]
+    rows = np.rint((z_mm - wall_mm[0]) / (wall_mm[1] - wall_mm[0])).astype(int)
+    columns = np.rint(theta_rad / (2 * np.pi) * n_theta).astype(int) % n_theta
+    inside = (rows >= 0) & (rows < wall_mm.size)
+    cells = truth.wall["cell"].values[np.ix_(np.clip(rows, 0, wall_mm.size - 1), columns)].astype(np.bool_)
+    return np.asarray(cells & inside[:, np.newaxis])
+
+
+def summarise(rows: list[dict[str, float | str]]) -> str:
+    """Return how predictions and truth compare over specimens."""
+
+    def values(name: str) -> Coordinates:
+        return np.array([float(row[name]) for row in rows])
+
+    def rms(of: Coordinates) -> float:
+        return float(np.sqrt(np.mean(of**2)))
+
+    ratio = values("alignment") / values("true_alignment")
+    within = int(np.sum((ratio > 1 / 1.5) & (ratio < 1.5)))
+    told = [
+        f"alignment, predicted / true: median {np.median(ratio):.2f}, {ratio.min():.2f} to {ratio.max():.2f}, "
+        f"{within} of {len(rows)} within a factor of 1.5"
+    ]
+    for axis in ("z", "arc"):
+        error, sd = values(f"error_{axis}_um"), values(f"sd_{axis}_um")
+        told.append(
+            f"error of {axis} {rms(error):.1f} µm rms, mean {error.mean():.1f}, {rms(error / sd):.2f} deviations"
+        )
+    return "; ".join(told)
 
 
 def main() -> None:
@@ -83,6 +120,8 @@ def main() -> None:
         rows.append(evaluate(specimen))
         print("  ".join(f"{k}={v:.3f}" if isinstance(v, float) else f"{v}" for k, v in rows[-1].items()), flush=True)
     known = [row for row in rows if "jaccard" in row]
+    if known:
+        print(summarise(known))
     if arguments.csv and known:
         with arguments.csv.open("w", newline="") as file:
             writer = csv.DictWriter(file, list(known[0]))

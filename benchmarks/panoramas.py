@@ -36,9 +36,7 @@ def unrolled(specimen: Path, side: str, cache: Path, variant: str = "") -> Panor
     return load_panorama(stored)
 
 
-def both_unrolled(
-    specimen: Path, cache: Path, variant: str = "", oct_settings: Mapping[str, Any] | None = None
-) -> None:
+def both_unrolled(specimen: Path, cache: Path, variant: str = "", settings: Mapping[str, Any] | None = None) -> None:
     """Unroll both recordings of a specimen into the cache; the OCT in a ``variant`` with ``settings``."""
     unroll_once(specimen, cache, side="endoscope")
     unroll_once(specimen, cache, side="oct", variant=variant, **(settings or {}))
