@@ -25,7 +25,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from endoct.fusion.intervals import RESAMPLES, SEED, percentiles, weights
 from endoct.fusion.objects import Cell, Labels, Surface
@@ -141,7 +141,7 @@ def _draws(placing: Alignment, pitch_mm: float) -> list[tuple[Alignment, float]]
     strata = (np.stack([rng.permutation(DRAWS) for _ in range(4)], axis=1) + 0.5) / DRAWS
     covariance = np.zeros((3, 3)) if placing.covariance is None else np.array(placing.covariance)
     size, axes = np.linalg.eigh(covariance)
-    errors = norm.ppf(strata[:, :3]) * np.sqrt(np.maximum(size, 0)) @ axes.T
+    errors = ndtri(strata[:, :3]) * np.sqrt(np.maximum(size, 0)) @ axes.T
     return [
         (
             replace(

@@ -23,7 +23,6 @@ from endoct.workbench.drawn import score_drawings, write_mask
 from endoct.workbench.inputs import digests, versions
 from endoct.workbench.pictures import save_pictures
 from endoct.workbench.progress import Stages
-from endoct.workbench.report import write_report
 from endoct.workbench.unrolling import Opened, Unrolled, open_side, unroll_recording
 
 PICTURED_PLACES = (1 / 6, 1 / 2, 5 / 6)
@@ -88,6 +87,8 @@ def write_comparison(
     }
     (folder / "result.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     with stages.stage("report"):
+        from endoct.workbench.report import write_report  # only who draws loads matplotlib
+
         write_report(folder)
     return comparison
 

@@ -20,8 +20,8 @@ from endoct.workbench.figures.drawing import (
     VERMILION,
     Drawn,
     journal_style,
-    letters,
     new_figure,
+    place,
     save,
 )
 from endoct.workbench.findings import Findings
@@ -36,8 +36,8 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
     if not findings.aligned or not budget:
         return None
     with journal_style():
-        figure = new_figure(PAGE_WIDTH_IN, 1.35)
-        axes = figure.add_subplot()
+        figure = new_figure(PAGE_WIDTH_IN, 0.4)
+        axes = place(figure, 0.1, 0.0, PAGE_WIDTH_IN - 0.2, 0.45)
         jaccard = 1 - budget["one_minus_jaccard"]
         axes.barh(0, jaccard, color=PAPER, edgecolor=INK, linewidth=0.6)
         axes.text(jaccard / 2, 0, f"Jaccard index {jaccard:.3f}", ha="center", va="center")
@@ -55,7 +55,10 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
         axes.set_xlabel("share of the cells that either side shows (1)")
         for edge in ("top", "right", "left"):
             axes.spines[edge].set_visible(False)
-        figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, handlelength=1.2)
+        axes.legend(
+            handles=entries, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=5.2, ncols=2, frameon=False,
+            handlelength=1.2,
+        )  # fmt: skip
         path = folder / "budget.png"
         width_in = save(figure, path)
     return Drawn(path, "agreement", "What stands in the way of full agreement", _budget_caption(budget), width_in)
@@ -95,11 +98,10 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
     pairs = _matched_areas(findings)
     area = scores.get("area_mm2") if pairs.size else None
     with journal_style():
-        figure = new_figure(PAGE_WIDTH_IN, 2.5)
-        panels = figure.subplots(1, 2, width_ratios=(1.25, 1)) if area else [figure.subplots()]
-        _by_kind(panels[0], strata, f"{letters(2)[0]} Jaccard index by kind of cell")
+        figure = new_figure(PAGE_WIDTH_IN, 2.2)
+        _by_kind(place(figure, 0.95, 0.0, 3.1 if area else 6.1, 1.95), strata, "(a) Jaccard index by kind of cell")
         if area:
-            _bland_altman(panels[1], pairs, area, findings)
+            _bland_altman(place(figure, 4.7, 0.0, 2.45, 1.95), pairs, area, findings)
         path = folder / "scores.png"
         width_in = save(figure, path)
     caption = (

@@ -16,11 +16,16 @@ from endoct.workbench.findings import Findings
 def draw_all(findings: Findings, folder: Path) -> list[Drawn]:
     """Draw every figure that ``findings`` have matter for into ``folder``, which must exist."""
     drawn = []
-    for draw in _drawings(findings, folder):
-        figure = draw()
-        gc.collect()  # a figure refers to itself in circles, and holds megabytes
-        if figure is not None:
-            drawn.append(figure)
+    gc.collect()
+    gc.freeze()  # what there was before need not be looked through after every figure
+    try:
+        for draw in _drawings(findings, folder):
+            figure = draw()
+            gc.collect()  # a figure refers to itself in circles, and holds megabytes
+            if figure is not None:
+                drawn.append(figure)
+    finally:
+        gc.unfreeze()
     return drawn
 
 

@@ -28,11 +28,12 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.figures.drawing import (
     DEPTH_COLOURS,
     INTENSITY_COLOURS,
-    MAX_PANEL_HEIGHT_IN,
     PAGE_WIDTH_IN,
     Drawn,
+    bar_under,
     journal_style,
     new_figure,
+    place,
     robust_limits,
     save,
     thinned,
@@ -65,14 +66,14 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
     length_mm = grid.n_z * grid.dz_mm
     outer_mm = grid.radius_mm + float(np.percentile(depth_mm, 99.9)) + REST_MM
     beside = length_mm < 6 * outer_mm
+    width_in = PAGE_WIDTH_IN / 2 - 0.65 if beside else PAGE_WIDTH_IN - 0.7
+    # across and along are drawn to one scale
+    height_in = width_in * 2 * outer_mm / (length_mm * math.cos(TILT_RAD) + outer_mm * math.sin(TILT_RAD))
     with journal_style():
-        across_in = (PAGE_WIDTH_IN / 2 if beside else PAGE_WIDTH_IN) - 0.5
-        spread_mm = length_mm * math.cos(TILT_RAD) + outer_mm * math.sin(TILT_RAD)
-        height_in = min(across_in * 2 * outer_mm / spread_mm, MAX_PANEL_HEIGHT_IN / (1 if beside else 2)) + 0.5
-        figure = new_figure(PAGE_WIDTH_IN, (1 if beside else 2) * height_in + 0.7)
-        panels = []
+        figure = new_figure(PAGE_WIDTH_IN, height_in if beside else 2 * height_in + 0.5)
         for k, middle_deg in enumerate((90, 270)):
-            axes = figure.add_subplot(*((1, 2) if beside else (2, 1)), k + 1)
+            left_in, top_in = (k * (width_in + 0.7), 0.0) if beside else (0.0, k * (height_in + 0.5))
+            axes = place(figure, 0.4 + left_in, top_in, width_in, height_in)
             middle_rad = math.radians(middle_deg)
             image, extent = cast_half(coarse, depth_mm, seen_values, seen, mapping, outer_mm, middle_rad, by_depth)
             axes.imshow(image, extent=extent, aspect=1 / math.cos(TILT_RAD), interpolation="auto")
@@ -83,11 +84,9 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
             for spine in axes.spines.values():
                 spine.set_visible(False)
             _scale_bar(axes, extent[1], -outer_mm)
-            panels.append(axes)
-        bar = figure.colorbar(
-            mapping, ax=panels, orientation="horizontal", fraction=0.05, aspect=40, shrink=0.5, extend="both"
-        )
-        bar.set_label("wall radius − bore radius (mm)" if by_depth else "intensity (a.u.)", fontsize=7, labelpad=1)
+        below_in = (height_in if beside else 2 * height_in + 0.5) + 0.5
+        bar = place(figure, PAGE_WIDTH_IN / 2 - 1.3, below_in, 2.6, 0.08)
+        bar_under(bar, mapping, "wall radius − bore radius (mm)" if by_depth else "intensity (a.u.)")
         path = folder / f"cylinder-{side.name}.png"
         width_in = save(figure, path)
     shape = "the wall as measured" if by_depth else "the side has no depth, so the wall is drawn at the bore's radius"

@@ -7,7 +7,7 @@ import math
 import re
 import textwrap
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,8 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Bbox
-from numpy.typing import ArrayLike, NDArray
+from matplotlib.transforms import blended_transform_factory
+from numpy.typing import NDArray
 from PIL import Image
 
 from endoct.stitching.arrays import Mask
@@ -33,8 +33,12 @@ PAGE_WIDTH_IN = 7.2
 
 MAX_PANEL_HEIGHT_IN = 6.6
 DPI = 250
-SLACK = 1.06
-"""Figures are made so much larger, and laid out within the middle: nothing is cut off, the margin is trimmed."""
+MARGIN_IN = 1.0
+"""Paper around what is placed, for labels: nothing is cut off, and what stays white is trimmed."""
+LEFT_IN, GAP_IN = 0.5, 0.22
+"""Room for the labels left of the first panel of the wall, and between two."""
+ABOVE_PT = 21.0
+"""From a panel of the wall to its title: the arc's scale lies between."""
 
 _STYLE: Any = {  # Any: matplotlib types its keys as literals
     "font.size": 8.0,
@@ -48,6 +52,7 @@ _STYLE: Any = {  # Any: matplotlib types its keys as literals
     "ytick.major.width": 0.6,
     "hatch.linewidth": 0.5,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # fixed: matplotlib would measure every label to find a place for it
 }
 
 # Okabe and Ito's palette, told apart by colour-blind readers, and by their lightness in grey print
@@ -81,43 +86,46 @@ def journal_style() -> AbstractContextManager[None]:
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return an empty figure with a canvas of its own: no global state, safe in any thread."""
-    figure = Figure(figsize=(width_in * SLACK, height_in * SLACK), dpi=DPI)
-    figure.set_layout_engine("compressed", rect=(0.5 - 0.5 / SLACK, 0.5 - 0.5 / SLACK, 1 / SLACK, 1 / SLACK))
-    return figure
+    """Return an empty figure with a canvas of its own: no global state, safe in any thread.
+
+    It has :data:`MARGIN_IN` of paper more on every side. Axes are put into it by :func:`place`: matplotlib's layout
+    engines measure every label several times, which took longer than all else of a report together.
+    """
+    return Figure(figsize=(width_in + 2 * MARGIN_IN, height_in + 2 * MARGIN_IN), dpi=DPI)
+
+
+def place(figure: Figure, left_in: float, top_in: float, width_in: float, height_in: float) -> Axes:
+    """Return new axes whose frame lies so far from the left and the top of a :func:`new_figure`'s paper."""
+    paper_width_in, paper_height_in = figure.get_size_inches()
+    bottom_in = paper_height_in - MARGIN_IN - top_in - height_in
+    return figure.add_axes(
+        (
+            (MARGIN_IN + left_in) / paper_width_in,
+            bottom_in / paper_height_in,
+            width_in / paper_width_in,
+            height_in / paper_height_in,
+        )
+    )
+
+
+def width_of(axes: Axes) -> float:
+    """Return the width of ``axes`` in inches."""
+    return float(axes.get_position(original=True).width * axes.figure.get_size_inches()[0])
 
 
 def save(figure: Figure, path: Path) -> float:
     """Write ``figure`` as PNG with its white margins trimmed; return its width in inches."""
     canvas = FigureCanvasAgg(figure)
-    _settle_layout(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
     # trimmed here: matplotlib's own trimming draws everything twice
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
-    inked = (pixels != 255).any(axis=2)
+    pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+    inked = pixels.view(np.uint32)[..., 0] != np.uint32(0xFFFFFFFF)
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     margin = round(0.04 * DPI)
     top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
-    trimmed = pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1]
-    Image.fromarray(np.ascontiguousarray(trimmed)).save(path, dpi=(DPI, DPI), compress_level=4)
+    trimmed = pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1, :3]
+    Image.fromarray(np.ascontiguousarray(trimmed)).save(path, dpi=(DPI, DPI), compress_level=2)
     return float(trimmed.shape[1] / DPI)
-
-
-def _settle_layout(figure: Figure) -> None:
-    """Lay the figure out once and for all, to far less than a pixel.
-
-    The layout's solver rounds differently from run to run; the last bit of a place can move a pixel.
-    """
-    if (engine := figure.get_layout_engine()) is not None:
-        with suppress(ValueError):  # as matplotlib does when it draws: a figure of several grids stays as it is
-            engine.execute(figure)
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        place = axes.get_position(original=True).get_points()
-        axes.set_position(Bbox(np.round(place, 5)), which="original")
-    for text in figure.texts:
-        x, y = text.get_position()
-        text.set_position((round(x, 5), round(y, 5)))
 
 
 def z_stretch(grid: SurfaceGrid) -> float:
@@ -131,46 +139,32 @@ def scale_text(grid: SurfaceGrid) -> str:
     return "drawn to scale" if stretch == 1 else f"z drawn {stretch:.3g} times longer than the arc"
 
 
-def panel_figure(grid: SurfaceGrid, n_panels: int, *, below_in: float = 0.9) -> tuple[Figure, list[Axes]]:
-    """Return a figure with ``n_panels`` panels of the wall side by side, as large as the page allows.
-
-    ``below_in`` is left for colour bars or legends under each panel.
-    """
+def panel_figure(grid: SurfaceGrid, n_panels: int) -> tuple[Figure, list[Axes]]:
+    """Return a figure with ``n_panels`` panels of the wall side by side, as large as the page allows."""
     length_mm, around_mm = grid.n_z * grid.dz_mm * z_stretch(grid), 2 * math.pi * grid.radius_mm
-    width_in = (PAGE_WIDTH_IN - 0.5) / n_panels - 0.12
+    width_in = (PAGE_WIDTH_IN - LEFT_IN - 0.1 - (n_panels - 1) * GAP_IN) / n_panels
     width_in = min(width_in, MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 3.6)
     width_in = max(width_in, 0.9)
     height_in = width_in * length_mm / around_mm
-    figure = new_figure(n_panels * (width_in + 0.14) + 0.5, height_in + below_in + 0.55)
-    axes = [figure.add_subplot(1, n_panels, k + 1) for k in range(n_panels)]
-    return figure, axes
+    figure = new_figure(LEFT_IN + n_panels * (width_in + GAP_IN), height_in + 0.3)
+    return figure, [place(figure, LEFT_IN + k * (width_in + GAP_IN), 0.0, width_in, height_in) for k in range(n_panels)]
 
 
 def wall_panel(axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True) -> None:
     """Set up ``axes`` as a panel of the wall: θ in degrees below, arc in mm above, z downwards; hatched = no data."""
     top, bottom = grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm
-    arc_mm_per_degree = math.radians(1) * grid.radius_mm
     axes.set_xlim(0, 360)
     axes.set_ylim(bottom, top)
-    axes.set_aspect(z_stretch(grid) / arc_mm_per_degree)
+    axes.set_aspect(z_stretch(grid) / (math.radians(1) * grid.radius_mm))
     axes.set_xticks([0, 90, 180, 270, 360])
     axes.set_xlabel("θ (°)")
     if first:
         axes.set_ylabel("z, inward (mm)")
     else:
         axes.tick_params(labelleft=False)
-    axes.set_title(title, pad=4)
+    axes.set_title(wrapped(title, width_of(axes)), pad=ABOVE_PT)
     axes.patch.set(facecolor="#dfe6f2", edgecolor="#9aa9c4", hatch="//////", linewidth=0)
-
-    def arc_of(degrees: ArrayLike) -> ArrayLike:
-        return np.asarray(degrees) * arc_mm_per_degree
-
-    def degrees_of(arc_mm: ArrayLike) -> ArrayLike:
-        return np.asarray(arc_mm) / arc_mm_per_degree
-
-    arc = axes.secondary_xaxis("top", functions=(arc_of, degrees_of))
-    arc.tick_params(labelsize=6, length=2, pad=1)
-    arc.set_xlabel("arc (mm)", fontsize=6, labelpad=2)
+    _arc_scale(axes, grid)
     _scale_bar(axes, grid)
 
 
@@ -227,11 +221,18 @@ def thinned(grid: SurfaceGrid, *arrays: NDArray[Any]) -> list[Any]:
     return thin
 
 
-def colour_bar(figure: Figure, axes: Axes, image: ScalarMappable, label: str, *, extend: str = "neither") -> None:
-    """Draw a horizontal colour bar with its unit under ``axes``."""
-    bar = figure.colorbar(
-        image, ax=axes, orientation="horizontal", fraction=0.05, aspect=18, pad=0.02, shrink=0.9, extend=extend
-    )
+def colour_bar(axes: Axes, image: ScalarMappable, label: str) -> None:
+    """Draw a horizontal colour bar with its unit under ``axes``; its ends stand for all beyond them."""
+    figure, below_in = axes.figure, 0.47
+    paper_in = figure.get_size_inches()[1]
+    frame = axes.get_position(original=True)
+    room = (frame.x0 + 0.05 * frame.width, frame.y0 - (below_in + 0.1) / paper_in, 0.9 * frame.width, 0.1 / paper_in)
+    bar_under(figure.add_axes(room), image, wrapped(label, 1.15 * width_of(axes)))
+
+
+def bar_under(axes: Axes, image: ScalarMappable, label: str) -> None:
+    """Draw a horizontal colour bar into ``axes``."""
+    bar = axes.figure.colorbar(image, cax=axes, orientation="horizontal", extend="both")
     bar.set_label(label, fontsize=7, labelpad=1)
     bar.ax.tick_params(labelsize=6.5, length=2)
     bar.outline.set_linewidth(0.5)
@@ -269,6 +270,28 @@ def letters(count: int) -> Sequence[str]:
 
 def _columns_to_zero(grid: SurfaceGrid) -> int:
     return round(float(np.mod(grid.theta0_rad, 2 * math.pi)) / grid.dtheta_rad)
+
+
+def _arc_scale(axes: Axes, grid: SurfaceGrid) -> None:
+    """Draw the arc's length in mm above a panel of the wall: lines and words, far cheaper than a second axis."""
+    around_mm, wide = 2 * math.pi * grid.radius_mm, width_of(axes)
+    step_mm = next((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10) if wide * v / around_mm >= 0.3), 20)
+    at_mm = np.arange(0, around_mm, step_mm)
+    above = blended_transform_factory(axes.transData, axes.transAxes)
+    axes.plot(
+        np.degrees(at_mm / grid.radius_mm), np.ones(at_mm.size), linestyle="none", marker=2, markersize=2.5,
+        markeredgewidth=0.6, color="black", transform=above, clip_on=False,
+    )  # fmt: skip
+    for mm in at_mm:
+        _above(axes, f"{mm:g}", float(np.degrees(mm / grid.radius_mm)), 3.5)
+    _above(axes, "arc (mm)", 180, 11)
+
+
+def _above(axes: Axes, text: str, theta_deg: float, points: float) -> None:
+    axes.annotate(
+        text, (theta_deg, 1), xycoords=("data", "axes fraction"), xytext=(0, points), textcoords="offset points",
+        ha="center", va="bottom", fontsize=6, annotation_clip=False,
+    )  # fmt: skip
 
 
 def _scale_bar(axes: Axes, grid: SurfaceGrid) -> None:

@@ -13,6 +13,7 @@ from endoct.modalities.contract import Picture
 from endoct.workbench.figures.drawing import (
     CURVES,
     DEPTH_COLOURS,
+    LEFT_IN,
     MAX_PANEL_HEIGHT_IN,
     PAGE_WIDTH_IN,
     PLACES,
@@ -20,6 +21,7 @@ from endoct.workbench.figures.drawing import (
     colour_bar,
     journal_style,
     new_figure,
+    place,
     robust_limits,
     save,
     show_surface,
@@ -33,6 +35,7 @@ from endoct.workbench.findings import SideFindings
 
 DASHES: tuple[Any, ...] = ("-", (0, (4, 4)))
 """Every other curve is dashed, so that two that coincide are both seen."""
+TITLE_LINE_IN = 0.15
 
 
 def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
@@ -44,27 +47,31 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     # B-scans are wide: a row for each frame. Images of a camera are not: a column for each.
     down = not _is_image(frames[0][1][0])
     rows, columns = (len(frames), most) if down else (most, len(frames))
-    width_in = PAGE_WIDTH_IN / columns
+    pitch_in = PAGE_WIDTH_IN / columns
+    width_in = pitch_in - 0.5
+    shown = {
+        (k, n) if down else (n, k): (place_of, picture)
+        for k, (place_of, pictures) in enumerate(frames)
+        for n, picture in enumerate(pictures)
+    }
+    last = frames[-1][0]
+    titles = {at: wrapped(_title(side, *what), width_in) for at, what in shown.items()}
+    heights_in, tops_in, below_in = [], [], 0.0
+    for row in range(rows):
+        of_row = {at: what for at, what in shown.items() if at[0] == row}
+        lines = max(titles[at].count("\n") + 1 for at in of_row)
+        entries = max((len(picture.curves) for place_of, picture in of_row.values() if place_of == last), default=0)
+        tops_in.append(below_in + TITLE_LINE_IN * lines)
+        heights_in.append(max(_height_in(picture, width_in) for _, picture in of_row.values()))
+        below_in = tops_in[row] + heights_in[row] + 0.45 + TITLE_LINE_IN * math.ceil(entries / 2)
     with journal_style():
-        cells = {
-            (k, n) if down else (n, k): (place, picture)
-            for k, (place, pictures) in enumerate(frames)
-            for n, picture in enumerate(pictures)
-        }
-        heights = [
-            max(_height_in(picture, width_in) for (r, _), (_, picture) in cells.items() if r == row)
-            for row in range(rows)
-        ]
-        figure = new_figure(PAGE_WIDTH_IN, sum(heights) + 0.5 * rows + 0.5)
-        spec = figure.add_gridspec(rows, columns, height_ratios=heights)
-        for (row, column), (place, picture) in cells.items():
-            axes = figure.add_subplot(spec[row, column])
-            show_picture(axes, picture, legend=place == frames[-1][0], y_label=down or column == 0)
-            # most plug-ins say in the title which frame it is; where one does not, it is said here
-            named = picture.title if re.search(r"\d", picture.title) else f"{place_label(side, place)}: {picture.title}"
-            axes.set_title(wrapped(named, width_in), pad=3)
+        figure = new_figure(PAGE_WIDTH_IN, below_in)
+        for (row, column), (place_of, picture) in shown.items():
+            axes = place(figure, column * pitch_in + 0.42, tops_in[row], width_in, heights_in[row])
+            show_picture(axes, picture, legend=place_of == last, y_label=down or column == 0)
+            axes.set_title(titles[row, column], pad=3)
         path = folder / f"frames-{side.name}.png"
-        width_in = save(figure, path)
+        printed_in = save(figure, path)
     names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
     drawn = f" Drawn in: {', '.join(names)}." if names else ""
     return Drawn(
@@ -72,7 +79,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
         "frames",
         f"Single frames, {side.name}",
         f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after.{drawn}",
-        width_in,
+        printed_in,
     )
 
 
@@ -84,30 +91,27 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
     grid = panorama.grid
     length_mm, around_mm = grid.n_z * grid.dz_mm * z_stretch(grid), 2 * np.pi * grid.radius_mm
     wall_in = float(np.clip(MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 1.2, 3.4))
-    height_in = max(wall_in * length_mm / around_mm, 1.2 * len(side.pictures), 1.0)
+    wall_height_in = wall_in * length_mm / around_mm
+    beside_in = LEFT_IN + wall_in + 0.65
+    pitch_in = max(wall_height_in / max(1, len(side.pictures)), 1.2)
     with journal_style():
-        figure = new_figure(PAGE_WIDTH_IN if side.pictures else wall_in + 0.8, height_in + 1.3)
-        ratios = [wall_in + 0.5, PAGE_WIDTH_IN - wall_in - 0.5] if side.pictures else [1.0]
-        spec = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
-        axes = figure.add_subplot(spec[0])
-        axes.set_anchor("N")
+        figure = new_figure(PAGE_WIDTH_IN, max(wall_height_in, pitch_in * len(side.pictures)))
+        axes = place(figure, LEFT_IN, 0.0, wall_in, wall_height_in)
         wall_panel(axes, grid, f"(a) {side.name}, depth")
         coarse, depth_mm, valid = thinned(grid, panorama.depth_mm, panorama.valid)
         low, high = robust_limits(depth_mm, valid)
         image = show_surface(axes, coarse, depth_mm, valid & np.isfinite(depth_mm), DEPTH_COLOURS, low, high)
-        colour_bar(figure, axes, image, "wall radius − bore radius (mm)", extend="both")
-        if side.pictures:
-            beside = spec[1].subgridspec(len(side.pictures), 1)
-            for k, (place, pictures) in enumerate(side.pictures.items()):
-                colour = PLACES[k % len(PLACES)]
-                if place < side.frame_z_mm.size:
-                    _mark_place(axes, float(side.frame_z_mm[place]), colour)
-                part = figure.add_subplot(beside[k])
-                last = k == len(side.pictures) - 1
-                show_picture(part, pictures[-1], legend=last, x_label=last, y_label=k == len(side.pictures) // 2)
-                part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place)}", pad=3)
-                for spine in part.spines.values():
-                    spine.set(color=colour, linewidth=1.6)
+        colour_bar(axes, image, "wall radius − bore radius (mm)")
+        for k, (place_of, pictures) in enumerate(side.pictures.items()):
+            colour = PLACES[k % len(PLACES)]
+            if place_of < side.frame_z_mm.size:
+                _mark_place(axes, float(side.frame_z_mm[place_of]), colour)
+            part = place(figure, beside_in, k * pitch_in, PAGE_WIDTH_IN - beside_in - 0.1, min(pitch_in - 0.3, 2.2))
+            last = k == len(side.pictures) - 1
+            show_picture(part, pictures[-1], legend=last, x_label=last, y_label=k == len(side.pictures) // 2)
+            part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place_of)}", pad=3)
+            for spine in part.spines.values():
+                spine.set(color=colour, linewidth=1.6)
         path = folder / f"depth-{side.name}.png"
         width_in = save(figure, path)
     return Drawn(
@@ -165,10 +169,15 @@ def show_picture(
         )
 
 
-def place_label(side: SideFindings, place: int) -> str:
+def place_label(side: SideFindings, place_of: int) -> str:
     """Return "slice 12, z = 2.40 mm": where a pictured frame lies, in the order of ascending z from 0."""
-    label = f"{side.panorama.frame_dim} {place}"
-    return label + (f", z = {side.frame_z_mm[place]:.2f} mm" if place < side.frame_z_mm.size else "")
+    label = f"{side.panorama.frame_dim} {place_of}"
+    return label + (f", z = {side.frame_z_mm[place_of]:.2f} mm" if place_of < side.frame_z_mm.size else "")
+
+
+def _title(side: SideFindings, place_of: int, picture: Picture) -> str:
+    """Return what stands over a picture; most plug-ins say in it which frame it is, or else it is said here."""
+    return picture.title if re.search(r"\d", picture.title) else f"{place_label(side, place_of)}: {picture.title}"
 
 
 def _degrees_for_radians(label: str) -> tuple[float, str]:
@@ -185,8 +194,8 @@ def _is_image(picture: Picture) -> bool:
 def _height_in(picture: Picture, width_in: float) -> float:
     if _is_image(picture):
         (left, right), (top, bottom) = picture.x_extent, picture.y_extent
-        return float(np.clip(0.85 * width_in * abs((bottom - top) / (right - left)), 0.5, 2.6))
-    return 0.42 * width_in
+        return float(np.clip(width_in * abs((bottom - top) / (right - left)), 0.5, 2.6))
+    return 0.47 * width_in
 
 
 def _mark_place(axes: Axes, z_mm: float, colour: str) -> None:

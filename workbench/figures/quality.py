@@ -6,16 +6,28 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.workbench.doubts import doubted_frames, flag_text
-from endoct.workbench.figures.drawing import BLUE, INK, PAGE_WIDTH_IN, VERMILION, Drawn, journal_style, new_figure, save
+from endoct.workbench.figures.drawing import (
+    BLUE,
+    INK,
+    PAGE_WIDTH_IN,
+    VERMILION,
+    Drawn,
+    journal_style,
+    new_figure,
+    place,
+    save,
+)
 from endoct.workbench.findings import SideFindings
 
 UNITS = {"mm": "mm", "rad": "°", "px": "px", "hz": "Hz", "deg": "°", "s": "s"}
 MAX_COMPONENTS = 4
+TICK_STEPS = (1, 2, 2.5, 5, 10)
 
 
 def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
@@ -31,14 +43,16 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
     columns = 2 if len(varying) > 1 else 1
     rows = math.ceil(len(varying) / columns)
     with journal_style():
-        figure = new_figure(PAGE_WIDTH_IN, 1.05 * rows + 0.5)
-        first: Axes | None = None
+        figure = new_figure(PAGE_WIDTH_IN, 1.05 * rows)
+        pitch_in = PAGE_WIDTH_IN / columns
         for k, (name, values) in enumerate(varying.items()):
-            axes = figure.add_subplot(rows, columns, k + 1, sharex=first)
-            first = first or axes
+            row, column = divmod(k, columns)
+            axes = place(figure, column * pitch_in + 0.5, row * 1.05, pitch_in - 0.6, 0.8)
             _plot(axes, name, values, z_mm, flagged)
-            axes.tick_params(labelbottom=k + columns >= len(varying))
-        figure.supxlabel("z, inward (mm)", fontsize=7.5)
+            if k + columns >= len(varying):
+                axes.set_xlabel("z, inward (mm)")
+            else:
+                axes.tick_params(labelbottom=False)
         path = folder / f"quality-{side.name}.png"
         width_in = save(figure, path)
     finite = {name: v[np.isfinite(v)] for name, v in numbers.items() if np.isfinite(v).any()}
@@ -85,6 +99,8 @@ def _plot(axes: Axes, name: str, values: NDArray[np.float64], z_mm: NDArray[Any]
         axes.spines[edge].set_visible(False)
     axes.spines["left"].set_color(INK)
     axes.margins(y=0.12)
+    axes.xaxis.set_major_locator(MaxNLocator(5, steps=TICK_STEPS))
+    axes.yaxis.set_major_locator(MaxNLocator(4, steps=TICK_STEPS))
     axes.ticklabel_format(axis="y", useOffset=False)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.figures.drawing import (
+    ABOVE_PT,
     BLUE,
     DEPTH_COLOURS,
     INK,
@@ -32,6 +33,7 @@ from endoct.workbench.figures.drawing import (
     show_surface,
     thinned,
     wall_panel,
+    width_of,
 )
 from endoct.workbench.findings import Findings, SideFindings
 
@@ -56,7 +58,7 @@ def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
             wall_panel(axes[k], findings.grid, f"{letters(len(panels))[k]} {name}", first=k == 0)
             low, high = robust_limits(thin, valid)
             image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
-            colour_bar(figure, axes[k], image, unit, extend="both")
+            colour_bar(axes[k], image, unit)
         path = folder / "panoramas.png"
         width_in = save(figure, path)
     frame = (
@@ -79,7 +81,7 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
     a, b = findings.sides
     observed = a.valid & b.valid
     with journal_style():
-        figure, axes = panel_figure(findings.grid, 3 if findings.aligned else 2, below_in=1.2)
+        figure, axes = panel_figure(findings.grid, 3 if findings.aligned else 2)
         for k, (letter, side) in enumerate(zip(letters(2), (a, b), strict=True)):
             wall_panel(axes[k], findings.grid, f"{letter} cells, {side.name}", first=k == 0)
             coarse, mask, valid = thinned(findings.grid, side.mask, side.valid)
@@ -174,7 +176,7 @@ def _agreement(axes: Axes, grid: SurfaceGrid, a: Mask, b: Mask, observed: Mask) 
     axes.set_ylim(grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm, grid.z0_mm - grid.dz_mm / 2)
     axes.tick_params(labelleft=False)
     axes.grid(color="#e3e3e3", linewidth=0.4)
-    axes.set_title("(c) along the bore", pad=4)
+    axes.set_title("(c) along the bore", pad=ABOVE_PT)
     axes.set_xlabel("share (1)")
     _legend(axes, None)
 
@@ -221,7 +223,8 @@ def _tiles(grid: SurfaceGrid) -> Mask:
 def _legend(axes: Axes, handles: list[Any] | None, *, columns: int = 2) -> None:
     options: dict[str, Any] = {
         "loc": "upper center", "bbox_to_anchor": (0.5, -0.02), "bbox_transform": axes.transAxes,
-        "ncols": columns, "frameon": False, "borderaxespad": 4.2, "handlelength": 1.2, "columnspacing": 1.0,
+        "ncols": columns if width_of(axes) > 1.9 else 1, "frameon": False, "borderaxespad": 4.2,
+        "handlelength": 1.2, "columnspacing": 1.0,
     }  # fmt: skip
     if handles is None:
         axes.legend(**options)
