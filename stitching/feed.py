@@ -30,6 +30,7 @@ MEASUREMENT_RAD = 0.002
 ROLL_PRIOR_RAD = 0.1
 SWAY_PRIOR_RAD = 0.005
 FEWEST_FOR_FIXED_PATTERN = 8
+UNKNOWN = (0.0, float("inf"))
 MOST_LOST_FRAMES = 2  # in a row, that a recorder dropped without a gap in the numbers
 
 
@@ -39,7 +40,8 @@ class Pairs:
 
     ``feed_mm`` and ``roll_rad``: place of the later strip minus place of the earlier, each (n_pairs, 3): mean, and
     the parts that go with cos θ and sin θ of the earlier strip; ``correlation`` at the best place; ``ratio`` to the
-    best place elsewhere ("I do not know" is a ratio near 1); ``trusted``.
+    best place elsewhere ("I do not know" is a ratio near 1); ``trusted``. ``stretch``: by how much of itself the feed
+    is larger in the last row than in the middle one.
     """
 
     step: int
@@ -48,6 +50,7 @@ class Pairs:
     correlation: Coordinates
     ratio: Coordinates
     trusted: Mask
+    stretch: Coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +71,7 @@ class Feed:
     roll_rad: Coordinates
     sway_rad: Coordinates
     tilt: Coordinates
+    stretch: tuple[float, float]
     confidence: Coordinates
     correlation: Coordinates
     trusted: Mask
@@ -100,7 +104,7 @@ def estimate_feed(
         raise EndoctError("one nominal place a strip is needed", found=f"{np.shape(nominal_mm)}", expected=f"({n},)")
     if n == 1:
         zero, one, two = np.zeros(1), np.ones(1), np.zeros(2)
-        return Feed(zero, zero, np.zeros((1, 2)), two, one, one, np.ones(1, np.bool_), 1, False)
+        return Feed(zero, zero, np.zeros((1, 2)), two, UNKNOWN, one, one, np.ones(1, np.bool_), 1, False)
     seen = np.isfinite(strips) if valid is None else valid & np.isfinite(strips)
     textures = _textures(strips, seen, EDGE_MM / dz_mm, EDGE_MM / radius_mm / (2 * np.pi) * strips.shape[2])
     matcher = _Matcher(textures, seen, dz_mm, radius_mm)
@@ -210,6 +214,7 @@ class _Matcher:
             correlation=np.array([place.correlation for place in places]),
             ratio=np.array([place.ratio for place in places]),
             trusted=np.array([place.trusted for place in places], np.bool_),
+            stretch=np.array([m.stretch / m.rows[0] if abs(m.rows[0]) >= 1 else 0.0 for m in motions]),
         )
 
     def _place(self, a: int, b: int, window: tuple[float, float] | None) -> _Place:
@@ -296,12 +301,22 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
         roll_rad=roll,
         sway_rad=_without_trend(sway, z),
         tilt=np.median(tilts, axis=0) if moved.any() else np.zeros(2),
+        stretch=_typical(first.stretch[moved]),
         confidence=np.concatenate([begin, first.ratio]),
         correlation=np.concatenate([begin, first.correlation]),
         trusted=np.concatenate([np.ones(1, np.bool_), trusted]),
         direction=direction,
         measured=bool(trusted.any()),
     )
+
+
+def _typical(values: Coordinates) -> tuple[float, float]:
+    """Return the median of ``values`` and its standard error."""
+    if values.size < FEWEST_FOR_FIXED_PATTERN:
+        return UNKNOWN
+    middle = float(np.median(values))
+    spread = 1.48 * float(np.median(np.abs(values - middle)))
+    return middle, 1.25 * spread / float(np.sqrt(values.size))
 
 
 def _without_trend(values: Coordinates, along: Coordinates) -> Coordinates:

@@ -15,11 +15,13 @@ CONVERGED = 0.01
 class Motion:
     """By how many rows and columns a strip sees the wall earlier than the strip before it does.
 
-    ``rows`` and ``columns``, float64 (3,) each: mean, and the parts that go with cos θ and sin θ.
+    ``rows`` and ``columns``, float64 (3,) each: mean, and the parts that go with cos θ and sin θ. ``stretch``: by how
+    many rows more the last row moves than the middle one, and the first less.
     """
 
     rows: Coordinates
     columns: Coordinates
+    stretch: float = 0.0
 
     @classmethod
     def even(cls, rows: float, columns: float) -> "Motion":
@@ -38,11 +40,15 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
     theta = 2 * np.pi / n_theta * np.arange(n_theta)
     waves = np.stack([np.ones(n_theta), np.cos(theta), np.sin(theta)])
     grid_rows, grid_columns = np.mgrid[:n_rows, :n_theta].astype(np.float32)
+    middle = (n_rows - 1) / 2
+    # what moves from row k to k − rows does so on average at the row between them
+    from_middle = ((grid_rows[:, :1] - start.rows[0] / 2 - middle) / middle).astype(np.float32)
     layers = _wrapped(np.dstack([b, _slope(b, 0), _slope(b, 1), (~seen_b).astype(np.float32)]))
-    motion = np.stack([start.rows, start.columns])
+    first = np.concatenate([start.rows, start.columns, [start.stretch]])
+    motion = first
     for _ in range(MOST_ITERATIONS):
-        rows = grid_rows - (motion[0] @ waves).astype(np.float32)
-        columns = np.mod(grid_columns - (motion[1] @ waves).astype(np.float32), n_theta)
+        rows = grid_rows - (motion[:3] @ waves).astype(np.float32) - np.float32(motion[6]) * from_middle
+        columns = np.mod(grid_columns - (motion[3:6] @ waves).astype(np.float32), n_theta)
         # all four layers at once; what lies outside the strip is masked below
         moved = cv2.remap(layers, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         both = seen_a & (rows >= 0) & (rows <= n_rows - 1) & (moved[..., 3] == 0)
@@ -51,24 +57,31 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
         off = np.where(both, a - moved[..., 0], 0.0)
         scale = max(1e-6, 1.48 * float(np.median(np.abs(off[both][::4]))))
         weight = np.where(both, 1 / (1 + (off / (2 * scale)) ** 2), 0.0)
-        gradients = [-moved[..., 1], -moved[..., 2]]
-        normal, right = np.zeros((6, 6)), np.zeros(6)
+        gradients = [-moved[..., 1], -moved[..., 2], -moved[..., 1] * from_middle]
         # every wave depends on the column alone, so sums over rows are taken first
-        for i, left in enumerate(gradients):
-            weighted = weight * left
-            right[3 * i : 3 * i + 3] = waves @ np.einsum("kj,kj->j", weighted, off)
-            for j, other in enumerate(gradients):
-                along = np.einsum("kj,kj->j", weighted, other)
-                normal[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = (waves * along) @ waves.T
+        effects = [waves, waves, waves[:1]]
+        weighted = [weight * gradient for gradient in gradients]
+        normal = np.block(
+            [
+                [
+                    (left * np.einsum("kj,kj->j", of_left, gradient)) @ right.T
+                    for right, gradient in zip(effects, gradients, strict=True)
+                ]
+                for left, of_left in zip(effects, weighted, strict=True)
+            ]
+        )
+        pull = np.concatenate(
+            [wave @ np.einsum("kj,kj->j", of, off) for wave, of in zip(effects, weighted, strict=True)]
+        )
         if not np.trace(normal) > 0:  # nothing in view tells a motion
             return start
-        change = np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(6), right).reshape(2, 3)
+        change = np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(7), pull)
         motion = motion + change
-        if np.abs(motion - np.stack([start.rows, start.columns])).max() > 0.05 * max(n_rows, n_theta / 4):
+        if np.abs(motion - first).max() > 0.05 * max(n_rows, n_theta / 4):
             return start
         if np.abs(change).max() < CONVERGED:
             break
-    return Motion(motion[0], motion[1])
+    return Motion(motion[:3], motion[3:6], float(motion[6]))
 
 
 def _slope(image: Image, axis: int) -> Image:

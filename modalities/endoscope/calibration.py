@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.endoscope.annulus import Annulus
 from endoct.modalities.endoscope.flatfield import FlatField
-from endoct.modalities.endoscope.optics import Optics
+from endoct.modalities.endoscope.optics import ConeOptics
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.grid import SurfaceGrid
 
@@ -37,7 +37,7 @@ class EndoscopeCalibration:
     z_mm: Coordinates
     roll_rad: Coordinates
     sway_rad: Coordinates
-    optics: Optics
+    optics: ConeOptics
     flat: FlatField
     exposure: Coordinates
     strip_z_mm: Coordinates

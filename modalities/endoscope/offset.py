@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.modalities.endoscope.annulus import Annulus
-from endoct.modalities.endoscope.optics import ConeOptics, Optics
+from endoct.modalities.endoscope.optics import ConeOptics
 from endoct.stitching.arrays import Coordinates
 
 LARGEST = 0.1
@@ -39,13 +39,11 @@ class BoreAxis:
 ON_AXIS = BoreAxis(0.0, 0.0, (0.0, 0.0))
 
 
-def bore_axis(drift_px: tuple[float, float], annulus: Annulus, optics: Optics, radius_mm: float) -> BoreAxis | None:
+def bore_axis(drift_px: tuple[float, float], annulus: Annulus, optics: ConeOptics, radius_mm: float) -> BoreAxis | None:
     """Return where the bore's axis lies by the drift of the centres from outer to inner rim, or None if unknown.
 
-    It is not known without the mirror's optics, or where the drift speaks of more than a tenth of the radius.
+    It is not known where the drift speaks of more than a tenth of the radius.
     """
-    if not isinstance(optics, ConeOptics):
-        return None
     inner, outer = optics.centre_shift_px_per_mm(np.array([annulus.inner_px, annulus.outer_px]))
     x_mm, y_mm = (float(drift / (outer - inner)) for drift in drift_px)
     if np.hypot(x_mm, y_mm) > LARGEST * radius_mm:

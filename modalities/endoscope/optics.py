@@ -3,48 +3,33 @@
 With focal length f (px), distance d from the pupil to the cone's apex (which points at the camera), half angle
 a, bore radius R and ψ = atan(r/f), the ray of image radius r meets the wall at
 z(r) = −d·cos 2a + (R + d·sin 2a)·cot(2a − ψ), so the outer rim looks ahead. For a = 45° that is (R + d)·r/f.
-Without the mirror's optics z is taken as linear between the rims.
+Without the mirror's optics that cone of 45° is assumed which shows the stated length between the rims, and then the
+cone that makes a feed even all over the annulus: z(r) is nearly linear in either.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 
 DISAGREEMENT = 0.05
-
-
-@dataclass(frozen=True)
-class LinearOptics:
-    """z linear in r: ``visible_length_mm`` between the annulus' rims."""
-
-    inner_px: float
-    outer_px: float
-    visible_length_mm: float
-    rim_sign: int = 1
-
-    @property
-    def mm_per_px(self) -> float:
-        """Axial length of one pixel along r, mm."""
-        return self.visible_length_mm / (self.outer_px - self.inner_px)
-
-    def z_mm(self, r_px: Coordinates) -> Coordinates:
-        """z relative to the middle of the visible band, float64, any shape."""
-        return self.rim_sign * self.mm_per_px * (r_px - (self.inner_px + self.outer_px) / 2)
-
-    def r_px(self, z_mm: Coordinates) -> Coordinates:
-        """Image radius that shows ``z_mm`` from the middle of the visible band."""
-        return self.rim_sign * z_mm / self.mm_per_px + (self.inner_px + self.outer_px) / 2
+ASSUMED_DISTANCE = 1.25
+"""Of an unknown pupil from the cone's apex, in radii of the bore: 0.8 to 1.5 in the simulator."""
+STEEPEST = 0.6
+"""Largest tan ψ of an assumed cone."""
+ASSUMED_ANGLES_RAD = np.deg2rad(34.0), np.deg2rad(56.0)
+"""Half angles within which a cone is fitted."""
 
 
 @dataclass(frozen=True)
 class ConeOptics:
     """z(r) of a cone mirror; ``rim_sign`` −1 for an outer rim that looks behind.
 
-    ``distortion``: k1, k2, k3 of r_image = f·t·(1 + k1 t² + k2 t⁴ + k3 t⁶) with t = tan ψ.
+    ``distortion``: k1, k2, k3 of r_image = f·t·(1 + k1 t² + k2 t⁴ + k3 t⁶) with t = tan ψ. ``assumed``: not stated.
     """
 
     inner_px: float
@@ -55,6 +40,7 @@ class ConeOptics:
     bore_radius_mm: float
     distortion: tuple[float, ...] = ()
     rim_sign: int = 1
+    assumed: bool = False
 
     def __post_init__(self) -> None:
         psi = np.arctan(self._undistorted(np.array([self.outer_px])))[0]
@@ -96,6 +82,10 @@ class ConeOptics:
         slope = (self._ahead_mm(r_px + 0.5) - self._ahead_mm(r_px - 0.5)).clip(1e-9)
         return np.asarray(1 / np.tan(2 * self.half_angle_rad - psi) / slope)
 
+    def slant(self, r_px: Coordinates) -> Coordinates:
+        """Return by how much z of a ray changes for 1 mm that it goes on beyond the wall, m = cot(2a − ψ)."""
+        return np.asarray(self.rim_sign / np.tan(2 * self.half_angle_rad - np.arctan(self._undistorted(r_px))))
+
     @property
     def _middle_mm(self) -> float:
         return float(np.mean(self._ahead_mm(np.array([self.inner_px, self.outer_px]))))
@@ -120,15 +110,51 @@ class ConeOptics:
         return stretch
 
 
-Optics = LinearOptics | ConeOptics
-
-
-def turned(optics: Optics) -> Optics:
+def turned(optics: ConeOptics) -> ConeOptics:
     """Return the same mirror with its outer rim looking the other way."""
     return replace(optics, rim_sign=-optics.rim_sign)
 
 
-def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: float, notes: list[str]) -> Optics:
+def assumed_cone(
+    inner_px: float, outer_px: float, visible_length_mm: float, bore_radius_mm: float, sign: int = 1
+) -> ConeOptics:
+    """Return the cone of 45°, whose z is linear in r, that shows ``visible_length_mm`` between the rims."""
+    mm_per_px = visible_length_mm / (outer_px - inner_px)
+    distance_mm = max(ASSUMED_DISTANCE * bore_radius_mm, outer_px * mm_per_px / STEEPEST - bore_radius_mm)
+    focal_px = (bore_radius_mm + distance_mm) / mm_per_px
+    return ConeOptics(inner_px, outer_px, np.pi / 4, focal_px, distance_mm, bore_radius_mm, rim_sign=sign, assumed=True)
+
+
+def stretched(optics: ConeOptics, stretch: float) -> ConeOptics:
+    """Return the cone with the same visible length in which a feed is even over the annulus.
+
+    In ``optics``, an assumed cone of 45°, it was larger by ``stretch`` of itself at the outer rim, and smaller by as
+    much at the inner one. Where no cone is that uneven, the nearest that is.
+    """
+
+    def fitted(half_angle_rad: float) -> ConeOptics:
+        def length(focal_px: float) -> float:
+            return replace(optics, half_angle_rad=half_angle_rad, focal_px=focal_px).visible_length_mm
+
+        shortest = optics.outer_px / (0.9 * np.tan(half_angle_rad))
+        focal_px = brentq(lambda f: length(f) - optics.visible_length_mm, shortest, 50 * optics.focal_px)
+        return replace(optics, half_angle_rad=half_angle_rad, focal_px=float(focal_px))
+
+    def found(half_angle_rad: float) -> float:
+        cone = fitted(half_angle_rad)
+        inner, outer = (
+            float(np.diff(cone.z_mm(rim + np.array([-0.5, 0.5])))[0]) for rim in (cone.inner_px, cone.outer_px)
+        )
+        return (inner - outer) / (inner + outer)
+
+    low, high = ASSUMED_ANGLES_RAD
+    at_low, at_high = found(low) - stretch, found(high) - stretch
+    if at_low * at_high > 0:
+        return fitted(low if abs(at_low) < abs(at_high) else high)
+    return fitted(float(brentq(lambda angle: found(angle) - stretch, low, high, xtol=1e-6)))
+
+
+def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: float, notes: list[str]) -> ConeOptics:
     """Return z(r) of an annulus as the sidecar has it; add a note where it contradicts itself.
 
     Raises :class:`EndoctError` where the sidecar has neither the mirror's optics nor the visible length.
@@ -164,4 +190,4 @@ def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: 
         )
     if len(missing) < len(keys):
         notes.append(f"The mirror's optics were not used, because the sidecar lacks {' and '.join(missing)}.")
-    return LinearOptics(inner_px, outer_px, length, sign)
+    return assumed_cone(inner_px, outer_px, length, acquisition.bore_diameter_mm / 2, sign)

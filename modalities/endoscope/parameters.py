@@ -25,5 +25,8 @@ class EndoscopeParameters(BaseModel):
     )
     probe_offset: bool = Field(
         default=True,
-        description="correct z and θ for a probe off the bore's axis, where the sidecar gives the mirror's optics",
+        description="correct z and θ for a probe off the bore's axis",
+    )
+    self_calibration: bool = Field(
+        default=True, description="find the mirror's cone by the feed where the sidecar does not give its optics"
     )

@@ -3,36 +3,40 @@
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.contract import Frame, FrameStream, inward_positions_mm
+from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.annulus import Annulus, Followed, find_annulus, follow, settle_annuli
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.offset import ON_AXIS, bore_axis, probe_offsets
-from endoct.modalities.endoscope.optics import DISAGREEMENT, Optics, stated_optics, turned
+from endoct.modalities.endoscope.optics import ConeOptics, stated_optics
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.modalities.endoscope.unroll import pixel_map, sample
+from endoct.modalities.endoscope.places import (
+    centre_drift_px,
+    measured_feed,
+    nominal_mm,
+    optics_with_rim,
+    placed,
+    self_calibrated,
+    turned_by,
+)
+from endoct.modalities.endoscope.unroll import pixel_map, recentred, sample
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.feed import Feed, estimate_feed
+from endoct.stitching.feed import Feed
 from endoct.stitching.grid import SurfaceGrid
 
 SURVEY_SIDE_PX = 480
 REFERENCE_FRAMES = 12
 STRIP_COLUMNS = 1024
-FEED_COLUMNS = 512
 MOST_ROWS = 96
-FEWEST_FOR_DRIFT = 5
-MOST_TILT = 0.2
 RIM_PX = 2.0
-CLIP = (-0.3, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,22 +94,24 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
             "its place there is that of the frames around."
         )
     logs = np.stack([g.strip for g in glimpses])
-    nominal = _nominal_mm(stream, acquisition)
+    nominal = nominal_mm(stream, acquisition)
     views = _views(nominal, optics.visible_length_mm, len(logs))
     flat = estimate_flat_field(logs, views, parameters.least_transmission)
     exposure = frame_exposure(logs, flat)
-    feed = _feed(logs, flat, exposure, outward_mm, nominal, acquisition, optics, parameters)
+    feed = measured_feed(logs, flat, exposure, outward_mm, nominal, acquisition, optics, parameters)
+    if parameters.self_calibration:
+        optics = self_calibrated(optics, feed, notes)
     settled = tuple(a.scaled(factor) for a in annuli)
-    drift_px = _drift(settled[0], feed)
+    drift_px = centre_drift_px(settled[0], feed)
     radius_mm = acquisition.bore_diameter_mm / 2
     axis = bore_axis(drift_px, settled[0], optics, radius_mm) if parameters.probe_offset else None
     shift_px = (axis or ON_AXIS).shift_px
     centred = settled[0].with_drift(*drift_px).moved(*shift_px)
-    logs = _recentred(logs, settled[0], centred, look.r_px * factor)
+    logs = recentred(logs, (settled[0], look.r_px * factor), (centred, optics.r_px(optics.rim_sign * outward_mm)))
     flat = estimate_flat_field(logs, views, parameters.least_transmission)
-    optics = _rim(optics, acquisition, feed, notes)
-    z_mm, roll_rad = _places(feed, optics, nominal, acquisition, parameters, notes)
-    sway_rad = _turned(feed.sway_rad, float(roll_rad[0] - feed.roll_rad[0]))
+    optics = optics_with_rim(optics, acquisition, feed, notes)
+    z_mm, roll_rad = placed(feed, optics, nominal, acquisition, parameters, notes)
+    sway_rad = turned_by(feed.sway_rad, float(roll_rad[0] - feed.roll_rad[0]))
     if axis is not None:
         sway_rad = sway_rad + axis.sway_rad(float(np.median(roll_rad)), radius_mm)
 
@@ -116,6 +122,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
         grid=grid,
         row_z_mm=grid.z_mm,
         per_frame={
+            "view_slant": np.full(z_mm.size, float(optics.slant(optics.r_px(outward_mm)).mean())),
             **_per_frame(z_mm, roll_rad, settled, found, feed, exposure, glimpses),
             **probe_offsets(axis, sway_rad, radius_mm),
         },
@@ -155,18 +162,6 @@ def _reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> tuple[
     return scale, factor, annuli[0].moved(float(x) - annuli[0].outer_x_px, float(y) - annuli[0].outer_y_px)
 
 
-def _nominal_mm(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Coordinates | None:
-    """Return the nominal z of every frame (n,), or None where the sidecar does not say."""
-    if acquisition.positions_mm is None and acquisition.pitch_mm is None:
-        return None
-    return inward_positions_mm(
-        len(stream),
-        pitch_mm=acquisition.pitch_mm or 0.0,
-        travel=acquisition.travel,
-        positions_mm=acquisition.positions_mm,
-    )
-
-
 def _views(nominal: Coordinates | None, visible_mm: float, n: int) -> float:
     """Return how many different pieces of wall, the size of a large cell, a pixel of the probe has seen."""
     if nominal is None:
@@ -174,130 +169,10 @@ def _views(nominal: Coordinates | None, visible_mm: float, n: int) -> float:
     return float(np.ptp(nominal)) / (0.5 * visible_mm) if n > 2 else 0.0
 
 
-def _feed(
-    logs: NDArray[np.float16],
-    flat: FlatField,
-    exposure: Coordinates,
-    outward_mm: Coordinates,
-    nominal: Coordinates | None,
-    acquisition: EndoscopeAcquisition,
-    optics: Optics,
-    parameters: EndoscopeParameters,
-) -> Feed:
-    """Return feed in mm outward in the image (multiply by the rim's sign for z) and roll, from reduced strips."""
-    n, n_rows, _ = logs.shape
-    textures = np.empty((n, n_rows, FEED_COLUMNS), np.float32)
-    for k in range(n):
-        texture = np.clip(logs[k].astype(np.float32) - flat.log_light - np.float32(exposure[k]), CLIP[0], CLIP[1])
-        texture[~flat.usable] = np.nan
-        textures[k] = texture.reshape(n_rows, FEED_COLUMNS, -1).mean(axis=2)
-    return estimate_feed(
-        textures,
-        float(outward_mm[1] - outward_mm[0]),
-        acquisition.bore_diameter_mm / 2,
-        None if nominal is None else optics.rim_sign * nominal,
-        relative_sigma=parameters.feed_sigma,
-    )
-
-
-def _rim(optics: Optics, acquisition: EndoscopeAcquisition, feed: Feed, notes: list[str]) -> Optics:
-    """Return the optics with the rim that the measured feed tells, where the sidecar does not."""
-    if feed.direction > 0 or acquisition.travel == "unknown":
-        return optics
-    if acquisition.outer_rim is None:
-        notes.append(
-            "The sidecar does not say which way the outer rim looks; by the way the frames move it looks behind, "
-            "and that was used."
-        )
-        return turned(optics)
-    notes.append(
-        f"The frames move against the sidecar's travel '{acquisition.travel}' with the outer rim "
-        f"'{acquisition.outer_rim}'; one of the two is wrong, and the rim was believed."
-    )
-    return optics
-
-
-def _drift(annulus: Annulus, feed: Feed) -> tuple[float, float]:
-    """Return how far the centre of circles of constant z drifts from the outer rim to the inner, x and y, px.
-
-    The rims are edges of the probe and need not lie on circles of constant z. But around a wrong centre, one side
-    of the wall seems to move farther than the other, by the centre's error over the annulus' width: with enough
-    pairs that is measured better than the rims say it.
-    """
-    dx, dy = annulus.inner_x_px - annulus.outer_x_px, annulus.inner_y_px - annulus.outer_y_px
-    if np.sum(feed.trusted[1:]) < FEWEST_FOR_DRIFT or np.abs(feed.tilt).max() > MOST_TILT:
-        return dx, dy
-    error = feed.tilt * (annulus.outer_px - annulus.inner_px)
-    return dx - float(error[0]), dy - float(error[1])
-
-
-def _recentred(logs: NDArray[np.float16], old: Annulus, new: Annulus, r_px: Coordinates) -> NDArray[np.float16]:
-    """Return strips of circles around the centres of ``old`` as strips of circles around those of ``new``.
-
-    ``r_px`` (n_rows,) are the circles' radii, evenly spaced or nearly so; NaN where a circle leaves the strip.
-    """
-    angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
-    (x, y), (old_x, old_y) = new.centre_at(r_px), old.centre_at(r_px)
-    dx, dy = (x - old_x)[:, None], (y - old_y)[:, None]
-    outward = dx * np.cos(angle) + dy * np.sin(angle)
-    around = (dy * np.cos(angle) - dx * np.sin(angle)) / r_px[:, None]
-    step = np.gradient(r_px)[:, None]
-    rows = (np.arange(r_px.size)[:, None] + outward / step).astype(np.float32)
-    columns = np.mod(np.arange(STRIP_COLUMNS) + around / angle[1], STRIP_COLUMNS).astype(np.float32)
-    outside = (rows < 0) | (rows > r_px.size - 1)
-    moved = np.empty_like(logs)
-    for k, strip in enumerate(logs):
-        whole = np.concatenate([strip, strip[:, :1]], axis=1).astype(np.float32)
-        samples = cv2.remap(whole, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        moved[k] = np.where(outside, np.nan, samples)
-    return moved
-
-
-def _turned(harmonic: Coordinates, by_rad: float) -> Coordinates:
-    """Return parts of (cos θ, sin θ), (n, 2), as parts of those of θ + ``by_rad``."""
-    cos, sin = np.cos(by_rad), np.sin(by_rad)
-    return np.stack([harmonic[:, 0] * cos - harmonic[:, 1] * sin, harmonic[:, 0] * sin + harmonic[:, 1] * cos], axis=1)
-
-
-def _places(
-    feed: Feed,
-    optics: Optics,
-    nominal: Coordinates | None,
-    acquisition: EndoscopeAcquisition,
-    parameters: EndoscopeParameters,
-    notes: list[str],
-) -> tuple[Coordinates, Coordinates]:
-    """Return z (0 nearest the mouth) and roll (the sidecar's θ origin there) of every frame."""
-    n = feed.z_mm.size
-    distrusted = int(np.sum(~feed.trusted))
-    if n > 1 and nominal is None and not feed.measured:
-        raise EndoctError(
-            "the feed between the frames is not known",
-            found="no feed_pitch_mm or positions_mm in the sidecar, and no two frames whose overlap could be matched",
-            expected="either of them",
-            remedy="add feed_pitch_mm to the sidecar",
-        )
-    if distrusted:
-        fallback = "the nominal feed" if nominal is not None else "the median of the others"
-        notes.append(
-            f"{distrusted} of {n - 1} pairs of neighbouring frames could not be matched; "
-            f"where the frames around them did not settle it, {fallback} was used."
-        )
-    z_mm = optics.rim_sign * feed.z_mm
-    if nominal is not None and feed.measured:
-        measured, expected = float(np.ptp(z_mm)), float(np.ptp(nominal))
-        tolerance = max(DISAGREEMENT, 2 * parameters.feed_sigma / np.sqrt(n - 1))
-        if abs(measured - expected) > tolerance * expected:
-            notes.append(f"The frames span {measured:.2f} mm as measured and {expected:.2f} mm by the nominal feed.")
-    z_mm = z_mm - z_mm.min()
-    roll_rad = feed.roll_rad - feed.roll_rad[int(np.argmin(z_mm))] + acquisition.theta_origin_rad
-    return z_mm, roll_rad
-
-
 def _grid(
     z_mm: Coordinates,
     half_mm: float,
-    optics: Optics,
+    optics: ConeOptics,
     annulus: Annulus,
     acquisition: EndoscopeAcquisition,
     parameters: EndoscopeParameters,

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.modalities.endoscope.annulus import Annulus
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -49,3 +50,29 @@ def means(values: Image, n_rows: int, n_columns: int) -> Image:
     """Return the means of equal blocks, float32 (n_rows, n_columns)."""
     blocks = values.reshape(n_rows, values.shape[0] // n_rows, n_columns, values.shape[1] // n_columns)
     return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
+
+
+def recentred(
+    logs: NDArray[np.float16], old: tuple[Annulus, Coordinates], new: tuple[Annulus, Coordinates]
+) -> NDArray[np.float16]:
+    """Return strips of circles around the centres of ``old`` as strips of circles around those of ``new``.
+
+    Either is an annulus and the circles' radii (n_rows,), evenly spaced or nearly so; NaN where a circle leaves the
+    strip.
+    """
+    angle = np.linspace(0, 2 * np.pi, logs.shape[2], endpoint=False)
+    (annulus, r_px), (old_annulus, old_r_px) = new, old
+    (x, y), (old_x, old_y) = annulus.centre_at(r_px), old_annulus.centre_at(r_px)
+    dx, dy = (x - old_x)[:, None], (y - old_y)[:, None]
+    outward = dx * np.cos(angle) + dy * np.sin(angle)
+    around = (dy * np.cos(angle) - dx * np.sin(angle)) / r_px[:, None]
+    place = np.interp(r_px, old_r_px, np.arange(r_px.size))[:, None]
+    rows = (place + outward / np.gradient(old_r_px)[:, None]).astype(np.float32)
+    columns = np.mod(np.arange(logs.shape[2]) + around / angle[1], logs.shape[2]).astype(np.float32)
+    outside = (rows < 0) | (rows > r_px.size - 1)
+    moved = np.empty_like(logs)
+    for k, strip in enumerate(logs):
+        whole = np.concatenate([strip, strip[:, :1]], axis=1).astype(np.float32)
+        samples = cv2.remap(whole, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        moved[k] = np.where(outside, np.nan, samples)
+    return moved

@@ -1,5 +1,7 @@
 """z of an image radius, against the closed form by hand and a ray traced off the cone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL
 
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.endoscope.optics import ConeOptics, LinearOptics, stated_optics, turned
+from endoct.modalities.endoscope.optics import ConeOptics, assumed_cone, stated_optics, stretched, turned
 from endoct.stitching.errors import EndoctError
 
 RADII_PX = np.array([100.0, 130.0, 170.0, 200.0])
@@ -51,11 +53,36 @@ def test_there_and_back(half_angle_deg: float, k1: float, sign: int) -> None:
     assert np.all(np.sign(np.diff(optics.z_mm(RADII_PX))) == sign)
 
 
-def test_linear_optics_span_the_visible_length_and_can_look_behind() -> None:
-    ahead = LinearOptics(100.0, 200.0, 1.0)
+def test_an_assumed_cone_is_linear_spans_the_visible_length_and_can_look_behind() -> None:
+    ahead = assumed_cone(100.0, 200.0, 1.0, 1.25)
     np.testing.assert_allclose(ahead.z_mm(RADII_PX), [-0.5, -0.2, 0.2, 0.5])
     np.testing.assert_allclose(turned(ahead).z_mm(RADII_PX), [0.5, 0.2, -0.2, -0.5])
     np.testing.assert_allclose(turned(ahead).r_px(np.array([0.5])), [100.0])
+
+
+@pytest.mark.parametrize("half_angle_deg", [40.0, 44.0, 45.0, 49.0])
+def test_the_cone_is_found_by_how_uneven_a_feed_looks_with_the_assumed_one(half_angle_deg: float) -> None:
+    """A feed that is even on the wall moves the image by 1/(dz/dr): that is all the assumed cone is told."""
+    true = cone(half_angle_deg)
+    inner, outer = (float(np.diff(true.z_mm(np.array([r - 0.01, r + 0.01])))[0]) for r in (100.0, 200.0))
+    assumed = assumed_cone(100.0, 200.0, true.visible_length_mm, 1.25)
+    found = stretched(assumed, (inner - outer) / (inner + outer))
+    assert found.visible_length_mm == pytest.approx(true.visible_length_mm)
+    off = np.abs(found.z_mm(RADII_PX) - true.z_mm(RADII_PX)).max()
+    assert off < 0.1 * np.abs(assumed.z_mm(RADII_PX) - true.z_mm(RADII_PX)).max() + 1e-6
+
+
+@given(st.floats(-2.0, 2.0))
+def test_no_unevenness_is_too_large_to_be_answered(stretch: float) -> None:
+    assert stretched(assumed_cone(100.0, 200.0, 0.8, 1.25), stretch).visible_length_mm == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_rays_go_on_by_the_slant(sign: int) -> None:
+    mirror = cone(46.0) if sign > 0 else turned(cone(46.0))
+    wider = replace(mirror, bore_radius_mm=1.26)
+    ahead = wider._ahead_mm(RADII_PX) - mirror._ahead_mm(RADII_PX)
+    np.testing.assert_allclose(mirror.slant(RADII_PX), sign * ahead / 0.01, rtol=1e-9)
 
 
 def stated(**keys: object) -> tuple[object, list[str]]:
@@ -70,6 +97,7 @@ MIRROR = {"cone_half_angle_deg": 45.0, "focal_px": 700.0, "mirror_distance_mm": 
 def test_the_mirror_is_used_where_it_is_known_and_a_contradiction_is_noted() -> None:
     optics, notes = stated(**MIRROR, visible_length_mm=0.76)
     assert isinstance(optics, ConeOptics)
+    assert not optics.assumed
     assert notes == []
     optics, notes = stated(**MIRROR, visible_length_mm=0.9)
     assert isinstance(optics, ConeOptics)
@@ -79,7 +107,8 @@ def test_the_mirror_is_used_where_it_is_known_and_a_contradiction_is_noted() -> 
 
 def test_half_a_mirror_is_not_used_and_said_so() -> None:
     optics, notes = stated(visible_length_mm=0.9, focal_px=700.0)
-    assert isinstance(optics, LinearOptics)
+    assert isinstance(optics, ConeOptics)
+    assert optics.assumed
     assert "cone_half_angle_deg" in notes[0]
 
 

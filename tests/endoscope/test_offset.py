@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 
 from endoct.modalities.endoscope.annulus import Annulus
 from endoct.modalities.endoscope.offset import bore_axis
-from endoct.modalities.endoscope.optics import ConeOptics, LinearOptics
+from endoct.modalities.endoscope.optics import ConeOptics, assumed_cone
 
 RADIUS_MM, INNER_PX, OUTER_PX = 1.25, 60.0, 210.0
 RIMS = Annulus(0, 0, INNER_PX, 0, 0, OUTER_PX)
@@ -53,6 +53,14 @@ def test_the_axis_is_found_and_tells_where_the_wall_is(half_angle_deg: float) ->
     assert np.abs(off_by).max() < 1e-3
 
 
-def test_it_is_not_known_without_optics_or_by_a_drift_beyond_reason() -> None:
-    assert bore_axis((1.0, 0.0), RIMS, LinearOptics(INNER_PX, OUTER_PX, 0.8), RADIUS_MM) is None
+def test_an_assumed_cone_tells_most_of_it() -> None:
+    mirror, off = optics(46.0), np.array([0.03, -0.02])
+    inner, outer = (centre(mirror, r, off) for r in (INNER_PX, OUTER_PX))
+    assumed = assumed_cone(INNER_PX, OUTER_PX, mirror.visible_length_mm, RADIUS_MM)
+    axis = bore_axis(tuple(inner - outer), RIMS, assumed, RADIUS_MM)
+    assert axis is not None
+    assert np.hypot(axis.x_mm - off[0], axis.y_mm - off[1]) < 0.25 * np.hypot(*off)
+
+
+def test_a_drift_beyond_reason_tells_nothing() -> None:
     assert bore_axis((40.0, 0.0), RIMS, optics(45.0), RADIUS_MM) is None
