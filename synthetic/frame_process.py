@@ -1,7 +1,7 @@
-"""Renders frames of the endoscope in a process of its own, beside the one that renders the OCT.
+"""Traces parts of the wall and renders frames of the endoscope in a process beside the one that renders the OCT.
 
-Threads of one process wait for one another wherever arrays are small. The process is started before there is a wall
-to look at, so that it is ready by then. It is a program of its own, not a fork, which is unsafe
+Threads of one process wait for one another wherever arrays are small. The process is started before there is a sample
+to work on, so that it is ready by then. It is a program of its own, not a fork, which is unsafe
 beside threads, and no child of `multiprocessing`, which would run the script of whoever calls the simulator again.
 """
 
@@ -11,9 +11,10 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
+from functools import partial
 from typing import IO, Any
 
 from endoct.stitching.errors import EndoctError
@@ -25,7 +26,7 @@ FrameProcess = subprocess.Popen[bytes]
 
 @contextmanager
 def frame_processes(count: int) -> Iterator[list[FrameProcess]]:
-    """Start ``count`` processes that wait for a wall; they are gone when the context is left."""
+    """Start ``count`` processes that wait for a sample; they are gone when the context is left."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-m", __name__]
     with ExitStack() as stack:
@@ -46,15 +47,29 @@ def _end(process: FrameProcess) -> None:
     process.wait()
 
 
-def show_wall(process: FrameProcess, sample: Sample, wall: WallMaps) -> None:
+def begin_wall(processes: Sequence[FrameProcess], sample: Sample) -> None:
+    """Have processes trace their parts of the wall of ``sample``; :func:`part_from` is to be asked of each."""
+    for part, process in enumerate(processes):
+        _send(process, (sample, part, len(processes)))
+
+
+def part_from(process: FrameProcess) -> Any:
+    """Return :func:`endoct.synthetic.wall.part_of_wall`, made by the process."""
+    return _answer(process)
+
+
+def show_wall(process: FrameProcess, wall: WallMaps) -> None:
     """Tell a process what :func:`frame_from` is to show."""
-    maps = WallMaps(**{field.name: getattr(wall, field.name) for field in fields(WallMaps)})
-    _send(process, (sample, maps))
+    _send(process, WallMaps(**{field.name: getattr(wall, field.name) for field in fields(WallMaps)}))
 
 
 def frame_from(process: FrameProcess, index: int) -> Any:
     """Return :func:`endoct.synthetic.camera.stored_frame` of a frame, made by the process."""
     _send(process, index)
+    return _answer(process)
+
+
+def _answer(process: FrameProcess) -> Any:
     try:
         answer = pickle.load(_stream(process.stdout))
     except (EOFError, OSError, pickle.UnpicklingError) as error:
@@ -94,19 +109,24 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     import cv2
 
-    from endoct.synthetic.camera import stored_frame  # the caller need not load it before it starts this
+    from endoct.synthetic.camera import stored_frame  # the caller need not load these before it starts this
+    from endoct.synthetic.wall import part_of_wall
+
+    def tell(make: Callable[[], object]) -> None:
+        try:
+            answer = make()
+        except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
+            answer = error
+        pickle.dump(answer, answers, protocol=5)
+        answers.flush()
 
     cv2.setNumThreads(1)
     with contextlib.suppress(EOFError, BrokenPipeError):
-        sample, wall = pickle.load(sys.stdin.buffer)
+        sample, part, parts = pickle.load(sys.stdin.buffer)
+        tell(partial(part_of_wall, sample, part, parts))
+        wall = pickle.load(sys.stdin.buffer)
         while True:
-            index = pickle.load(sys.stdin.buffer)
-            try:
-                answer: object = stored_frame(sample, wall, index)
-            except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
-                answer = error
-            pickle.dump(answer, answers, protocol=5)
-            answers.flush()
+            tell(partial(stored_frame, sample, wall, pickle.load(sys.stdin.buffer)))
 
 
 if __name__ == "__main__":

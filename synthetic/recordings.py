@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from endoct.synthetic.appearance import Appearance, build_appearance
 from endoct.synthetic.bscan import render_bscans
 from endoct.synthetic.camera import stored_frame
-from endoct.synthetic.frame_process import FrameProcess, frame_from, show_wall
+from endoct.synthetic.frame_process import FrameProcess, frame_from, part_from, show_wall
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.presets import PRESETS
 from endoct.synthetic.sharing import Shared
@@ -40,10 +40,12 @@ def write_specimen(
 ) -> None:
     """Write what :func:`endoct.synthetic.specimen.simulate` says of ``sample`` into ``folder``, which must not exist.
 
-    ``workers`` threads work, those that speak for one of ``processes`` included.
+    ``workers`` threads work, those that speak for one of ``processes`` included, which trace parts of the wall already
+    (:func:`endoct.synthetic.frame_process.begin_wall`).
     """
     tell("wall", 0.0)
-    wall = build_wall(sample, workers)
+    elsewhere = [partial(part_from, process) for process in processes]
+    wall = build_wall(sample, workers - len(processes), elsewhere)
     appearance = build_appearance(sample, wall)
     folder.mkdir()
     tell("wall", 1.0)
@@ -77,7 +79,7 @@ def _record(
         return list(render_bscans(sample, wall, appearance, groups[index]))
 
     def speak_for(process: FrameProcess) -> None:
-        show_wall(process, sample, wall)
+        show_wall(process, wall)
         frames.serve(partial(frame_from, process))
         bscans.serve(group)
 

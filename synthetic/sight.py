@@ -7,7 +7,7 @@ the frame, so that rounding stays below 1e-6 mm. Frames are worked on in bands o
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -100,7 +100,8 @@ class _Rays:
     z1: Image
 
     def of(self, chosen: NDArray[np.intp]) -> "_Rays":
-        return _Rays(*(getattr(self, field.name).take(chosen) for field in fields(self)))
+        parts = self.theta_rad, self.u0, self.u1, self.v0, self.v1, self.z0, self.z1
+        return _Rays(*(values.take(chosen) for values in parts))
 
     def to_radius_mm(self, radius_mm: float) -> Image:
         """Return t where the rays meet the cylinder of ``radius_mm`` from inside."""
@@ -125,8 +126,15 @@ class Visible:
     columns_per_rad: float
     radius_mm: float
 
-    def at(self, rays: _Rays, t_mm: Image) -> tuple[Image, Image, Image, Image]:
-        """Return how far behind the wall the rays are at ``t_mm``, and radius, row and column there."""
+    def behind(self, rays: _Rays, t_mm: Image) -> Image:
+        """Return how far behind the wall the rays are at ``t_mm``."""
+        behind, row, column = self.place(rays, t_mm)
+        behind -= np.float32(self.radius_mm)
+        behind -= lookup(self.relief_mm, row, column)
+        return behind
+
+    def place(self, rays: _Rays, t_mm: Image) -> tuple[Image, Image, Image]:
+        """Return the radius of the rays' places at ``t_mm``, and their row and column."""
         v = t_mm * rays.v1
         v += rays.v0
         radius = t_mm * rays.u1
@@ -144,9 +152,7 @@ class Visible:
         row += np.float32(self.apex_row)
         np.maximum(row, 0, out=row)
         np.minimum(row, self.relief_mm.shape[0] - 1, out=row)
-        behind = radius - np.float32(self.radius_mm)
-        behind -= lookup(self.relief_mm, row, column)
-        return behind, radius, row, column
+        return radius, row, column
 
 
 def _arcsine(x: Image) -> Image:
@@ -240,7 +246,7 @@ def follow(wall: Visible, camera: Endoscope, frame_index: int, seen: View) -> Hi
     """Return where the pixels' rays meet the wall."""
     rays, off_cone = _rays(camera, frame_index, seen.look_x_px, seen.look_y_px)
     t = _march(wall, rays)
-    _, radius, row, column = wall.at(rays, t)
+    radius, row, column = wall.place(rays, t)
     u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1
     return Hits(
         first_row=wall.first_row,
@@ -308,13 +314,13 @@ def _march(wall: Visible, rays: _Rays) -> Image:
     across = np.sqrt(rays.z1 * rays.z1 + around * around)
     step = np.minimum(STEP_ACROSS_MM / np.maximum(across, 1e-6), LONGEST_STEP_MM)
     ahead = before + step
-    excess = wall.at(rays, before)[0]
-    excess_ahead = wall.at(rays, ahead)[0]
+    excess = wall.behind(rays, before)
+    excess_ahead = wall.behind(rays, ahead)
     on = np.flatnonzero(excess_ahead < 0)
     part, there, found, stride = rays.of(on), ahead[on], excess_ahead[on], step[on]
     while on.size:
         further = there + stride
-        level = wall.at(part, further)[0]
+        level = wall.behind(part, further)
         short = level < 0
         met, kept = np.flatnonzero(~short), np.flatnonzero(short)
         at = on.take(met)
@@ -323,7 +329,7 @@ def _march(wall: Visible, rays: _Rays) -> Image:
         part = part.of(kept)
     for _ in range(2):
         middle = _crossing(before, excess, ahead, excess_ahead)
-        found = wall.at(rays, middle)[0]
+        found = wall.behind(rays, middle)
         share = (found < 0).astype(np.float32)
         _moved(before, middle, share)
         _moved(excess, found, share)

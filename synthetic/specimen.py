@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.frame_process import frame_processes
+from endoct.synthetic.frame_process import begin_wall, frame_processes
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.presets import PRESETS, PresetName
 from endoct.synthetic.ranges import NO_WISHES, Wish
@@ -39,7 +39,7 @@ def simulate(
     from does not matter then. ``labels`` adds ``truth/labels`` (:mod:`endoct.synthetic.labels`), ``spectra`` adds
     ``oct-spectra`` (:mod:`endoct.synthetic.raw`). ``on_progress(stage, fraction)`` is called from this thread.
     ``workers`` processors render (default: all, at most four): threads of this process, and all but one of them
-    mostly in a process of its own that renders frames.
+    mostly in a process of its own that traces a part of the wall and renders frames.
 
     Raises :class:`EndoctError` for an unknown preset, a bad seed or a sample that does not hold together.
     """
@@ -47,11 +47,13 @@ def simulate(
     _check(preset, seed, bore_seed)
     workers = workers or min(MOST_WORKERS, os.cpu_count() or 1)
     with frame_processes(workers - 1) as processes:
-        # what follows takes a while to load: meanwhile the processes get ready
+        # what is imported here takes a while to load: meanwhile the processes get ready, and then trace
         from endoct.synthetic.draw import draw
-        from endoct.synthetic.recordings import write_specimen
 
         drawn = checked or draw(preset, seed, bore_seed=bore_seed, wishes=wishes)
+        begin_wall(processes, drawn)
+        from endoct.synthetic.recordings import write_specimen
+
         tell = on_progress or (lambda _stage, _fraction: None)
         write_specimen(folder, drawn, processes, tell, workers=workers, labels=labels, spectra=spectra)
 

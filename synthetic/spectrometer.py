@@ -180,9 +180,12 @@ def logarithmic(
         fringes = spectra[first : first + BLOCK].astype(np.float32)
         fringes -= background
         fringes *= window
-        field = fft.rfft(fringes, overwrite_x=True)[:, : n // 2]
-        power = field.real * field.real
-        power += field.imag * field.imag
+        # a row holds the real part of 0, then real and imaginary parts of 1, 2, …
+        parts = cv2.dft(fringes, flags=cv2.DFT_ROWS)
+        parts *= parts
+        power = np.empty((parts.shape[0], n // 2), np.float32)
+        power[:, 0] = parts[:, 0]
+        np.add(parts[:, 1:-1:2], parts[:, 2::2], out=power[:, 1:])
         level = cv2.log(np.maximum(power, np.float32(1e-12), out=power), power)
         # rounds, and clips to what 8 bits hold
         stored = cv2.addWeighted(level, scale, level, 0, floor, dtype=cv2.CV_8U)

@@ -1,13 +1,15 @@
 """The bore's wall: its relief, its cells, and what both instruments need to know of its surface.
 
 The maps are baked: rays are traced radially through the nodes that cells can reach, those that only one cell reaches
-cell by cell; elsewhere the wall is the bore's. What is baked at once stays within ``tracing.BLOCK``.
+cell by cell; elsewhere the wall is the bore's. What is baked at once stays within ``tracing.BLOCK``. Other processes
+may bake parts of it: a node's place does not depend on which others are baked with it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -27,6 +29,12 @@ from endoct.synthetic.tracing import BLOCK, first_fluid, first_solid
 DEEPEST_MM = 2.5
 OPEN_MM = 0.01  # a cell is open where the first surface lies this much beyond the bore's own wall
 RIM_MM = 0.02
+SHARE_ELSEWHERE = 2  # of the jobs, for each that this process does: it has more to load and to do beside them
+
+Job = tuple[NDArray[np.intp], NDArray[np.int64]]
+"""Nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
+Traced = tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]
+"""The nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +54,14 @@ class _Baked:
     wet: Image
 
 
-def build_wall(sample: Sample, workers: int = 1) -> Wall:
-    """Return the wall that ``sample`` describes, made by ``workers`` threads, whose number changes nothing."""
+def build_wall(sample: Sample, workers: int = 1, elsewhere: Sequence[Callable[[], list[Traced]]] = ()) -> Wall:
+    """Return the wall that ``sample`` describes, made by ``workers`` threads, whose number changes nothing.
+
+    ``elsewhere`` return what :func:`part_of_wall` makes, each in a process of its own, of part 0, 1, … of as many.
+    """
     scene = build_scene(sample, workers=workers)
     grid, bore = scene.grid, sample.bore
-    baked = _bake(scene, bore.cells, workers)
+    baked = _bake(scene, bore.cells, workers, elsewhere)
     relief = baked.relief_mm
     slope_theta = np.empty_like(relief)
     slope_theta[:, 1:-1] = relief[:, 2:] - relief[:, :-2]
@@ -70,6 +81,18 @@ def build_wall(sample: Sample, workers: int = 1) -> Wall:
         wet=baked.wet,
         scene=scene,
     )
+
+
+def part_of_wall(sample: Sample, part: int, parts: int) -> list[Traced]:
+    """Return what one of ``parts`` processes beside the one that builds the wall traces of it."""
+    scene = build_scene(sample)
+    return [_traced(scene, job) for job in _part(_jobs(scene, sample.bore.cells, 1), part, parts)]
+
+
+def _part(jobs: list[Job], part: int, parts: int) -> list[Job]:
+    """Return the jobs of one of ``parts`` processes, or, as part ``parts``, of the one that builds the wall."""
+    of = [k // SHARE_ELSEWHERE for k in range(SHARE_ELSEWHERE * parts + 1)]
+    return [job for index, job in enumerate(jobs) if of[index % len(of)] == part]
 
 
 def _albedo(sample: Sample, grid: WallGrid, relief: BoreRelief, baked: _Baked, workers: int) -> Image:
@@ -116,25 +139,28 @@ class _AlongRadius:
         return self.wall_mm - t, np.ones_like(t)
 
 
-def _bake(scene: Scene, cells: Sequence[Cell], workers: int) -> _Baked:
+def _bake(scene: Scene, cells: Sequence[Cell], workers: int, elsewhere: Sequence[Callable[[], list[Traced]]]) -> _Baked:
     """Trace radial rays through the nodes of the wall that cells reach."""
     n_nodes = scene.grid.n_z * scene.grid.n_theta
     relief = scene.relief.displacement_mm.ravel().copy()
     cell = np.zeros(n_nodes, np.bool_)
     cell_id, wet = np.zeros(n_nodes, np.int32), np.zeros(n_nodes, np.float32)
-    for nodes, traced in map_frames(partial(_traced, scene), _jobs(scene, cells, workers), workers):
+    own = _part(_jobs(scene, cells, workers), len(elsewhere), len(elsewhere))
+    by_others = chain.from_iterable(part() for part in elsewhere)
+    for nodes, traced in chain(map_frames(partial(_traced, scene), own, workers), by_others):
         relief[nodes], cell[nodes], cell_id[nodes], wet[nodes] = traced
     shape = scene.grid.n_z, scene.grid.n_theta
     return _Baked(relief.reshape(shape), cell.reshape(shape), cell_id.reshape(shape), wet.reshape(shape))
 
 
-def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[tuple[NDArray[np.intp], NDArray[np.int64]]]:
-    """Return nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
+def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[Job]:
+    """Return all nodes to trace."""
     reached = list(map_frames(partial(_reached, scene, cells), range(len(cells)), workers))
     count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
     for nodes in reached:
         count[nodes] += 1
-    jobs, shared_nodes, shared_numbers = [], [np.zeros(0, np.intp)], [np.zeros(0, np.int64)]
+    jobs: list[Job] = []
+    shared_nodes, shared_numbers = [np.zeros(0, np.intp)], [np.zeros(0, np.int64)]
     for number, nodes in enumerate(reached):
         alone = count[nodes] == 1
         own = nodes[alone]
@@ -168,10 +194,7 @@ def _reached(scene: Scene, cells: Sequence[Cell], number: int) -> NDArray[np.int
     return np.sort(np.concatenate(found))
 
 
-def _traced(
-    scene: Scene, job: tuple[NDArray[np.intp], NDArray[np.int64]]
-) -> tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]:
-    """Return the nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
+def _traced(scene: Scene, job: Job) -> Traced:
     nodes, here = job
     grid = scene.grid
     row, column = np.divmod(nodes, grid.n_theta)
