@@ -110,7 +110,7 @@ def place(figure: Figure, left_in: float, top_in: float, width_in: float, height
 
 def width_of(axes: Axes) -> float:
     """Return the width of ``axes`` in inches."""
-    return float(axes.get_position(original=True).width * axes.figure.get_size_inches()[0])
+    return float(axes.get_position(original=True).width * axes.figure.bbox.width / DPI)
 
 
 def save(figure: Figure, path: Path) -> float:
@@ -224,7 +224,7 @@ def thinned(grid: SurfaceGrid, *arrays: NDArray[Any]) -> list[Any]:
 def colour_bar(axes: Axes, image: ScalarMappable, label: str) -> None:
     """Draw a horizontal colour bar with its unit under ``axes``; its ends stand for all beyond them."""
     figure, below_in = axes.figure, 0.47
-    paper_in = figure.get_size_inches()[1]
+    paper_in = figure.bbox.height / DPI
     frame = axes.get_position(original=True)
     room = (frame.x0 + 0.05 * frame.width, frame.y0 - (below_in + 0.1) / paper_in, 0.9 * frame.width, 0.1 / paper_in)
     bar_under(figure.add_axes(room), image, wrapped(label, 1.15 * width_of(axes)))

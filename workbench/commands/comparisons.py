@@ -1,0 +1,115 @@
+"""Commands that compare two sides, and tell of comparisons."""
+
+from pathlib import Path
+
+from rich.table import Table
+from tyro.conf import Positional
+
+from endoct.workbench.commands.options import ModalityName, Output, Settings
+from endoct.workbench.commands.telling import TextConsole, print_json, say, stages_for, tell_result
+from endoct.workbench.status import DONE
+
+_IN_FILES_ONLY = ("statistic", "quartile_1", "quartile_3")
+"""Columns of a summary that are left out of what is printed."""
+
+
+def compare(
+    a: Positional[Path],
+    b: Positional[Path],
+    output: Output,
+    truth: tuple[Path, ...] = (),
+    modality_a: ModalityName = None,
+    modality_b: ModalityName = None,
+    set: Settings = (),
+    set_a: Settings = (),
+    set_b: Settings = (),
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Compare two sides of one bore: recordings, panoramas, or mask images drawn by hand.
+
+    Args:
+        a: first side; the comparison is in its frame
+        b: second side
+        output: folder to write
+        truth: mask drawn over side A's panorama to score both against: an image, shapes of napari (.csv) or regions
+            of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png
+        modality_a: plug-in to read side A with
+        modality_b: plug-in to read side B with
+        set: a parameter of the comparison; repeat for more
+        set_a: a key of side A's sidecar or a parameter of its processing
+        set_b: a key of side B's sidecar or a parameter of its processing
+        overwrite: replace the output if it exists
+        json: print the result as JSON
+    """
+    from endoct.fusion.comparison import CompareParameters
+    from endoct.modalities.acquisition import validate
+    from endoct.workbench import api
+    from endoct.workbench.settings import parse
+
+    api.compare(
+        a,
+        b,
+        output,
+        modality_a=modality_a,
+        modality_b=modality_b,
+        settings_a=parse(set_a),
+        settings_b=parse(set_b),
+        parameters=validate(CompareParameters, parse(set), "the settings of the comparison"),
+        truth=truth,
+        overwrite=overwrite,
+        stages=stages_for(json),
+    )
+    return tell_result(output, as_json=json)
+
+
+def report(folder: Positional[Path]) -> int:
+    """Write the report of a comparison again.
+
+    Args:
+        folder: what `endoct compare` wrote
+    """
+    from endoct.workbench.report import write_report
+
+    with stages_for(False).stage("report"):
+        path = write_report(folder)
+    say(f"report: {path}")
+    return DONE
+
+
+def summarise(
+    folders: Positional[tuple[Path, ...]],
+    output: Output,
+    against: tuple[Path, ...] = (),
+    repeats: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Summarise many comparisons: a tidy table, medians over specimens with intervals, differences, repeatability.
+
+    Args:
+        folders: what `endoct compare` wrote, several
+        output: folder to write
+        against: a second set of comparisons, paired with the first by their recordings, or else by the folders' names
+        repeats: comparisons in one folder are of one specimen; say how well they repeat
+        overwrite: replace the output if it exists
+        json: print the summary as JSON
+    """
+    from endoct.workbench import api
+
+    tables = api.summarise(folders, output, against=against, repeats=repeats, overwrite=overwrite)
+    if json:
+        print_json(tables)
+        return DONE
+    for name in ("summary", "paired", "repeatability"):
+        if rows := [{k: v for k, v in row.items() if k not in _IN_FILES_ONLY} for row in tables[name]]:
+            table = Table(title=name, title_justify="left", box=None)
+            for column in rows[0]:
+                table.add_column(column, no_wrap=True)
+            for row in rows:
+                table.add_row(
+                    *("–" if v is None else f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values())
+                )
+            TextConsole().print(table)
+    say(f"summary: {output}")
+    return DONE

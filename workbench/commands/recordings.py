@@ -1,0 +1,117 @@
+"""Commands about one recording, and what can be read."""
+
+from pathlib import Path
+
+from rich.table import Table
+from tyro.conf import Positional
+
+from endoct.workbench.commands.options import ModalityName, Output, Settings
+from endoct.workbench.commands.telling import TextConsole, print_json, say, stages_for
+from endoct.workbench.status import DONE
+
+
+def unroll(
+    path: Positional[Path],
+    output: Output,
+    modality: ModalityName = None,
+    set: Settings = (),
+    volume: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Unroll one recording into a panorama of the bore wall.
+
+    Args:
+        path: folder or file of the recording
+        output: Zarr store to write
+        modality: plug-in to read it with, where the sidecar does not say
+        set: a key of the sidecar or a processing parameter; repeat for more
+        volume: add the dense hollow cylinder, sub-surface included
+        overwrite: replace the output if it exists
+        json: print what was found as JSON
+    """
+    from endoct.workbench import api
+    from endoct.workbench.settings import parse
+
+    panorama = api.unroll(
+        path,
+        output,
+        modality=modality,
+        settings=parse(set),
+        volume=volume,
+        overwrite=overwrite,
+        stages=stages_for(json),
+    )
+    facts = {
+        "output": str(output),
+        "modality": panorama.modality,
+        "rows": panorama.grid.n_z,
+        "columns": panorama.grid.n_theta,
+        "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
+        "valid_fraction": float(panorama.valid.mean()),
+        "notes": list(panorama.provenance.get("notes", ())),
+    }
+    if json:
+        print_json(facts)
+    else:
+        say(
+            f"panorama: {output} ({facts['rows']} rows × {facts['columns']} columns, "
+            f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
+        )
+        for note in panorama.provenance.get("notes", ()):
+            say(f"not trusted: {note}")
+    return DONE
+
+
+def info(
+    path: Positional[Path],
+    modality: ModalityName = None,
+    write_sidecar: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Say what a recording, a panorama or a comparison is, and what its sidecar lacks.
+
+    Args:
+        path: folder or file
+        modality: plug-in to read it with
+        write_sidecar: write an acquisition.toml to fill in
+        overwrite: replace the acquisition.toml if it exists
+        json: print as JSON
+    """
+    from endoct.workbench.information import describe, write_sidecar_template
+
+    if write_sidecar:
+        sidecar, missing = write_sidecar_template(path, modality, overwrite=overwrite)
+        say(f"sidecar: {sidecar}")
+        for key, why in missing.items():
+            say(f"to fill in: {key} – {why}")
+        return DONE
+    facts = describe(path, modality)
+    if json:
+        print_json(facts)
+    else:
+        table = Table(show_header=False, box=None)
+        for key, value in facts.items():
+            table.add_row(key, str(value))
+        TextConsole().print(table)
+    return DONE
+
+
+def modalities(json: bool = False) -> int:
+    """List the installed modalities.
+
+    Args:
+        json: print as JSON
+    """
+    from endoct.workbench.information import installed_modalities
+
+    rows = installed_modalities()
+    if json:
+        print_json(rows)
+        return DONE
+    table = Table("name", "title", "provides", "reads", box=None)
+    for row in rows:
+        table.add_row(row["name"], row["title"], ", ".join(row["provides"]), " ".join(row["suffixes"]))
+    TextConsole().print(table)
+    return DONE

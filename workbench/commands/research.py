@@ -1,0 +1,75 @@
+"""The command of the research bench."""
+
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from endoct.workbench.commands.telling import TextConsole, print_json, stages_for
+from endoct.workbench.status import DONE
+
+WIDE = 200
+
+
+def bench(
+    task: Positional[str | None] = None,
+    conditions: Positional[tuple[str, ...]] = (),
+    output: Annotated[Path | None, arg(aliases=["-o"])] = None,
+    methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
+    seeds: str = "1000-1009",
+    count: int = 1,
+    sweep: Annotated[str | None, arg(metavar="CONDITION")] = None,
+    against: Annotated[str | None, arg(metavar="NAME")] = None,
+    data: tuple[Path, ...] = (),
+    workers: int = 1,
+    describe: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Run named methods on the same cases with truth: a table, results.csv, plots. docs/bench.md tells more.
+
+    Args:
+        task: alignment, stitching, segmentation, oct, ablate, sensitivity or another's; left out, all are listed
+        conditions: what cases are drawn from, as cell_mm=0.2..1 or modality=depth|intensity; next to the task
+        output: folder for results.csv, bench.json and plots
+        methods: which methods, with commas; default: all
+        seeds: first-last, or numbers with commas; 0-99 are for tuning
+        count: cases a seed
+        sweep: vary this condition alone and hold the others at the middle of their range
+        against: tell differences from this method too, case by case
+        data: folders of your own data with truth, or folders of such folders, in place of simulated cases
+        workers: processes that share the cases; with more than one, seconds are those of a busy machine
+        describe: say what the task gives, asks for and scores, and run nothing
+        overwrite: replace the output if it exists
+        json: print as JSON
+    """
+    from endoct.workbench.bench.command import describe_task, list_tasks, run_bench
+
+    if task is None:
+        facts, shown = list_tasks()
+    elif describe:
+        facts, shown = describe_task(task)
+    else:
+        facts, shown = run_bench(
+            task,
+            conditions,
+            methods=[name.strip() for name in methods.split(",") if name.strip()],
+            seeds=seeds,
+            count=count,
+            sweep=sweep,
+            against=against,
+            data=data,
+            output=output,
+            workers=workers,
+            overwrite=overwrite,
+            stages=stages_for(json),
+        )
+    if json:
+        print_json(facts)
+        return DONE
+    console = TextConsole()
+    if not console.is_terminal:
+        console = TextConsole(width=WIDE)  # nobody's window is too narrow
+    for part in shown:
+        console.print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
+    return DONE

@@ -1,0 +1,120 @@
+"""Commands that make specimens: one with its comparison, one, many."""
+
+from pathlib import Path
+from typing import Literal
+
+from endoct.synthetic.presets import PresetName
+from endoct.workbench.commands.options import Output, Wishes
+from endoct.workbench.commands.telling import print_json, say, stages_for, tell_result
+from endoct.workbench.status import DONE
+
+
+def demo(
+    output: Output = Path("demo"),
+    preset: PresetName = "quick",
+    seed: int = 1,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Simulate a specimen, unroll both recordings, compare them and write the report.
+
+    Args:
+        output: folder for the specimen and the comparison
+        preset: size and difficulty of the recordings
+        seed: which specimen
+        overwrite: replace the folder if it exists
+        json: print the result as JSON
+    """
+    from endoct.workbench import api
+
+    api.demo(output, preset=preset, seed=seed, overwrite=overwrite, stages=stages_for(json))
+    return tell_result(output / "comparison", as_json=json)
+
+
+def simulate(
+    output: Output,
+    preset: PresetName = "quick",
+    seed: int = 0,
+    replay: Path | None = None,
+    vary: Wishes = (),
+    labels: bool = False,
+    spectra: bool = False,
+    overwrite: bool = False,
+) -> int:
+    """Simulate the two recordings of one bore, with truth.
+
+    Args:
+        output: folder for the specimen
+        preset: size and difficulty of the recordings
+        seed: which specimen; the same seed gives the same bytes
+        replay: truth/sample.json of a specimen to make again; nothing is drawn then
+        vary: what a parameter is drawn from, as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
+        labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
+        spectra: add oct-spectra: the spectrometer's raw data, 2 kB an A-scan
+        overwrite: replace the folder if it exists
+    """
+    from endoct.workbench.simulating import simulate as write_specimen
+    from endoct.workbench.vary import parse_vary
+
+    write_specimen(
+        output,
+        preset=preset,
+        seed=seed,
+        replay=replay,
+        vary=parse_vary(vary),
+        labels=labels,
+        spectra=spectra,
+        overwrite=overwrite,
+        stages=stages_for(False),
+    )
+    say(f"specimen: {output}")
+    return DONE
+
+
+def dataset(
+    output: Output,
+    count: int,
+    preset: PresetName = "learning",
+    seed: int = 0,
+    vary: Wishes = (),
+    format: Literal["folders", "webdataset"] = "folders",
+    labels: bool = False,
+    recordings_per_bore: int = 1,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    dry_run: bool = False,
+    json: bool = False,
+) -> int:
+    """Make a data set of many simulated specimens, or what is missing of one.
+
+    The same arguments give the same bytes, whoever makes them; started again, it makes only what is missing, and
+    with a larger count it adds to what is there.
+
+    Args:
+        output: folder of the data set
+        count: specimens
+        preset: size and difficulty of the recordings
+        seed: which data set
+        vary: what a parameter is drawn from, as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
+        format: a folder for each specimen, or tar files for the webdataset library
+        labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
+        recordings_per_bore: specimens in a row that show one bore
+        workers: processes that make it; default: one for each processor
+        scheduler: address of a dask scheduler, whose workers make it; they must see the output folder under its name
+        dry_run: make one specimen in a temporary folder and say what all would take
+        json: print the result as JSON
+    """
+    from endoct.workbench.dataset.command import run_dataset
+    from endoct.workbench.dataset.plan import Plan
+    from endoct.workbench.vary import parse_vary
+
+    plan = Plan(count, preset, seed, parse_vary(vary), format, labels, recordings_per_bore)
+    facts, lines = run_dataset(
+        output, plan, workers=workers, scheduler=scheduler, dry_run=dry_run, stages=stages_for(json)
+    )
+    if json:
+        print_json(facts)
+    else:
+        for line in lines:
+            say(line)
+    return DONE
