@@ -19,7 +19,6 @@ from endoct.fusion.pose import ALL_ORIENTATIONS, Alignment, NotAligned, Orientat
 from endoct.fusion.prepare import brightness
 from endoct.fusion.refinement import refine
 from endoct.fusion.search import search
-from endoct.stitching.arrays import Coordinates
 
 __all__ = ["Alignment", "NotAligned", "align", "open_orientations"]
 
@@ -30,10 +29,13 @@ LIKELY_CHANCE = 1e-4
 
 Of tuning specimens (benchmarks/confidence.py), 120 wrong and 32 featureless pairs had a confidence of 0.145 at most and
 a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most."""
-LEFT_BY_INSTRUMENTS = 0.005, 0.016, 0.002
+LEFT_BY_INSTRUMENTS = 0.0035, 0.0055, 0.002
 """What depth and light of one wall are apart after perfect alignment: rad, mm, and of the scale of z. Rotation and feed
-are known only so well, and the edges of a cell lie elsewhere to an oblique view; residuals do not show it. Root mean
-square of six simulated specimens against their truth."""
+are known only so well; residuals do not show it. Root mean square of simulated specimens against their truth."""
+UNKNOWN_SLANT_MM = 0.016
+"""The same along z where nothing is known of the direction in which the light was seen."""
+CELL_MM = 0.04
+"""Relief beyond which a sample counts as cell when the depth of cells is averaged."""
 
 
 def open_orientations(*, handedness_known: bool, travel_known: bool) -> tuple[Orientation, ...]:
@@ -80,16 +82,36 @@ def align(
         refined = replace(refined, correlation=-refined.correlation)
     else:
         refined = refine(clipped(a), clipped(b), found, z_scale_range)
-    return _as_instruments_see(refined, b.z_mm) if (a.kind == "relief") != (b.kind == "relief") else refined
+    return _as_instruments_see(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
 
 
-def _as_instruments_see(found: Alignment, z_b_mm: Coordinates) -> Alignment:
-    """Return ``found`` with what depth and light always are apart in its covariance, the scale about B's middle."""
+def _as_instruments_see(found: Alignment, a: Evidence, b: Evidence) -> Alignment:
+    """Return ``found`` with what depth and light always are apart put right, and the rest in its covariance.
+
+    Rays that meet the wall at a slant see a cell's near rim where it is, but before its far rim the wall below that
+    rim: until these are as deep as what still counts, the cell's dark part ends early, and its middle lies half of
+    that too near. The scale errs about B's middle.
+    """
+    light, relief = (b, a) if a.kind == "relief" else (a, b)
+    known = light.kind == "darkness" and light.slant is not None
+    lag_mm = 0.5 * (light.slant or 0.0) * _depth_mm(relief) if known else 0.0
+    direction = -1.0 if found.z_reversed else 1.0
+    shift_mm = lag_mm if light is a else -direction * found.z_scale * lag_mm
+    found = replace(found, z_shift_mm=found.z_shift_mm + shift_mm)
     if found.covariance is None:
         return found
-    middle_mm = (-1.0 if found.z_reversed else 1.0) * float(z_b_mm[[0, -1]].mean())
-    to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * LEFT_BY_INSTRUMENTS
+    turn_rad, along_mm, of_scale = LEFT_BY_INSTRUMENTS
+    middle_mm = direction * float(b.z_mm[[0, -1]].mean())
+    left = turn_rad, along_mm if known else UNKNOWN_SLANT_MM, of_scale
+    to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * left
     return replace(found, covariance=as_covariance(np.array(found.covariance) + to_origin @ to_origin.T))
+
+
+def _depth_mm(relief: Evidence) -> float:
+    """Return how deep cells are on average, up to where more depth says no more."""
+    depth_mm = clipped(relief).values[relief.valid]
+    cells = depth_mm[depth_mm > CELL_MM]
+    return float(cells.mean()) if cells.size else 0.0
 
 
 def _what_if(

@@ -21,6 +21,7 @@ class Evidence:
     """Evidence for cells on a panorama's own samples: float32 ``values`` (n_z, n_theta), 0 where not ``valid``.
 
     Higher means rather cell; for darkness that is a guess until something else says whether cells are dark or bright.
+    ``slant``: z by which the view goes on for 1 mm beyond the wall, None where that is not known.
     """
 
     values: Image
@@ -30,6 +31,7 @@ class Evidence:
     theta0_rad: float
     radius_mm: float
     kind: Kind
+    slant: float | None = None
 
     @property
     def knows_cells(self) -> bool:
@@ -81,4 +83,5 @@ def reoriented(evidence: Evidence, *, mirrored: bool, z_reversed: bool, z_scale:
         z_mm=z_scale * (-evidence.z_mm[::-1] if z_reversed else evidence.z_mm),
         dz_mm=z_scale * evidence.dz_mm,
         theta0_rad=-last_rad if mirrored else evidence.theta0_rad,
+        slant=evidence.slant if evidence.slant is None or not z_reversed else -evidence.slant,
     )

@@ -48,7 +48,9 @@ def prepare(
         )
     grid = panorama.grid
     values = np.where(valid, shown, np.float32(0))
-    raw = Evidence(values, valid, panorama.z_mm, grid.dz_mm, grid.theta0_rad, grid.radius_mm, kind)
+    slants = panorama.per_frame.get("view_slant")
+    slant = None if slants is None or not np.isfinite(slants).all() else float(np.mean(slants))
+    raw = Evidence(values, valid, panorama.z_mm, grid.dz_mm, grid.theta0_rad, grid.radius_mm, kind, slant)
     if kind == "relief":
         return replace(raw, values=relief(values, valid, panorama.z_mm))
     return raw if kind == "mask" else replace(raw, values=contrast(raw, polarity))

@@ -49,6 +49,16 @@ class Cells:
             relief[rows] = np.maximum(relief[rows], depth * np.clip(1 - squared**3, 0, None))
         return relief
 
+    def seen_mm(self, z_mm: NDArray[np.float64], theta_rad: NDArray[np.float64], slant: float) -> NDArray[np.float64]:
+        """Return the depth at which rays end that meet z × θ of the wall and go on by ``slant`` mm for 1 mm outward."""
+        if slant == 0:
+            return self.relief_mm(z_mm, theta_rad)
+        depths = np.linspace(0.8, 0, 17)
+        seen = np.full((z_mm.size, theta_rad.size), depths[0])
+        for depth in depths:
+            seen[self.relief_mm(z_mm + slant * depth, theta_rad) <= depth] = depth
+        return seen
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -100,6 +110,7 @@ def make_pair(
     known: bool = False,
     other_bore: bool = False,
     rows: int = 30,
+    slant: float = 0.0,
 ) -> Pair:
     rng = np.random.default_rng(seed + 1000)
     bore = Cells.drawn(seed)
@@ -111,7 +122,7 @@ def make_pair(
     sense, direction = (-1 if mirrored else 1), (-1 if z_reversed else 1)
     z_shift = (1 - overlap) * length + (z_scale * z_b[-1] if z_reversed else 0.0)
     truth = Alignment(np.mod(theta_shift_rad, 2 * np.pi), z_shift, z_scale, mirrored, z_reversed)
-    relief_a = bore.relief_mm(z_a, theta)
+    relief_a = bore.seen_mm(z_a, theta, slant)
     theta_b = np.mod(theta_shift_rad + sense * theta, 2 * np.pi)
     seen_by_b = Cells.drawn(seed + 500) if other_bore else bore
     z_of_b = z_shift + z_scale * direction * z_b

@@ -1,6 +1,7 @@
 """Where one side lies on the other: found over the whole circle, in every orientation, or refused."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from endoct.fusion.alignment import Alignment, NotAligned, align, open_orientati
 from endoct.fusion.pose import ALL_ORIENTATIONS
 from endoct.fusion.prepare import prepare
 from endoct.stitching.circle import wrap_rad
+from endoct.stitching.panorama import Panorama
 
 alignments = st.builds(
     Alignment,
@@ -101,3 +103,22 @@ def test_true_pairs_stand_out_far(pair) -> None:  # type: ignore[no-untyped-def]
     assert found.correlation > 0.8
     assert found.ratio > 2
     assert found.confidence > 0.4
+
+
+@pytest.mark.parametrize(("slant", "z_reversed"), [(0.3, False), (-0.3, True)])
+def test_what_an_oblique_view_hides_of_cells_does_not_move_the_other_side(
+    pair_of: Callable, slant: float, z_reversed: bool
+) -> None:
+    pair = pair_of(5, slant=slant, z_reversed=z_reversed)
+    told = replace(pair.a, per_frame={"view_slant": np.full(4, slant)})
+
+    def off_mm(a: Panorama, *, turned: bool = False) -> float:
+        one, two = prepare(a), prepare(pair.b)
+        found = align(two, one) if turned else align(one, two)
+        assert isinstance(found, Alignment)
+        middle_mm = pair.b.z_mm.mean()
+        return float((found.inverse() if turned else found).z_to_a(middle_mm) - pair.truth.z_to_a(middle_mm))
+
+    assert np.sign(off_mm(pair.a)) == -np.sign(slant)
+    assert abs(off_mm(told)) < 0.5 * abs(off_mm(pair.a))
+    assert off_mm(told, turned=True) == pytest.approx(off_mm(told), abs=1e-3)
