@@ -1,6 +1,7 @@
 """Outlines and labels drawn in other programs, as masks on the samples of a panorama.
 
 - a label or mask image, PNG, TIFF, …, also as napari saves a labels layer: what is not zero is cell;
+- a Zarr array of labels, or an OME-Zarr image or label group, whose finest level is read;
 - ``.csv`` of a napari shapes layer: polygons, rectangles, ellipses, in (row, column) of the panorama's samples;
 - ``.roi`` and ``.zip`` of Fiji's (ImageJ's) ROI manager: polygons, freehands, rectangles, ovals, in its (x, y).
 
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zarr
 from skimage.draw import polygon
 
 from endoct.modalities.recording import open_stack
@@ -21,6 +23,7 @@ from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError
 
 OUTLINE_SUFFIXES = (".csv", ".roi", ".zip")
+_STORE_FILES = ("zarr.json", ".zarray", ".zgroup")
 _NAPARI_COLUMNS = ("index", "shape-type", "vertex-index", "axis-0", "axis-1")
 _CLOSED = ("polygon", "rectangle", "ellipse")
 _ELLIPSE_POINTS = 72
@@ -33,13 +36,54 @@ def read_drawing(path: Path, shape: tuple[int, int] | None) -> Mask:
     :class:`EndoctError` where the file cannot be read or shows no cells.
     """
     if path.is_dir():
-        raise EndoctError(
-            f"{path} is no mask", found="a folder", expected="one image drawn over a panorama, PNG or TIFF"
-        )
-    cell = _image(path) if path.suffix.lower() not in OUTLINE_SUFFIXES else _filled(path, shape)
+        cell = _stored(path)
+    else:
+        cell = _image(path) if path.suffix.lower() not in OUTLINE_SUFFIXES else _filled(path, shape)
     if not cell.any() or cell.all():
         raise EndoctError(f"the mask {path} shows no cells", found="one and the same value everywhere")
     return cell
+
+
+def is_label_store(path: Path) -> bool:
+    """Say whether ``path`` is a Zarr store with one plane of whole numbers or truth values, as labels are."""
+    if not any((path / name).is_file() for name in _STORE_FILES):
+        return False
+    try:
+        labels = _finest(path)
+    except EndoctError:
+        return False
+    return labels.dtype.kind in "uib" and sum(length > 1 for length in labels.shape) == 2
+
+
+def _stored(path: Path) -> Mask:
+    if not any((path / name).is_file() for name in _STORE_FILES):
+        raise EndoctError(
+            f"{path} is no mask",
+            found="a folder",
+            expected="one image drawn over a panorama, PNG or TIFF, or a Zarr store of labels",
+        )
+    labels = _finest(path)
+    if labels.ndim < 2 or any(length != 1 for length in labels.shape[:-2]):
+        raise EndoctError(f"{path} is no mask", found=f"an array of shape {labels.shape}", expected="one plane, z × θ")
+    samples = np.asarray(labels[...])
+    return samples.reshape(samples.shape[-2:]) != 0
+
+
+def _finest(path: Path) -> Any:  # zarr.Array, whose type does not say that it can be indexed
+    """Return the array at ``path``, or of the OME-Zarr group there the one of the finest level."""
+    try:
+        node = zarr.open(path, mode="r")
+        if isinstance(node, zarr.Array):
+            return node
+        told: Any = node.attrs.get("ome", node.attrs)
+        return node[told["multiscales"][0]["datasets"][0]["path"]]
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise EndoctError(
+            f"{path} holds no labels",
+            found=str(error) or type(error).__name__,
+            expected="a Zarr array, or an OME-Zarr group with its levels listed",
+            remedy="name the array or the labels/NAME group in it",
+        ) from error
 
 
 def _image(path: Path) -> Mask:

@@ -33,7 +33,7 @@ class MaskSidecar(BaseModel):
 
 
 def read_mask(path: Path, like: Panorama | None = None) -> Panorama:
-    """Read a mask as a panorama of the modality "mask": an image, or outlines of napari or Fiji.
+    """Read a mask as a panorama of the modality "mask": an image, labels in Zarr, or outlines of napari or Fiji.
 
     :mod:`endoct.fusion.drawings` says which files. Rows are z, ascending, columns the full circle of θ from 0. A
     sidecar NAME.toml beside it says where its rows lie; without one it must have as many rows and columns as ``like``
@@ -57,6 +57,11 @@ def read_mask(path: Path, like: Panorama | None = None) -> Panorama:
             remedy=f"draw it on that panorama, or write {sidecar.name} beside it with "
             'modality = "mask", bore_diameter_mm, z0_mm and dz_mm',
         )
+    return mask_on(cell, like, path)
+
+
+def mask_on(cell: Mask, like: Panorama, path: Path) -> Panorama:
+    """Return ``cell``, bool on the samples of ``like``, as :func:`read_mask` returns what is drawn there."""
     return _panorama(cell, like.grid, path, on=like)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from endoct.fusion.cell_table import write_cells
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
-from endoct.fusion.drawings import OUTLINE_SUFFIXES
-from endoct.fusion.masks import read_mask
+from endoct.fusion.drawings import OUTLINE_SUFFIXES, is_label_store
+from endoct.fusion.masks import mask_on, read_mask
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import check_same_bore
 from endoct.fusion.store import save_comparison
@@ -19,6 +19,7 @@ from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama, save_panorama
+from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
 from endoct.workbench.drawn import score_drawings, write_mask
 from endoct.workbench.inputs import digests, versions
 from endoct.workbench.pictures import save_pictures
@@ -57,7 +58,7 @@ def write_comparison(
     )
     with stages.stage("align, segment, score"):
         comparison = compare_panoramas(a, b, parameters)
-        drawn = {str(path): read_mask(path, like=a) for path in truth}
+        drawn = {str(path): _truth(path, a) for path in truth}
         against = score_drawings(comparison, drawn, parameters.tolerance_mm)
     folder.mkdir()
     with stages.stage("write"):
@@ -94,13 +95,29 @@ def write_comparison(
 
 
 def is_mask_image(path: Path) -> bool:
-    """Say whether ``path`` is a mask drawn by hand, not a recording: outlines, or one image of at most two values."""
+    """Say whether ``path`` is a mask drawn by hand, not a recording.
+
+    Outlines; one image of at most two values, or of whole numbers of 32 bits and more, which are labels; a Zarr store
+    of labels.
+    """
+    if path.is_dir():
+        return is_label_store(path) and not is_panorama(path) and not sidecar_path(path).is_file()
     if path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES:
         return True
     if not path.is_file() or path.suffix.lower() not in IMAGE_SUFFIXES or sidecar_path(path).is_file():
         return False
     stack = open_stack(path)
-    return len(stack) == 1 and np.unique(stack[0]).size <= 2
+    if len(stack) != 1:
+        return False
+    return (stack.dtype.kind in "ui" and stack.dtype.itemsize >= 4) or np.unique(stack[0]).size <= 2
+
+
+def _truth(path: Path, a: Panorama) -> Panorama:
+    """Return a mask drawn on ``a``, or what a simulated specimen's truth folder says ``a`` should show."""
+    if not (path / "recording.json").is_file():
+        return read_mask(path, like=a)
+    truth = load_truth(path.parent)
+    return mask_on(true_cells(truth, true_pose(a, truth), a), a, path)
 
 
 def _open(side: Side) -> Panorama | Opened:

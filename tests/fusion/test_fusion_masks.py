@@ -6,8 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import zarr
 
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
+from endoct.fusion.drawings import is_label_store
 from endoct.fusion.masks import read_mask, score_against
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
@@ -30,6 +32,38 @@ def test_a_mask_on_the_other_sides_panorama_lies_there(pair, tmp_path: Path) -> 
     assert (found.alignment.theta_shift_rad, found.alignment.z_shift_mm) == (0.0, 0.0)
     assert found.result["threshold"]["mask"] == {"value": None, "unit": "1", "of": "mask as given"}
     assert found.result["scores"]["own_rows"]["jaccard"] > 0.85
+
+
+@pytest.mark.parametrize("zarr_format", [2, 3])
+@pytest.mark.parametrize("kind", ["array", "levels", "ome"])
+def test_labels_in_zarr_are_a_mask(kind: str, zarr_format: int, pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    labels = np.where(pair.cells_b, 70000 * (1 + np.arange(pair.cells_b.shape[1])), 0).astype(np.uint32)
+    path = tmp_path / "anna_2.zarr"
+    if kind == "array":
+        zarr.create_array(path, data=labels, zarr_format=zarr_format)
+    else:
+        group = zarr.open_group(path, mode="w", zarr_format=zarr_format)
+        group.create_array("fine", data=labels[np.newaxis])
+        group.create_array("coarse", data=labels[np.newaxis, ::2, ::2])
+        told = {"multiscales": [{"datasets": [{"path": "fine"}, {"path": "coarse"}]}]}
+        group.attrs.update({"ome": told} if kind == "ome" else told)
+    mask = read_mask(path, pair.b)
+    assert np.array_equal(mask.intensity > 0, pair.cells_b)
+    assert (mask.provenance["rater"], mask.provenance["session"]) == ("anna", "2")
+    assert is_label_store(path)
+
+
+@pytest.mark.parametrize(("attributes", "message"), [({}, "holds no labels"), (None, "an array of shape")])
+def test_a_store_without_one_plane_of_labels_is_refused(
+    attributes: dict[str, object] | None, message: str, tmp_path: Path
+) -> None:
+    if attributes is None:
+        zarr.create_array(tmp_path / "m.zarr", data=np.ones((3, 4, 5), np.uint8))
+    else:
+        zarr.open_group(tmp_path / "m.zarr", mode="w", attributes=attributes)
+    assert not is_label_store(tmp_path / "m.zarr")
+    with pytest.raises(EndoctError, match=message):
+        read_mask(tmp_path / "m.zarr")
 
 
 def test_a_mask_with_a_sidecar_is_aligned(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

@@ -55,9 +55,17 @@ def load_truth(specimen: Path) -> Truth:
 
 
 def true_pose(panorama: Panorama, truth: Truth) -> Pose:
-    """Return the pose of ``panorama``, made from one of the specimen's recordings, frame by frame."""
-    of = truth.recording[panorama.modality]
-    index = panorama.per_frame[f"{panorama.frame_dim}_index"]
+    """Return the pose of ``panorama``, made from one of the specimen's recordings, frame by frame.
+
+    Raises :class:`EndoctError` where it was made of something else.
+    """
+    of, index = truth.recording.get(panorama.modality), panorama.per_frame.get(f"{panorama.frame_dim}_index")
+    if of is None or index is None or index.max(initial=-1) >= len(of["z_mm"]):
+        raise EndoctError(
+            f"the truth of a simulated specimen says nothing of this {panorama.modality} panorama",
+            expected=f"one made of its recordings: {', '.join(sorted(truth.recording))}",
+            remedy="compare the specimen's own recordings",
+        )
     z_panorama = panorama.per_frame[f"{panorama.frame_dim}_z_mm"]
     z_bore = np.asarray(of["z_mm"])[index]
     if "roll_rad" in of:  # the panorama's angle of a frame is image angle + estimated roll

@@ -32,8 +32,9 @@ def compare(
         a: first side; the comparison is in its frame
         b: second side
         output: folder to write
-        truth: mask drawn over side A's panorama to score both against: an image, shapes of napari (.csv) or regions
-            of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png
+        truth: mask drawn over side A's panorama to score both against: an image, labels in Zarr, shapes of napari
+            (.csv) or regions of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png; or a simulated
+            specimen's truth folder
         modality_a: plug-in to read side A with
         modality_b: plug-in to read side B with
         set: a parameter of the comparison; repeat for more
