@@ -20,10 +20,10 @@ from endoct.modalities.recording import (
     IMAGE_SUFFIXES,
     ImageStack,
     image_files,
-    is_tiff,
     open_stack,
     whole_recordings,
 )
+from endoct.modalities.tiff import is_tiff
 from endoct.modalities.video import is_video
 from endoct.stitching.arrays import Coordinates, readonly
 from endoct.stitching.errors import EndoctError
