@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.synthetic.appearance import Appearance
 from endoct.synthetic.beams import Echoes, stream_position, trace, trace_slices
-from endoct.synthetic.field import Scattered, Turn, lateral_taps, scattered
+from endoct.synthetic.field import Scattered, lateral_taps, scattered
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.presets import PRESETS
 from endoct.synthetic.randomness import Stage, generator
@@ -26,6 +26,7 @@ from endoct.synthetic.spectrometer import (
     reconstruct,
     spectrometer,
 )
+from endoct.synthetic.turn import Turn
 from endoct.synthetic.wall import Wall
 
 FINER = 4  # samples of the field between two of the spectrum, to be read between them

@@ -7,7 +7,6 @@ fully developed speckle. Everything thin is a reflector at its exact path. Array
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -22,6 +21,7 @@ from endoct.synthetic.beams import BONE_INDEX, Echoes
 from endoct.synthetic.parameters import Oct
 from endoct.synthetic.randomness import bell
 from endoct.synthetic.spectrometer import Spectrometer, roll_off
+from endoct.synthetic.turn import Turn, around
 
 Field = NDArray[np.complex64]
 FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
@@ -37,31 +37,8 @@ NEGLIGIBLE_DB = -20.0  # what bone returns below this is left out
 # A-scans holds next to nothing of them
 PHASE_RAD, PHASE_TURNS = 12.0, 0.01
 TABLE_PER_PX = 32
-AROUND = 1024  # places around a turn at which what changes smoothly is drawn
 # the detector's line has a weaker companion; real ones are some ten rows wide
 LINES = ((0.0, 0.0), (6.0, -9.0))
-
-
-@dataclass(frozen=True, eq=False)
-class Turn:
-    """The columns of one slice, around the ring they were taken on.
-
-    ``n_ring``: columns to a full turn, after which a beam meets the same bone again. ``first``: place on that ring
-    of the first column, negative where it lies before the slice's first A-scan.
-    """
-
-    n_ring: int
-    first: int
-    n: int
-
-    def __call__(self, ring: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return values of a ring, shape (n_ring, …), at every column."""
-        return ring[self.place]
-
-    @property
-    def place(self) -> NDArray[np.intp]:
-        """Place of every column on the ring, (n,)."""
-        return np.mod(self.first + np.arange(self.n), self.n_ring)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +111,10 @@ def scattered(
     seen = np.isfinite(delay)
     delay[~seen] = 0
     amplitude = np.where(seen, 10 ** (np.array(levels) / 20), 0) * roll_off(oct_, delay, n)
-    phase = np.array([PHASE_RAD * _around(rng, turn, PHASE_TURNS) for _ in paths])
+    phase = np.array([PHASE_RAD * around(rng, turn, PHASE_TURNS) for _ in paths])
 
     # the line's phase runs through a few turns, so that the mean over A-scans does not hold it
-    drift = rng.uniform(1, 3) * np.linspace(0, 2 * np.pi, turn.n) + 3.0 * _around(rng, turn, 0.05)
+    drift = rng.uniform(1, 3) * np.linspace(0, 2 * np.pi, turn.n) + 3.0 * around(rng, turn, 0.05)
     line = np.array([np.full(turn.n, oct_.detector_line_px + beside) for beside, _ in LINES])
     level = np.array([oct_.detector_line_db + db + np.zeros(turn.n) for _, db in LINES])
     returned: NDArray[np.complex128] = np.concatenate(
@@ -163,7 +140,7 @@ def _reflectors(
             (echoes.outer_path_mm, echoes.outer_incidence_rad, oct_.outer_face_db),
         )
     ):
-        level_db = level + glossy(incidence) + 2.0 * _around(rng, turn, 0.05)
+        level_db = level + glossy(incidence) + 2.0 * around(rng, turn, 0.05)
         if flares and face == flaring:
             # square on the near or on the far side of an off-axis catheter
             there = side * (path - np.median(path)) > 0
@@ -172,9 +149,9 @@ def _reflectors(
         levels.append(level_db)
     for sheath in oct_.sheath:
         paths.append(sheath.radius_mm + sheath.wobble_mm * np.sin(echoes.alpha_rad + sheath.phase_rad))
-        levels.append(sheath.level_db + 1.5 * _around(rng, turn, 0.08))
+        levels.append(sheath.level_db + 1.5 * around(rng, turn, 0.08))
     paths.append(np.zeros(turn.n))
-    levels.append(oct_.catheter_face_db + 1.0 * _around(rng, turn, 0.08))
+    levels.append(oct_.catheter_face_db + 1.0 * around(rng, turn, 0.08))
 
     paths.append(echoes.wall_path_mm)
     glint_db = appearance.at(appearance.glint_db, echoes.wall_z_mm, echoes.wall_theta_rad)
@@ -279,23 +256,3 @@ def _summed(image: Image, taps: Image) -> Image:
     """Return ``image`` convolved with ``taps`` along columns; the columns at both ends are a margin."""
     out = cv2.sepFilter2D(image, cv2.CV_32F, np.ones(1, np.float32), taps, borderType=cv2.BORDER_REFLECT)
     return np.asarray(out, dtype=np.float32)
-
-
-def _around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:
-    """Return a smooth random course around the ring, rms 1, at every column."""
-    spectrum = fft.rfft(rng.standard_normal(AROUND, dtype=np.float32))
-    spectrum *= _smoothing(sigma_turns)
-    course = fft.irfft(spectrum)
-    course /= np.sqrt(np.mean(np.square(course, dtype=np.float64)))
-    place = np.mod((turn.first + np.arange(turn.n)) * (AROUND / turn.n_ring), AROUND)
-    around: Coordinates = np.interp(place, np.arange(AROUND + 1), np.append(course, course[0]))
-    return around
-
-
-@lru_cache(maxsize=16)
-def _smoothing(sigma_turns: float) -> Image:
-    """Return what a Gaussian leaves of each frequency around the ring, and nothing of the mean."""
-    left = np.exp(-0.5 * (2 * np.pi * sigma_turns * np.arange(AROUND // 2 + 1)) ** 2).astype(np.float32)
-    left[0] = 0
-    left.flags.writeable = False
-    return np.asarray(left)

@@ -13,7 +13,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates
-from endoct.synthetic.cavity import frame
+from endoct.synthetic.cavities import frame
 from endoct.synthetic.opening import CutWall, drawn_contents, drawn_outline
 from endoct.synthetic.parameters import Bore, Cell
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.cavity import OWN_SIDE, Cavities, Indices, Near, cavities, covers, near, sag
+from endoct.synthetic.cavities import Cavities, cavities, sag
+from endoct.synthetic.cavity import OWN_SIDE, Indices, Near, covers, near
 from endoct.synthetic.parameters import Bore, Cell, Harmonic
 from endoct.synthetic.relief import WallGrid
 

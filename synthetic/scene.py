@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.synthetic.cavity import OWN_SIDE, Cavities, Indices, Near, cavities, clearance, near
+from endoct.synthetic.cavities import Cavities, cavities
+from endoct.synthetic.cavity import OWN_SIDE, Indices, Near, clearance, near
 from endoct.synthetic.elementary import Numbers, azimuth
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.relief import BoreRelief, WallGrid, bore_relief, wall_grid

@@ -6,7 +6,7 @@ the frame, so that rounding stays below 1e-6 mm. Frames are worked on in bands o
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image
-from endoct.synthetic.cone import ConeRays, band_centre_mm, cone_of
-from endoct.synthetic.elementary import azimuth
+from endoct.synthetic.cone import band_centre_mm
 from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.parameters import Endoscope
+from endoct.synthetic.rays import Rays, rays_of
 
 STEP_ACROSS_MM = 0.01
 """How far a ray goes along the wall between two looks: no farther than the wall's maps are fine."""
@@ -84,34 +84,6 @@ class Hits:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rays:
-    """Rays in the bore's frame, each seen from its own azimuth ``theta_rad``; float32 (n,) each.
-
-    At a distance t from the cone a ray is at u0 + t·u1 along its azimuth, v0 + t·v1 across it (towards larger θ),
-    and at z = z0 + t·z1 from the apex.
-    """
-
-    theta_rad: Image
-    u0: Image
-    u1: Image
-    v0: Image
-    v1: Image
-    z0: Image
-    z1: Image
-
-    def of(self, chosen: NDArray[np.intp]) -> "_Rays":
-        parts = self.theta_rad, self.u0, self.u1, self.v0, self.v1, self.z0, self.z1
-        return _Rays(*(values.take(chosen) for values in parts))
-
-    def to_radius_mm(self, radius_mm: float) -> Image:
-        """Return t where the rays meet the cylinder of ``radius_mm`` from inside."""
-        a = self.u1 * self.u1 + self.v1 * self.v1
-        b = self.u0 * self.u1 + self.v0 * self.v1
-        c = self.u0 * self.u0 + self.v0 * self.v0 - radius_mm**2
-        return np.asarray((np.sqrt(np.maximum(b * b - a * c, 0)) - b) / a)
-
-
-@dataclass(frozen=True, eq=False)
 class Visible:
     """The rows of a wall that a frame can see, from ``first_row``; ``apex_row`` is the apex' place among them.
 
@@ -126,14 +98,14 @@ class Visible:
     columns_per_rad: float
     radius_mm: float
 
-    def behind(self, rays: _Rays, t_mm: Image) -> Image:
+    def behind(self, rays: Rays, t_mm: Image) -> Image:
         """Return how far behind the wall the rays are at ``t_mm``."""
         behind, row, column = self.place(rays, t_mm)
         behind -= np.float32(self.radius_mm)
         behind -= lookup(self.relief_mm, row, column)
         return behind
 
-    def place(self, rays: _Rays, t_mm: Image) -> tuple[Image, Image, Image]:
+    def place(self, rays: Rays, t_mm: Image) -> tuple[Image, Image, Image]:
         """Return the radius of the rays' places at ``t_mm``, and their row and column."""
         v = t_mm * rays.v1
         v += rays.v0
@@ -223,7 +195,7 @@ def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
     around = np.arange(RIM_PLACES) * (2 * np.pi / RIM_PLACES)
     rims = np.array([[inner_px], [camera.outer_px + bend_px]])
     x, y = ((rims * turned).astype(np.float32).ravel() for turned in (np.cos(around), np.sin(around)))
-    rays, _ = _rays(camera, frame_index, x, y)
+    rays, _ = rays_of(camera, frame_index, x, y)
     ends = [rays.z0 + rays.to_radius_mm(wall.radius_mm + relief) * rays.z1 for relief in (least - CLEARANCE_MM, most)]
     apex_mm = camera.z_mm[frame_index] - band_centre_mm(camera, wall.radius_mm)
     apex_row, last = apex_mm / wall.dz_mm, wall.relief_mm.shape[0] - 1
@@ -244,7 +216,7 @@ def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
 
 def follow(wall: Visible, camera: Endoscope, frame_index: int, seen: View) -> Hits:
     """Return where the pixels' rays meet the wall."""
-    rays, off_cone = _rays(camera, frame_index, seen.look_x_px, seen.look_y_px)
+    rays, off_cone = rays_of(camera, frame_index, seen.look_x_px, seen.look_y_px)
     t = _march(wall, rays)
     radius, row, column = wall.place(rays, t)
     u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1
@@ -262,48 +234,7 @@ def follow(wall: Visible, camera: Endoscope, frame_index: int, seen: View) -> Hi
     )
 
 
-def _rays(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> tuple[_Rays, ConeRays]:
-    """Return the rays of places of the image, counted from the annulus' centre."""
-    r_px = np.sqrt(x_px * x_px + y_px * y_px)
-    off_cone = cone_of(camera).rays(r_px)
-    turn = camera.roll_rad[frame_index]
-    per_px = np.asarray(1 / r_px, dtype=np.float32)
-    cos, sin = x_px * per_px, y_px * per_px
-    theta = azimuth(cos, sin)
-    theta += np.float32(turn)
-    # within a turn, as looking maps up beyond their edges takes ten times as long
-    theta -= np.float32(2 * np.pi) * np.floor(theta * np.float32(0.5 / np.pi))
-    cos, sin = _rotated(cos, sin, turn)
-    starts = _leaned(camera, (off_cone.rho_mm * cos, off_cone.rho_mm * sin, off_cone.z_mm))
-    ways = _leaned(camera, (off_cone.outward * cos, off_cone.outward * sin, off_cone.inward))
-    x0, y0 = (start + np.float32(offset) for start, offset in zip(starts, camera.offset_mm[frame_index], strict=False))
-    rays = _Rays(
-        theta_rad=theta,
-        u0=x0 * cos + y0 * sin,
-        u1=ways[0] * cos + ways[1] * sin,
-        v0=y0 * cos - x0 * sin,
-        v1=ways[1] * cos - ways[0] * sin,
-        z0=starts[2],
-        z1=ways[2],
-    )
-    return rays, off_cone
-
-
-def _rotated(x: Image, y: Image, by_rad: float) -> tuple[Image, Image]:
-    cos, sin = np.float32(math.cos(by_rad)), np.float32(math.sin(by_rad))
-    return x * cos - y * sin, x * sin + y * cos
-
-
-def _leaned(camera: Endoscope, vectors: Sequence[Image]) -> tuple[Image, Image, Image]:
-    """Return vectors of the probe's frame in the bore's, into which the probe leans without turning about itself."""
-    towards, tilt = camera.probe_tilt_direction_rad, camera.probe_tilt_rad
-    along, across = _rotated(vectors[0], vectors[1], -towards)
-    z, along = _rotated(vectors[2], along, tilt)
-    x, y = _rotated(along, across, towards)
-    return x, y, z
-
-
-def _march(wall: Visible, rays: _Rays) -> Image:
+def _march(wall: Visible, rays: Rays) -> Image:
     """Return t where each ray falls behind the relief.
 
     A step goes as far as the ray stays over one place of the maps, so that no septum is stepped over; the place

@@ -181,7 +181,7 @@ def logarithmic(
         fringes -= background
         fringes *= window
         # a row holds the real part of 0, then real and imaginary parts of 1, 2, …
-        parts = cv2.dft(fringes, flags=cv2.DFT_ROWS)
+        parts = np.asarray(cv2.dft(fringes, flags=cv2.DFT_ROWS), dtype=np.float32)
         parts *= parts
         power = np.empty((parts.shape[0], n // 2), np.float32)
         power[:, 0] = parts[:, 0]

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
-from endoct.synthetic.cavity import Cavities, Indices, Near, chosen, clearance
+from endoct.synthetic.cavities import Cavities
+from endoct.synthetic.cavity import Indices, Near, chosen, clearance
 from endoct.synthetic.elementary import Numbers
 
 STEP_MM = 0.004

@@ -13,9 +13,10 @@ from endoct.synthetic.appearance import Appearance, build_appearance
 from endoct.synthetic.beams import Echoes, trace
 from endoct.synthetic.bscan import noise_free, offset, render_bscan, render_bscans, spectra
 from endoct.synthetic.draw import draw
-from endoct.synthetic.field import Turn, scattered
+from endoct.synthetic.field import scattered
 from endoct.synthetic.parameters import LostAscans, Oct, Sample
 from endoct.synthetic.spectrometer import LOG_BIAS_DB, Spectrometer, chirp, roll_off, spectrometer
+from endoct.synthetic.turn import Turn
 from endoct.synthetic.wall import Wall, build_wall
 
 N = 1024

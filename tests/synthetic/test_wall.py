@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from endoct.synthetic.cavity import cavities, clearance, covers, near
+from endoct.synthetic.cavities import cavities
+from endoct.synthetic.cavity import clearance, covers, near
 from endoct.synthetic.draw import draw
 from endoct.synthetic.scene import crossings
 from endoct.synthetic.wall import Wall, build_wall

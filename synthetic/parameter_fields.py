@@ -1,0 +1,26 @@
+"""Fields of parameters: numbers with their bounds, what they are drawn from, unit and source."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Travel = Literal["in", "out"]
+Stated = Literal["in", "out", "unknown"]
+Harmonic = tuple[float, float]
+"""Factors of the cosine and of the sine."""
+
+
+def drawn(low: float, high: float, about: str, allowed: tuple[float, float] | None = None) -> Any:
+    """Return a number that is drawn between ``low`` and ``high``; a wish may take it as far as ``allowed``."""
+    return between(*(allowed or (low, high)), about, draw=[low, high])
+
+
+def between(least: float, most: float, about: str, **more: Any) -> Any:
+    """Return a number within these bounds; ``about`` holds its unit and its source."""
+    return Field(ge=least, le=most, description=about, json_schema_extra=more)
+
+
+class Parameters(BaseModel):
+    """What was drawn of one thing: it knows its fields, does not change and holds no infinities."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
