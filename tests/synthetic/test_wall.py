@@ -1,13 +1,17 @@
 """The baked maps against traced rays, and against cells taken one by one."""
 
+from dataclasses import fields
+from functools import partial
+
 import numpy as np
 import pytest
 
 from endoct.synthetic.cavities import cavities
 from endoct.synthetic.cavity import clearance, covers, near
 from endoct.synthetic.draw import draw
+from endoct.synthetic.maps import WallMaps
 from endoct.synthetic.scene import crossings
-from endoct.synthetic.wall import Wall, build_wall
+from endoct.synthetic.wall import Traced, Wall, build_wall, part_of_wall
 from tests.synthetic.bones import bone, hole
 from tests.tolerances import BAKED_MM
 
@@ -34,6 +38,22 @@ def test_relief_fluid_and_ids_are_those_of_traced_rays(wall: Wall) -> None:
     np.testing.assert_array_equal(np.isfinite(found.fluid_mm), wall.wet[rows, columns] > 0)
     deep = wall.cell[rows, columns] & (found.cell > 0)
     assert np.mean(found.cell[deep] != wall.cell_id[rows, columns][deep]) < 0.05  # a ray may run on into a neighbour
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+def test_parts_traced_elsewhere_change_nothing(parts: int) -> None:
+    sample = bone(hole(), hole(z_mm=3.4, lean_rad=0.3), hole(theta_rad=4.0, filling="fluid", fill_mm=0.2))
+    asked: list[int] = []
+
+    def elsewhere(part: int) -> list[Traced]:
+        asked.append(part)
+        return part_of_wall(sample, part, parts)
+
+    alone, shared = build_wall(sample), build_wall(sample, 1, [partial(elsewhere, part) for part in range(parts)])
+    assert asked == list(range(parts))
+    for field in fields(WallMaps):
+        np.testing.assert_array_equal(getattr(alone, field.name), getattr(shared, field.name))
+    assert np.count_nonzero(np.unique(shared.cell_id)) == 3
 
 
 def test_ids_are_those_of_the_deepest_cavity_that_is_open() -> None:
