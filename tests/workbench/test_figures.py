@@ -12,7 +12,16 @@ from tolerances import COORDINATE_ATOL
 
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.figures.cylinder import CUT_FACE, END_FACE, TILT_RAD, UNSEEN, cast_half
-from endoct.workbench.figures.drawing import new_figure, show_surface, thinned, wall_panel, wrapped
+from endoct.workbench.figures.drawing import (
+    MARGIN_IN,
+    new_figure,
+    place,
+    show_surface,
+    thinned,
+    wall_panel,
+    width_of,
+    wrapped,
+)
 from endoct.workbench.figures.surfaces import BOTH, NEITHER, ONLY_A, ONLY_B, difference_image
 from endoct.workbench.wording import value_text
 
@@ -34,6 +43,24 @@ def test_a_wall_panel_is_drawn_to_scale_with_z_downwards() -> None:
     quarter_turn_mm = math.pi / 2 * GRID.radius_mm
     assert corner[1] - below[1] == pytest.approx((aside[0] - corner[0]) / quarter_turn_mm, rel=1e-6)
     assert below[1] < corner[1]
+
+
+def test_axes_lie_where_they_are_placed_and_no_words_above_a_panel_touch() -> None:
+    figure = new_figure(5, 3)
+    axes = place(figure, 0.5, 0.25, 2.0, 1.5)
+    assert width_of(axes) == pytest.approx(2.0)
+    frame = axes.get_position(original=True).get_points() * figure.get_size_inches()
+    np.testing.assert_allclose(frame[0], [MARGIN_IN + 0.5, MARGIN_IN + 3 - 0.25 - 1.5])
+    np.testing.assert_allclose(frame[1] - frame[0], [2.0, 1.5])
+    wall_panel(axes, GRID, "wall")
+    figure.draw_without_rendering()
+    rows = [text.get_window_extent() for text in axes.texts if text.get_text() in ("0", "arc (mm)")]
+    boxes = sorted([*rows, axes.title.get_window_extent()], key=lambda box: float(box.y0))
+    assert len(boxes) == 3
+    # the title stands on the left, where its descenders may reach the height of the words in the middle
+    assert boxes[0].y0 > axes.bbox.y1
+    assert boxes[1].y0 >= boxes[0].y1
+    assert not boxes[2].overlaps(boxes[1])
 
 
 @pytest.mark.parametrize("theta0_rad", [0.0, math.pi / 2])

@@ -298,7 +298,6 @@ def _scale_bar(axes: Axes, grid: SurfaceGrid) -> None:
     around_mm = 2 * math.pi * grid.radius_mm
     length_mm = max((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10) if v <= around_mm / 3.5), default=0.1)
     width = length_mm / around_mm
-    halo = [withStroke(linewidth=3.0, foreground="white")]
     bottom, top = axes.get_ylim()
     lift = 0.25 / abs(bottom - top) if abs(bottom - top) > 5 else 0.05
     axes.plot(
@@ -307,5 +306,6 @@ def _scale_bar(axes: Axes, grid: SurfaceGrid) -> None:
     )  # fmt: skip
     axes.annotate(
         f"{length_mm:g} mm", (0.96 - width / 2, lift), xytext=(0, 2.5), textcoords="offset points",
-        xycoords="axes fraction", ha="center", va="bottom", fontsize=6.5, path_effects=halo, zorder=6,
+        xycoords="axes fraction", ha="center", va="bottom", fontsize=6.5, zorder=6,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
     )  # fmt: skip
