@@ -1,6 +1,7 @@
 """Fixtures that tests of several folders share."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -25,9 +26,23 @@ def recordings() -> Path:
 
 @pytest.fixture(scope="session")
 def quick_specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One simulated specimen of the preset `quick`: oct/, endoscope/ and truth/. Tests must not change it."""
+    """One simulated specimen of the preset `quick`: oct/, endoscope/ and truth/. Tests must not change it.
+
+    The processes that share the tests share it too: who comes first makes it, the others wait.
+    """
+    import fcntl
+
     from endoct.synthetic.specimen import simulate  # only who needs a specimen loads it
 
-    specimen = tmp_path_factory.mktemp("quick") / "specimen"
-    simulate(specimen, preset="quick", seed=1000)
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    specimen = shared / "quick_specimen"
+    with (shared / "quick_specimen.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not specimen.exists():
+            making = shared / "quick_specimen.part"
+            shutil.rmtree(making, ignore_errors=True)  # of one who failed
+            simulate(making, preset="quick", seed=1000)
+            making.rename(specimen)
     return specimen

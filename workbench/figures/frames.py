@@ -48,7 +48,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     down = not _is_image(frames[0][1][0])
     rows, columns = (len(frames), most) if down else (most, len(frames))
     pitch_in = PAGE_WIDTH_IN / columns
-    width_in = pitch_in - 0.5
+    width_in = pitch_in - 0.58
     shown = {
         (k, n) if down else (n, k): (place_of, picture)
         for k, (place_of, pictures) in enumerate(frames)
@@ -67,7 +67,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, below_in)
         for (row, column), (place_of, picture) in shown.items():
-            axes = place(figure, column * pitch_in + 0.42, tops_in[row], width_in, heights_in[row])
+            axes = place(figure, column * pitch_in + 0.5, tops_in[row], width_in, heights_in[row])
             show_picture(axes, picture, legend=place_of == last, y_label=down or column == 0)
             axes.set_title(titles[row, column], pad=3)
         path = folder / f"frames-{side.name}.png"
