@@ -19,6 +19,9 @@ from endoct.stitching.errors import EndoctError
 DISAGREEMENT = 0.05
 ASSUMED_DISTANCE = 1.25
 """Of an unknown pupil from the cone's apex, in radii of the bore: 0.8 to 1.5 in the simulator."""
+ASSUMED_LENGTH = 0.65
+"""Of the bore that the annulus shows, in radii of the bore, until the feed tells it."""
+CONE_KEYS = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
 STEEPEST = 0.6
 """Largest tan ψ of an assumed cone."""
 ASSUMED_ANGLES_RAD = np.deg2rad(34.0), np.deg2rad(56.0)
@@ -157,10 +160,10 @@ def stretched(optics: ConeOptics, stretch: float) -> ConeOptics:
 def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: float, notes: list[str]) -> ConeOptics:
     """Return z(r) of an annulus as the sidecar has it; add a note where it contradicts itself.
 
-    Raises :class:`EndoctError` where the sidecar has neither the mirror's optics nor the visible length.
+    Where it has neither the mirror's optics nor the visible length but the feed, the length is a guess, see
+    :func:`scale_is_stated`. Raises :class:`EndoctError` where it has none of the three.
     """
-    keys = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
-    angle, focal, distance = (getattr(acquisition, key) for key in keys)
+    angle, focal, distance = (getattr(acquisition, key) for key in CONE_KEYS)
     sign = -1 if acquisition.outer_rim == "behind" else 1
     length = acquisition.visible_length_mm
     if angle is not None and focal is not None and distance is not None:
@@ -180,14 +183,20 @@ def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: 
                 f"{length:.2f} mm; the optics were used."
             )
         return cone
-    missing = [key for key in keys if getattr(acquisition, key) is None]
-    if length is None:
+    missing = [key for key in CONE_KEYS if getattr(acquisition, key) is None]
+    if length is None and acquisition.pitch_mm is None and acquisition.positions_mm is None:
         raise EndoctError(
             "the scale along the bore is not known",
-            found=f"neither visible_length_mm nor {' and '.join(missing)} in the sidecar",
-            expected="the length that the annulus spans, or all of the mirror's optics",
+            found=f"neither visible_length_mm nor {' and '.join(missing)} nor feed_pitch_mm in the sidecar",
+            expected="the length that the annulus spans, all of the mirror's optics, or the feed",
             remedy="add visible_length_mm: put a scale into a bore of that diameter and read off what the ring shows",
         )
-    if len(missing) < len(keys):
+    if len(missing) < len(CONE_KEYS):
         notes.append(f"The mirror's optics were not used, because the sidecar lacks {' and '.join(missing)}.")
-    return assumed_cone(inner_px, outer_px, length, acquisition.bore_diameter_mm / 2, sign)
+    radius_mm = acquisition.bore_diameter_mm / 2
+    return assumed_cone(inner_px, outer_px, length or ASSUMED_LENGTH * radius_mm, radius_mm, sign)
+
+
+def scale_is_stated(acquisition: EndoscopeAcquisition) -> bool:
+    """Say whether the sidecar tells how long a piece of the bore the annulus shows."""
+    return acquisition.visible_length_mm is not None or all(getattr(acquisition, k) is not None for k in CONE_KEYS)

@@ -59,6 +59,29 @@ def measured_feed(
     )
 
 
+def scale_by_feed(feed: Feed, nominal: Coordinates | None, visible_length_mm: float, notes: list[str]) -> float:
+    """Return by how much a guessed ``visible_length_mm`` is too small, from the ``feed`` measured with it.
+
+    Raises :class:`EndoctError` where too few frames could be matched for that.
+    """
+    known = feed.trusted[1:] & (np.abs(np.diff(feed.z_mm)) > 0)
+    if nominal is None or known.sum() < FEWEST_FOR_DRIFT:
+        raise EndoctError(
+            "the scale along the bore is not known",
+            found=f"no visible_length_mm in the sidecar, and {int(known.sum())} pairs of frames to measure it by",
+            expected=f"either it or {FEWEST_FOR_DRIFT} pairs of neighbouring frames that overlap and could be matched",
+            remedy="add visible_length_mm: put a scale into a bore of that diameter and read off what the ring shows",
+        )
+    larger = np.abs(np.diff(nominal))[known] / np.abs(np.diff(feed.z_mm))[known]
+    ratio = float(np.median(larger))
+    error = 1.25 * 1.48 * float(np.median(np.abs(larger - ratio))) / ratio / float(np.sqrt(known.sum()))
+    notes.append(
+        f"The sidecar does not give visible_length_mm; by the nominal feed it is {ratio * visible_length_mm:.3f} mm "
+        f"(± {error:.1%}, if the nominal feed is right on average)."
+    )
+    return ratio
+
+
 def optics_with_rim(optics: ConeOptics, acquisition: EndoscopeAcquisition, feed: Feed, notes: list[str]) -> ConeOptics:
     """Return the optics with the rim that the measured feed tells, where the sidecar does not."""
     if feed.direction > 0 or acquisition.travel == "unknown":

@@ -13,7 +13,7 @@ from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.offset import ON_AXIS, bore_axis, probe_offsets
-from endoct.modalities.endoscope.optics import ConeOptics, stated_optics
+from endoct.modalities.endoscope.optics import ConeOptics, assumed_cone, scale_is_stated, stated_optics
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.places import (
     centre_drift_px,
@@ -21,6 +21,7 @@ from endoct.modalities.endoscope.places import (
     nominal_mm,
     optics_with_rim,
     placed,
+    scale_by_feed,
     self_calibrated,
     turned_by,
 )
@@ -98,6 +99,13 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     views = _views(nominal, optics.visible_length_mm, len(logs))
     flat = estimate_flat_field(logs, views, parameters.least_transmission)
     exposure = frame_exposure(logs, flat)
+    if not scale_is_stated(acquisition):
+        guessed = measured_feed(logs, flat, exposure, outward_mm, None, acquisition, optics, parameters)
+        ratio = scale_by_feed(guessed, nominal, optics.visible_length_mm, notes)
+        half_mm, outward_mm = half_mm * ratio, outward_mm * ratio
+        optics = assumed_cone(
+            optics.inner_px, optics.outer_px, ratio * optics.visible_length_mm, optics.bore_radius_mm, optics.rim_sign
+        )
     feed = measured_feed(logs, flat, exposure, outward_mm, nominal, acquisition, optics, parameters)
     if parameters.self_calibration:
         optics = self_calibrated(optics, feed, notes)

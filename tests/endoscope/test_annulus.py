@@ -1,5 +1,6 @@
 """The annulus: drawn, noisy, notched, and in photographs that are not ours."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -165,3 +166,13 @@ def test_an_image_circle_without_a_mirror_is_no_annulus(recordings: Path) -> Non
     image, _ = load(recordings / "endoscope-circle" / "demo.jpg")
     with pytest.raises(EndoctError, match="no annulus"):
         find_annulus(image)
+
+
+def test_a_rim_that_the_mean_image_blurs_is_taken_as_the_frames_have_it() -> None:
+    """A small inner rim, 8 % smaller in every frame than where it was found first."""
+    true = Annulus(80.0, 60.0, 26.0, 80.0, 60.0, 100.0)
+    blurred = replace(true, inner_px=28.1)
+    annuli, found = settle_annuli([Followed(true.moved(k, 0), 0.5) for k in range(5)], blurred, given=False)
+    assert found.all()
+    assert annuli[0].inner_px == 26.0
+    assert not settle_annuli([Followed(true, 0.5)] * 5, blurred, given=True)[1].any()

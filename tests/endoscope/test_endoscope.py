@@ -87,6 +87,37 @@ def test_every_frame_lies_where_it_was_taken(specimen: tuple[Path, dict[str, Any
     assert calibration.z_mm.min() == 0
 
 
+MIRROR_KEYS = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm", "distortion")
+
+
+def test_without_the_mirror_the_feed_tells_what_the_annulus_shows(
+    specimen: tuple[Path, dict[str, Any], EndoscopeCalibration], short: Callable[..., Path]
+) -> None:
+    """The nominal feed errs by a tenth from frame to frame, so the length by no more than that over √n."""
+    _, truth, calibration = specimen
+    place_mm = np.array(truth["z_mm"])
+    chosen = range(0, 12)
+    recording = short(*chosen, name="bare", leave_out=(*MIRROR_KEYS, "visible_length_mm", "travel"))
+    bare = survey(recording, travel=truth["travel"])
+    assert any("does not give visible_length_mm" in note for note in bare.notes)
+    stretched_by = np.ptp(bare.z_mm) / np.ptp(place_mm[list(chosen)])
+    length_mm = calibration.optics.visible_length_mm * stretched_by
+    assert bare.optics.visible_length_mm == pytest.approx(length_mm, rel=0.02)
+    assert stretched_by == pytest.approx(1, abs=0.1)
+
+
+def test_without_mirror_length_and_feed_nothing_can_be_said(short: Callable[..., Path]) -> None:
+    recording = short(0, 1, leave_out=(*MIRROR_KEYS, "visible_length_mm", "feed_pitch_mm"))
+    with pytest.raises(EndoctError, match="scale along the bore"):
+        survey(recording)
+
+
+def test_too_few_frames_do_not_tell_the_length(short: Callable[..., Path]) -> None:
+    recording = short(0, 1, 2, leave_out=(*MIRROR_KEYS, "visible_length_mm"))
+    with pytest.raises(EndoctError, match="visible_length_mm"):
+        survey(recording)
+
+
 def test_cells_stand_out_of_the_panorama(specimen: tuple[Path, dict[str, Any], EndoscopeCalibration]) -> None:
     """Thresholded by Li's method, against truth through the true transform."""
     recording, truth, calibration = specimen

@@ -33,15 +33,20 @@ def strips_of(
     z_mm: NDArray[np.float64],
     roll_rad: NDArray[np.float64],
     sway_rad: NDArray[np.float64] | None = None,
+    stretch: float = 0.0,
 ) -> NDArray[np.float32]:
-    """Strip i shows row k at z = z_mm[i] + k·DZ_MM and column j at θ = θ_j + roll + sway·(cos, sin)."""
+    """Strip i shows row k at z = z_mm[i] + k·DZ_MM and column j at θ = θ_j + roll + sway·(cos, sin).
+
+    With ``stretch``, z of a row's u from −1 to 1 grows as 1 − stretch·u.
+    """
     theta = 2 * np.pi / N_THETA * np.arange(N_THETA)
     sway = np.zeros((z_mm.size, 2)) if sway_rad is None else sway_rad
     strips = []
     for z, roll, (cos, sin) in zip(z_mm, roll_rad, sway, strict=True):
         ray = theta + roll
         columns = (ray + cos * np.cos(ray) + sin * np.sin(ray)) / (2 * np.pi) * N_THETA
-        rows = z / DZ_MM + np.arange(N_ROWS)
+        u = np.linspace(-1, 1, N_ROWS)
+        rows = z / DZ_MM + np.arange(N_ROWS) - stretch * (u**2 - 1) / 2 * (N_ROWS - 1) / 2
         places = np.broadcast_arrays(rows[:, None], columns[None, :])
         strips.append(map_coordinates(texture, places, order=3, mode="grid-wrap"))
     return np.asarray(strips, dtype=np.float32)
@@ -74,6 +79,20 @@ def test_without_a_nominal_feed_the_whole_overlap_is_searched() -> None:
     feed = feed_of(strips_of(wall(), Z_MM, ROLL_RAD), None)
     assert feed.trusted.all()
     np.testing.assert_allclose(feed.z_mm, Z_MM, atol=FEED_ATOL_MM)
+
+
+@pytest.mark.parametrize("stretch", [-0.1, 0.0, 0.04])
+def test_rows_that_are_not_even_are_told_by_the_feed(stretch: float) -> None:
+    z_mm = 0.2 * np.arange(10) + 0.02 * np.sin(np.arange(10))
+    feed = feed_of(strips_of(wall(), z_mm, np.zeros(10), stretch=stretch), 0.2 * np.arange(10))
+    found, error = feed.stretch
+    assert abs(found - stretch) < 0.1 * abs(stretch) + 3 * error
+    assert error < 0.003
+    np.testing.assert_allclose(feed.z_mm, z_mm, atol=4 * FEED_ATOL_MM)
+
+
+def test_two_strips_do_not_tell_whether_rows_are_even() -> None:
+    assert feed_of(strips_of(wall(), Z_MM[:2], ROLL_RAD[:2]), NOMINAL_MM[:2]).stretch == (0.0, np.inf)
 
 
 def test_strips_that_move_against_the_nominal_feed_are_found_and_said() -> None:
