@@ -1,6 +1,10 @@
 """Draw docs/figures/stitching.png and print a table from results of `endoct bench stitching -o DIR`.
 
 python benchmarks/stitching_figure.py DIR/results.csv docs/figures/stitching.png
+
+With more than one, each of a sweep (`--sweep CONDITION`), draw a curve over that condition each:
+
+python benchmarks/stitching_figure.py DIR1/results.csv DIR2/results.csv docs/figures/stitching_sweeps.png
 """
 
 import csv
@@ -15,6 +19,36 @@ import matplotlib.pyplot as plt
 
 SHOWN = ("endoct", "opencv-ecc-prepared", "cross-correlation-prepared", "ashlar", "phase-correlation")
 AGAINST = {"texture": "texture contrast", "dropped": "share of frames lost", "pattern": "probe-fixed pattern"}
+
+
+N_BINS = 4
+
+
+def sweeps(results: list[Path], picture: Path) -> None:
+    """Draw the share of pairs not right, and dashed the share wrong, over the one condition that each file varies."""
+    figure, panels = plt.subplots(1, len(results), figsize=(4 * len(results), 3), sharey=True)
+    for panel, path in zip(np.atleast_1d(panels), results, strict=True):
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        conditions = [key for key in rows[0] if key.startswith("condition.") and key != "condition.recipe"]
+        swept = max(conditions, key=lambda key: len({row[key] for row in rows}))
+        edges = np.quantile([float(row[swept]) for row in rows], np.linspace(0, 1, N_BINS + 1))
+        for k, method in enumerate(dict.fromkeys(row["method"] for row in rows)):
+            own = [row for row in rows if row["method"] == method]
+            at, right, wrong = (
+                np.nan_to_num([float(row[key] or "nan") for row in own])
+                for key in (swept, "score.right", "score.wrong")
+            )
+            bins = np.clip(np.searchsorted(edges, at, side="right") - 1, 0, N_BINS - 1)
+            middles = [at[bins == b].mean() for b in range(N_BINS)]
+            for share, style in ((1 - right, "o-"), (wrong, "--")):
+                means = [share[bins == b].mean() for b in range(N_BINS)]
+                panel.plot(middles, means, style, ms=4, color=f"C{k}", label=method if style == "o-" else None)
+        panel.set_xlabel(AGAINST.get(swept.removeprefix("condition."), swept))
+    np.atleast_1d(panels)[0].set_ylabel("pairs not right (dashed: wrong)", fontsize=8)
+    np.atleast_1d(panels)[0].legend(fontsize=7)
+    figure.tight_layout()
+    figure.savefig(picture, dpi=80)
 
 
 def main(results: Path, picture: Path) -> None:
@@ -49,4 +83,8 @@ def main(results: Path, picture: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    *csvs, out = (Path(argument) for argument in sys.argv[1:])
+    if len(csvs) > 1:
+        sweeps(csvs, out)
+    else:
+        main(csvs[0], out)
