@@ -65,8 +65,7 @@ def _stored(path: Path) -> Mask:
     labels = _finest(path)
     if labels.ndim < 2 or any(length != 1 for length in labels.shape[:-2]):
         raise EndoctError(f"{path} is no mask", found=f"an array of shape {labels.shape}", expected="one plane, z × θ")
-    samples = np.asarray(labels[...])
-    return samples.reshape(samples.shape[-2:]) != 0
+    return np.asarray(np.asarray(labels[...]).reshape(labels.shape[-2:]) != 0)
 
 
 def _finest(path: Path) -> Any:  # zarr.Array, whose type does not say that it can be indexed

@@ -11,7 +11,7 @@ from endoct.fusion.cell_table import PROPERTIES, as_numbers, from_numbers
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.pose import Alignment, as_covariance
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.store import grid_attributes, stored_grid
 from endoct.stitching.zarr_store import Named, read_arrays, write_arrays
 
 FORMAT = "endoct-comparison-1"
@@ -39,10 +39,7 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
     }
     attributes = {
         "format": FORMAT,
-        "radius_mm": grid.radius_mm,
-        "z0_mm": grid.z0_mm,
-        "dz_mm": grid.dz_mm,
-        "theta0_rad": grid.theta0_rad,
+        **grid_attributes(grid),
         "alignment": json.dumps(None if comparison.alignment is None else asdict(comparison.alignment)),
         "reason": json.dumps(comparison.reason),
         "result": json.dumps(comparison.result),
@@ -56,18 +53,10 @@ def load_comparison(path: Path) -> Comparison:
         arrays, attributes = read_arrays(path)
         if attributes.get("format") != FORMAT:
             raise ValueError("no comparison")
-        _, n_z, n_theta = arrays["mask"].shape
         alignment = json.loads(attributes["alignment"])
         first, second = (str(name) for name in arrays["side"])
         return Comparison(
-            grid=SurfaceGrid.full_circle(
-                n_z,
-                n_theta,
-                z0_mm=attributes["z0_mm"],
-                dz_mm=attributes["dz_mm"],
-                theta0_rad=attributes["theta0_rad"],
-                radius_mm=attributes["radius_mm"],
-            ),
+            grid=stored_grid(attributes, arrays["mask"].shape),
             sides=(first, second),
             intensity=arrays["intensity"],
             depth_mm=arrays["depth_mm"],

@@ -43,13 +43,28 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
         "frame_dim": panorama.frame_dim,
         "handedness_known": panorama.handedness_known,
         "travel_known": panorama.travel_known,
-        "radius_mm": grid.radius_mm,
-        "z0_mm": grid.z0_mm,
-        "dz_mm": grid.dz_mm,
-        "theta0_rad": grid.theta0_rad,
+        **grid_attributes(grid),
         "provenance": json.dumps(panorama.provenance),
     }
     write_arrays(path, arrays, attributes, coordinates=[frame_z] if frame_z in arrays else ())
+
+
+def grid_attributes(grid: SurfaceGrid) -> dict[str, float]:
+    """Return the attributes of a store from which :func:`stored_grid` makes ``grid`` again."""
+    return {"radius_mm": grid.radius_mm, "z0_mm": grid.z0_mm, "dz_mm": grid.dz_mm, "theta0_rad": grid.theta0_rad}
+
+
+def stored_grid(attributes: Mapping[str, Any], shape: tuple[int, ...]) -> SurfaceGrid:
+    """Return the full circle that a store describes, whose images of ``shape`` end in the dims (z, theta)."""
+    n_z, n_theta = shape[-2:]
+    return SurfaceGrid.full_circle(
+        n_z,
+        n_theta,
+        z0_mm=attributes["z0_mm"],
+        dz_mm=attributes["dz_mm"],
+        theta0_rad=attributes["theta0_rad"],
+        radius_mm=attributes["radius_mm"],
+    )
 
 
 def is_panorama(path: Path) -> bool:
@@ -76,17 +91,8 @@ def load_panorama(path: Path) -> Panorama:
 
 def _panorama(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Panorama:
     surface = {"intensity", "valid", "weight", "depth_mm", "z", "theta"}
-    n_z, n_theta = arrays["intensity"].shape
-    grid = SurfaceGrid.full_circle(
-        n_z,
-        n_theta,
-        z0_mm=attributes["z0_mm"],
-        dz_mm=attributes["dz_mm"],
-        theta0_rad=attributes["theta0_rad"],
-        radius_mm=attributes["radius_mm"],
-    )
     return Panorama(
-        grid=grid,
+        grid=stored_grid(attributes, arrays["intensity"].shape),
         z_mm=arrays["z"],
         intensity=arrays["intensity"],
         depth_mm=arrays.get("depth_mm"),
