@@ -1,0 +1,144 @@
+"""Where one strip lies on another: by correlation of all places, then to a fraction of a sample."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.circle import wrap_rad
+from endoct.stitching.warp import Motion, refine_motion
+
+LEAST_OVERLAP = 0.15
+LEAST_CORRELATION = 0.3
+LEAST_RATIO = 1.3
+PEAK_MM = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """What the overlap of each strip with the one ``step`` later says; arrays (n_pairs,) float64.
+
+    ``feed_mm`` and ``roll_rad``: place of the later strip minus place of the earlier, each (n_pairs, 3): mean, and
+    the parts that go with cos θ and sin θ of the earlier strip; ``correlation`` at the best place; ``ratio`` to the
+    best place elsewhere ("I do not know" is a ratio near 1); ``trusted``. ``stretch``: by how much of itself the feed
+    is larger in the last row than in the middle one.
+    """
+
+    step: int
+    feed_mm: Coordinates
+    roll_rad: Coordinates
+    correlation: Coordinates
+    ratio: Coordinates
+    trusted: Mask
+    stretch: Coordinates
+
+
+@dataclass(frozen=True)
+class _Place:
+    """The best place of one strip on another, in rows and columns, NaN where there is no overlap to search."""
+
+    rows: float
+    columns: float
+    correlation: float
+    ratio: float
+
+    @property
+    def trusted(self) -> bool:
+        return self.correlation >= LEAST_CORRELATION and self.ratio >= LEAST_RATIO
+
+
+class Matcher:
+    """Correlates strips by their spectra."""
+
+    def __init__(self, textures: Image, seen: Mask, dz_mm: float, radius_mm: float) -> None:
+        self.n, self.n_rows, self.n_theta = textures.shape
+        self.dz_mm = dz_mm
+        self.length = fft.next_fast_len(2 * self.n_rows, real=False)
+        self.textures, self.seen = textures, seen
+        self.energy = np.sum(np.square(textures, dtype=np.float64), axis=2)
+        self.reach_rows = max(2, round(PEAK_MM / dz_mm))
+        self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
+
+    def search(self, step: int, windows: list[tuple[float, float]] | None) -> list[_Place]:
+        """Return the best place of every strip on the one ``step`` earlier, within the windows."""
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(
+                pool.map(
+                    lambda k: self._place(k, k + step, None if windows is None else windows[k]), range(self.n - step)
+                )
+            )
+
+    def refine(self, step: int, places: list[_Place]) -> Pairs:
+        """Return the places to a fraction of a sample, with their harmonics."""
+
+        def motion_of(k: int) -> Motion:
+            start = Motion.even(places[k].rows, places[k].columns)
+            if not places[k].trusted:
+                return start
+            a, b = k, k + step
+            return refine_motion(self.textures[a], self.textures[b], self.seen[a], self.seen[b], start)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            motions = list(pool.map(motion_of, range(len(places))))
+        return Pairs(
+            step,
+            feed_mm=np.array([motion.rows for motion in motions]).reshape(-1, 3) * self.dz_mm,
+            roll_rad=np.array([motion.columns for motion in motions]).reshape(-1, 3) * 2 * np.pi / self.n_theta,
+            correlation=np.array([place.correlation for place in places]),
+            ratio=np.array([place.ratio for place in places]),
+            trusted=np.array([place.trusted for place in places], np.bool_),
+            stretch=np.array([m.stretch / m.rows[0] if abs(m.rows[0]) >= 1 else 0.0 for m in motions]),
+        )
+
+    def _place(self, a: int, b: int, window: tuple[float, float] | None) -> _Place:
+        shifts = np.arange(-(self.n_rows - 1), self.n_rows)
+        overlap = (self.n_rows - np.abs(shifts)) / self.n_rows
+        allowed = overlap >= LEAST_OVERLAP
+        if window is not None:
+            allowed &= (shifts * self.dz_mm >= window[0]) & (shifts * self.dz_mm <= window[1])
+        if not allowed.any():
+            return _Place(np.nan, 0.0, 0.0, 0.0)
+        product = self._spectrum(a) * np.conj(self._spectrum(b))
+        plane = fft.irfft2(product, s=(self.length, self.n_theta))[shifts[allowed]]
+        plane = plane / np.sqrt(np.maximum(self._energies(a, b, shifts[allowed]), 1e-12))[:, None]
+        # a correlation over little overlap is high by chance more often
+        score = plane * np.sqrt(overlap[allowed])[:, None]
+        row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+        keep = np.ones(score.shape, np.bool_)
+        rows_near = np.abs(np.arange(len(score)) - row) <= self.reach_rows
+        columns_near = np.minimum(np.arange(self.n_theta), self.n_theta - np.arange(self.n_theta)) <= self.reach_columns
+        keep[np.ix_(rows_near, columns_near)] = False
+        elsewhere = np.roll(score, -int(column), axis=1)[keep]
+        second = max(float(elsewhere.max()) if elsewhere.size else 0.0, 0.02)
+        return _Place(
+            rows=float(shifts[allowed][0]) + _vertex(score[:, column], int(row), cyclic=False),
+            columns=float(wrap_rad(2 * np.pi / self.n_theta * _vertex(score[row], int(column), cyclic=True)))
+            * self.n_theta
+            / (2 * np.pi),
+            correlation=float(plane[row, column]),
+            ratio=float(score[row, column]) / second,
+        )
+
+    def _spectrum(self, k: int) -> np.ndarray:
+        return np.asarray(fft.rfft2(self.textures[k], s=(self.length, self.n_theta)))
+
+    def _energies(self, a: int, b: int, shifts: np.ndarray) -> Coordinates:
+        """Energy of both strips' rows that overlap at each shift (row of a minus row of b), multiplied."""
+        sums_a, sums_b = (np.concatenate([[0.0], np.cumsum(self.energy[k])]) for k in (a, b))
+        first = np.maximum(shifts, 0)
+        last = np.minimum(self.n_rows + shifts, self.n_rows)
+        product: Coordinates = (sums_a[last] - sums_a[first]) * (sums_b[last - shifts] - sums_b[first - shifts])
+        return product
+
+
+def _vertex(values: np.ndarray, at: int, *, cyclic: bool) -> float:
+    """Return the place of the parabola's top through the sample ``at`` and its neighbours."""
+    n = len(values)
+    if not cyclic and not 0 < at < n - 1:
+        return float(at)
+    before, here, after = float(values[at - 1]), float(values[at]), float(values[(at + 1) % n])
+    bend = before - 2 * here + after
+    return at + (0.5 * (before - after) / bend if bend < 0 else 0.0)
