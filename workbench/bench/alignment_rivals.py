@@ -140,10 +140,10 @@ def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """kornia's pyramidal registration of a similarity, with either polarity, on every fourth sample."""
     try:
-        import torch
         from kornia.geometry.transform import ImageRegistrator
     except ImportError as error:
         raise EndoctError("kornia is not installed", remedy="pip install kornia") from error
+    import torch  # kornia needs it; not loaded, which takes seconds, where kornia is absent
 
     def registered(flat: Flat) -> Iterator[Matrix]:
         rows, columns = max(flat.a.shape[0], flat.b.shape[0]), flat.a.shape[1]
@@ -153,7 +153,7 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
             here[: flat.b.shape[0], : flat.b.shape[1]] = _unit(np.float32(sign) * flat.b)
             torch.manual_seed(0)
             registrator = ImageRegistrator("similarity", num_iterations=100, tolerance=1e-6)
-            model = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
+            model: Any = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
             found = model.detach().numpy().reshape(3, 3).astype(np.float64)
             to_unit = np.array([[2 / (columns - 1), 0, -1], [0, 2 / (rows - 1), -1], [0, 0, 1]])
             for candidate in (found, np.linalg.inv(found)):  # which of the two it means has changed between versions
