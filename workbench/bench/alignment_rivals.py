@@ -7,6 +7,7 @@ keep what correlates best; those that need the polarity are tried with both.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
