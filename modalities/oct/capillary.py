@@ -16,6 +16,7 @@ from endoct.modalities.oct.lines import Points, fit_circle
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.rotation import starts_anywhere
 from endoct.modalities.oct.sine import RIPPLE_HARMONICS, Sine, circle_distance_mm, ransac_sine, ripple_basis
+from endoct.modalities.oct.slice_evidence import SliceEvidence, behind
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
 
@@ -25,23 +26,6 @@ LEAST_PRESENCE = 0.4
 DARK_SHARE = 0.4
 STRAY_MM = 0.08
 CERTAIN_FRACTION = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class SliceEvidence:
-    """What the survey keeps of one slice.
-
-    Attributes: ``points`` on lines; ``lines``, see :func:`endoct.modalities.oct.lines.find_lines`; ``ascans``,
-    some A-scans (n, depth) in the recording's logarithmic samples, at the rotation angles ``ascan_angle_rad``;
-    ``n_columns``, over how many sectors of the turn the points were sought; ``saturated``, whether most is.
-    """
-
-    points: Points
-    n_columns: int
-    lines: Coordinates
-    ascans: Image
-    ascan_angle_rad: Coordinates
-    saturated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +57,6 @@ class Faces:
             tuple(self.sines[i] for i in order),
             self.ripple_mm[order],
         )
-
-
-def behind(evidence: SliceEvidence, circle: Coordinates, radius_mm: float, mm_per_px: float, n_px: int) -> Image:
-    """Return the samples from the line ``circle`` (x, y, axis depth; mm) on, float32 (n_ascans, n_px), NaN outside."""
-    face = circle[2] + circle_distance_mm(evidence.ascan_angle_rad, circle[0], circle[1], radius_mm)
-    rows = np.round(face / mm_per_px).astype(int)[:, None] + np.arange(n_px)
-    inside = (rows >= 0) & (rows < evidence.ascans.shape[1])
-    taken = np.take_along_axis(evidence.ascans, np.clip(rows, 0, evidence.ascans.shape[1] - 1), axis=1)
-    return np.where(inside, taken, np.nan).astype(np.float32)
 
 
 def locate_faces(

@@ -12,10 +12,10 @@ from scipy.signal import lfilter
 
 from endoct.modalities.oct.calibration import Background
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.stitching.arrays import Image
+from endoct.stitching.arrays import Image, Mask
 
 LN_POWER_PER_SIGMA = 1.139  # ln of exponentially distributed power, as speckle and noise have, over its σ (from MAD)
-MOST_POWER = 4.0  # times that from which samples speak for bone: a glint says no more than this
+MOST_POWER = 6.0  # times that from which samples speak for bone: a glint says no more than this
 HAZE_SHARE = 0.2  # of the wall's contrast
 MOST_LN_POWER = 20.0  # far beyond, and no overflow
 LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: where the noise is all but nil, texture is not
@@ -28,6 +28,7 @@ def surface_evidence(
     level: Image,
     first_row: NDArray[np.intp],
     background: Background,
+    hidden: Mask,
     mm_per_px: float,
     mm_per_column: float,
     parameters: OctParameters,
@@ -36,8 +37,18 @@ def surface_evidence(
     """Return evidence for the surface at each row, and in the last column for none.
 
     float32 (n_theta / together, n_depth + 1), of a logarithmic B-scan ``level`` (n_theta, depth), ``together``
-    columns at a time, from ``first_row`` (n_theta / together,) on.
+    columns at a time, from ``first_row`` (n_theta / together,) on. Rows that are ``hidden``, bool (depth,), speak for
+    nothing: a surface under them is as likely as one right behind them.
     """
+    if hidden.any() and not hidden.all():
+        seen = np.flatnonzero(~hidden)
+        shown_first = np.searchsorted(seen, first_row)
+        nothing = np.zeros_like(hidden, shape=seen.size)
+        of_seen = surface_evidence(
+            level[:, seen], shown_first, background, nothing, mm_per_px, mm_per_column, parameters, together
+        )
+        # the last of the seen stands for none
+        return np.asarray(of_seen[:, np.searchsorted(seen, np.arange(hidden.size + 1))])
     n_columns, n_depth = level.shape[0] // together, level.shape[1]
     allowed = np.arange(n_depth) >= first_row[:, None]
     signal = _signal(level, background, parameters.least_signal)

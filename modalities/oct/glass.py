@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from endoct.modalities.oct.capillary import Faces, SliceEvidence
+from endoct.modalities.oct.capillary import Faces
+from endoct.modalities.oct.slice_evidence import SliceEvidence
 from endoct.stitching.arrays import Coordinates
 
 GLASS_INDEX = 1.46  # fused silica and borosilicate near 1300 nm

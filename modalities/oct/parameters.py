@@ -48,7 +48,7 @@ class OctParameters(BaseModel):
 
     # the wall
     least_signal: float = Field(
-        default=0.25, gt=0, description="power over the noise's, in multiples of it, that speaks for the wall"
+        default=0.2, gt=0, description="power over the noise's, in multiples of it, that speaks for the wall"
     )
     wall_decay_mm: float = Field(
         default=0.25, gt=0, description="depth over which what speaks for an edge behind it counts for less"

@@ -6,22 +6,23 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, percentile_filter, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import Background, OctCalibration
-from endoct.modalities.oct.capillary import Faces, SliceEvidence, behind, locate_faces, refit_faces
+from endoct.modalities.oct.capillary import Faces, locate_faces, refit_faces
 from endoct.modalities.oct.evidence import relative_power
+from endoct.modalities.oct.fixed_lines import bridge_rows, fixed_line_excess
 from endoct.modalities.oct.glass import glass_mm
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.rotation import Rotation, even_rotation, starts_anywhere
+from endoct.modalities.oct.slice_evidence import SliceEvidence, behind
 from endoct.modalities.oct.start_angle import measure_starts
 from endoct.modalities.oct.uneven_turn import measure_turns, turned
-from endoct.modalities.oct.wall import bridge_rows
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
@@ -30,13 +31,7 @@ from endoct.stitching.grid import SurfaceGrid
 SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96
 MOST_COLUMNS = 2048
-LINE_SIGMAS = 1.0
-SKIRT_SIGMAS = 0.12
-LINE_WIDTH_MM = 0.15
 LINE_OF_FACE_MM = 0.06  # nearer to the outer face, what stands out is the face itself
-LINE_BACKGROUND_MM = 0.35
-LINE_BEYOND_MM = (0.07, 0.13)  # behind a line and its echo, nearer than the end of what bone there returns
-DARK_SHARE = 0.2
 MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
 FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
@@ -54,7 +49,8 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     _reject_empty(slices)
 
     mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
-    line_excess = _line_excess(slices, mm_per_px)
+    some = np.concatenate([s.ascans for s in slices])[:: max(1, len(slices) // 40)]
+    line_excess = fixed_line_excess(some, mm_per_px)
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     faces = locate_faces(slices, radius_mm, bore_mm - radius_mm, mm_per_px, parameters)
     thickness = glass_mm(slices, faces, acquisition.medium_index)
@@ -170,29 +166,6 @@ def _reject_empty(slices: Sequence[SliceEvidence]) -> None:
             expected="B-scans of a capillary in a bore",
             remedy="record or export it with a smaller gain",
         )
-
-
-def _line_excess(slices: Sequence[SliceEvidence], mm_per_px: float) -> Image:
-    """How far a depth row stands out everywhere at once: the detector's fixed lines with their skirts, else 0.
-
-    Judged where the row is dark, that is where it is dark a little deeper: bone interferes with a line and so can
-    make it fainter as well as brighter.
-    """
-    ascans = np.concatenate([s.ascans for s in slices])[:: max(1, len(slices) // 40)]
-    near, far = (max(1, round(reach / mm_per_px)) for reach in LINE_BEYOND_MM)
-    deeper = np.pad(uniform_filter1d(ascans, far - near, axis=1), ((0, 0), (0, far)), mode="edge")[:, far:]
-    dark = deeper <= np.quantile(deeper, DARK_SHARE, axis=0)
-    level = np.nanmedian(np.where(dark, ascans, np.nan), axis=0)
-    excess = level - percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
-    sigma = max(1.4826 * float(np.median(np.abs(ascans - np.median(ascans, axis=0)))), 1e-6)
-    core = excess > LINE_SIGMAS * sigma
-    line = core.copy()
-    skirts, count = label(excess > SKIRT_SIGMAS * sigma)
-    for k in range(1, count + 1):
-        rows = skirts == k
-        if core[rows].any() and np.count_nonzero(rows) <= LINE_WIDTH_MM / mm_per_px:
-            line |= rows
-    return np.where(line, np.maximum(excess, 0), 0).astype(np.float32)
 
 
 def _background(

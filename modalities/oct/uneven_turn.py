@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from endoct.modalities.oct.capillary import Faces, SliceEvidence
+from endoct.modalities.oct.capillary import Faces
 from endoct.modalities.oct.glass import GLASS_INDEX
 from endoct.modalities.oct.lines import Points
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.rotation import HARMONICS, N_SMOOTH, Rotation, even_rotation, smooth_basis
 from endoct.modalities.oct.sine import RIPPLE_HARMONICS, circle_distance_mm, ripple_basis
+from endoct.modalities.oct.slice_evidence import SliceEvidence
 from endoct.stitching.arrays import Coordinates
 
 STRETCH_SIGMA = 0.02  # 1–3 % of jitter in published catheters

@@ -7,10 +7,11 @@ import numpy as np
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.projection import maximum_intensity
 from endoct.modalities.oct.trust import trusted
 from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
-from endoct.modalities.oct.wall import bridge_rows, brightest, first_edge, without_lines
+from endoct.modalities.oct.wall import brightest, first_edge
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.strip import Strip
 
@@ -39,17 +40,18 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     parameters, acquisition = calibration.parameters, calibration.acquisition
     n_theta, mm = calibration.grid.n_theta, calibration.mm_per_px
     image = reduce_theta(frame.samples, n_theta)
-    lines = calibration.background.line_excess > 0
     angle = sector_angles_rad(frame.samples.shape[0], n_theta)
     face = face_depth_mm(calibration, frame.index, angle)
     n_depth = image.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
-    level = without_lines(logarithmic(image, acquisition.intensity), calibration.background)
+    recorded = logarithmic(image, acquisition.intensity)
+    background = with_lines_of(recorded, calibration.background, mm)
+    level, lines = without_lines(recorded, background), background.line_excess > 0
     mm_per_column = calibration.grid.dtheta_mm
     if parameters.wall == "maximum":
         row = brightest(bridge_rows(image, lines), first_row)
     else:
-        row = first_edge(level, first_row, calibration.background, mm, mm_per_column, parameters)
+        row = first_edge(level, first_row, background, mm, mm_per_column, parameters)
     surface = row < n_depth
     return BeamProfile(
         angle_rad=angle,
@@ -58,7 +60,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         wall_mm=np.minimum(row, n_depth - 1) * mm,
         surface=surface,
         intensity=maximum_intensity(bridge_rows(image, lines), first_row),
-        trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, calibration.background, mm, mm_per_column),
+        trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, background, mm, mm_per_column),
     )
 
 

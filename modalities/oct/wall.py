@@ -6,47 +6,14 @@ from numpy.typing import NDArray
 from endoct.modalities.oct.bore import BLOCK_MM, favour_bore, gap_rows
 from endoct.modalities.oct.calibration import Background
 from endoct.modalities.oct.evidence import surface_evidence
+from endoct.modalities.oct.fixed_lines import hidden_rows
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.arrays import Image
 
 Rows = NDArray[np.intp]
 
 COLUMN_MM = 0.008  # a third of the beam's width: finer columns are taken together
 STIFFER = 5.0
-HIDDEN_SHARE = 0.6
-
-
-def without_lines(level: Image, background: Background) -> Image:
-    """Return a logarithmic B-scan (θ, depth) without the detector's fixed lines.
-
-    Where a line is fainter than the wall, the span between line and wall is stretched to that between noise and
-    wall. Where it is not, it hides what lies under it, and the rows are interpolated from those beside.
-    """
-    excess = background.line_excess
-    if not excess.any():
-        return level
-    contrast = max(background.wall - background.noise, 1e-6)
-    hidden = excess > HIDDEN_SHARE * contrast
-    gain = contrast / (contrast - np.where(hidden, 0, excess))
-    shown = np.flatnonzero((excess > 0) & ~hidden)
-    cleaned = level.copy()
-    darkness = np.float32(background.noise)
-    cleaned[:, shown] = darkness + (level[:, shown] - darkness - excess[shown]) * gain[shown].astype(np.float32)
-    return bridge_rows(cleaned, hidden)
-
-
-def bridge_rows(image: Image, hidden: Mask) -> Image:
-    """Return ``image`` (θ, depth) with the rows ``hidden``, bool (depth,), interpolated from the rows beside them."""
-    good = np.flatnonzero(~hidden)
-    if good.size in (0, hidden.size):
-        return image
-    filled = image.copy()
-    for row in np.flatnonzero(hidden):
-        after = int(np.searchsorted(good, row))
-        low, high = good[max(0, after - 1)], good[min(after, good.size - 1)]
-        share = 0.5 if low == high else (row - low) / (high - low)
-        filled[:, row] = (1 - share) * image[:, low] + share * image[:, high]
-    return filled
 
 
 def brightest(image: Image, first_row: Rows) -> Rows:
@@ -75,10 +42,13 @@ def first_edge(
     wall runs, which then is the likelier surface (:mod:`endoct.modalities.oct.bore`).
     """
     nearest = int(first_row.min())
+    # columns are taken together from a place of the specimen's on, so that it does not matter where the turn starts
+    start = int(np.argmax(image.sum(axis=1)))
+    beyond = np.roll(image[:, nearest:], -start, axis=0)
     together = _divisor(image.shape[0], round(COLUMN_MM / mm_per_column))
-    first = first_row.reshape(-1, together).max(axis=1) - nearest
-    beyond = np.ascontiguousarray(image[:, nearest:])
-    evidence = surface_evidence(beyond, first, background, mm_per_px, mm_per_column, parameters, together)
+    first = np.roll(first_row, -start).reshape(-1, together).max(axis=1) - nearest
+    hidden = hidden_rows(background)[nearest:]
+    evidence = surface_evidence(beyond, first, background, hidden, mm_per_px, mm_per_column, parameters, together)
     mm_per_column *= together
     slope_cost, jump_cost = parameters.slope_cost_per_mm * mm_per_px, parameters.jump_cost
     block = _divisor(first.size, round(BLOCK_MM / mm_per_column))
@@ -90,7 +60,7 @@ def first_edge(
         middle = (np.arange(gap.size) + 0.5) * block - 0.5
         wall_row = first + np.interp(np.arange(first.size), middle, gap, period=first.size)
         favour_bore(evidence, wall_row, mm_per_px, mm_per_column)
-    return nearest + np.repeat(_best_path(evidence, slope_cost, jump_cost), together)
+    return np.roll(nearest + np.repeat(_best_path(evidence, slope_cost, jump_cost), together), start)
 
 
 def _divisor(n: int, wanted: int) -> int:

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from tolerances import FREE_START_RAD, START_RAD, TURN_RAD
 
-from endoct.modalities.oct.capillary import Faces, SliceEvidence
+from endoct.modalities.oct.capillary import Faces
 from endoct.modalities.oct.lines import Points
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.rotation import Rotation, even_rotation
 from endoct.modalities.oct.sine import Sine
+from endoct.modalities.oct.slice_evidence import SliceEvidence
 from endoct.modalities.oct.start_angle import measure_starts
 from endoct.modalities.oct.uneven_turn import measure_turns, turned
 from endoct.stitching.circle import wrap_rad

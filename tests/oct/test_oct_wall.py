@@ -5,10 +5,11 @@ import pytest
 
 from endoct.modalities.oct.bore import gap_rows
 from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.projection import maximum_intensity
 from endoct.modalities.oct.trust import trusted
-from endoct.modalities.oct.wall import bridge_rows, brightest, first_edge, without_lines
+from endoct.modalities.oct.wall import brightest, first_edge
 from endoct.stitching.arrays import Image
 
 N_THETA, N_DEPTH, PIXEL_MM, COLUMN_MM = 600, 200, 0.005, 0.013
@@ -34,15 +35,16 @@ def test_a_wavy_wall_with_a_pit_is_followed() -> None:
     assert np.mean(error > 3) < 0.02
 
 
-def test_turning_the_bscan_turns_the_wall() -> None:
+@pytest.mark.parametrize("column_mm", [COLUMN_MM, 0.004])
+@pytest.mark.parametrize("turn", [137, 400])
+def test_turning_the_bscan_turns_the_wall(turn: int, column_mm: float) -> None:
     wall = np.round(100 + 20 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
     wall[590:] += 30
     wall[:15] += 30
     image = bscan(wall)
-    row = first_edge(image, FIRST_ROW, BACKGROUND, PIXEL_MM, COLUMN_MM, OctParameters())
-    turned = first_edge(np.roll(image, 137, axis=0), FIRST_ROW, BACKGROUND, PIXEL_MM, COLUMN_MM, OctParameters())
-    # but for the two columns that are taken together to tell where the bore's wall runs
-    assert np.mean(np.roll(row, 137) != turned) < 0.02
+    row = first_edge(image, FIRST_ROW, BACKGROUND, PIXEL_MM, column_mm, OctParameters())
+    turned = first_edge(np.roll(image, turn, axis=0), FIRST_ROW, BACKGROUND, PIXEL_MM, column_mm, OctParameters())
+    np.testing.assert_array_equal(np.roll(row, turn), turned)
 
 
 def test_noise_alone_has_no_surface() -> None:
@@ -130,3 +132,21 @@ def test_a_faint_line_is_taken_out_of_noise_and_wall_alike(level: float) -> None
     image = np.full((4, N_DEPTH), level, np.float32)
     image[:, 80] = max(level, 70)
     np.testing.assert_allclose(without_lines(image, background), level, atol=1e-4)
+
+
+def test_a_line_of_one_bscan_is_not_the_wall() -> None:
+    """A face at its turning point draws a line into every A-scan of its turn, before the wall and across a cell."""
+    wall = np.round(110 + 12 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
+    wall[400:450] = N_DEPTH
+    image = speckled(np.full(N_THETA, 5.0), wall)
+    image[:, 60:65] = np.maximum(image[:, 60:65], 12)
+    background = with_lines_of(image, SPECKLE, PIXEL_MM)
+    assert np.flatnonzero(background.line_excess).tolist() == [60, 61, 62, 63, 64]
+    row = first_edge(without_lines(image, background), FIRST_ROW, background, PIXEL_MM, COLUMN_MM, OctParameters())
+    assert np.mean(np.abs(row - wall)[:390] <= 8) > 0.98
+    assert np.mean(row[402:448] > 130) > 0.95
+
+
+def test_a_wall_all_around_at_one_depth_is_no_line() -> None:
+    image = speckled(np.full(N_THETA, 5.0), np.full(N_THETA, 80))
+    assert not with_lines_of(image, SPECKLE, PIXEL_MM).line_excess.any()
