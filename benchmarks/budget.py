@@ -78,11 +78,11 @@ def evaluate(specimen: Path) -> dict[str, float | str]:
 
 def _cells_at(truth: Truth, z_mm: Coordinates, theta_rad: Coordinates) -> Mask:
     """Return the true cells at places of the bore, bool (z, θ), False beyond its ends."""
-    wall_mm, n_theta = truth.wall["z"].values, truth.wall.sizes["theta"]
+    wall_mm, n_theta = truth.wall["z"], truth.wall["theta"].size
     rows = np.rint((z_mm - wall_mm[0]) / (wall_mm[1] - wall_mm[0])).astype(int)
     columns = np.rint(theta_rad / (2 * np.pi) * n_theta).astype(int) % n_theta
     inside = (rows >= 0) & (rows < wall_mm.size)
-    cells = truth.wall["cell"].values[np.ix_(np.clip(rows, 0, wall_mm.size - 1), columns)].astype(np.bool_)
+    cells = truth.wall["cell"][np.ix_(np.clip(rows, 0, wall_mm.size - 1), columns)].astype(np.bool_)
     return np.asarray(cells & inside[:, np.newaxis])
 
 

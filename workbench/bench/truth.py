@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
+from numpy.typing import NDArray
 
 from endoct.fusion.cells import SegmentParameters, segment
 from endoct.fusion.outcome import Comparison
@@ -15,13 +15,14 @@ from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.zarr_store import read_arrays
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The truth of one specimen: ``wall`` as ``truth/wall.zarr``, ``recording`` as ``truth/recording.json``."""
+    """The truth of one specimen: ``wall``, the arrays of ``truth/wall.zarr``, and ``truth/recording.json``."""
 
-    wall: xr.Dataset
+    wall: Mapping[str, NDArray[Any]]
     recording: Mapping[str, Any]
 
 
@@ -50,8 +51,7 @@ def load_truth(specimen: Path) -> Truth:
     recording, wall = specimen / "truth" / "recording.json", specimen / "truth" / "wall.zarr"
     if not recording.is_file() or not wall.is_dir():
         raise EndoctError(f"{specimen} has no truth", expected="truth/recording.json and truth/wall.zarr in it")
-    with xr.open_zarr(wall, chunks=None) as dataset:
-        return Truth(dataset.load(), json.loads(recording.read_text(encoding="utf-8")))
+    return Truth(read_arrays(wall)[0], json.loads(recording.read_text(encoding="utf-8")))
 
 
 def true_pose(panorama: Panorama, truth: Truth) -> Pose:
@@ -84,10 +84,10 @@ def true_pose(panorama: Panorama, truth: Truth) -> Pose:
 
 def true_cells(truth: Truth, pose: Pose, panorama: Panorama) -> Mask:
     """Return the true cells at the centres of the panorama's samples, bool (n_z, n_theta)."""
-    z_mm, n_theta = truth.wall["z"].values, truth.wall.sizes["theta"]
+    z_mm, n_theta = truth.wall["z"], truth.wall["theta"].size
     rows = np.clip(np.rint((pose.z_bore(panorama.z_mm) - z_mm[0]) / (z_mm[1] - z_mm[0])), 0, z_mm.size - 1)
     columns = np.rint(pose.theta_bore(panorama.grid.theta_rad) / (2 * np.pi) * n_theta).astype(int) % n_theta
-    return np.asarray(truth.wall["cell"].values[np.ix_(rows.astype(int), columns)], dtype=np.bool_)
+    return np.asarray(truth.wall["cell"][np.ix_(rows.astype(int), columns)], dtype=np.bool_)
 
 
 def jaccard(a: Mask, b: Mask, where: Mask) -> float:
