@@ -80,19 +80,21 @@ def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> np
     Neighbouring rows differ by at most ``most_step``, each step at ``step_cost``; the last row neighbours the
     first. Solved by dynamic programming over two turns, of which the middle one is kept.
     """
-    n = gain.shape[0]
-    best = gain[0].astype(np.float64)
-    steps = range(-most_step, most_step + 1)
-    came = np.zeros((2 * n, gain.shape[1]), np.int8)
+    n, size = gain.shape
+    came = np.zeros((2 * n, size), np.int8)
+    beyond = np.full(size + 2 * most_step, -np.inf)  # nothing to the left and right
+    best = beyond[most_step : most_step + size]
+    best[:] = gain[0]
+    by_step, better = np.empty(size), np.empty(size, bool)
     for k in range(1, 2 * n):
-        shifted = np.full((len(steps), best.size), -np.inf)
-        for row, step in enumerate(steps):
-            source = slice(max(0, step), best.size + min(0, step))
-            target = slice(max(0, -step), best.size + min(0, -step))
-            shifted[row, target] = best[source] - step_cost * abs(step)
-        chosen = np.argmax(shifted, axis=0)
-        came[k] = chosen - most_step
-        best = np.take_along_axis(shifted, chosen[None], axis=0)[0] + gain[k % n]
+        top = beyond[:size] - step_cost * most_step
+        came[k] = -most_step
+        for step in range(1 - most_step, most_step + 1):
+            np.subtract(beyond[most_step + step :][:size], step_cost * abs(step), out=by_step)
+            np.greater(by_step, top, out=better)
+            np.copyto(came[k], step, where=better)
+            np.maximum(top, by_step, out=top)
+        np.add(top, gain[k % n], out=best)
     path = np.zeros(2 * n, np.intp)
     path[-1] = int(np.argmax(best))
     for k in range(2 * n - 1, 0, -1):
