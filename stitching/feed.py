@@ -36,9 +36,9 @@ class Feed:
     like a wrong centre: so it is 0 on average and without a trend along z.
     ``tilt`` (2,): by how much of itself the feed is larger where cos θ and where sin θ of the strip are 1, median
     of the pairs; a wrong centre of the strips shows there. ``confidence``: ratio of the best correlation of the
-    pair with the strip before to the next best place, and that ``correlation``; ``trusted``, bool: measured, not
-    nominal (True for the first). ``direction``: −1 where the strips move against the nominal feed as a
-    whole, else +1. ``measured``: whether any pair was trusted.
+    pair with the strip before to the next best place, and that ``correlation``, both NaN for the first; ``trusted``,
+    bool: measured, not nominal (True for the first). ``direction``: −1 where the strips move against the nominal feed
+    as a whole, else +1. ``measured``: whether any pair was trusted.
     """
 
     z_mm: Coordinates
@@ -161,7 +161,7 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
         sway[:, part], _ = robust_chain(none, SWAY_PRIOR_RAD * even, links, MEASUREMENT_RAD, cyclic=False)
     moved = trusted & (np.abs(first.feed_mm[:, 0]) > 1e-6)
     tilts = first.feed_mm[moved, 1:] / first.feed_mm[moved, :1]
-    begin = np.ones(1)
+    begin = np.full(1, np.nan)  # no strip before it
     return Feed(
         z_mm=z,
         roll_rad=roll,

@@ -222,7 +222,7 @@ def _per_frame(
         "annulus_inner_x_px": np.array([a.inner_x_px for a in annuli]),
         "annulus_inner_y_px": np.array([a.inner_y_px for a in annuli]),
         "annulus_found": found,
-        "feed_mm": np.concatenate([[0.0], np.diff(z_mm)]),
+        "feed_mm": np.concatenate([[np.nan], np.diff(z_mm)]),
         "pair_correlation": feed.correlation,
         "pair_confidence": feed.confidence,
         "pair_trusted": feed.trusted,
