@@ -43,7 +43,7 @@ def with_lines_of(level: Image, background: Background, mm_per_px: float) -> Bac
     for nothing.
     """
     some = without_lines(level[:: max(1, len(level) // JUDGED_ASCANS)], background)
-    dark = np.quantile(some, DARK_SHARE, axis=0)
+    dark = np.quantile(np.ascontiguousarray(some.T), DARK_SHARE, axis=1)  # a third faster than along the columns
     near, far = (round(reach / mm_per_px) for reach in LINE_BESIDE_MM)
     padded = np.pad(uniform_filter1d(dark, far - near, mode="nearest"), far, mode="edge")
     middle = (near + far) // 2
