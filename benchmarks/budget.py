@@ -1,6 +1,6 @@
 """Whether the agreement budget predicts what really happens on simulated specimens.
 
-    python benchmarks/budget.py SPECIMEN … [--csv FILE]
+    python benchmarks/budget.py SPECIMEN … [--cache DIR] [--csv FILE]
 
 A row a specimen that ``endoct simulate`` wrote; its recordings are unrolled and compared. Beside the predicted parts of
 the budget stand the true losses, taken in the budget's own order (what is lost first hides part of what comes after):
@@ -20,9 +20,11 @@ in units of their standard errors, which is 1 where the covariance tells the tru
 import argparse
 import csv
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
+from panoramas import SIDES, both_unrolled, unrolled
 
 from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.placement import IN_PLACE, Placement
@@ -30,13 +32,13 @@ from endoct.fusion.pose import Alignment
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.panorama import Panorama
-from endoct.workbench import unroll
 from endoct.workbench.bench.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
 
 
-def evaluate(specimen: Path) -> dict[str, float | str]:
+def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
     """Return the row of one specimen; of one that is not aligned the name only."""
-    a, b = unroll(specimen / "endoscope"), unroll(specimen / "oct")
+    both_unrolled(specimen, cache)
+    a, b = (unrolled(specimen, side, cache) for side in SIDES)
     comparison = compare_panoramas(a, b)
     found = comparison.alignment
     if found is None or found.covariance is None:
@@ -113,12 +115,16 @@ def main() -> None:
     """Evaluate the specimens named and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("specimens", type=Path, nargs="+")
+    parser.add_argument("--cache", type=Path, help="keep panoramas here, and reuse them")
     parser.add_argument("--csv", type=Path)
     arguments = parser.parse_args()
     rows = []
-    for specimen in arguments.specimens:
-        rows.append(evaluate(specimen))
-        print("  ".join(f"{k}={v:.3f}" if isinstance(v, float) else f"{v}" for k, v in rows[-1].items()), flush=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        for specimen in arguments.specimens:
+            rows.append(evaluate(specimen, arguments.cache or Path(scratch)))
+            print(
+                "  ".join(f"{k}={v:.3f}" if isinstance(v, float) else f"{v}" for k, v in rows[-1].items()), flush=True
+            )
     known = [row for row in rows if "jaccard" in row]
     if known:
         print(summarise(known))
