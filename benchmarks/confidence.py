@@ -202,14 +202,16 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     left.axvline(LIKELY_CHANCE, color="k", lw=0.8, ls="--")
     left.set(xscale="log", xlabel="chance", ylabel="confidence", title="believed: above and left of the lines")
     left.legend(fontsize=7)
-    for kind in dict.fromkeys(row["kind"] for row in rows if row["kind"].startswith("overlap")):
+    for beside, kind in enumerate(dict.fromkeys(row["kind"] for row in rows if row["kind"].startswith("overlap"))):
         points = []
         for share in SHARES:
             of = [row for row in rows if row["kind"] == kind and row["share"] == share]
             count = sum(row["aligned"] and row["right"] for row in of)
             points.append((share, count / len(of), *interval(count, len(of))))
         x, middle, low, high = 100 * np.array(points).T
-        right.errorbar(x, middle, np.stack([middle - low, high - middle]), fmt="o-", capsize=2, label=kind.split()[1])
+        right.errorbar(
+            x + beside, middle, np.stack([middle - low, high - middle]), fmt="o-", capsize=2, label=kind.split()[1]
+        )
     right.legend()
     right.set(xlabel="overlap, % of the length", ylabel="rightly aligned, %", ylim=(-3, 103))
     figure.savefig(path, dpi=130)
