@@ -76,7 +76,7 @@ def draw(rows: list[Row], methods: tuple[str, ...], path: Path) -> None:
                 axis.set_ylabel(score)
                 if score == "beam_deg":
                     axis.set_yscale("log")
-    axes[0, -1].legend(fontsize=7, loc="lower left")
+    axes[0, -1].legend(fontsize=7, loc="center", ncols=2)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
