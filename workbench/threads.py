@@ -8,9 +8,9 @@ from threadpoolctl import threadpool_limits
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keep BLAS to one thread within, also as a decorator: half the processor time, and sums in one order.
+    """Keep BLAS to one thread within, also as a decorator: less processor time, and sums in one order.
 
-    Solving for a catheter's uneven turns took seven times the processor time with two threads.
+    Solving for a catheter's uneven turns took some seven times the processor time with two threads.
     """
     with threadpool_limits(1, user_api="blas"):
         yield
