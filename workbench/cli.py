@@ -12,8 +12,9 @@ def main() -> None:
     watch()
     try:
         sys.exit(_run())
-    except KeyboardInterrupt:
-        print("endoct: interrupted; nothing was left half-written", file=sys.stderr)  # noqa: T201
+    except KeyboardInterrupt as stopped:
+        kept = f"; {stopped}" if str(stopped) else ""
+        print(f"endoct: interrupted; nothing was left half-written{kept}", file=sys.stderr)  # noqa: T201
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
         # the reader of our output went away (`endoct … | head`): nothing to tell it

@@ -153,7 +153,7 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
             there[: flat.a.shape[0]] = _unit(flat.a)
             here[: flat.b.shape[0], : flat.b.shape[1]] = _unit(np.float32(sign) * flat.b)
             torch.manual_seed(0)
-            registrator = ImageRegistrator("similarity", num_iterations=100, tolerance=1e-6)
+            registrator = ImageRegistrator("similarity", num_iterations=100, tolerance=1e-5)
             model: Any = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
             found = model.detach().numpy().reshape(3, 3).astype(np.float64)
             to_unit = np.array([[2 / (columns - 1), 0, -1], [0, 2 / (rows - 1), -1], [0, 0, 1]])

@@ -13,6 +13,7 @@ from rich.table import Table
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import new_output
 from endoct.workbench.bench.asking import narrowed, parse_seeds
+from endoct.workbench.bench.keeping import Kept, kept_beside
 from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
 from endoct.workbench.bench.paired import difference_table, differences, draw_differences, write_differences
 from endoct.workbench.bench.plots import draw_plots
@@ -110,7 +111,14 @@ def run_bench(
         return _run(task, plan, workers, None, stages)
     with new_output(output, overwrite=overwrite) as scratch:
         scratch.mkdir()
-        told, lines = _run(task, plan, workers, scratch, stages)
+        kept = kept_beside(output, plan, overwrite=overwrite)
+        try:
+            told, lines = _run(task, plan, workers, (scratch, kept), stages)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"{len(kept.read())} of {len(plan.sources)} cases are kept in {kept.folder}; the same command goes on"
+            ) from None
+    kept.remove()
     return told, [*lines, f"results: {output}"]
 
 
@@ -132,19 +140,25 @@ def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
 
 
 def _run(
-    task: Task, plan: Plan, workers: int, folder: Path | None, stages: Stages
+    task: Task, plan: Plan, workers: int, into: tuple[Path, Kept] | None, stages: Stages
 ) -> tuple[dict[str, Any], list[RenderableType]]:
     start = time.perf_counter()
+    finished = {} if into is None else into[1].read()
     with stages.stage(f"bench {task.name}") as advance:
-        rows = run(plan, workers=workers, advance=advance)
+        keep = None if into is None else into[1].put
+        rows = run(plan, workers=workers, advance=advance, finished=finished, keep=keep)
     told = facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
     lines: list[RenderableType] = [table(rows, task), *footnotes(rows, task)]
+    if finished:
+        told["taken_over"] = len(finished)  # of the sources of cases; their seconds are not in "seconds"
+        lines.append(f"{len(finished)} of {len(plan.sources)} cases are of a run that was stopped before its end")
     apart = differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []
     if task.against and apart:
         lines.append(difference_table(apart, task.against))
         told["differences"] = {"against": task.against, "of": [asdict(one) for one in apart]}
-    if folder is None:
+    if into is None:
         return told, lines
+    folder = into[0]
     write_csv(rows, task, folder / "results.csv")
     write_json(told, folder / "bench.json")
     with stages.stage("plots"):

@@ -14,7 +14,7 @@ from endoct.modalities.acquisition import validate
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.specimens import DIFFICULTIES, PRESET_WORDS, simulated, truths_of
-from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, draw
+from endoct.workbench.bench.task import DOUBTED, SUCCESS, Case, Declined, Range, draw
 from endoct.workbench.bench.truth import held_against, jaccard, load_truth
 
 Part = Literal["oct", "endoscope", "compare"]
@@ -92,7 +92,8 @@ def judge(case: Case, answer: Compared) -> dict[str, float]:
         found, right = _against_drawn(folder, answer), 1.0
     if answer.comparison.alignment is None:
         raise Declined(answer.comparison.reason or "not aligned", {SUCCESS: 0.0} | found)
-    return {SUCCESS: right} | found
+    doubted = any(answer.comparison.result["doubts"].values())
+    return {SUCCESS: right, DOUBTED: float(doubted)} | found
 
 
 def _against_drawn(folder: Path, answer: Compared) -> dict[str, float]:

@@ -68,6 +68,11 @@ def origin(task: Task, name: str) -> str:
     return f"{entry.value}{package}"
 
 
+def module_of(task: Task, name: str) -> str:
+    """Return the module that a method is in, without importing it."""
+    return "endoct" if name in task.methods else _entry(name, _registered(task), _what(task)).module
+
+
 def _group(task: Task) -> str:
     return f"{GROUP}.{task.name}"
 

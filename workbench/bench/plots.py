@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.summary import score_names, share, spread
-from endoct.workbench.bench.task import SUCCESS, Task
+from endoct.workbench.bench.task import DOUBTED, SUCCESS, Task
 from endoct.workbench.figures.drawing import (
     BLUE,
     DPI,
@@ -42,7 +42,8 @@ FEWEST_IN_BIN, MOST_BINS = 4, 8
 def draw_plots(rows: Sequence[Row], task: Task, folder: Path) -> list[Path]:
     """Write ``overview.png`` and a figure for each condition that varies into ``folder``, which is made."""
     folder.mkdir(parents=True)
-    scores = score_names(rows, [*task.scores])[:MOST_PANELS]
+    named = score_names(rows, [*task.scores])
+    scores = ([name for name in named if name in task.scores] or named)[:MOST_PANELS]
     paths = [_overview(rows, task, scores, folder / "overview.png")]
     for name in dict.fromkeys(name for row in rows for name in row.conditions):
         values = {row.conditions[name] for row in rows if name in row.conditions}
@@ -149,7 +150,7 @@ def _curve(axes: Axes, rows: Sequence[Row], condition: str, name: str, method: s
     values: list[tuple[float, float, float]] = []
     for x, width, group in _groups(rows, condition):
         if name in (SUCCESS, "not answered"):
-            hits = [r.scores.get(SUCCESS, 0) > 0.5 if name == SUCCESS else r.status != "ok" for r in group]
+            hits = [r.scores.get(SUCCESS, 0) > 0.5 if name == SUCCESS else _warned(r) for r in group]
             found = share(sum(hits), len(hits))
             value = found.k / found.n, found.low, found.high
         else:
@@ -162,6 +163,8 @@ def _curve(axes: Axes, rows: Sequence[Row], condition: str, name: str, method: s
         values.append(value)
     if not at:
         return
+    if name not in (SUCCESS, "not answered"):
+        _cases(axes, [row for row in rows if name in row.scores], condition, name, colour, marker)
     middle, low, high = np.transpose(values)
     axes.errorbar(
         at,
@@ -175,6 +178,22 @@ def _curve(axes: Axes, rows: Sequence[Row], condition: str, name: str, method: s
         elinewidth=0.4,
         label=method,
     )
+
+
+def _cases(axes: Axes, rows: Sequence[Row], condition: str, name: str, colour: str, marker: str) -> None:
+    """Draw every case of a condition that is a number, filled, or hollow where it came with a warning."""
+    if not rows or not _is_number(rows[0].conditions[condition]):
+        return
+    for warned, fill in ((False, colour), (True, "none")):
+        own = [row for row in rows if _warned(row) == warned]
+        at, values = ([row.conditions[condition] for row in own], [row.scores[name] for row in own])
+        axes.plot(
+            at, values, marker, color=colour, markerfacecolor=fill, markersize=2.5, markeredgewidth=0.5, alpha=0.5
+        )
+
+
+def _warned(row: Row) -> bool:
+    return row.status != "ok" or row.scores.get(DOUBTED, 0.0) > 0.5
 
 
 def _groups(rows: Sequence[Row], condition: str) -> list[tuple[float, float, list[Row]]]:
@@ -217,8 +236,8 @@ def _scale(axes: Axes, axis: str, values: Sequence[float]) -> None:
 
 
 def _titled(name: str, task: Task) -> str:
-    usual = {SUCCESS: "share of successes", "not answered": "share declined or failed"}
-    return "\n".join(textwrap.wrap(task.scores.get(name, usual.get(name, name)), 38))
+    usual = {SUCCESS: "share of successes", "not answered": "share declined, failed or said to be doubtful"}
+    return "\n".join(textwrap.wrap(task.scores.get(name, usual.get(name, name)), 34))
 
 
 def _save(figure: Figure, path: Path) -> Path:

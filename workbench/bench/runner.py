@@ -3,7 +3,7 @@
 import hashlib
 import random
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite
@@ -63,35 +63,54 @@ class Row:
     scores: Mapping[str, float]
 
 
-def run(plan: Plan, *, workers: int, advance: Advance) -> list[Row]:
+Keep = Callable[[int, Sequence[Row]], None]
+
+
+def run(
+    plan: Plan,
+    *,
+    workers: int,
+    advance: Advance,
+    finished: Mapping[int, Sequence[Row]] | None = None,
+    keep: Keep | None = None,
+) -> list[Row]:
     """Run every method on every case; rows in the order of the cases, then of the methods.
 
-    Cases and scores do not depend on ``workers``, the processes that share them. A method that raises, or cannot be
-    imported, has failed and stops nothing. Raises :class:`EndoctError` where a case cannot be made, or a method takes
-    its whole process down.
+    Cases and scores do not depend on ``workers``, the processes that share them. ``finished`` holds the rows of
+    sources, by their place in the plan, that need not be run again; ``keep`` is given those of each as it is done.
+    A method that raises, or cannot be imported, has failed and stops nothing. Raises :class:`EndoctError` where a
+    case cannot be made, or a method takes its whole process down.
     """
-    sources = plan.sources
-    if workers > 1:
-        return _run_by_processes(plan, workers, advance)
-    rows: list[Row] = []
-    for done, source in enumerate(sources):
-        rows += run_source(plan, source, partial(_advance_within, advance, done, len(sources)))
-    return rows
+    rows = dict(finished or {})
+    wanted = {place: source for place, source in enumerate(plan.sources) if place not in rows}
+    made = _run_here(plan, wanted, advance) if workers == 1 else _run_by_processes(plan, wanted, workers, advance)
+    for place, new in made:
+        rows[place] = new
+        if keep is not None:
+            keep(place, new)
+    return [row for place in sorted(rows) for row in rows[place]]
+
+
+def _run_here(plan: Plan, wanted: Mapping[int, Source], advance: Advance) -> Iterator[tuple[int, list[Row]]]:
+    for done, (place, source) in enumerate(wanted.items()):
+        yield place, run_source(plan, source, partial(_advance_within, advance, done, len(wanted)))
 
 
 def _advance_within(advance: Advance, done: int, of: int, share: float) -> None:
     advance((done + share) / of)
 
 
-def _run_by_processes(plan: Plan, workers: int, advance: Advance) -> list[Row]:
+def _run_by_processes(
+    plan: Plan, wanted: Mapping[int, Source], workers: int, advance: Advance
+) -> Iterator[tuple[int, list[Row]]]:
     from distributed import KilledWorker, as_completed
 
     with own_cluster(workers) as client:
-        futures = [client.submit(run_source, plan, source, pure=False) for source in plan.sources]
+        places = {client.submit(run_source, plan, source, pure=False): place for place, source in wanted.items()}
         try:
-            for done, _ in enumerate(as_completed(futures), 1):
-                advance(done / len(futures))
-            return [row for future in futures for row in future.result()]
+            for done, future in enumerate(as_completed(places), 1):
+                yield places[future], future.result()
+                advance(done / len(places))
         except KilledWorker as error:
             raise EndoctError(
                 "a method took its process down, again and again",

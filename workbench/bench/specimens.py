@@ -16,41 +16,50 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.presets import PRESETS, PresetName
 from endoct.synthetic.ranges import PARTS, Wish, choices, default_ranges
+from endoct.workbench.bench.one_size import cells_of
 from endoct.workbench.bench.task import Range, rng_of
 from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
 
 PRESET_WORDS: tuple[str, ...] = tuple(PRESETS)
 MODALITIES: Sequence[str] = ("oct", "endoscope")
 
-
-BLACK_SLICES = "black_slices"
+BLACK_SLICES, CELL_MM = "black_slices", "cell_mm"
+OWN_DIFFICULTIES: Mapping[str, Range] = {BLACK_SLICES: (0.0, 0.3), CELL_MM: (0.2, 1.5)}
 DIFFICULTIES: Mapping[str, Range] = {
-    BLACK_SLICES: (0.0, 0.3),
+    **OWN_DIFFICULTIES,
     **{f"{part}.{name}": range_ for part, model in PARTS.items() for name, range_ in default_ranges(model).items()},
     **{f"{part}.{name}": words for part, model in PARTS.items() for name, words in choices(model).items()},
 }
-"""What a simulated specimen can be asked to be: the share of the OCT's slices that are black, or any parameter that
-``endoct simulate --vary`` takes, drawn from its default range where no other is given."""
+"""What a simulated specimen can be asked to be: the share of the OCT's slices that are black, the one size of all its
+cells, or any parameter that ``endoct simulate --vary`` takes, drawn from its default range where no other is given."""
 
 
 def simulated(
     preset: str, seed: int, index: int, difficulties: Mapping[str, float | str] | None = None
 ) -> "tempfile.TemporaryDirectory[str]":
     """Return a temporary folder with one specimen; the first of a seed is that of ``endoct simulate --seed``."""
+    from endoct.synthetic.draw import draw
     from endoct.synthetic.specimen import simulate
 
     difficulties = difficulties or {}
     wishes: dict[str, Wish] = {
         name: (value,) if isinstance(value, str) else (float(value), float(value))
         for name, value in difficulties.items()
-        if name != BLACK_SLICES
+        if name not in OWN_DIFFICULTIES
     }
     folder: tempfile.TemporaryDirectory[str] = tempfile.TemporaryDirectory(prefix="endoct-bench-")
     try:
         of = seed if index == 0 else 1_000_000 * (1 + seed) + index
-        simulate(Path(folder.name) / "specimen", preset=cast(PresetName, preset), seed=of, wishes=wishes)
+        sample = None
+        if CELL_MM in difficulties:
+            drawn = draw(cast(PresetName, preset), of, wishes=wishes)
+            cells = cells_of(rng_of(seed, index, CELL_MM), drawn.bore, float(difficulties[CELL_MM]))
+            bore = drawn.bore.model_copy(update={"cells": cells})
+            sample = drawn.model_copy(update={"bore": bore}).model_dump()
+        specimen = Path(folder.name) / "specimen"
+        simulate(specimen, preset=cast(PresetName, preset), seed=of, wishes=wishes, sample=sample)
         if share := float(difficulties.get(BLACK_SLICES, 0.0)):
-            _blacken(Path(folder.name) / "specimen" / "oct" / "pullback.tif", share, rng_of(seed, index, BLACK_SLICES))
+            _blacken(specimen / "oct" / "pullback.tif", share, rng_of(seed, index, BLACK_SLICES))
     except BaseException:
         folder.cleanup()
         raise

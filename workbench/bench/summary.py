@@ -7,7 +7,7 @@ import numpy as np
 from scipy import stats
 
 from endoct.workbench.bench.runner import Row
-from endoct.workbench.bench.task import SUCCESS
+from endoct.workbench.bench.task import DOUBTED, SUCCESS
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,15 @@ class Share:
 class Summary:
     """What a method made of all cases.
 
-    ``scores`` are over the cases that have the score: those it answered. ``success`` is over all cases, declined and
-    failed ones included, or None where the task does not judge success.
+    ``scores`` are over the cases that have the score: those it answered; of these it called ``doubted`` doubtful
+    itself. ``success`` is over all cases, declined and failed ones included, or None where the task does not judge
+    success.
     """
 
     method: str
     cases: int
     ok: int
+    doubted: int
     declined: int
     failed: int
     success: Share | None
@@ -62,8 +64,8 @@ def share(k: int, n: int) -> Share:
 
 
 def score_names(rows: Sequence[Row], listed: Sequence[str]) -> list[str]:
-    """Return the names of the scores that rows have, ``listed`` first, ``success`` left out."""
-    present = dict.fromkeys(name for row in rows for name in row.scores if name != SUCCESS)
+    """Return the names of the scores that rows have, ``listed`` first, ``success`` and ``doubted`` left out."""
+    present = dict.fromkeys(name for row in rows for name in row.scores if name not in (SUCCESS, DOUBTED))
     return [name for name in listed if name in present] + [name for name in present if name not in listed]
 
 
@@ -81,6 +83,7 @@ def summarise(rows: Sequence[Row], listed: Sequence[str] = ()) -> list[Summary]:
                 method,
                 len(own),
                 count["ok"],
+                sum(row.scores.get(DOUBTED, 0.0) > 0.5 for row in own),
                 count["declined"],
                 count["failed"],
                 share(succeeded, len(own)) if judges_success else None,

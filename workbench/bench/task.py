@@ -20,6 +20,9 @@ Range = tuple[float, float] | tuple[str, ...]
 SUCCESS = "success"
 """The score that says, as 1.0 or 0.0, whether an answer will do; the table gives its share with an interval."""
 
+DOUBTED = "doubted"
+"""The score that says, as 1.0 or 0.0, that a method answered and called its own answer doubtful."""
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -73,8 +76,8 @@ class Task:
     cases: makes the cases; gets the ranges below, narrowed by what the user asked for.
     judge: scores an answer. Must treat all methods alike.
     ranges: the conditions that are drawn and what they are drawn from; see :func:`draw`.
-    scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` needs
-        no entry.
+    scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` and
+        ``doubted`` need no entry.
     usual: what ``ranges`` are narrowed to where the user asks for nothing.
     optional: further conditions and what they may be drawn from; only drawn where the user asks for them.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.

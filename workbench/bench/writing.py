@@ -9,12 +9,12 @@ from typing import Any
 
 from rich.table import Table
 
+from endoct.workbench.bench.keeping import asked
 from endoct.workbench.bench.machine import machine
-from endoct.workbench.bench.methods import load_task, origin
+from endoct.workbench.bench.methods import load_task
 from endoct.workbench.bench.runner import Plan, Row
 from endoct.workbench.bench.summary import Share, Spread, Summary, score_names, summarise
-from endoct.workbench.bench.task import SUCCESS, Task
-from endoct.workbench.inputs import versions
+from endoct.workbench.bench.task import DOUBTED, SUCCESS, Task
 
 MOST_COLUMNS = 4
 """Scores shown on the console; the CSV has all."""
@@ -23,7 +23,8 @@ MOST_COLUMNS = 4
 def write_csv(rows: Sequence[Row], task: Task, path: Path) -> None:
     """Write a line for each row: what was run, its status, its conditions and its scores; empty where there is none."""
     conditions = list(dict.fromkeys(name for row in rows for name in row.conditions))
-    scores = [*([SUCCESS] if any(SUCCESS in row.scores for row in rows) else []), *score_names(rows, [*task.scores])]
+    scores = [name for name in (SUCCESS, DOUBTED) if any(name in row.scores for row in rows)]
+    scores += score_names(rows, [*task.scores])
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         fixed = ["task", "case", "method", "status", "reason", "seconds", "cpu_seconds"]
@@ -41,20 +42,13 @@ def _cell(value: object) -> str:
 def facts(plan: Plan, rows: Sequence[Row], *, workers: int, seconds: float) -> dict[str, Any]:
     """Return what ``bench.json`` holds: what was run, on what, with what, and the summary."""
     task = load_task(plan.task)
-    return {
-        "task": task.name,
+    return asked(plan) | {
         "title": task.title,
-        "methods": {name: origin(task, name) for name in plan.methods},
-        "seeds": list(plan.seeds),
-        "cases_a_seed": plan.count,
-        "conditions": {name: list(range_) for name, range_ in (plan.ranges or {}).items()},
-        "data": [str(folder) for folder in plan.own],
         "scores": dict(task.scores),
         "summary": [asdict(summary) for summary in summarise(rows, [*task.scores])],
         "seconds": round(seconds, 1),
         "workers": workers,
         "machine": machine(),
-        "versions": versions(),
     }
 
 
@@ -68,14 +62,16 @@ def table(rows: Sequence[Row], task: Task) -> Table:
     summaries = summarise(rows, [*task.scores])
     shown = score_names(rows, [*task.scores])[:MOST_COLUMNS]
     succeeds = any(summary.success is not None for summary in summaries)
-    made = Table("method", *(["success (95 %)"] if succeeds else []), *shown, "ok", "declined", "failed", "s", box=None)
+    doubts = any(DOUBTED in row.scores for row in rows)
+    counted = ["ok", *(["doubted"] if doubts else []), "declined", "failed"]
+    made = Table("method", *(["success (95 %)"] if succeeds else []), *shown, *counted, "s", box=None)
     made.columns[0].no_wrap = True
     for column in made.columns[1:]:
         column.justify, column.overflow = "right", "fold"
     for summary in summaries:
         success = [_share(summary.success)] if succeeds else []
         values = [_spread(summary.scores.get(name)) for name in shown]
-        counts = [str(count) for count in (summary.ok, summary.declined, summary.failed)]
+        counts = [str(getattr(summary, name)) for name in counted]
         made.add_row(summary.method, *success, *values, *counts, f"{summary.seconds.median:.2g}")
     return made
 
@@ -84,6 +80,8 @@ def footnotes(rows: Sequence[Row], task: Task) -> list[str]:
     """Return what there is to know when reading the table: what the scores are, and why methods failed."""
     summaries = summarise(rows, [*task.scores])
     lines = ["median (quartiles) over the cases a method answered; success over all cases; s: median seconds a case"]
+    if any(summary.doubted for summary in summaries):
+        lines.append("doubted: of the cases it answered, those whose answer it said not to rely on")
     lines += [f"{name}: {what}" for name, what in task.scores.items() if any(name in s.scores for s in summaries)]
     return lines + [f"{s.method}: {reason}" for s in summaries for reason in _few(s)]
 

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,7 +70,8 @@ def doubling(monkeypatch: pytest.MonkeyPatch) -> Task:
     """The task, installed."""
     for module in (runner, command):
         monkeypatch.setattr(module, "load_task", lambda name: DOUBLING)
-    monkeypatch.setattr("endoct.workbench.bench.writing.load_task", lambda name: DOUBLING)
+    for name in ("writing", "keeping"):
+        monkeypatch.setattr(f"endoct.workbench.bench.{name}.load_task", lambda name: DOUBLING)
     return DOUBLING
 
 
@@ -133,8 +134,11 @@ def test_processes_get_the_same_cases_and_scores() -> None:
     ranges |= {"signal_db": (10.0, 20.0), "cell_mm": (0.5, 1.0), "fill": (0.2, 0.2), "unevenness": (0.5, 0.5)}
     plan = Plan("segmentation", ("li-depth", "k-means"), (1, 2), 1, ranges)
     alone, together = (run(plan, workers=workers, advance=lambda _: None) for workers in (1, 2))
-    timeless = [[replace(row, seconds=0.0, cpu_seconds=0.0) for row in rows] for rows in (alone, together)]
-    assert timeless[0] == timeless[1]
+    kept: dict[int, Sequence[Row]] = {}
+    goes_on = run(plan, workers=2, advance=lambda _: None, finished={0: alone[:2]}, keep=kept.__setitem__)
+    assert kept == {1: goes_on[2:]}
+    timeless = [[replace(row, seconds=0.0, cpu_seconds=0.0) for row in rows] for rows in (alone, together, goes_on)]
+    assert timeless[0] == timeless[1] == timeless[2]
 
 
 @given(seed=st.integers(0, 10**6), index=st.integers(0, 1000), low=st.floats(-5, 5), width=st.floats(0, 5))

@@ -1,0 +1,113 @@
+"""Keeps what a run of the bench has finished beside its output, so that one that was stopped or killed goes on.
+
+``RESULTS.unfinished`` holds ``run.json``, what is run and with what, and a file of rows for every source of cases that
+all methods have been through. Each file appears whole or not at all, and the folder goes when the output is there.
+"""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.bench.methods import load_task, module_of, origin
+from endoct.workbench.bench.runner import Plan, Row
+from endoct.workbench.dataset.files import new_file
+from endoct.workbench.inputs import versions
+
+RUN = "run.json"
+PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The folder of what is finished; sources go by their place in the plan."""
+
+    folder: Path
+
+    def read(self) -> dict[int, list[Row]]:
+        """Return the rows of every source that is finished."""
+        files = sorted(self.folder.glob("[0-9]*.json"))
+        return {int(path.stem): [Row(**row) for row in json.loads(path.read_text("utf-8"))] for path in files}
+
+    def put(self, place: int, rows: Sequence[Row]) -> None:
+        """Keep the rows of one source."""
+        _write(self.folder / f"{place:06d}.json", [asdict(row) for row in rows])
+
+    def remove(self) -> None:
+        """Remove the folder, when the output is there."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def kept_beside(output: Path, plan: Plan, *, overwrite: bool) -> Kept:
+    """Return the folder beside ``output``, made or found as an earlier run of ``plan`` left it.
+
+    Raises :class:`EndoctError` where it holds what another plan, or other code, began; with ``overwrite`` that goes.
+    """
+    folder = output.with_name(f"{output.name}.unfinished")
+    wanted = json.loads(json.dumps(asked(plan) | {"source": _source(plan)}))
+    try:
+        begun = json.loads((folder / RUN).read_text("utf-8"))
+    except FileNotFoundError:
+        begun = None
+    except (OSError, ValueError) as error:
+        raise EndoctError(f"{folder / RUN} cannot be read", found=str(error), remedy="remove that folder") from error
+    if begun == wanted:
+        return Kept(folder)
+    if begun is not None and not overwrite:
+        other = [name for name in wanted if begun.get(name) != wanted[name]]
+        raise EndoctError(
+            f"{folder} holds what another run began",
+            found=f"another {', '.join(other)}",
+            remedy="go on with what it was begun with, choose another output, or say --overwrite",
+        )
+    shutil.rmtree(folder, ignore_errors=True)
+    _write(folder / RUN, wanted)
+    return Kept(folder)
+
+
+def asked(plan: Plan) -> dict[str, Any]:
+    """Return what is run, on what, and with which versions."""
+    task = load_task(plan.task)
+    return {
+        "task": task.name,
+        "methods": {name: origin(task, name) for name in plan.methods},
+        "seeds": list(plan.seeds),
+        "cases_a_seed": plan.count,
+        "conditions": {name: list(range_) for name, range_ in (plan.ranges or {}).items()},
+        "data": [str(folder) for folder in plan.own],
+        "versions": versions(),
+    }
+
+
+def _source(plan: Plan) -> Mapping[str, str]:
+    """Return the digests of endoct's source and of the modules that others' methods are in, not of what those load."""
+    task = load_task(plan.task)
+    ours = [path for part in PARTS for path in sorted(Path(import_module(f"endoct.{part}").__path__[0]).rglob("*.py"))]
+    theirs = {module for name in plan.methods if (module := module_of(task, name)).partition(".")[0] != "endoct"}
+    return {"endoct": _digest(ours)} | {module: _digest(_files(module)) for module in sorted(theirs)}
+
+
+def _files(module: str) -> list[Path]:
+    try:
+        spec = find_spec(module)
+    except ImportError:
+        return []  # told when the method is run
+    return [Path(spec.origin)] if spec is not None and spec.has_location and spec.origin else []
+
+
+def _digest(files: Sequence[Path]) -> str:
+    source = hashlib.sha256()
+    for path in files:
+        source.update(path.read_bytes())
+    return source.hexdigest()[:16]
+
+
+def _write(path: Path, content: Any) -> None:
+    with new_file(path) as file:
+        file.write(json.dumps(content).encode())
