@@ -1,7 +1,9 @@
 """Two sides to one comparison folder."""
 
 import json
+import time
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,10 +22,12 @@ from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama, save_panorama
 from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
+from endoct.workbench.beside import Beside, load, process_beside
 from endoct.workbench.drawn import score_drawings, write_mask
 from endoct.workbench.inputs import digests, versions
 from endoct.workbench.pictures import save_pictures
 from endoct.workbench.progress import Stages
+from endoct.workbench.side_by_side import unroll_both
 from endoct.workbench.unrolling import Opened, Unrolled, open_side, unroll_recording
 
 PICTURED_PLACES = (1 / 6, 1 / 2, 5 / 6)
@@ -46,51 +50,57 @@ def write_comparison(
 
     Raises :class:`EndoctError` where a side cannot be used.
     """
+    start = time.perf_counter()
     opened = {k: _open(side) for k, side in enumerate(sides) if not is_mask_image(side.path)}
     if len(opened) == 2:
         check_same_bore(*(_radius_mm(opened[k]) for k in range(2)))  # before the work of unrolling is done
-    recorded = {k: _unroll(one, "AB"[k], stages) for k, one in opened.items()}
-    a, b = (
-        recorded[k][0]
-        if k in recorded
-        else read_mask(side.path, like=recorded[1 - k][0] if 1 - k in recorded else None)
-        for k, side in enumerate(sides)
-    )
-    with stages.stage("align, segment, score"):
-        comparison = compare_panoramas(a, b, parameters)
-        drawn = {str(path): _truth(path, a) for path in truth}
-        against = score_drawings(comparison, drawn, parameters.tolerance_mm)
-    folder.mkdir()
-    with stages.stage("write"):
-        save_comparison(comparison, folder / "comparison.zarr")
-        write_cells(comparison.cells, folder / "cells.csv")
-        if against.consensus is not None:
-            write_mask(against.consensus, comparison.grid, folder / "consensus.png")
-        for name, panorama in zip(comparison.sides, (a, b), strict=True):
-            save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
-        for k, name in enumerate(comparison.sides):
-            if k in recorded and (made := recorded[k][1]) is not None:
-                _picture(folder, name, made)
-    result = {
-        **comparison.result,
-        **against.result,
-        "notes": {
-            n: [*p.provenance.get("notes", ()), *comparison.result["doubts"][n]]
-            for n, p in zip(comparison.sides, (a, b), strict=True)
-        },
-        "versions": versions(),
-        "inputs": _inputs(sides, (a, b), truth),
-        "parameters": {
-            "compare": parameters.model_dump(mode="json"),
-            **{n: p.provenance.get("parameters", {}) for n, p in zip(comparison.sides, (a, b), strict=True)},
-        },
-        "seconds": {title: round(seconds, 3) for title, seconds in stages.seconds.items()},
-    }
-    (folder / "result.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    with stages.stage("report"):
-        from endoct.workbench.report import write_report  # only who draws loads matplotlib
+    recordings = {k: one for k, one in opened.items() if isinstance(one, Opened)}
+    with process_beside() if len(recordings) == 2 else nullcontext() as beside:
+        made = _unrolled(recordings, stages, beside)
+        if beside is not None:
+            beside.call(load, "endoct.workbench.report")
+        panoramas = {k: made[k].panorama if isinstance(one, Opened) else one for k, one in opened.items()}
+        a, b = (
+            panoramas[k] if k in panoramas else read_mask(side.path, like=panoramas.get(1 - k))
+            for k, side in enumerate(sides)
+        )
+        with stages.stage("align, segment, score"):
+            comparison = compare_panoramas(a, b, parameters)
+            drawn = {str(path): _truth(path, a) for path in truth}
+            against = score_drawings(comparison, drawn, parameters.tolerance_mm)
+        folder.mkdir()
+        with stages.stage("write"):
+            save_comparison(comparison, folder / "comparison.zarr")
+            write_cells(comparison.cells, folder / "cells.csv")
+            if against.consensus is not None:
+                write_mask(against.consensus, comparison.grid, folder / "consensus.png")
+            for name, panorama in zip(comparison.sides, (a, b), strict=True):
+                save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
+            for k, one in made.items():
+                _picture(folder, comparison.sides[k], one)
+        result = {
+            **comparison.result,
+            **against.result,
+            "notes": {
+                n: [*p.provenance.get("notes", ()), *comparison.result["doubts"][n]]
+                for n, p in zip(comparison.sides, (a, b), strict=True)
+            },
+            "versions": versions(),
+            "inputs": _inputs(sides, (a, b), truth),
+            "parameters": {
+                "compare": parameters.model_dump(mode="json"),
+                **{n: p.provenance.get("parameters", {}) for n, p in zip(comparison.sides, (a, b), strict=True)},
+            },
+            "seconds": {
+                **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
+                "in all, before the report": round(time.perf_counter() - start, 3),
+            },
+        }
+        (folder / "result.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        with stages.stage("report"):
+            from endoct.workbench.report import write_report  # only who draws loads matplotlib
 
-        write_report(folder)
+            write_report(folder, beside)
     return comparison
 
 
@@ -130,11 +140,10 @@ def _radius_mm(one: Panorama | Opened) -> float:
     return one.grid.radius_mm if isinstance(one, Panorama) else one.stream.acquisition.bore_diameter_mm / 2
 
 
-def _unroll(one: Panorama | Opened, label: str, stages: Stages) -> tuple[Panorama, Unrolled | None]:
-    if isinstance(one, Panorama):
-        return one, None
-    made = unroll_recording(one, stages, label)
-    return made.panorama, made
+def _unrolled(recordings: Mapping[int, Opened], stages: Stages, beside: Beside | None) -> dict[int, Unrolled]:
+    if len(recordings) == 2:
+        return dict(enumerate(unroll_both(recordings[0], recordings[1], stages, beside)))
+    return {k: unroll_recording(one, stages, "AB"[k]) for k, one in recordings.items()}
 
 
 def _picture(folder: Path, name: str, made: Unrolled) -> None:

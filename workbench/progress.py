@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from threading import Lock
 from typing import Protocol
 
 from rich.console import Console
@@ -46,13 +47,19 @@ class SilentStages:
 
 
 class ConsoleStages(SilentStages):
-    """Shows a bar for each stage on a terminal; elsewhere a line now and then, for a log file."""
+    """Shows a bar for each stage on a terminal; elsewhere a line now and then, for a log file.
+
+    Stages may run side by side, in threads.
+    """
 
     LINE_EVERY_S = 5.0
 
     def __init__(self, console: Console) -> None:
         super().__init__()
         self._console = console
+        self._bars: Progress | None = None  # there can be only one at a time
+        self._open = 0
+        self._opening = Lock()
 
     @contextmanager
     def _shown(self, title: str) -> Iterator[Advance]:
@@ -60,14 +67,7 @@ class ConsoleStages(SilentStages):
         if not self._console.is_terminal:
             yield self._lines(title)
             return
-        columns = (
-            TextColumn("{task.description:<28}"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        with Progress(*columns, console=self._console) as bars:
+        with self._shared_bars() as bars:
             task = bars.add_task(title, total=1.0)
 
             def advance(share: float) -> None:
@@ -76,6 +76,31 @@ class ConsoleStages(SilentStages):
 
             yield advance
             bars.update(task, completed=1.0)
+
+    @contextmanager
+    def _shared_bars(self) -> Iterator[Progress]:
+        """Yield the bars of all stages that are open; they stay on the terminal when the last one ends."""
+        with self._opening:
+            if self._bars is None:
+                self._bars = Progress(
+                    TextColumn("{task.description:<28}"),
+                    BarColumn(),
+                    TaskProgressColumn(),
+                    TimeElapsedColumn(),
+                    TimeRemainingColumn(),
+                    console=self._console,
+                )
+                self._bars.start()
+            self._open += 1
+            bars = self._bars
+        try:
+            yield bars
+        finally:
+            with self._opening:
+                self._open -= 1
+                if not self._open:
+                    bars.stop()
+                    self._bars = None
 
     def _lines(self, title: str) -> Advance:
         start = time.monotonic()

@@ -1,7 +1,6 @@
 """The report of a comparison: figures as files, and one page that holds everything and opens offline."""
 
 import base64
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
@@ -10,11 +9,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from PIL import Image
-
 from endoct.stitching.output import new_output
+from endoct.workbench.beside import Beside, Tell
 from endoct.workbench.doubts import doubts, without_stop
-from endoct.workbench.figures.all import draw_all
+from endoct.workbench.figures.all import draw_on_grid, draw_on_own_rows
 from endoct.workbench.figures.drawing import Drawn
 from endoct.workbench.findings import Findings, read_findings
 from endoct.workbench.report_scores import score_tables
@@ -22,8 +20,6 @@ from endoct.workbench.report_tables import numbers, provenance, threshold_text
 from endoct.workbench.wording import bullets, interval_text, value_text
 
 CSS_PIXELS_PER_INCH = 148
-EMBEDDED_QUALITY = 88
-"""Quality of the WebP copies in the page; the files in figures/ are lossless."""
 LEAST_UNEVEN_DEG = 1.0
 """Unevenness below this is not worth a sentence."""
 
@@ -38,26 +34,35 @@ FIGURE_SECTIONS = {
 }
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, beside: Beside | None = None) -> Path:
     """Write ``figures/*.png`` and ``report.html`` into ``folder``, replacing older ones; return the page's path.
 
-    ``folder`` is what ``endoct compare`` wrote; nothing else in it is changed. Raises :class:`EndoctError` where
-    it is no whole comparison or cannot be written.
+    Half of the figures are drawn in the process ``beside`` where there is one. ``folder`` is what ``endoct compare``
+    wrote; nothing else in it is changed. Raises :class:`EndoctError` where it is no whole comparison or cannot be
+    written.
     """
-    findings = read_findings(folder)
     page = folder / "report.html"
     with new_output(folder / "figures", overwrite=True) as figures:
         figures.mkdir()
-        html = page_html(findings, draw_all(findings, figures))
+        there = None if beside is None else beside.call(_draw_there, folder, figures)
+        findings = read_findings(folder)
+        on_grid = draw_on_grid(findings, figures)
+        own = draw_on_own_rows(findings, figures) if there is None else there.result()
+        html = page_html(findings, [*on_grid, *own])
     with new_output(page, overwrite=True) as scratch:
         scratch.write_text(html, encoding="utf-8")
     return page
 
 
+def _draw_there(tell: Tell, folder: Path, figures: Path) -> list[Drawn]:
+    del tell
+    return draw_on_own_rows(read_findings(folder), figures)
+
+
 def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
-    """Return the whole page, figures and style embedded."""
+    """Return the whole page, figures and style embedded; figures by section, in the order given."""
     shown = dict.fromkeys((*FIGURE_SECTIONS, "quality"), "")
-    for number, figure in enumerate(drawn, 1):
+    for number, figure in enumerate(sorted(drawn, key=lambda one: list(shown).index(one.section)), 1):
         shown[figure.section] += _figure(number, figure)
     shown["agreement"] += "".join(score_tables(findings))
     sections = [
@@ -176,13 +181,11 @@ def _section(name: str, title: str, body: str) -> str:
 
 
 def _figure(number: int, figure: Drawn) -> str:
-    with Image.open(figure.path) as png:
-        buffer = io.BytesIO()
-        png.convert("RGB").save(buffer, "WEBP", quality=EMBEDDED_QUALITY, method=2)
-    data = base64.b64encode(buffer.getvalue()).decode("ascii")
+    saved = figure.saved
+    data = base64.b64encode(saved.webp).decode("ascii")
     return (
-        f'<figure id="{escape(figure.path.stem)}"><img src="data:image/webp;base64,{data}" '
-        f'alt="{escape(figure.title)}" width="{round(figure.width_in * CSS_PIXELS_PER_INCH)}">\n'
+        f'<figure id="{escape(saved.path.stem)}"><img src="data:image/webp;base64,{data}" '
+        f'alt="{escape(figure.title)}" width="{round(saved.width_in * CSS_PIXELS_PER_INCH)}">\n'
         f"<figcaption><b>Figure {number}. {escape(figure.title)}.</b> {escape(figure.caption)} "
-        f'<span class="code">figures/{escape(figure.path.name)}</span></figcaption></figure>\n'
+        f'<span class="code">figures/{escape(saved.path.name)}</span></figcaption></figure>\n'
     )

@@ -12,17 +12,9 @@ from tolerances import COORDINATE_ATOL
 
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.figures.cylinder import CUT_FACE, END_FACE, TILT_RAD, UNSEEN, cast_half
-from endoct.workbench.figures.drawing import (
-    MARGIN_IN,
-    new_figure,
-    place,
-    show_surface,
-    thinned,
-    wall_panel,
-    width_of,
-    wrapped,
-)
+from endoct.workbench.figures.drawing import MARGIN_IN, new_figure, place, width_of, wrapped
 from endoct.workbench.figures.surfaces import BOTH, NEITHER, ONLY_A, ONLY_B, difference_image
+from endoct.workbench.figures.wall_panels import show_surface, thinned, wall_panel
 from endoct.workbench.wording import value_text
 
 GRID = SurfaceGrid.full_circle(100, 512, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)

@@ -70,10 +70,11 @@ def report(folder: Positional[Path]) -> int:
     Args:
         folder: what `endoct compare` wrote
     """
+    from endoct.workbench.beside import process_beside
     from endoct.workbench.report import write_report
 
-    with stages_for(False).stage("report"):
-        path = write_report(folder)
+    with stages_for(False).stage("report"), process_beside() as beside:
+        path = write_report(folder, beside)
     say(f"report: {path}")
     return DONE
 

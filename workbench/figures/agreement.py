@@ -59,9 +59,8 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
             handles=entries, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=5.2, ncols=2, frameon=False,
             handlelength=1.2,
         )  # fmt: skip
-        path = folder / "budget.png"
-        width_in = save(figure, path)
-    return Drawn(path, "agreement", "What stands in the way of full agreement", _budget_caption(budget), width_in)
+        saved = save(figure, folder / "budget.png")
+    return Drawn(saved, "agreement", "What stands in the way of full agreement", _budget_caption(budget))
 
 
 def _budget_caption(budget: Mapping[str, Any]) -> str:
@@ -102,8 +101,7 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
         _by_kind(place(figure, 0.95, 0.0, 3.1 if area else 6.1, 1.95), strata, "(a) Jaccard index by kind of cell")
         if area:
             _bland_altman(place(figure, 4.7, 0.0, 2.45, 1.95), pairs, area, findings)
-        path = folder / "scores.png"
-        width_in = save(figure, path)
+        saved = save(figure, folder / "scores.png")
     caption = (
         "(a) Jaccard index with its 95 % interval over the places where either side shows a cell, by the place's "
         "diameter, and by depth and contrast (median over it) where a side knows them; n counts places, without an "
@@ -116,7 +114,7 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
             f"bias {_number(area['bias'])} mm², 95 % of differences within {_number(area['low'])} to "
             f"{_number(area['high'])} mm²."
         )
-    return Drawn(path, "agreement", "Agreement by kinds of cells", caption, width_in)
+    return Drawn(saved, "agreement", "Agreement by kinds of cells", caption)
 
 
 def _by_kind(axes: Axes, strata: Mapping[str, Sequence[Mapping[str, Any]]], title: str) -> None:

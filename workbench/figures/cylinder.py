@@ -36,8 +36,8 @@ from endoct.workbench.figures.drawing import (
     place,
     robust_limits,
     save,
-    thinned,
 )
+from endoct.workbench.figures.wall_panels import thinned
 from endoct.workbench.findings import SideFindings
 
 TILT_RAD = math.radians(25)
@@ -87,16 +87,14 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
         below_in = (height_in if beside else 2 * height_in + 0.5) + 0.5
         bar = place(figure, PAGE_WIDTH_IN / 2 - 1.3, below_in, 2.6, 0.08)
         bar_under(bar, mapping, "wall radius − bore radius (mm)" if by_depth else "intensity (a.u.)")
-        path = folder / f"cylinder-{side.name}.png"
-        width_in = save(figure, path)
+        saved = save(figure, folder / f"cylinder-{side.name}.png")
     shape = "the wall as measured" if by_depth else "the side has no depth, so the wall is drawn at the bore's radius"
     return Drawn(
-        path,
+        saved,
         "cylinder",
         f"The bore cut open, {side.name}",
         f"Both half shells, seen from inside and {math.degrees(TILT_RAD):.0f}° from the mouth, in parallel projection; "
         f"{shape}. Grey-blue: not observed. Sand: cut through the bone, {REST_MM:g} mm beyond the deepest places.",
-        width_in,
     )
 
 

@@ -13,22 +13,24 @@ from endoct.modalities.contract import Picture
 from endoct.workbench.figures.drawing import (
     CURVES,
     DEPTH_COLOURS,
-    LEFT_IN,
-    MAX_PANEL_HEIGHT_IN,
     PAGE_WIDTH_IN,
     PLACES,
     Drawn,
-    colour_bar,
     journal_style,
     new_figure,
     place,
     robust_limits,
     save,
+    unit_of,
+    wrapped,
+)
+from endoct.workbench.figures.wall_panels import (
+    LEFT_IN,
+    MAX_PANEL_HEIGHT_IN,
+    colour_bar,
     show_surface,
     thinned,
-    unit_of,
     wall_panel,
-    wrapped,
     z_stretch,
 )
 from endoct.workbench.findings import SideFindings
@@ -70,16 +72,14 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
             axes = place(figure, column * pitch_in + 0.5, tops_in[row], width_in, heights_in[row])
             show_picture(axes, picture, legend=place_of == last, y_label=down or column == 0)
             axes.set_title(titles[row, column], pad=3)
-        path = folder / f"frames-{side.name}.png"
-        printed_in = save(figure, path)
+        saved = save(figure, folder / f"frames-{side.name}.png")
     names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
     drawn = f" Drawn in: {', '.join(names)}." if names else ""
     return Drawn(
-        path,
+        saved,
         "frames",
         f"Single frames, {side.name}",
         f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after.{drawn}",
-        printed_in,
     )
 
 
@@ -112,15 +112,13 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
             part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place_of)}", pad=3)
             for spine in part.spines.values():
                 spine.set(color=colour, linewidth=1.6)
-        path = folder / f"depth-{side.name}.png"
-        width_in = save(figure, path)
+        saved = save(figure, folder / f"depth-{side.name}.png")
     return Drawn(
-        path,
+        saved,
         "depth",
         f"Colour-coded depth, {side.name}",
         "(a) Depth of the wall on the side's own rows and in its own frame, before any alignment: no interpolation. "
         "Hatched: not observed." + (" Beside: the frames at the lines of their colour." if side.pictures else ""),
-        width_in,
     )
 
 

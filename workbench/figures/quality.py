@@ -53,8 +53,7 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
                 axes.set_xlabel("z, inward (mm)")
             else:
                 axes.tick_params(labelbottom=False)
-        path = folder / f"quality-{side.name}.png"
-        width_in = save(figure, path)
+        saved = save(figure, folder / f"quality-{side.name}.png")
     finite = {name: v[np.isfinite(v)] for name, v in numbers.items() if np.isfinite(v).any()}
     constant = [f"{name} = {v[0]:.4g}" for name, v in finite.items() if name not in varying]
     caption = (
@@ -62,7 +61,7 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
         + (f"Red crosses: {' or '.join(flag_text(name) for name in suspect)}. " if flagged.any() else "")
         + (f"The same throughout: {', '.join(constant)}." if constant else "")
     )
-    return Drawn(path, "quality", f"Quality per {side.panorama.frame_dim}, {side.name}", caption, width_in)
+    return Drawn(saved, "quality", f"Quality per {side.panorama.frame_dim}, {side.name}", caption)
 
 
 def _numbers(side: SideFindings) -> dict[str, NDArray[np.float64]]:

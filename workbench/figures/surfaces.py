@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.figures.drawing import (
-    ABOVE_PT,
     BLUE,
     DEPTH_COLOURS,
     INK,
@@ -22,18 +21,21 @@ from endoct.workbench.figures.drawing import (
     ORANGE,
     PAPER,
     Drawn,
-    colour_bar,
     journal_style,
     letters,
-    not_observed_patch,
-    panel_figure,
     robust_limits,
     save,
+    width_of,
+)
+from endoct.workbench.figures.wall_panels import (
+    ABOVE_PT,
+    colour_bar,
+    not_observed_patch,
+    panel_figure,
     scale_text,
     show_surface,
     thinned,
     wall_panel,
-    width_of,
 )
 from endoct.workbench.findings import Findings, SideFindings
 
@@ -59,20 +61,18 @@ def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
             low, high = robust_limits(thin, valid)
             image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
             colour_bar(axes[k], image, unit)
-        path = folder / "panoramas.png"
-        width_in = save(figure, path)
+        saved = save(figure, folder / "panoramas.png")
     frame = (
         f"Both lie on one grid in the frame of {findings.sides[0].name}"
         if findings.aligned
         else "Each lies in its own frame: the two could not be aligned, so places do not correspond"
     )
     return Drawn(
-        path,
+        saved,
         "panoramas",
         "The unrolled wall",
         f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(findings.grid)}. "
         "Hatched: not observed by that side. Colour bars end at the 0.5th and 99.5th percentile.",
-        width_in,
     )
 
 
@@ -111,9 +111,8 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
             )
         else:
             caption += "No difference image: the two sides could not be aligned."
-        path = folder / "masks.png"
-        width_in = save(figure, path)
-    return Drawn(path, "masks", title, caption, width_in)
+        saved = save(figure, folder / "masks.png")
+    return Drawn(saved, "masks", title, caption)
 
 
 def difference_image(a: Mask, b: Mask) -> NDArray[np.uint8]:
@@ -147,18 +146,16 @@ def draw_alignment(findings: Findings, folder: Path) -> Drawn | None:
         _outline(axes[1], grid, b.mask & observed, BLUE)
         _legend(axes[1], [Line2D([], [], color=ORANGE, label=a.name), Line2D([], [], color=BLUE, label=b.name)])
         _agreement(axes[2], grid, a.mask, b.mask, observed)
-        path = folder / "alignment.png"
-        width_in = save(figure, path)
+        saved = save(figure, folder / "alignment.png")
     tile = _tile_mm(grid)
     return Drawn(
-        path,
+        saved,
         "alignment",
         "How well the two lie on each other",
         f"(a) Tiles of {tile:g} mm from either side by turns, showing {_feature_name(a)} and "
         f"{_feature_name(b)}{', the latter inverted' if flipped else ''}: edges should run on across tiles. "
         "(b) Outlines of both masks. (c) Jaccard index over windows of 0.5 mm along the bore, and the share of the "
         "circle that both sides observed.",
-        width_in,
     )
 
 
