@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
 
@@ -33,11 +34,13 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
 
 def _sheared(panorama: Panorama, calibration: OctCalibration) -> Panorama:
     """Interpolate along z: in a helical scan the nominal z of a slice is that of the middle of its turn."""
-    turn = calibration.rotation_of_theta(panorama.grid.theta_rad) / (2 * np.pi)
+    theta_rad = panorama.grid.theta_rad
+    in_z = np.argsort(calibration.slice_z_mm, kind="stable")
+    turn = np.stack([beam_angles_rad(calibration, int(i), theta_rad)[0] for i in in_z]) / (2 * np.pi)
     inward = -1 if calibration.acquisition.travel == "out" else 1
-    shift_mm = inward * panorama.grid.dz_mm * (turn - 0.5)
-    intensity = _shifted(panorama.intensity, panorama, shift_mm)
-    depth = None if panorama.depth_mm is None else _shifted(panorama.depth_mm, panorama, shift_mm)
+    recorded_mm = panorama.z_mm[:, None] + inward * panorama.grid.dz_mm * (turn - 0.5)
+    intensity = _placed(panorama.intensity, panorama, recorded_mm)
+    depth = None if panorama.depth_mm is None else _placed(panorama.depth_mm, panorama, recorded_mm)
     valid = np.isfinite(intensity)
     return replace(
         panorama,
@@ -48,17 +51,16 @@ def _sheared(panorama: Panorama, calibration: OctCalibration) -> Panorama:
     )
 
 
-def _shifted(image: Image, panorama: Panorama, shift_mm: Coordinates) -> Image:
-    """Columns recorded at z + ``shift_mm`` (n_theta,), at the panorama's rows; NaN where not valid there."""
-    shifted = np.empty_like(image)
-    for column, shift in enumerate(shift_mm):
-        good = panorama.valid[:, column]
+def _placed(image: Image, panorama: Panorama, recorded_mm: Coordinates) -> Image:
+    """Samples recorded at ``recorded_mm`` (n_z, n_theta), at the panorama's rows; NaN where not valid there."""
+    placed = np.full_like(image, np.nan)
+    for column in range(image.shape[1]):
+        # turns that start anywhere lie up to two pitches apart at one θ, and hardly at all
+        order = np.argsort(recorded_mm[:, column], kind="stable")
+        at_mm, good = recorded_mm[order, column], panorama.valid[order, column]
         if not good.any():
-            shifted[:, column] = np.nan
             continue
-        recorded_mm = panorama.z_mm + shift
-        step = np.round((panorama.z_mm - recorded_mm[0]) / panorama.grid.dz_mm).astype(np.intp)
-        nearest = np.clip(step, 0, good.size - 1)
-        values = np.interp(panorama.z_mm, recorded_mm[good], image[good, column])
-        shifted[:, column] = np.where(good[nearest], values, np.nan)
-    return shifted
+        nearest = np.round(np.interp(panorama.z_mm, at_mm, np.arange(order.size))).astype(np.intp)
+        values = np.interp(panorama.z_mm, at_mm[good], image[order[good], column])
+        placed[:, column] = np.where(good[nearest], values, np.nan)
+    return placed
