@@ -2,7 +2,6 @@
 
 import csv
 import json
-import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import tifffile
 import xarray as xr
 import zarr
 
@@ -32,8 +30,6 @@ OCT_PER_SLICE = {
     "bridged",
 }
 
-SHORT = 13
-
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
@@ -53,23 +49,6 @@ def compared(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     folder = tmp_path_factory.mktemp("compared") / "comparison"
     compare(quick_specimen / "endoscope", quick_specimen / "oct", folder)
     return folder
-
-
-@pytest.fixture(scope="module")
-def short(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The first of the specimen's slices and frames: what unrolling is like, in a third of the time."""
-    specimen = tmp_path_factory.mktemp("short")
-    for part in ("oct", "endoscope"):
-        (specimen / part).mkdir()
-        shutil.copy(quick_specimen / part / "acquisition.toml", specimen / part)
-    tifffile.imwrite(
-        specimen / "oct" / "pullback.tif",
-        tifffile.imread(quick_specimen / "oct" / "pullback.tif")[:SHORT],
-        photometric="minisblack",
-    )
-    for frame in sorted((quick_specimen / "endoscope").glob("frame_*"))[:SHORT]:
-        shutil.copy(frame, specimen / "endoscope")
-    return specimen
 
 
 def test_compare_writes_what_the_design_fixes(compared: Path, quick_specimen: Path) -> None:

@@ -1,0 +1,110 @@
+"""What ``endoct compare`` leaves for its report, made up: cells, some over the seam, and what was not observed."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endoct.fusion.outcome import Comparison
+from endoct.fusion.store import save_comparison
+from endoct.modalities.contract import Picture
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import save_panorama
+from endoct.workbench.pictures import save_pictures
+
+GRID = SurfaceGrid.full_circle(60, 256, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)
+FRAME_Z_MM = 0.2 * np.arange(15)
+BRIDGED = (3, 8, 9)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What one side of a mock comparison has."""
+
+    name: str
+    depth: bool = True
+    drawn: bool = False
+
+
+def write_comparison(folder: Path, a: Kind, b: Kind, *, aligned: bool = True, **changed: Any) -> dict[str, Any]:
+    """Write what ``endoct compare`` leaves for the report; return the result."""
+    rng = np.random.default_rng(1)
+    theta, z = np.meshgrid(GRID.theta_rad, GRID.z_mm)
+    cells = np.hypot(1.25 * (theta - 2.0), z - 1.5) < 0.5
+    cells |= np.hypot(1.25 * (np.mod(theta + np.pi, 2 * np.pi) - np.pi), z - 0.7) < 0.3  # over the seam
+    valid = np.ones((2, *GRID.shape), np.bool_)
+    valid[0, :6], valid[1, 40:43] = False, False
+    depth_mm = np.where(cells, 0.6, 0.0).astype(np.float32) + rng.normal(0, 0.01, GRID.shape).astype(np.float32)
+    intensity = np.where(cells, 40, 150).astype(np.float32) + rng.normal(0, 5, GRID.shape).astype(np.float32)
+    mask = np.stack([cells, np.roll(cells, 2, axis=1)]) & valid
+    depths = np.stack([np.where(valid[k] & side.depth, depth_mm, np.nan) for k, side in enumerate((a, b))])
+    seen = valid.all(axis=0)
+    both, either = (mask.all(axis=0) & seen).sum(), (mask.any(axis=0) & seen).sum()
+    jaccard = float(both / max(either, 1))
+    names = (a.name, b.name)
+    folder.mkdir(parents=True)
+    intensities = np.stack([mask[k] if side.drawn else intensity for k, side in enumerate((a, b))])
+    save_comparison(
+        Comparison(GRID, names, intensities, depths, mask, valid, None, None, {}), folder / "comparison.zarr"
+    )
+    for k, side in enumerate((a, b)):
+        save_panorama(_panorama(side, intensities[k], depths[k], valid[k]), folder / "panoramas" / f"{side.name}.zarr")
+        if not side.drawn:
+            save_pictures(folder / "pictures", side.name, "0007", mock_pictures())
+    scores = {"jaccard": jaccard, "dice": 2 * jaccard / (1 + jaccard), "both_mm2": 1.25, "only_a_mm2": 0.1}
+    result = {
+        "sides": list(names),
+        "aligned": aligned,
+        "reason": None if aligned else "The best place is only 1.1 times as good as the runner-up.",
+        "alignment": {
+            "theta_shift_rad": 1.5, "z_shift_mm": -0.4321, "z_scale": 1.0123, "mirrored": True, "z_reversed": False,
+            "confidence": 0.629, "correlation": 0.934, "ratio": 3.06,
+        }
+        if aligned
+        else None,
+        "jaccard": jaccard if aligned else None,
+        "dice": scores["dice"] if aligned else None,
+        "threshold": {a.name: {"value": 0.4123, "unit": "1", "of": "darkness <capped>"}},
+        "scores": {"grid": scores, "own_rows": {**scores, "rows_of": b.name, "jaccard": 0.8765}} if aligned else None,
+        "valid_fraction": 0.943,
+        "overlap_mm": 2.7,
+        "notes": {a.name: [], b.name: ["Depth rows 92–93 hold fixed lines & were interpolated."]},
+        "versions": {"endoct": "0.1.0", "numpy": "2.4.0"},
+        "inputs": {"specimen/oct/pullback.tif": "cd" * 32},
+        "parameters": {"compare": {"n_theta": 2048, "odd": "<script>alert(1)</script>"}},
+        "seconds": {"align": 1.25, "write": 0.5},
+        **changed,
+    }  # fmt: skip
+    (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    return result
+
+
+def _panorama(side: Kind, intensity: Any, depth_mm: Any, valid: Any) -> Panorama:
+    per_frame = {
+        "slice_z_mm": FRAME_Z_MM,
+        "slice_index": np.arange(15),
+        "residual_mm": 0.004 + 0.001 * np.sin(FRAME_Z_MM),
+        "phase_rad": np.mod(6.2 + 0.02 * np.arange(15), 2 * np.pi),
+        "omega": np.ones(15),
+        "bridged": np.isin(np.arange(15), BRIDGED),
+        "pair_trusted": np.ones(15, np.bool_),
+    }
+    return Panorama(
+        GRID, GRID.z_mm, intensity, depth_mm if side.depth else None, valid, valid.astype(np.float32),
+        "mask" if side.drawn else side.name.split("-")[0], True, True, "slice", {} if side.drawn else per_frame,
+    )  # fmt: skip
+
+
+def mock_pictures() -> tuple[Picture, ...]:
+    angle = np.linspace(0, 6.2, 100)
+    curve = np.stack([angle, 1 + 0.2 * np.sin(angle)], axis=1)
+    curve[10:20] = np.nan
+    noise = np.random.default_rng(2).random((50, 100)).astype(np.float32)
+    labels = {"x_label": "rotation (rad)", "y_label": "depth (mm)", "x_extent": (0.0, 6.2), "y_extent": (0.0, 2.5)}
+    return (
+        Picture("raw", "B-scan as recorded", noise, **labels, curves={"outer face": curve}),
+        Picture("flat", "B-scan undistorted", noise, **labels, curves={}),
+    )
