@@ -148,17 +148,19 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
     def registered(flat: Flat) -> Iterator[Matrix]:
         rows, columns = max(flat.a.shape[0], flat.b.shape[0]), flat.a.shape[1]
+        half = flat.b.shape[1] // 2  # it starts with B in the middle, not half a turn beside A
+        to_middle = np.array([[1, 0, half], [0, 1, 0], [0, 0, 1]])
         for sign in (1, -1):
             there, here = np.zeros((2, rows, columns), np.float32)
             there[: flat.a.shape[0]] = _unit(flat.a)
-            here[: flat.b.shape[0], : flat.b.shape[1]] = _unit(np.float32(sign) * flat.b)
+            here[: flat.b.shape[0], half : half + flat.b.shape[1]] = _unit(np.float32(sign) * flat.b)
             torch.manual_seed(0)
-            registrator = ImageRegistrator("similarity", num_iterations=100, tolerance=1e-5)
+            registrator = ImageRegistrator("similarity", num_iterations=100)
             model: Any = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
             found = model.detach().numpy().reshape(3, 3).astype(np.float64)
             to_unit = np.array([[2 / (columns - 1), 0, -1], [0, 2 / (rows - 1), -1], [0, 0, 1]])
             for candidate in (found, np.linalg.inv(found)):  # which of the two it means has changed between versions
-                yield (np.linalg.inv(to_unit) @ candidate @ to_unit)[:2]
+                yield (np.linalg.inv(to_unit) @ candidate @ to_unit @ to_middle)[:2]
 
     return _best(a, b, registered, SLOW_PX)
 

@@ -217,8 +217,12 @@ def _groups(rows: Sequence[Row], condition: str) -> list[tuple[float, float, lis
 
 
 def _label(axes: Axes, rows: Sequence[Row], condition: str) -> None:
-    axes.set_xlabel(condition.replace("_", " "))
-    if not _is_number(rows[0].conditions[condition]):
+    axes.set_xlabel(condition if "." in condition else condition.replace("_", " "))
+    if _is_number(rows[0].conditions[condition]):
+        values = [float(row.conditions[condition]) for row in rows]
+        margin = 0.04 * (max(values) - min(values))
+        axes.set_xlim(min(values) - margin, max(values) + margin)
+    else:
         words = sorted({str(row.conditions[condition]) for row in rows})
         axes.set_xticks(range(len(words)), words)
         axes.set_xlim(-0.5, len(words) - 0.5)

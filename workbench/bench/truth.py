@@ -67,7 +67,8 @@ def true_pose(panorama: Panorama, truth: Truth) -> Pose:
             remedy="compare the specimen's own recordings",
         )
     z_panorama = panorama.per_frame[f"{panorama.frame_dim}_z_mm"]
-    z_bore = np.asarray(of["z_mm"])[index]
+    # a helical turn advances while it is recorded: the truth tells of its first A-scan, the panorama of its middle
+    z_bore = np.asarray(of["z_mm"])[index] + of.get("z_advance_mm", 0.0) / 2
     if "roll_rad" in of:  # the panorama's angle of a frame is image angle + estimated roll
         turn = np.asarray(of["roll_rad"])[index] - panorama.per_frame["roll_rad"]
         return Pose(float(turn[0] + np.median(wrap_rad(turn - turn[0]))), 1, z_panorama, z_bore)

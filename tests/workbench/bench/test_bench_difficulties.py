@@ -1,6 +1,7 @@
 """What a simulated specimen is asked to be reaches the simulator, and doubts of a comparison reach the results."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -8,15 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.fusion.cells import segment
 from endoct.synthetic.draw import draw
 from endoct.synthetic.opening import CutWall
 from endoct.synthetic.parameters import Sample
+from endoct.synthetic.specimen import simulate
+from endoct.workbench import unroll
 from endoct.workbench.bench import compared, specimens
 from endoct.workbench.bench.one_size import cells_of
 from endoct.workbench.bench.plots import draw_plots
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.summary import score_names, summarise
 from endoct.workbench.bench.task import Case, rng_of
+from endoct.workbench.bench.truth import jaccard, load_truth, true_cells, true_pose
 
 
 @pytest.mark.parametrize("opening_mm", [0.2, 0.5, 1.2])
@@ -37,11 +42,11 @@ def test_cells_are_of_the_size_asked_for_and_cut_what_the_bore_wants(opening_mm:
 def test_the_size_of_cells_reaches_the_simulator(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[dict[str, Any]] = []
 
-    def simulate(folder: Path, **arguments: Any) -> None:
+    def asked_for(folder: Path, **arguments: Any) -> None:
         folder.mkdir()
         asked.append(arguments)
 
-    monkeypatch.setattr("endoct.synthetic.specimen.simulate", simulate)
+    monkeypatch.setattr("endoct.synthetic.specimen.simulate", asked_for)
     for difficulties in ({"cell_mm": 0.6, "oct.wall_db": 3.0}, {"oct.wall_db": 3.0}):
         specimens.simulated("learning", 5, 0, difficulties).cleanup()
     sample, none = Sample.model_validate(asked[0]["sample"]), asked[1]["sample"]
@@ -86,3 +91,17 @@ def compared_task() -> Any:
     from endoct.workbench.bench.ablate import TASK
 
     return TASK
+
+
+def test_a_helical_pullback_is_judged_where_it_was_recorded(tmp_path: Path) -> None:
+    wishes: dict[str, Any] = {"oct.scan": ("helical",), "bore.bone": ("phantom",), "oct.wall_db": (20.0, 20.0)}
+    simulate(tmp_path / "bore", preset="learning", seed=13, wishes=wishes)
+    truth, panorama = load_truth(tmp_path / "bore"), unroll(tmp_path / "bore" / "oct")
+    pose, cells = true_pose(panorama, truth), segment(panorama)
+    scored = {
+        shift_mm: jaccard(
+            cells, true_cells(truth, replace(pose, z_bore_mm=pose.z_bore_mm + shift_mm), panorama), panorama.valid
+        )
+        for shift_mm in (-0.1, 0.0, 0.1)  # half a pitch
+    }
+    assert scored[0.0] > max(scored[-0.1], scored[0.1]) + 0.05
