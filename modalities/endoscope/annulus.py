@@ -9,6 +9,7 @@ from scipy.ndimage import median_filter
 from endoct.modalities.endoscope.rings import (
     FEWEST_POINTS,
     Ring,
+    dark_level,
     describe,
     edge_points,
     find_rings,
@@ -160,36 +161,53 @@ class Followed:
 
 def follow(image: Image, near: Annulus) -> Followed:
     """Measure the annulus in one grey image, starting ``near`` where it was found before; farther off if it is lost."""
-    followed = _measure(image, near, (0.06, 0.03, 0.015))
+    looks = _Look.at(without_thin_lines(image)), _Look.at(image)
+    followed = _measure(looks, near, (0.06, 0.03, 0.015))
     if followed.support < 2 * LEAST_SUPPORT:
-        farther = _measure(image, near, (0.3, 0.1, 0.03, 0.015))
+        farther = _measure(looks, near, (0.3, 0.1, 0.03, 0.015))
         return max(followed, farther, key=lambda one: one.support)
     return followed
 
 
-def _measure(image: Image, near: Annulus, reaches: tuple[float, ...]) -> Followed:
-    """Fit both rims to the steepest edges within ever shorter reaches, which are parts of the outer radius."""
-    inner, of_inner = _rim(without_thin_lines(image), near.rings[0], near, reaches)
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """An image with what is known of all of it, measured once."""
+
+    image: Image
+    dark: float
+
+    @classmethod
+    def at(cls, image: Image) -> "_Look":
+        return cls(image, dark_level(image))
+
+
+def _measure(looks: tuple[_Look, _Look], near: Annulus, reaches: tuple[float, ...]) -> Followed:
+    """Fit both rims to the steepest edges within ever shorter reaches, which are parts of the outer radius.
+
+    ``looks``: at the image without thin lines, and at the image as it is.
+    """
+    without_lines, whole = looks
+    inner, of_inner = _rim(without_lines, near.rings[0], near, reaches)
     if of_inner < LEAST_SUPPORT:  # a thin line may be all there is of the inner rim
-        inner, of_inner = max((inner, of_inner), _rim(image, near.rings[0], near, reaches), key=lambda one: one[1])
-    outer, of_outer = _rim(image, near.rings[1], near, reaches)
+        inner, of_inner = max((inner, of_inner), _rim(whole, near.rings[0], near, reaches), key=lambda one: one[1])
+    outer, of_outer = _rim(whole, near.rings[1], near, reaches)
     return Followed(
         Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px),
         min(of_inner, of_outer),
     )
 
 
-def _rim(image: Image, rim: Ring, near: Annulus, reaches: tuple[float, ...]) -> tuple[Ring, float]:
+def _rim(look: _Look, rim: Ring, near: Annulus, reaches: tuple[float, ...]) -> tuple[Ring, float]:
     """Fit one rim within ever shorter reaches; return it and its support."""
     for reach in reaches:
         reach_px = min(max(2.0, reach * near.outer_px), 0.9 * rim.radius_px)
-        x, y = edge_points(image, rim, reach_px)
+        x, y = edge_points(look.image, rim, reach_px)
         if x.size >= FEWEST_POINTS:
             fit = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
             away = np.hypot(fit.x_px - rim.x_px, fit.y_px - rim.y_px), abs(fit.radius_px - rim.radius_px)
             # the circle through edges that lie all over the place is not to be followed
             rim = fit if max(away) <= 2 * reach_px and fit.radius_px > 2 else rim
-    return rim, _support(describe(image, rim))
+    return rim, _support(describe(look.image, look.dark, rim))
 
 
 def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool) -> tuple[list[Annulus], Mask]:

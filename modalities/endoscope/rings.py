@@ -54,7 +54,8 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
     x, y = (width - 1) / 2, (height - 1) / 2
     radii = np.arange(0.04 * min(height, width), 0.75 * max(height, width))
     rings: list[Ring] = []
-    response, inside = _response(image, x, y, radii, rising)
+    dark = dark_level(image)
+    response, inside = _response(image, dark, x, y, radii, rising)
     gain = np.where(inside, np.clip(response, 0, MOST_CONTRAST), 0.0).astype(np.float32)
     reach = _reach(image)
     for _ in range(count):
@@ -65,8 +66,8 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
             break
         ring = fit_circle(*_points(x, y, path, seen), (x, y, float(np.median(path))))
         for _ in range(2):
-            ring = _retrace(image, ring, rising)
-        described = describe(image, Ring(*ring, rising))
+            ring = _retrace(image, dark, ring, rising)
+        described = describe(image, dark, Ring(*ring, rising))
         if described.contrast * described.coverage < LEAST_SUPPORT and rings:
             break
         rings.append(described)
@@ -154,11 +155,11 @@ def edge_points(image: Image, ring: Ring, reach_px: float, n_rays: int = N_RAYS)
     return (ring.x_px + radius * np.cos(angle))[clear], (ring.y_px + radius * np.sin(angle))[clear]
 
 
-def describe(image: Image, ring: Ring) -> Ring:
-    """Return ``ring`` with its contrast, coverage and visible part measured in ``image``."""
+def describe(image: Image, dark: float, ring: Ring) -> Ring:
+    """Return ``ring`` with its contrast, coverage and visible part measured in ``image`` of that :func:`dark_level`."""
     reach = _reach(image)
     radii = np.arange(max(1.0, ring.radius_px - 2 * reach), ring.radius_px + 2 * reach + 1)
-    response, inside = _response(image, ring.x_px, ring.y_px, radii, ring.rising)
+    response, inside = _response(image, dark, ring.x_px, ring.y_px, radii, ring.rising)
     at = int(np.argmin(np.abs(radii - ring.radius_px)))
     near = response[:, max(0, at - 1) : at + 2].max(axis=1)
     seen = inside[:, at]
@@ -183,6 +184,11 @@ def without_thin_lines(image: Image) -> Image:
     return np.asarray(cv2.morphologyEx(image, cv2.MORPH_OPEN, disc), dtype=np.float32)
 
 
+def dark_level(image: Image) -> float:
+    """Return what is added to the brightness of ``image`` before logarithms are taken, so that noise counts little."""
+    return 0.05 * max(float(np.percentile(image, 95)), 1e-6)
+
+
 def lasting_contrast(image: Image, ring: Ring) -> float:
     """Return the log ratio of the brightness well outside ``ring`` to that just inside it, median over the rays.
 
@@ -194,7 +200,7 @@ def lasting_contrast(image: Image, ring: Ring) -> float:
         radii = ring.radius_px + reach * np.linspace(nearest, farthest, 9)
         profile, inside = rays(image, ring.x_px, ring.y_px, np.maximum(radii, 0.0))
         levels.append(np.median(np.where(inside, profile, np.nan), axis=1))
-    dark = 0.05 * max(float(np.percentile(image, 95)), 1e-6)
+    dark = dark_level(image)
     ratio = np.log((levels[1] + dark) / (levels[0] + dark))
     seen = np.isfinite(ratio)
     return float(np.median(ratio[seen])) * (1 if ring.rising else -1) if seen.any() else 0.0
@@ -204,10 +210,12 @@ def _reach(image: Image) -> float:
     return max(2.0, 0.02 * float(min(image.shape)))
 
 
-def _response(image: Image, x_px: float, y_px: float, radii_px: Coordinates, rising: bool) -> tuple[Image, Mask]:
+def _response(
+    image: Image, dark: float, x_px: float, y_px: float, radii_px: Coordinates, rising: bool
+) -> tuple[Image, Mask]:
     """Return how much brighter (log ratio) it is on one side of each sample of each ray than on the other."""
     profile, inside = rays(image, x_px, y_px, radii_px, TRACE_RAYS)
-    light = np.log(profile + 0.05 * max(float(np.percentile(image, 95)), 1e-6))
+    light = np.log(profile + dark)
     light = gaussian_filter1d(light, 1.5, axis=0, mode="wrap")
     width = max(2, round(_reach(image)))
     mean = uniform_filter1d(light, width, axis=1, mode="nearest")
@@ -221,12 +229,12 @@ def _response(image: Image, x_px: float, y_px: float, radii_px: Coordinates, ris
     return np.asarray(difference if rising else -difference, dtype=np.float32), both
 
 
-def _retrace(image: Image, ring: tuple[float, float, float], rising: bool) -> tuple[float, float, float]:
+def _retrace(image: Image, dark: float, ring: tuple[float, float, float], rising: bool) -> tuple[float, float, float]:
     """Trace a ring again around its own centre, near its own radius."""
     x, y, radius = ring
     reach = 3 * _reach(image)
     radii = np.arange(max(1.0, radius - reach), radius + reach)
-    response, inside = _response(image, x, y, radii, rising)
+    response, inside = _response(image, dark, x, y, radii, rising)
     path = radii[
         trace_closed(np.where(inside, np.clip(response, 0, MOST_CONTRAST), 0.0).astype(np.float32), most_step=1)
     ]
@@ -269,8 +277,16 @@ def _consensus(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coor
     ok &= (radius < 3 * start[2]) & (radius > start[2] / 3)
     if not ok.any():
         return start
-    away = np.abs(np.hypot(x_px[None] - x[:, None], y_px[None] - y[:, None]) - radius[:, None])
+    x, y, radius = x[ok], y[ok], radius[ok]
     tolerance = max(0.75, 0.004 * float(start[2]))
-    score = np.where(ok, np.clip(1 - (away / tolerance) ** 2, 0, None).sum(axis=1), -1.0)
+    across, down = x_px[None] - x[:, None], y_px[None] - y[:, None]
+    across *= across
+    down *= down
+    across += down
+    away = np.sqrt(across, out=across)
+    away -= radius[:, None]
+    away /= tolerance
+    away *= away
+    score = np.maximum(1 - away, 0, out=away).sum(axis=1)
     k = int(np.argmax(score))
     return np.array([x[k], y[k], radius[k]])
