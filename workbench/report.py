@@ -41,11 +41,11 @@ def write_report(folder: Path, beside: Beside | None = None) -> Path:
     wrote; nothing else in it is changed. Raises :class:`EndoctError` where it is no whole comparison or cannot be
     written.
     """
+    findings = read_findings(folder)
     page = folder / "report.html"
     with new_output(folder / "figures", overwrite=True) as figures:
         figures.mkdir()
         there = None if beside is None else beside.call(_draw_there, folder, figures)
-        findings = read_findings(folder)
         on_grid = draw_on_grid(findings, figures)
         own = draw_on_own_rows(findings, figures) if there is None else there.result()
         html = page_html(findings, [*on_grid, *own])
