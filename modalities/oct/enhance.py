@@ -13,10 +13,13 @@ from endoct.stitching.arrays import Image, Mask
 def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
     """Return ``image`` with its wavelet coefficients shrunk by ``threshold_sigmas`` of their noise.
 
-    Two levels of Daubechies-2, soft threshold, the noise's σ from the finest diagonal coefficients.
+    Two levels of Daubechies-2, soft threshold, the noise's σ from the finest diagonal coefficients. Where that is 0, or
+    nothing is asked for, the image stays as it is.
     """
     coefficients = pywt.wavedec2(image, "db2", mode="periodization", level=2)
     sigma = float(np.median(np.abs(coefficients[-1][2]))) / 0.6745
+    if threshold_sigmas * sigma == 0:
+        return image  # nothing to shrink by; PyWavelets would make 0/0 of coefficients that are 0
     shrunk = [
         coefficients[0],
         *(
