@@ -22,7 +22,10 @@ SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "kn
 
 def doubts(findings: Findings) -> list[str]:
     """Return everything that was not trusted: the alignment, what was not seen, frames, and the sides' own notes."""
-    return [*_on_the_whole(findings), *(sentence for side in findings.sides for sentence in _on_side(findings, side))]
+    return [
+        *on_the_whole(findings.result),
+        *(sentence for side in findings.sides for sentence in _on_side(findings, side)),
+    ]
 
 
 def doubted_frames(side: SideFindings) -> Mapping[str, Mask]:
@@ -37,9 +40,9 @@ def flag_text(name: str) -> str:
     return " ".join([*words[:-1], "not", words[-1]] if _speaks_for(name) else words)
 
 
-def _on_the_whole(findings: Findings) -> Iterator[str]:
-    result = findings.result
-    if not findings.aligned:
+def on_the_whole(result: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what speaks against the comparison as a whole, by what ``result.json`` holds."""
+    if not result["aligned"]:
         yield f"The two sides were not aligned: {without_stop(result.get('reason'))}."
         return
     if (result.get("parameters") or {}).get("compare", {}).get("force"):
@@ -60,7 +63,7 @@ def _on_the_whole(findings: Findings) -> Iterator[str]:
                 f"Cells that both sides show drift apart {what}, by {abs(drift):.2f} mm over {length_mm:.1f} mm of "
                 "it: the alignment may be wrong, or not rigid."
             )
-    if findings.result["jaccard"] is None:
+    if result["jaccard"] is None:
         yield "Neither side shows a cell where both observed the wall, so there is nothing to score."
 
 

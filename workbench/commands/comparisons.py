@@ -23,6 +23,7 @@ def compare(
     set: Settings = (),
     set_a: Settings = (),
     set_b: Settings = (),
+    force: bool = False,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -40,6 +41,7 @@ def compare(
         set: a parameter of the comparison; repeat for more
         set_a: a key of side A's sidecar or a parameter of its processing
         set_b: a key of side B's sidecar or a parameter of its processing
+        force: show the best alignment even where it does not stand out; the report says that it was asked for
         overwrite: replace the output if it exists
         json: print the result as JSON
     """
@@ -56,7 +58,9 @@ def compare(
         modality_b=modality_b,
         settings_a=parse(set_a),
         settings_b=parse(set_b),
-        parameters=validate(CompareParameters, parse(set), "the settings of the comparison"),
+        parameters=validate(
+            CompareParameters, parse(set) | ({"force": True} if force else {}), "the settings of the comparison"
+        ),
         truth=truth,
         overwrite=overwrite,
         stages=stages_for(json),

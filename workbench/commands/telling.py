@@ -27,6 +27,10 @@ def tell_result(folder: Path, *, as_json: bool) -> int:
     else:
         say(f"not aligned: {result['reason']}")
     if not as_json:
+        from endoct.workbench.doubts import on_the_whole  # loads what only a comparison needs
+
+        for doubt in on_the_whole(result) if result["aligned"] else ():
+            say(f"not trusted: {doubt}")
         for side, notes in result["notes"].items():
             for note in notes:
                 say(f"not trusted ({side}): {note}")
