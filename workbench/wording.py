@@ -81,13 +81,14 @@ def bullets(sentences: Iterable[str]) -> str:
 
 
 def _words_and_unit(key: str) -> tuple[list[str], str]:
-    """Return ("z", "shift") and "mm" for "z_shift_mm"; ("cost",) and "per mm" for "cost_per_mm"."""
+    """Return ("z", "shift") and "mm" for "z_shift_mm"; ("twist",) and "rad per mm" for "twist_rad_per_mm"."""
     words = key.split("_")
     unit = UNIT_BY_SUFFIX.get(words[-1], "")
     if len(words) == 1 or not unit:
         return words, ""
     if words[-2] == "per":
-        return words[:-2], f"per {unit}"
+        over = UNIT_BY_SUFFIX.get(words[-3], "") if len(words) > 3 else ""
+        return words[: -3 if over else -2], f"{over} per {unit}".strip()
     return words[:-1], unit
 
 
@@ -97,6 +98,8 @@ def _float_text(name: str, value: float) -> str:
     unit = _words_and_unit(name)[1]
     if unit == "rad":
         return f"{value:.4f} rad ({math.degrees(value):.2f}°)"
+    if unit == "rad per mm":
+        return f"{value:.4f} rad per mm ({math.degrees(value):.2f}° per mm)"
     if unit == "mm":
         return f"{value:.3f} mm" if abs(value) >= 0.0005 or value == 0 else f"{value:.2g} mm"
     if unit == "mm²":

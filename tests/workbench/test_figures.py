@@ -169,6 +169,7 @@ def test_wall_that_was_not_observed_is_marked_in_the_shell() -> None:
         ("theta_shift_rad", 1.5, "1.5000 rad (85.94°)"),
         ("both_mm2", 6.0804, "6.08 mm²"),
         ("slope_cost_per_mm", 100.0, "100 per mm"),
+        ("twist_rad_per_mm", -0.01, "−0.0100 rad per mm (−0.57° per mm)"),
         ("ratio", 3.17928, "3.179"),
         ("mirrored", True, "yes"),
         ("dz_mm", None, "–"),

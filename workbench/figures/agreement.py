@@ -111,8 +111,8 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
         a, b = (side.name for side in findings.sides)
         caption += (
             f" (b) Area of {area['pairs']} matched whole cells, {b} less {a}, against their mean (Bland and Altman): "
-            f"bias {_number(area['bias'])} mm², 95 % of differences within {_number(area['low'])} to "
-            f"{_number(area['high'])} mm²."
+            f"bias {_number(area['bias'])} mm² (line), 95 % of differences within {_number(area['low'])} to "
+            f"{_number(area['high'])} mm² (dashed)."
         )
     return Drawn(saved, "agreement", "Agreement by kinds of cells", caption)
 
@@ -128,7 +128,7 @@ def _by_kind(axes: Axes, strata: Mapping[str, Sequence[Mapping[str, Any]]], titl
             if row["jaccard"] is not None:
                 if row["jaccard_interval"]:
                     axes.plot(row["jaccard_interval"], [place, place], color=BLUE, linewidth=1.4, solid_capstyle="butt")
-                axes.plot(row["jaccard"], place, "o", color=BLUE, markersize=4)
+                axes.plot(row["jaccard"], place, "o", color=BLUE, markersize=4, clip_on=False)
             place += 1
         place += 0.4
     axes.set_ylim(place - 0.6, -0.8)

@@ -48,6 +48,8 @@ _STYLE: Any = {  # Any: matplotlib types its keys as literals
 # Okabe and Ito's palette, told apart by colour-blind readers, and by their lightness in grey print
 ORANGE, BLUE, GREEN, VERMILION, PURPLE, SKY = "#E69F00", "#0072B2", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 INK, PAPER = "#3a3a3a", "#f4f4f2"
+UNSEEN, HATCH = "#b9d0f2", "#7f9fd0"
+"""What was not observed: blue enough to be told from bright samples where it is too small for the hatch to show."""
 CURVES = (VERMILION, SKY, GREEN, ORANGE)
 PLACES = (PURPLE, ORANGE, BLUE)
 
@@ -127,6 +129,11 @@ def save(figure: Figure, path: Path) -> Saved:
     webp = io.BytesIO()
     image.save(webp, "WEBP", quality=EMBEDDED_QUALITY, method=2)
     return Saved(path, image.width / DPI, webp.getvalue())
+
+
+def hatch_unseen(axes: Axes) -> None:
+    """Have whatever is not drawn over in ``axes`` look as what was not observed does in every figure."""
+    axes.patch.set(facecolor=UNSEEN, edgecolor=HATCH, hatch="//////", linewidth=0)
 
 
 def bar_under(axes: Axes, image: ScalarMappable, label: str) -> None:

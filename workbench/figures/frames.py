@@ -16,6 +16,7 @@ from endoct.workbench.figures.drawing import (
     PAGE_WIDTH_IN,
     PLACES,
     Drawn,
+    hatch_unseen,
     journal_style,
     new_figure,
     place,
@@ -75,11 +76,14 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
         saved = save(figure, folder / f"frames-{side.name}.png")
     names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
     drawn = f" Drawn in: {', '.join(names)}." if names else ""
+    unseen = any(np.isnan(p.image).any() for ps in side.pictures.values() for p in ps if p.image.dtype.kind == "f")
+    hatched = " Hatched: not valid." if unseen else ""
     return Drawn(
         saved,
         "frames",
         f"Single frames, {side.name}",
-        f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after.{drawn}",
+        f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after."
+        f"{drawn}{hatched}",
     )
 
 
@@ -139,6 +143,7 @@ def show_picture(
     }
     if image.ndim == 2:
         low, high = robust_limits(image, np.isfinite(image), 1, 99.7)
+        hatch_unseen(axes)  # NaN is left out
         axes.imshow(image, cmap="gray", vmin=low, vmax=high, **options)
     else:
         axes.imshow(image, **options)

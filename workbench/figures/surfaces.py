@@ -167,7 +167,7 @@ def _agreement(axes: Axes, grid: SurfaceGrid, a: Mask, b: Mask, observed: Mask) 
     there = (either > 0) & observed.any(axis=1)
     jaccard = np.divide(both, either, out=np.full(grid.n_z, np.nan), where=there)
     z_mm: Coordinates = grid.z_mm
-    axes.fill_betweenx(z_mm, observed.mean(axis=1), color="#dfe6f2", label="observed by both", linewidth=0)
+    axes.fill_betweenx(z_mm, observed.mean(axis=1), color="#e6e4dc", label="observed by both", linewidth=0)
     axes.plot(jaccard, z_mm, color=INK, linewidth=1.0, label="Jaccard index")
     axes.set_xlim(0, 1)
     axes.set_ylim(grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm, grid.z0_mm - grid.dz_mm / 2)

@@ -18,7 +18,18 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.figures.drawing import DPI, PAGE_WIDTH_IN, bar_under, new_figure, place, width_of, wrapped
+from endoct.workbench.figures.drawing import (
+    DPI,
+    HATCH,
+    PAGE_WIDTH_IN,
+    UNSEEN,
+    bar_under,
+    hatch_unseen,
+    new_figure,
+    place,
+    width_of,
+    wrapped,
+)
 
 MAX_PANEL_HEIGHT_IN = 6.6
 LEFT_IN, GAP_IN = 0.5, 0.22
@@ -62,7 +73,7 @@ def wall_panel(axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True)
     else:
         axes.tick_params(labelleft=False)
     axes.set_title(wrapped(title, width_of(axes)), pad=ABOVE_PT)
-    axes.patch.set(facecolor="#dfe6f2", edgecolor="#9aa9c4", hatch="//////", linewidth=0)
+    hatch_unseen(axes)
     _arc_scale(axes, grid)
     _scale_bar(axes, grid)
 
@@ -131,7 +142,7 @@ def colour_bar(axes: Axes, image: ScalarMappable, label: str) -> None:
 
 def not_observed_patch() -> Patch:
     """Return the legend's entry for samples that were not observed."""
-    return Patch(facecolor="#dfe6f2", edgecolor="#9aa9c4", hatch="//////", label="not observed")
+    return Patch(facecolor=UNSEEN, edgecolor=HATCH, hatch="//////", label="not observed")
 
 
 def _columns_to_zero(grid: SurfaceGrid) -> int:
