@@ -23,7 +23,7 @@ from endoct.stitching.errors import EndoctError
 SAME_LINE_MM = 0.02
 FIXED_LINE_MM = 0.01
 LEAST_PRESENCE = 0.4
-DARK_SHARE = 0.4
+DARK_SHARE = 0.5  # behind the face it is nearer to the darkness than to the wall
 STRAY_MM = 0.08
 CERTAIN_FRACTION = 0.5
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import label, percentile_filter, uniform_filter1d
 
 from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.lines import Points
 from endoct.stitching.arrays import Image, Mask
 
 LINE_SIGMAS = 1.0
@@ -99,3 +100,13 @@ def bridge_rows(image: Image, hidden: Mask) -> Image:
         share = 0.5 if low == high else (row - low) / (high - low)
         filled[:, row] = (1 - share) * image[:, low] + share * image[:, high]
     return filled
+
+
+def points_off(fixed_line: Mask, points: Points, mm_per_px: float) -> Points:
+    """Return ``points`` without those in rows of ``fixed_line``, bool (n_depth,).
+
+    Where a face crosses such a line, the line's points pass for a face seen by a turn gone very uneven.
+    """
+    row = np.clip(np.round(points.depth_mm / mm_per_px), 0, fixed_line.size - 1).astype(np.intp)
+    kept = ~fixed_line[row]
+    return Points(points.angle_rad[kept], points.depth_mm[kept], points.strength[kept])

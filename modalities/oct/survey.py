@@ -1,6 +1,7 @@
 """One pass over a pullback: where the capillary lies in every slice, and the levels of noise and wall."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import cast
 
@@ -14,7 +15,7 @@ from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles
 from endoct.modalities.oct.calibration import Background, OctCalibration
 from endoct.modalities.oct.capillary import Faces, locate_faces, refit_faces
 from endoct.modalities.oct.evidence import relative_power
-from endoct.modalities.oct.fixed_lines import bridge_rows, fixed_line_excess
+from endoct.modalities.oct.fixed_lines import bridge_rows, fixed_line_excess, points_off
 from endoct.modalities.oct.glass import glass_mm
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
@@ -24,7 +25,7 @@ from endoct.modalities.oct.slice_evidence import SliceEvidence, behind
 from endoct.modalities.oct.start_angle import measure_starts
 from endoct.modalities.oct.uneven_turn import measure_turns, turned
 from endoct.modalities.recording import map_frames
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
@@ -54,7 +55,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     faces = locate_faces(slices, radius_mm, bore_mm - radius_mm, mm_per_px, parameters)
     thickness = glass_mm(slices, faces, acquisition.medium_index)
-    slices, faces, rotation, told = _turned(slices, faces, thickness, acquisition, parameters)
+    slices, faces, rotation, told = _turned(slices, faces, thickness, line_excess > 0, acquisition, parameters)
     background = _background(slices, faces, line_excess, radius_mm, bore_mm - radius_mm, mm_per_px)
     recorded = np.argsort(inward, kind="stable")
     faces, rotation = faces.reordered(recorded), rotation.reordered(recorded)
@@ -92,6 +93,7 @@ def _turned(
     slices: list[SliceEvidence],
     faces: Faces,
     thickness_mm: float,
+    fixed_line: Mask,
     acquisition: OctAcquisition,
     parameters: OctParameters,
 ) -> tuple[list[SliceEvidence], Faces, Rotation, tuple[str, ...]]:
@@ -103,7 +105,8 @@ def _turned(
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
     if parameters.correct_rotation or parameters.correct_turn_length or parameters.correct_lost_ascans:
-        rotation, faces = measure_turns(slices, faces, radius_mm, thickness_mm, parameters)
+        clear = [replace(evidence, points=points_off(fixed_line, evidence.points, mm_per_px)) for evidence in slices]
+        rotation, faces = measure_turns(clear, faces, radius_mm, thickness_mm, parameters)
         slices = [turned(evidence, rotation, i) for i, evidence in enumerate(slices)]
         faces = refit_faces(slices, faces, radius_mm, parameters)
         if count := int(np.count_nonzero(np.isfinite(rotation.lost_at_rad))):

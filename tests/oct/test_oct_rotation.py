@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tolerances import FREE_START_RAD, START_RAD, TURN_RAD
 
 from endoct.modalities.oct.capillary import Faces
+from endoct.modalities.oct.fixed_lines import points_off
 from endoct.modalities.oct.lines import Points
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.rotation import Rotation, even_rotation
@@ -234,3 +235,21 @@ def test_an_angle_common_to_all_slices_only_rolls_the_panorama(
     _, _, rolled = unrolled(phantom, np.roll(pages, 180, axis=2))
     shifted = np.roll(straight.depth_mm, 180, axis=1)
     assert np.mean(np.abs(shifted - rolled.depth_mm) > 0.03) < 0.02
+
+
+def test_a_line_of_the_detector_that_the_face_crosses_is_no_uneven_turn() -> None:
+    """Where the face is not seen, two lines at one depth, with them a turn came out uneven by 0.38 rad."""
+    offset, pixel_mm, depth_mm = 0.25 * np.exp(1.2j), 0.005, 1.115
+    fixed_line = np.zeros(400, bool)
+    fixed_line[222:231] = True
+    face = AXIS_MM + depth_of_circle(NOMINAL, offset.real, offset.imag)
+    seen = (np.abs(face - depth_mm) > 0.02) & (NOMINAL > 1.1)
+    angle, strength = np.concatenate([NOMINAL[seen], NOMINAL, NOMINAL]), np.ones(seen.sum() + 2 * N_COLUMNS)
+    slices = []
+    for i in range(8):
+        one = evidence(np.zeros(N_COLUMNS), 0.0, offset, i)
+        lines = np.repeat([depth_mm, depth_mm + 0.03], N_COLUMNS)
+        points = Points(angle, np.concatenate([one.points.depth_mm[:N_COLUMNS][seen], lines]), strength)
+        slices.append(replace(one, points=points_off(fixed_line, points, pixel_mm)))
+    rotation, _ = measure_turns(slices, faces_of(slices), RADIUS_MM, 0.0, OctParameters())
+    assert max(np.abs(rotation.error_rad(i, NOMINAL)).max() for i in range(8)) < 0.05
