@@ -79,6 +79,7 @@ def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> Rows:
     ramp = (slope_cost * np.arange(n_states)).astype(np.float32)
     gathered = np.empty((order.size, n_states), np.float32)
     best = evidence[order[0]].copy()
+    jump = np.maximum.reduce(best) - jump_cost
     rising, falling = np.empty(n_states, np.float32), np.empty(n_states, np.float32)
     for step, theta in enumerate(order):
         if step:
@@ -88,18 +89,22 @@ def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> Rows:
             np.subtract(best, ramp, out=falling)
             np.maximum.accumulate(falling[::-1], out=falling[::-1])
             falling += ramp
-            jump = best.max() - jump_cost
             np.maximum(rising, falling, out=rising)
             np.maximum(rising, jump, out=best)
             best += evidence[theta]
-            best -= best.max()
+            best -= np.maximum.reduce(best)
+            jump = -jump_cost
         gathered[step] = best
     path = np.empty(order.size, np.intp)
-    state = int(np.argmax(gathered[-1]))
-    every = np.arange(n_states, dtype=np.float32)
-    for step in range(order.size - 1, -1, -1):
-        if step < order.size - 1:
-            cost = np.minimum(np.abs(every - state) * np.float32(slope_cost), np.float32(jump_cost))
-            state = int(np.argmax(gathered[step] - cost))
+    highest = gathered.argmax(axis=1)
+    path[-1] = state = int(highest[-1])
+    near = int(min(jump_cost / slope_cost, n_states)) + 1 if slope_cost else n_states  # farther off, a jump costs less
+    cost = (np.abs(np.arange(-near, near + 1)) * np.float32(slope_cost)).astype(np.float32)
+    np.minimum(cost, np.float32(jump_cost), out=cost)
+    for step in range(order.size - 2, -1, -1):
+        first = max(state - near, 0)
+        reached = gathered[step, first : state + near + 1] - cost[first - state + near :][: n_states - first]
+        nearest = int(reached.argmax())
+        state = first + nearest if reached[nearest] >= gathered[step, highest[step]] - jump_cost else int(highest[step])
         path[step] = state
     return path[lead : lead + n_theta]
