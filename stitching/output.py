@@ -18,7 +18,7 @@ def new_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     :class:`EndoctError` where ``path`` exists and ``overwrite`` is not set, or cannot be written.
     """
     path = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() would replace a link by what it points to
-    _refuse_existing(path, overwrite)
+    refuse_existing(path, overwrite)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
@@ -33,7 +33,7 @@ def new_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
             yield scratch / path.name
         except OSError as error:
             raise EndoctError(f"writing {path} failed", found=error.strerror or str(error)) from error
-        _refuse_existing(path, overwrite)  # somebody else may have written it meanwhile
+        refuse_existing(path, overwrite)  # somebody else may have written it meanwhile
         if path.exists():
             path.rename(scratch / "replaced")
         (scratch / path.name).rename(path)
@@ -41,6 +41,7 @@ def new_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _refuse_existing(path: Path, overwrite: bool) -> None:
+def refuse_existing(path: Path, overwrite: bool) -> None:
+    """Raise :class:`EndoctError` where ``path`` exists and ``overwrite`` is not set, before work is put into it."""
     if path.exists() and not overwrite:
         raise EndoctError(f"{path} exists already", remedy="choose another output, or say --overwrite")

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,19 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import new_output
+from endoct.stitching.output import new_output, refuse_existing
 from endoct.workbench.bench.asking import narrowed, parse_seeds
 from endoct.workbench.bench.keeping import Kept, kept_beside
 from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
-from endoct.workbench.bench.paired import difference_table, differences, draw_differences, write_differences
+from endoct.workbench.bench.paired import (
+    Difference,
+    difference_table,
+    differences,
+    draw_differences,
+    write_differences,
+)
 from endoct.workbench.bench.plots import draw_plots
-from endoct.workbench.bench.runner import Plan, run
+from endoct.workbench.bench.runner import Plan, Row, run
 from endoct.workbench.bench.summary import score_names
 from endoct.workbench.bench.task import Task
 from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
@@ -108,16 +114,19 @@ def run_bench(
     if data:
         plan = replace(plan, seeds=(), count=1, ranges={}, own=own_folders(data))
     if output is None:
-        return _run(task, plan, workers, None, stages)
+        rows, told, lines = _run(task, plan, workers, None, stages)
+        return told, lines
+    refuse_existing(output, overwrite)
+    kept = kept_beside(output, plan, overwrite=overwrite)
+    try:
+        rows, told, lines = _run(task, plan, workers, kept, stages)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"{len(kept.read())} of {len(plan.sources)} cases are kept in {kept.folder}; the same command goes on"
+        ) from None
     with new_output(output, overwrite=overwrite) as scratch:
         scratch.mkdir()
-        kept = kept_beside(output, plan, overwrite=overwrite)
-        try:
-            told, lines = _run(task, plan, workers, (scratch, kept), stages)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                f"{len(kept.read())} of {len(plan.sources)} cases are kept in {kept.folder}; the same command goes on"
-            ) from None
+        _write(task, rows, told, scratch, stages)
     kept.remove()
     return told, [*lines, f"results: {output}"]
 
@@ -140,30 +149,33 @@ def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
 
 
 def _run(
-    task: Task, plan: Plan, workers: int, into: tuple[Path, Kept] | None, stages: Stages
-) -> tuple[dict[str, Any], list[RenderableType]]:
+    task: Task, plan: Plan, workers: int, kept: Kept | None, stages: Stages
+) -> tuple[list[Row], dict[str, Any], list[RenderableType]]:
     start = time.perf_counter()
-    finished = {} if into is None else into[1].read()
+    finished = {} if kept is None else kept.read()
     with stages.stage(f"bench {task.name}") as advance:
-        keep = None if into is None else into[1].put
+        keep = None if kept is None else kept.put
         rows = run(plan, workers=workers, advance=advance, finished=finished, keep=keep)
     told = facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
     lines: list[RenderableType] = [table(rows, task), *footnotes(rows, task)]
     if finished:
         told["taken_over"] = len(finished)  # of the sources of cases; their seconds are not in "seconds"
         lines.append(f"{len(finished)} of {len(plan.sources)} cases are of a run that was stopped before its end")
-    apart = differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []
-    if task.against and apart:
+    if task.against and (apart := _apart(rows, task)):
         lines.append(difference_table(apart, task.against))
         told["differences"] = {"against": task.against, "of": [asdict(one) for one in apart]}
-    if into is None:
-        return told, lines
-    folder = into[0]
+    return rows, told, lines
+
+
+def _write(task: Task, rows: Sequence[Row], told: Mapping[str, Any], folder: Path, stages: Stages) -> None:
     write_csv(rows, task, folder / "results.csv")
     write_json(told, folder / "bench.json")
     with stages.stage("plots"):
         draw_plots(rows, task, folder / "plots")
-        if task.against and apart:
+        if task.against and (apart := _apart(rows, task)):
             write_differences(apart, task.against, folder / "differences.csv")
             draw_differences(apart, task.against, task, folder / "plots" / "differences.png")
-    return told, lines
+
+
+def _apart(rows: Sequence[Row], task: Task) -> list[Difference]:
+    return differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []

@@ -17,7 +17,7 @@ from typing import Any
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.methods import load_task, module_of, origin
 from endoct.workbench.bench.runner import Plan, Row
-from endoct.workbench.dataset.files import new_file
+from endoct.workbench.dataset.files import disk_errors_told, new_file
 from endoct.workbench.inputs import versions
 
 RUN = "run.json"
@@ -109,5 +109,5 @@ def _digest(files: Sequence[Path]) -> str:
 
 
 def _write(path: Path, content: Any) -> None:
-    with new_file(path) as file:
+    with disk_errors_told(path.parent), new_file(path) as file:
         file.write(json.dumps(content).encode())

@@ -37,6 +37,8 @@ STYLES: list[tuple[str, str, LineStyle]] = [
 ]
 MOST_PANELS = 6
 FEWEST_IN_BIN, MOST_BINS = 4, 8
+OF_ONE = "Jaccard", "precision", "recall", "share"
+"""How a task's words for a score begin that lies between 0 and 1."""
 
 
 def draw_plots(rows: Sequence[Row], task: Task, folder: Path) -> list[Path]:
@@ -128,7 +130,7 @@ def _against(rows: Sequence[Row], task: Task, scores: Sequence[str], condition: 
                 _curve(axes, own, condition, name, method, place, len(methods))
             axes.set_title(_titled(name, task))
             axes.grid(linewidth=0.3)
-            if name in scores:
+            if name in scores and not task.scores.get(name, name).startswith(OF_ONE):
                 _scale(axes, "y", [row.scores[name] for row in rows if name in row.scores])
             else:
                 axes.set_ylim(-0.03, 1.03)
