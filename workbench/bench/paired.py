@@ -4,6 +4,7 @@ import csv
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -36,20 +37,22 @@ class Difference:
 
 
 def differences(rows: Sequence[Row], reference: str, scores: Sequence[str]) -> list[Difference]:
-    """Return every method's differences from ``reference``, by score."""
+    """Return every method's differences from ``reference``, those of the first score first.
+
+    So a method that has no first score, since it was never aligned, changes nothing in the order of the scores.
+    """
     base = {row.case: row.scores for row in rows if row.method == reference}
+    methods = dict.fromkeys(row.method for row in rows if row.method != reference)
     found = []
-    for method in dict.fromkeys(row.method for row in rows if row.method != reference):
-        own = [row for row in rows if row.method == method]
-        for score in scores:
-            values = [
-                row.scores[score] - base[row.case][score]
-                for row in own
-                if score in row.scores and score in base.get(row.case, {})
-            ]
-            if values:
-                lower, higher = sum(value < 0 for value in values), sum(value > 0 for value in values)
-                found.append(Difference(method, score, spread(values), lower, higher))
+    for score, method in product(scores, methods):
+        values = [
+            row.scores[score] - base[row.case][score]
+            for row in rows
+            if row.method == method and score in row.scores and score in base.get(row.case, {})
+        ]
+        if values:
+            lower, higher = sum(value < 0 for value in values), sum(value > 0 for value in values)
+            found.append(Difference(method, score, spread(values), lower, higher))
     return found
 
 

@@ -219,6 +219,16 @@ def test_differences_are_taken_case_by_case() -> None:
     assert (found.spread.n, found.spread.median, found.higher, found.lower) == (4, 1.0, 4, 0)
 
 
+def test_a_method_without_the_first_score_leaves_it_first() -> None:
+    rows = [
+        _row("base", "1", "ok", first=1.0, second=1.0),
+        _row("lost", "1", "declined", second=0.5),
+        _row("other", "1", "ok", first=2.0, second=3.0),
+    ]
+    found = [(one.method, one.score, one.spread.median) for one in differences(rows, "base", ["first", "second"])]
+    assert found == [("other", "first", 1.0), ("lost", "second", -0.5), ("other", "second", 2.0)]
+
+
 def test_the_command_line_lists_describes_and_refuses(capsys: pytest.CaptureFixture[str], monkeypatch: Any) -> None:
     def said(*arguments: str) -> tuple[int, str]:
         monkeypatch.setattr("sys.argv", ["endoct", "bench", *arguments])
