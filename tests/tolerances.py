@@ -127,3 +127,7 @@ LANDMARK_PX = 0.12
 # A twist of rows of 512 samples found against the other side: its own step of 0.7°, and what cells shift by in 0.2 mm.
 TWIST_RAD = 0.015
 ELEMENTARY = 2e-6  # of float32 logarithms and exponentials, relative or absolute, and of azimuths, rad
+
+REFINED_RAD, REFINED_MM = 2e-5, 5e-5
+"""By how much an alignment may move for where its refinement starts or how its sums are taken: a hundredth of the
+error it has."""
