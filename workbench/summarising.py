@@ -67,8 +67,13 @@ class Told:
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Digests of the recordings."""
-        return frozenset(self.result.get("inputs", {}).values())
+        """Digests of the two sides. Masks given as truth are no part of what was compared."""
+        drawn = tuple(map(Path, self.result.get("truth", {})))
+        return frozenset(
+            digest
+            for path, digest in self.result.get("inputs", {}).items()
+            if not any(Path(path).is_relative_to(one) for one in drawn)
+        )
 
 
 def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool) -> dict[str, list[Row]]:

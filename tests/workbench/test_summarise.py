@@ -60,6 +60,15 @@ def test_pairs_by_recording_whatever_the_folder_is_called(tmp_path: Path) -> Non
     assert (paired["low"], paired["high"]) == pytest.approx((0.05, 0.05))
 
 
+def test_masks_given_as_truth_part_no_pairs(tmp_path: Path) -> None:
+    inputs = {"bore/oct/pullback.tif": "d0", "bore/truth/*": "t0", "drawn/anna_1.png": "t1"}
+    truth = {"bore/truth": {}, "drawn/anna_1.png": {}}
+    first = write(tmp_path / "judged", 0.5, inputs=inputs, truth=truth)
+    second = write(tmp_path / "plain", 0.4, inputs={"bore/oct/pullback.tif": "d0"})
+    (paired,) = rows(summarise([first], against=[second]), "paired", "jaccard")
+    assert paired["pairs"] == 1
+
+
 def test_pairs_by_name_where_digests_do_not_tell(tmp_path: Path) -> None:
     first = [write(tmp_path / "a" / str(k), 0.5) for k in range(3)]
     second = [write(tmp_path / "b" / str(k), 0.4) for k in (1, 2, 7)]

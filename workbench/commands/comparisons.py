@@ -11,6 +11,8 @@ from endoct.workbench.status import DONE
 
 _IN_FILES_ONLY = ("statistic", "quartile_1", "quartile_3")
 """Columns of a summary that are left out of what is printed."""
+_WIDEST = 120
+"""Characters that the widest of the tables takes; where a line is shorter it wraps, so that nothing is cut off."""
 
 
 def compare(
@@ -116,6 +118,8 @@ def summarise(
                 table.add_row(
                     *("–" if v is None else f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values())
                 )
-            TextConsole().print(table)
+            console = TextConsole()
+            console.width = max(console.width, _WIDEST)
+            console.print(table, crop=False)
     say(f"summary: {output}")
     return DONE
