@@ -33,7 +33,7 @@ from endoct.fusion.refinement import (
     FINER_MM,
     SAMPLES_A_BLUR,
     TONE,
-    _sampled,
+    sampled,
     refine,
 )
 from endoct.fusion.search import search
@@ -60,7 +60,7 @@ def with_torch(a: Evidence, b: Evidence, start: Alignment, optimiser: str) -> Al
     unknowns = torch.zeros(4, dtype=torch.float64)
     for sigma_mm in (*BLURS_MM, *FINER_MM):
         fine, coarse = (
-            blurred(_sampled(side, sigma_mm / samples), sigma_mm)
+            blurred(sampled(side, sigma_mm / samples), sigma_mm)
             for side, samples in zip((a, b), SAMPLES_A_BLUR, strict=True)
         )
         degree, free = (FINE_TONE, 4) if sigma_mm in FINER_MM else (TONE, 3)

@@ -49,7 +49,7 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     blurs_mm = *BLURS_MM, *(finer for finer in FINER_MM if coarsest_mm <= finer)
     for sigma_mm in blurs_mm:
         fine, coarse = (
-            blurred(_sampled(side, sigma_mm / samples), sigma_mm)
+            blurred(sampled(side, sigma_mm / samples), sigma_mm)
             for side, samples in zip((a, b), SAMPLES_A_BLUR, strict=True)
         )
         still_mm = sigma_mm * (LAST_STILL if sigma_mm == blurs_mm[-1] else STILL)
@@ -69,7 +69,7 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     )
 
 
-def _sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
+def sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
     """Return ``evidence`` on samples up to ``spacing_mm`` apart where its own lie closer, on its own elsewhere.
 
     Columns become one of a whole number of old ones, so that they meet the same samples wherever θ starts.
