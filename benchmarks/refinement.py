@@ -33,8 +33,8 @@ from endoct.fusion.refinement import (
     FINER_MM,
     SAMPLES_A_BLUR,
     TONE,
-    sampled,
     refine,
+    sampled,
 )
 from endoct.fusion.search import search
 from endoct.stitching.circle import wrap_rad
