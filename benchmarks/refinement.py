@@ -6,9 +6,9 @@ Pairs of the task "alignment" (`endoct bench alignment`), 2048 × 1024. Every me
 ends, and sees the same evidence at the same blurs and samples:
 
 - ``numpy``: :func:`endoct.fusion.refinement.refine`.
-- ``lbfgs``, ``adam``: torch, float32. A is padded around the circle and interpolated by ``grid_sample`` at B's
-  samples; turn, shift, scale, then a shear too, minimise the share of B's variance that a polynomial of A's values
-  leaves, of the same degree as ours.
+- ``lbfgs``, ``lbfgs64`` (float64), ``adam``: torch. A is padded around the circle and interpolated by ``grid_sample``
+  at B's samples; turn, shift, scale, then a shear too, minimise the share of B's variance that a polynomial of A's
+  values leaves, of the same degree as ours.
 
 A line a pair and method: mean landmark error, px; wall and processor seconds of the refinement alone; and by how much
 the answer differs when it is run again with one thread in place of all, px (0: the same bits). Needs torch.
@@ -51,7 +51,7 @@ def ours(a: Evidence, b: Evidence, start: Alignment) -> Alignment:
     return refine(a, b, start, Z_SCALES)
 
 
-def with_torch(a: Evidence, b: Evidence, start: Alignment, optimiser: str) -> Alignment:
+def with_torch(a: Evidence, b: Evidence, start: Alignment, optimiser: str, dtype: torch.dtype) -> Alignment:
     """Refine by automatic differentiation, from coarse to fine; the shear joins at the finer blurs and is left out."""
     direction, sense = (-1.0 if start.z_reversed else 1.0), (-1.0 if start.mirrored else 1.0)
     middle_mm = direction * float(b.z_mm[[0, -1]].mean())
@@ -66,8 +66,8 @@ def with_torch(a: Evidence, b: Evidence, start: Alignment, optimiser: str) -> Al
         degree, free = (FINE_TONE, 4) if sigma_mm in FINER_MM else (TONE, 3)
         n_z, n_theta = fine.values.shape
         # one column more at either end: θ is a circle
-        image = torch.as_tensor(np.pad(fine.values, ((0, 0), (1, 1)), mode="wrap"), dtype=torch.float32)[None, None]
-        target = torch.as_tensor(coarse.values, dtype=torch.float32)
+        image = torch.as_tensor(np.pad(fine.values, ((0, 0), (1, 1)), mode="wrap"), dtype=dtype)[None, None]
+        target = torch.as_tensor(coarse.values, dtype=dtype)
         theta_rad = torch.as_tensor(
             sense * (coarse.theta0_rad + 2 * np.pi / coarse.values.shape[1] * np.arange(coarse.values.shape[1]))
         )
@@ -141,8 +141,9 @@ def _minimise(loss: Callable[[], torch.Tensor], moved: torch.Tensor, optimiser: 
 
 METHODS: dict[str, Method] = {
     "numpy": ours,
-    "lbfgs": lambda a, b, start: with_torch(a, b, start, "lbfgs"),
-    "adam": lambda a, b, start: with_torch(a, b, start, "adam"),
+    "lbfgs": lambda a, b, start: with_torch(a, b, start, "lbfgs", torch.float32),
+    "lbfgs64": lambda a, b, start: with_torch(a, b, start, "lbfgs", torch.float64),
+    "adam": lambda a, b, start: with_torch(a, b, start, "adam", torch.float32),
 }
 
 
