@@ -12,13 +12,14 @@ import numpy as np
 
 from endoct.fusion.cell_table import write_cells
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
-from endoct.fusion.drawings import OUTLINE_SUFFIXES, is_label_store
+from endoct.fusion.drawings import OUTLINE_SUFFIXES, is_label_store, read_drawing
 from endoct.fusion.masks import mask_on, read_mask
 from endoct.fusion.outcome import Comparison
 from endoct.fusion.placement import check_same_bore
 from endoct.fusion.store import save_comparison
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
+from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama, save_panorama
 from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
@@ -51,9 +52,12 @@ def write_comparison(
     Raises :class:`EndoctError` where a side cannot be used.
     """
     start = time.perf_counter()
-    opened = {k: _open(side) for k, side in enumerate(sides) if not is_mask_image(side.path)}
+    # whatever cannot be used is told before the work of unrolling is done
+    opened = {k: one for k, side in enumerate(sides) if (one := _open(side)) is not None}
     if len(opened) == 2:
-        check_same_bore(*(_radius_mm(opened[k]) for k in range(2)))  # before the work of unrolling is done
+        check_same_bore(*(_radius_mm(opened[k]) for k in range(2)))
+    for path in truth:
+        _check_truth(path)
     recordings = {k: one for k, one in opened.items() if isinstance(one, Opened)}
     with process_beside() if len(recordings) == 2 else nullcontext() as beside:
         made = _unrolled(recordings, stages, beside)
@@ -130,10 +134,27 @@ def _truth(path: Path, a: Panorama) -> Panorama:
     return mask_on(true_cells(truth, true_pose(a, truth), a), a, path)
 
 
-def _open(side: Side) -> Panorama | Opened:
-    if is_panorama(side.path):
+def _check_truth(path: Path) -> None:
+    """Raise :class:`EndoctError` for a truth that cannot be read; what outlines enclose only a panorama can tell."""
+    simulated = (path / "recording.json").is_file()
+    if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
+        read_drawing(path, None)
+
+
+def _open(side: Side) -> Panorama | Opened | None:
+    """Open a recording, or load a panorama; None for a mask, which may need what it was drawn on to be read."""
+    unrolled, mask = is_panorama(side.path), is_mask_image(side.path)
+    said = [f"modality {side.modality}"] * (side.modality is not None) + list(side.settings)
+    if (unrolled or mask) and said:
+        raise EndoctError(
+            f"{side.path} is {'a panorama' if unrolled else 'a mask'}, which is compared as it is",
+            found=f"set for that side: {', '.join(said)}",
+            expected="settings for recordings only",
+            remedy="leave them out, or compare the recording itself",
+        )
+    if unrolled:
         return load_panorama(side.path)
-    return open_side(side.path, modality=side.modality, settings=side.settings)
+    return None if mask else open_side(side.path, modality=side.modality, settings=side.settings)
 
 
 def _radius_mm(one: Panorama | Opened) -> float:

@@ -153,6 +153,16 @@ def _two_masks(t: Path) -> list[str]:
     return ["compare", str(t / "a.png"), str(t / "b.png"), "-o", str(t / "out.zarr")]
 
 
+def _settings_for_a_mask(t: Path) -> list[str]:
+    return [*_two_masks(t), "--set-b", "undistort=sine"]
+
+
+def _missing_truth(t: Path) -> list[str]:
+    a = oct_folder(t / "oct", oct_noise())
+    b = endoscope_folder(t / "endo", endoscope_noise())
+    return ["compare", str(a), str(b), "-o", str(t / "out.zarr"), "--truth", str(t / "nowhere.png")]
+
+
 CASES: dict[str, Callable[[Path], list[str]]] = {
     "missing path": lambda t: ["unroll", str(t / "nowhere"), "-o", str(t / "out.zarr")],
     "empty folder": lambda t: ["unroll", str(oct_folder(t / "oct", None)), "-o", str(t / "out.zarr")],
@@ -191,6 +201,8 @@ CASES: dict[str, Callable[[Path], list[str]]] = {
     "output below a file": _output_below_a_file,
     "two bore diameters": _two_bores,
     "two masks without a scale": _two_masks,
+    "settings for a mask": _settings_for_a_mask,
+    "truth that is missing": _missing_truth,
     "info of nothing": lambda t: ["info", str(t / "nowhere")],
     "report of nothing": lambda t: ["report", str(t / "nowhere")],
     "replay of nothing": lambda t: ["simulate", "-o", str(t / "out.zarr"), "--replay", str(t / "nowhere.json")],
@@ -223,6 +235,11 @@ def test_one_clear_line_and_nothing_left(case: str, tmp_path: Path) -> None:
     assert "\n" not in said
     assert len(said) > 30
     assert left == []
+
+
+@pytest.mark.parametrize(("case", "told"), [("settings for a mask", "undistort"), ("truth that is missing", "nowhere")])
+def test_what_was_asked_for_in_vain_is_named(case: str, told: str, tmp_path: Path) -> None:
+    assert told in tried(case, tmp_path)[1]
 
 
 def test_wrong_usage_is_status_2(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
