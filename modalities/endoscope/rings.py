@@ -18,6 +18,7 @@ TRACE_RAYS = 240
 LEAST_SUPPORT = 0.1
 MOST_CONTRAST = 1.5
 FEWEST_POINTS = 12
+MOST_GROWTH = 3.0
 TOWARDS_LINEAR = 1.25
 
 
@@ -110,11 +111,13 @@ def fit_circle(
     """Return (x, y, radius) of the circle through most of the points, float64 (n,) each.
 
     Starts from the best of 200 circles through three points (a fixed sequence, so the answer is always the same)
-    unless the radius is fixed, then Gauss-Newton with Tukey weights.
+    unless the radius is fixed, then Gauss-Newton with Tukey weights. Where that runs away, as it does from points
+    on a line, it is the circle it started from.
     """
     circle = np.array(start, dtype=np.float64)
     if not fixed_radius and x_px.size >= FEWEST_POINTS:
         circle = _consensus(x_px, y_px, circle)
+    begun = circle.copy()
     for _ in range(15):
         dx, dy = x_px - circle[0], y_px - circle[1]
         distance = np.maximum(np.hypot(dx, dy), 1e-9)
@@ -128,6 +131,8 @@ def fit_circle(
         circle[: change.size] += change
         if np.abs(change).max() < 1e-4:
             break
+    if not start[2] / MOST_GROWTH < circle[2] < MOST_GROWTH * start[2]:
+        circle = begun
     return float(circle[0]), float(circle[1]), float(circle[2])
 
 
@@ -274,7 +279,7 @@ def _consensus(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coor
     x = (a2 * (by - cy) + b2 * (cy - ay) + c2 * (ay - by)) / area
     y = (a2 * (cx - bx) + b2 * (ax - cx) + c2 * (bx - ax)) / area
     radius = np.hypot(ax - x, ay - y)
-    ok &= (radius < 3 * start[2]) & (radius > start[2] / 3)
+    ok &= (radius < MOST_GROWTH * start[2]) & (radius > start[2] / MOST_GROWTH)
     if not ok.any():
         return start
     x, y, radius = x[ok], y[ok], radius[ok]

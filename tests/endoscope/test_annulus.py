@@ -138,6 +138,14 @@ def test_a_circle_ignores_a_third_of_the_points() -> None:
     assert fit_circle(x, y, (45.0, 26.0, 20.0)) == pytest.approx((40, 30, 25), abs=0.05)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_points_on_a_line_make_no_circle_that_runs_away(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    along = rng.uniform(-300, 300, 240)
+    x, y = 390 + 0.8 * along, 300 + 0.6 * along + rng.normal(0, 3, 240)
+    assert 38 / 3 < fit_circle(x, y, (388.0, 302.0, 38.0))[2] < 38 * 3
+
+
 def load(path: Path) -> tuple[NDArray[np.float32], int]:
     image = cv2.imread(str(path))
     assert image is not None
