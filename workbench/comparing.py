@@ -53,7 +53,7 @@ def write_comparison(
     """
     start = time.perf_counter()
     # whatever cannot be used is told before the work of unrolling is done
-    opened = {k: one for k, side in enumerate(sides) if (one := _open(side)) is not None}
+    opened = {k: one for k, one in enumerate(map(_open, sides)) if one is not None}
     if len(opened) == 2:
         check_same_bore(*(_radius_mm(opened[k]) for k in range(2)))
     for path in truth:
