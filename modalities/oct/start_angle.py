@@ -53,7 +53,24 @@ def measure_starts(
         return _free(slices, faces, rotation, mark, bore_mm, mm_per_px)
     if mark is None:
         return rotation, ""
-    return _triggered(rotation, mark), ""
+    told = _triggered(rotation, mark)
+    if _belied(told.start_rad, faces):
+        return rotation, (
+            "The sheath's lines tell of starts that make the capillary jump from slice to slice; they were not used."
+        )
+    return told, ""
+
+
+def _belied(start_rad: Coordinates, faces: Faces) -> bool:
+    """Return whether the capillary's direction jumps from slice to slice with these starts, but not without them."""
+    seen = ~faces.bridged
+    recorded = np.arctan2(faces.y_mm, faces.x_mm)[seen]
+    if recorded.size < 2:
+        return False
+    without, jumps = (
+        float(np.mean(np.abs(wrap_rad(np.diff(direction))))) for direction in (recorded, recorded + start_rad[seen])
+    )
+    return jumps > max(DRIFT_RAD, 2 * without)
 
 
 def _triggered(rotation: Rotation, mark: Mark) -> Rotation:

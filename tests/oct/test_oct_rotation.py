@@ -197,6 +197,14 @@ def test_triggered_starts_scatter_less_than_before() -> None:
     assert not note
 
 
+def test_starts_that_make_a_steady_capillary_jump_are_not_believed() -> None:
+    starts = np.random.default_rng(7).uniform(-1, 1, 16)
+    # the capillary is seen in one direction all along, sheath lines in any
+    rotation, note = found_starts(starts, 0.2 * np.exp(1j * starts), 3)
+    assert not rotation.start_rad.any()
+    assert "not used" in note
+
+
 def test_triggered_starts_are_left_alone_where_one_line_only_could_tell() -> None:
     rotation, _ = found_starts(0.03 * np.random.default_rng(7).normal(size=12), np.full(12, 0.2 + 0j), 1)
     assert not rotation.start_known.any()
