@@ -212,7 +212,8 @@ def plot(rows: Sequence[Row], path: Path) -> None:
         right.errorbar(
             x + beside, middle, np.stack([middle - low, high - middle]), fmt="o-", capsize=2, label=kind.split()[1]
         )
-    right.legend()
+    if right.containers:
+        right.legend()
     right.set(xlabel="overlap, % of the length", ylabel="rightly aligned, %", ylim=(-3, 103))
     figure.savefig(path, dpi=130)
 

@@ -114,19 +114,19 @@ def run_bench(
     if data:
         plan = replace(plan, seeds=(), count=1, ranges={}, own=own_folders(data))
     if output is None:
-        rows, told, lines = _run(task, plan, workers, None, stages)
+        *_, told, lines = _run(task, plan, workers, None, stages)
         return told, lines
     refuse_existing(output, overwrite)
     kept = kept_beside(output, plan, overwrite=overwrite)
     try:
-        rows, told, lines = _run(task, plan, workers, kept, stages)
+        rows, apart, told, lines = _run(task, plan, workers, kept, stages)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             f"{len(kept.read())} of {len(plan.sources)} cases are kept in {kept.folder}; the same command goes on"
         ) from None
     with new_output(output, overwrite=overwrite) as scratch:
         scratch.mkdir()
-        _write(task, rows, told, scratch, stages)
+        _write(task, rows, apart, told, scratch, stages)
     kept.remove()
     return told, [*lines, f"results: {output}"]
 
@@ -150,7 +150,7 @@ def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
 
 def _run(
     task: Task, plan: Plan, workers: int, kept: Kept | None, stages: Stages
-) -> tuple[list[Row], dict[str, Any], list[RenderableType]]:
+) -> tuple[list[Row], list[Difference], dict[str, Any], list[RenderableType]]:
     start = time.perf_counter()
     finished = {} if kept is None else kept.read()
     with stages.stage(f"bench {task.name}") as advance:
@@ -161,21 +161,20 @@ def _run(
     if finished:
         told["taken_over"] = len(finished)  # of the sources of cases; their seconds are not in "seconds"
         lines.append(f"{len(finished)} of {len(plan.sources)} cases are of a run that was stopped before its end")
-    if task.against and (apart := _apart(rows, task)):
+    apart = differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []
+    if task.against and apart:
         lines.append(difference_table(apart, task.against))
         told["differences"] = {"against": task.against, "of": [asdict(one) for one in apart]}
-    return rows, told, lines
+    return rows, apart, told, lines
 
 
-def _write(task: Task, rows: Sequence[Row], told: Mapping[str, Any], folder: Path, stages: Stages) -> None:
+def _write(
+    task: Task, rows: Sequence[Row], apart: Sequence[Difference], told: Mapping[str, Any], folder: Path, stages: Stages
+) -> None:
     write_csv(rows, task, folder / "results.csv")
     write_json(told, folder / "bench.json")
     with stages.stage("plots"):
         draw_plots(rows, task, folder / "plots")
-        if task.against and (apart := _apart(rows, task)):
+        if task.against and apart:
             write_differences(apart, task.against, folder / "differences.csv")
             draw_differences(apart, task.against, task, folder / "plots" / "differences.png")
-
-
-def _apart(rows: Sequence[Row], task: Task) -> list[Difference]:
-    return differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []
