@@ -1,6 +1,6 @@
 """Strips of one recording put together into its panorama."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,20 @@ def assemble(
     manifest: Manifest,
     provenance: Mapping[str, Any] | None = None,
 ) -> Panorama:
-    """Return the blended panorama of all ``strips``, not yet settled, with the calibration's figures per frame.
+    """Return the blended panorama of all ``strips``, not yet settled.
 
+    ``strips``, one a frame, in recording order. Figures per frame are the calibration's and the strips' diagnostics.
     Raises :class:`EndoctError` for a strip off the calibration's grid.
     """
-    intensity, depth_mm, valid, weight = blend(strips, calibration.grid, calibration.row_z_mm)
+    told: list[Mapping[str, float]] = []
+
+    def heard() -> Iterator[Strip]:
+        for strip in strips:
+            told.append(strip.diagnostics)
+            yield strip
+
+    intensity, depth_mm, valid, weight = blend(heard(), calibration.grid, calibration.row_z_mm)
+    of_strips = {key: np.array([one[key] for one in told]) for key in (told[0] if told else ())}
     return Panorama(
         grid=calibration.grid,
         z_mm=calibration.row_z_mm,
@@ -34,7 +43,7 @@ def assemble(
         handedness_known=calibration.handedness_known,
         travel_known=calibration.travel_known,
         frame_dim=manifest.frame_dim,
-        per_frame=_inward(calibration.per_frame, manifest.frame_dim),
+        per_frame=_inward({**calibration.per_frame, **of_strips}, manifest.frame_dim),
         provenance=provenance or {},
     )
 

@@ -1,4 +1,4 @@
-"""The assembled panorama of a pullback: a helical scan's rows put in place, and a last plausibility check.
+"""The assembled panorama of a pullback: a helical scan's rows put in place, and last plausibility checks.
 
 Nothing is smoothed across slices: they lie farther apart than the rims of cells are sharp.
 """
@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.trust import least_wall_db
 from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
@@ -16,9 +17,10 @@ ODD_WALL_SHARE = 0.1
 
 
 def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama:
-    """Return ``panorama`` with a helical scan's rows sheared into place, and a note where the wall lies oddly."""
+    """Return ``panorama`` with a helical scan's rows sheared into place, and notes on a faint wall or an odd place."""
     if calibration.acquisition.scan == "helical" and panorama.grid.n_z > 1:
         panorama = _sheared(panorama, calibration)
+    panorama = _faint_slices_told(panorama, calibration)
     if panorama.depth_mm is None or not panorama.valid.any():
         return panorama
     median_mm = float(np.median(panorama.depth_mm[panorama.valid]))
@@ -29,6 +31,24 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
         "median; bore_diameter_mm, capillary_outer_diameter_mm or axial_pixel_mm may be wrong, or the wrong line "
         "was taken for the capillary."
     )
+    return _with_note(panorama, note)
+
+
+def _faint_slices_told(panorama: Panorama, calibration: OctCalibration) -> Panorama:
+    """Flag the slices that unrolling took for not valid because their wall hardly stands out of the noise."""
+    least_db, over_noise_db = least_wall_db(calibration), panorama.per_frame["wall_over_noise_db"]
+    faint = ~(over_noise_db >= least_db) & ~panorama.per_frame["bridged"]  # not a number where none shows a wall
+    panorama = replace(panorama, per_frame={**panorama.per_frame, "wall_faint": faint})
+    if not faint.any():
+        return panorama
+    return _with_note(
+        panorama,
+        f"In {np.count_nonzero(faint)} of {faint.size} slices the wall stands out of the noise by less than "
+        f"{least_db:.1f} dB, as noise itself may; their samples are not valid.",
+    )
+
+
+def _with_note(panorama: Panorama, note: str) -> Panorama:
     return replace(panorama, provenance={**panorama.provenance, "notes": [*panorama.provenance.get("notes", ()), note]})
 
 

@@ -1,9 +1,12 @@
-"""Which A-scans show the wall, and not an opaque thing before it or its shadow."""
+"""Which A-scans show the wall: not an opaque thing before it, not its shadow, and not noise."""
+
+import math
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.calibration import Background, OctCalibration
+from endoct.modalities.oct.evidence import relative_power
 from endoct.modalities.oct.wall import Rows
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
@@ -14,6 +17,8 @@ SHADOW_EDGE_MM = 0.3
 OPAQUE_SHARE = 0.25
 BRIGHT_SHARE = 0.5
 TAIL_SIGMAS = 1.5
+MOST_POWER = 30.0  # times the noise's: a glint says no more than this
+POWER_OF_A_PATH = 1.5  # times the noise's: what is brightest of it, which a path through noise alone takes
 
 
 def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, mm_per_column: float) -> Mask:
@@ -47,6 +52,27 @@ def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, m
         if opaque[beside].any():
             good[np.arange(first, first + length) % n_theta] = False
     return good
+
+
+def wall_over_noise_db(level: Image, row: Rows, background: Background, mm_per_px: float) -> float:
+    """Return the mean power just behind the surface at ``row`` over that of the noise, dB; NaN where none is seen.
+
+    The arguments are those of :func:`trusted`. Even where there is no wall 1.5 to 2.5 dB are found.
+    """
+    depth = round(SURFACE_MM / mm_per_px)
+    seen = np.flatnonzero(row + depth <= level.shape[1])
+    if not seen.size:
+        return math.nan
+    behind = level[seen[:, None], row[seen, None] + np.arange(depth)]
+    power = relative_power(behind, background.noise, background.noise_sigma) / np.float32(background.noise_power)
+    return float(10 * np.log10(np.minimum(power, np.float32(MOST_POWER)).mean(dtype=np.float64)))
+
+
+def least_wall_db(calibration: OctCalibration) -> float:
+    """Return the ``wall_over_noise_db`` from which a slice is believed, by the samples that show a patch of wall."""
+    ascans_per_mm = calibration.n_ascans / (2 * math.pi * calibration.grid.radius_mm)
+    samples = SURFACE_MM * ascans_per_mm * SURFACE_MM / calibration.mm_per_px
+    return 10 * math.log10(POWER_OF_A_PATH + calibration.parameters.least_wall_sigmas / math.sqrt(samples))
 
 
 def _mean(total: Coordinates, first: Rows, last: Rows) -> Coordinates:

@@ -9,7 +9,7 @@ from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.projection import maximum_intensity
-from endoct.modalities.oct.trust import trusted
+from endoct.modalities.oct.trust import least_wall_db, trusted, wall_over_noise_db
 from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
 from endoct.modalities.oct.wall import brightest, first_edge
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -23,7 +23,7 @@ class BeamProfile:
     Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced;
     ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from depth sample 0 (where there is
     no surface: of the last sample); ``surface``, whether there is one; ``intensity``, the projection; ``trusted``,
-    whether what it shows is the wall.
+    whether what it shows is the wall; ``wall_over_noise_db`` of them all.
     """
 
     angle_rad: Coordinates
@@ -33,6 +33,7 @@ class BeamProfile:
     surface: Mask
     intensity: Image
     trusted: Mask
+    wall_over_noise_db: float
 
 
 def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
@@ -61,6 +62,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         surface=surface,
         intensity=maximum_intensity(bridge_rows(image, lines), first_row),
         trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, background, mm, mm_per_column),
+        wall_over_noise_db=wall_over_noise_db(level, row, background, mm),
     )
 
 
@@ -69,8 +71,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
 
     θ of a column is where the beam crosses the nominal bore surface, so that an opening there is put at its own
     θ; its depth is that of the surface the beam meets. Where a living beam meets no surface in range (a deep
-    cell), the depth is that of the last sample, a lower bound; bridged slices, dead A-scans, what stands before the
-    wall and what no A-scan looked at are not valid.
+    cell), the depth is that of the last sample, a lower bound; bridged slices, those whose wall hardly stands out of the
+    noise, dead A-scans, what stands before the wall and what no A-scan looked at are not valid.
 
     Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
     beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth; R is the nominal bore
@@ -82,7 +84,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     wanted, seen = beam_angles_rad(calibration, frame.index, grid.theta_rad)
     step = 2 * np.pi / grid.n_theta
     nearest = np.round((wanted - beams.angle_rad[0]) / step).astype(np.intp) % grid.n_theta
-    valid = beams.trusted & (not calibration.bridged[frame.index])
+    found = not calibration.bridged[frame.index] and beams.wall_over_noise_db >= least_wall_db(calibration)
+    valid = beams.trusted & found
     return Strip(
         z_mm=np.array([frame.z_mm]),
         theta_rad=grid.theta_rad,
@@ -90,5 +93,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
         depth_mm=(wall_radius - grid.radius_mm)[nearest][None],
         valid=(valid[nearest] & seen)[None],
         weight=np.ones((1, grid.n_theta), np.float32),
-        diagnostics={"surface_fraction": float(beams.surface.mean())},
+        diagnostics={
+            "surface_fraction": float(beams.surface.mean()),
+            "wall_over_noise_db": beams.wall_over_noise_db,
+        },
     )

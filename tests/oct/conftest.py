@@ -36,6 +36,7 @@ class Phantom:
     direction_rad: float = 1.0
     turning_rad: float = 0.1  # of the direction, a slice
     pits: tuple[tuple[float, float, float], ...] = ((2.0, 0.5, 0.25), (6.2, 0.4, 0.25))
+    wall_db: float = 19.0
     seed: int = 0
     sidecar: Mapping[str, Any] = field(default_factory=dict)
 
@@ -95,7 +96,7 @@ class Phantom:
             surface[near] = BORE_MM + deep
         bone = np.maximum.accumulate((radius > surface) & (rho > reach(CAPILLARY_MM)), axis=0)
         below = np.cumsum(bone, axis=0) * PIXEL_MM
-        mean = 1 + np.where(bone, 10**1.9 * np.exp(-below / 0.15), 0)
+        mean = 1 + np.where(bone, 10 ** (self.wall_db / 10) * np.exp(-below / 0.15), 0)
         speckled = mean * rng.exponential(1, mean.shape)
         lines = (
             line(np.full(self.n_ascans, 0.3) + 0.02 * np.sin(angle), 30)

@@ -8,7 +8,7 @@ from endoct.modalities.oct.calibration import Background
 from endoct.modalities.oct.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.projection import maximum_intensity
-from endoct.modalities.oct.trust import trusted
+from endoct.modalities.oct.trust import trusted, wall_over_noise_db
 from endoct.modalities.oct.wall import brightest, first_edge
 from endoct.stitching.arrays import Image
 
@@ -109,6 +109,14 @@ def test_something_opaque_and_its_shadow_are_not_trusted() -> None:
     assert not good[102:138].any()
     assert good[:90].all()
     assert good[150:].all()
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 9.0])
+def test_the_walls_power_is_measured_over_the_noises(power: float) -> None:
+    image = speckled(np.full(N_THETA, power), np.full(N_THETA, 100))
+    found_db = wall_over_noise_db(image, np.full(N_THETA, 100), SPECKLE, PIXEL_MM)
+    assert found_db == pytest.approx(10 * np.log10(1 + power), abs=0.25)
+    assert np.isnan(wall_over_noise_db(image, np.full(N_THETA, N_DEPTH), SPECKLE, PIXEL_MM))
 
 
 def test_the_maximum_is_taken_literally() -> None:

@@ -24,6 +24,8 @@ from endoct.stitching.panorama import Panorama
 SLOW_PX = 4
 """How many samples of A across a pixel is for those that would take minutes otherwise."""
 BLUR_PX = 1.0
+MOST_FEATURES = 10_000
+"""The strongest of an image: noise has 70 000, and matching those with one another takes minutes for every try."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """SIFT features, matched by Lowe's ratio, and OpenCV's RANSAC of a partial affine; with either polarity."""
 
     def matched(flat: Flat) -> Iterator[Matrix]:
-        sift = cv2.SIFT.create()
+        sift = cv2.SIFT.create(MOST_FEATURES)
         points_a, described_a = sift.detectAndCompute(_bytes(flat.a), None)
         for sign in (1, -1):
             points_b, described_b = sift.detectAndCompute(_bytes(np.float32(sign) * flat.b), None)
