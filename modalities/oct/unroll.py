@@ -71,8 +71,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
 
     θ of a column is where the beam crosses the nominal bore surface, so that an opening there is put at its own
     θ; its depth is that of the surface the beam meets. Where a living beam meets no surface in range (a deep
-    cell), the depth is that of the last sample, a lower bound; bridged slices, those whose wall hardly stands out of the
-    noise, dead A-scans, what stands before the wall and what no A-scan looked at are not valid.
+    cell), the depth is that of the last sample, a lower bound; bridged slices, those whose wall hardly stands out of
+    the noise, dead A-scans, what stands before the wall and what no A-scan looked at are not valid.
 
     Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
     beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth; R is the nominal bore
