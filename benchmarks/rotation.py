@@ -17,6 +17,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.ticker import MaxNLocator
 
 from endoct.workbench.bench.asking import parse_seeds
 from endoct.workbench.bench.oct import RANGES
@@ -26,6 +27,11 @@ VARIANTS = ("endoct", "even", "sine", "sine-even", "no-rotation", "no-turn-lengt
 RIVALS = ("literal", "brightest-wall", "ransac-circle", "phase-correlation", "blockwise-correlation")
 SCORES = ("jaccard", "beam_deg", "rim_deg", "valid")
 N_BINS = 3
+LABELS = {
+    "off_axis": "off axis, share of the gap",
+    "rotation_error_deg": "rotation error, peak, °",
+    "turn_jitter": "jitter of the turns' length",
+}
 
 
 def table(title: str, rows: list[Row], methods: tuple[str, ...]) -> None:
@@ -60,23 +66,22 @@ def by_condition(rows: list[Row], methods: tuple[str, ...]) -> None:
 
 def draw(rows: list[Row], methods: tuple[str, ...], path: Path) -> None:
     """Draw Jaccard index and error of the beams' angles against the conditions."""
-    names = [name for name, range_ in RANGES.items() if not isinstance(range_[0], str)]
-    figure, axes = plt.subplots(2, len(names), figsize=(4.5 * len(names), 7), squeeze=False, layout="constrained")
-    for column, name in enumerate(names):
+    figure, axes = plt.subplots(2, len(LABELS), figsize=(4.5 * len(LABELS), 7.5), squeeze=False, layout="constrained")
+    for column, (name, label) in enumerate(LABELS.items()):
         for method in methods:
             of = [row for row in rows if row.method == method and row.status == "ok"]
             x = np.array([float(row.conditions[name]) for row in of])
             free = np.array([row.conditions["start"] == "free" for row in of], bool)
-            for line, score in enumerate(("jaccard", "beam_deg")):
+            for axis, score in zip(axes[:, column], ("jaccard", "beam_deg"), strict=True):
                 y = np.array([row.scores[score] for row in of])
-                axis = axes[line, column]
                 (shown,) = axis.plot(x[free], y[free], "o", ms=4, label=f"{method}, free start")
                 axis.plot(x[~free], y[~free], "x", ms=5, color=shown.get_color(), label=f"{method}, triggered")
-                axis.set_xlabel(name)
-                axis.set_ylabel(score)
-                if score == "beam_deg":
-                    axis.set_yscale("log")
-    axes[0, -1].legend(fontsize=7, loc="center", ncols=2)
+        axes[0, column].set_ylabel("Jaccard index")
+        axes[1, column].set(xlabel=label, ylabel="error of the beams' angles, ° (same for sine)", yscale="log")
+        for axis in axes[:, column]:
+            axis.xaxis.set_major_locator(MaxNLocator(5))
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=len(methods))
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
