@@ -38,12 +38,18 @@ class Specimen:
     _unrolled: dict[tuple[str, str], Panorama] = field(default_factory=dict)
 
     def unrolled(self, part: str, settings: Mapping[str, Any]) -> Panorama:
-        """Return the panorama of the recording ``part`` under settings of its plug-in."""
+        """Return the panorama of the recording ``part`` under settings of its plug-in.
+
+        Raises :class:`Declined` where it shows no wall: to say so is an answer.
+        """
         from endoct.workbench import unroll
 
         key = part, repr(sorted(settings.items()))
         if key not in self._unrolled:
-            self._unrolled[key] = unroll(self.folder / part, settings=settings)
+            try:
+                self._unrolled[key] = unroll(self.folder / part, settings=settings)
+            except EndoctError as error:
+                raise Declined(str(error).replace(f"{self.folder}/", "")) from error
         return self._unrolled[key]
 
 

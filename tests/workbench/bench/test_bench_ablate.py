@@ -54,6 +54,15 @@ def test_panoramas_are_unrolled_once_for_the_same_settings(monkeypatch: pytest.M
     assert calls == [("oct", {}), ("oct", {"wall": "maximum"})]
 
 
+def test_a_recording_that_is_refused_was_declined(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, settings: Any) -> None:
+        raise EndoctError(f"nothing of the wall could be seen in {path}")
+
+    monkeypatch.setattr("endoct.workbench.api.unroll", refuse)
+    row = run_method(ablate.TASK, ablate.MAIN, Case("one", (Specimen(Path("bore")),), Path(), {}))
+    assert (row.status, row.reason) == ("declined", "nothing of the wall could be seen in endoscope")
+
+
 def test_folders_without_a_pair_are_told(tmp_path: Path) -> None:
     (tmp_path / "oct").mkdir()
     with pytest.raises(EndoctError, match="no pair"):
