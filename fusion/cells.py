@@ -51,7 +51,8 @@ class Segmentation:
     """Cells of one side on its own samples.
 
     ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
-    where the mask was given; ``polarity`` is None where depth or a mask says what is a cell.
+    where the mask was given; ``polarity`` is None where depth or a mask says what is a cell. ``noise_share``: samples
+    as far in front of the wall as cells lie behind it, over those; ``cells_share``: cells, over what was observed.
     """
 
     mask: Mask
@@ -60,6 +61,7 @@ class Segmentation:
     of: str
     polarity: Polarity | None
     noise_share: float = 0.0
+    cells_share: float = 0.0
 
     @property
     def doubt(self) -> str | None:
@@ -69,10 +71,9 @@ class Segmentation:
                 f"What was taken for cells may be noise: {self.noise_share:.0%} as many samples lie as far in front of "
                 "the wall, where nothing can be."
             )
-        share = float(self.mask.mean())
-        return (
-            f"The wall may not have been found: {share:.0%} of it was taken for cells." if share > MOST_CELLS else None
-        )
+        if self.cells_share > MOST_CELLS:
+            return f"The wall may not have been found: {self.cells_share:.0%} of it was taken for cells."
+        return None
 
 
 def segment(panorama: Panorama, parameters: SegmentParameters | None = None, *, polarity: Polarity = "dark") -> Mask:
@@ -120,7 +121,8 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
             mask = clear
             of += ", cells up to their clearest outline"
     behind, before = (int(np.count_nonzero(evidence.valid & (side > threshold))) for side in (smooth, -smooth))
-    return Segmentation(mask, threshold, unit, of, polarity, before / max(behind, 1))
+    cells_share = float(mask[evidence.valid].mean())
+    return Segmentation(mask, threshold, unit, of, polarity, before / max(behind, 1), cells_share)
 
 
 def clean(mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParameters) -> Mask:

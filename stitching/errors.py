@@ -1,4 +1,4 @@
-"""The one exception that endoct raises for input it cannot use."""
+"""What endoct raises for input it cannot use."""
 
 
 class EndoctError(Exception):
@@ -26,6 +26,10 @@ class EndoctError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (type(self), self.what, self.found, self.expected, self.remedy)
+
+
+class NotSeen(EndoctError):
+    """A recording that can be read, but does not show what is looked for in it."""
 
 
 def _rebuild(kind: type[EndoctError], what: str, found: str, expected: str, remedy: str) -> EndoctError:

@@ -21,7 +21,7 @@ class Strip:
     depth_mm: float32 (n_rows, n_theta), wall radius minus bore radius, or None where the modality has none.
     valid: bool (n_rows, n_theta); False where nothing was observed. Intensity and depth there mean nothing.
     weight: float32 (n_rows, n_theta), ≥ 0, how much a sample counts where strips overlap.
-    diagnostics: numbers about this frame, known only once it is unrolled; every frame of a recording has the same.
+    diagnostics: figures of this frame, known only once it is unrolled; the same names in every frame of a recording.
 
     Arrays are read-only. Raises :class:`EndoctError` where shapes disagree.
     """

@@ -12,7 +12,7 @@ from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, VolumetricModality
 from endoct.modalities.recording import map_frames
 from endoct.modalities.registry import manifest_for, open_recording
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.inputs import digests, versions
 from endoct.workbench.progress import Advance, Stages
@@ -99,11 +99,11 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
             settled = implementation.settle(blended, calibration)
         panorama = replace(settled, provenance={**settled.provenance, "inputs": inputs.result()})
     if not panorama.valid.any():
-        raise EndoctError(
+        raise NotSeen(
             f"nothing of the wall could be seen in {opened.path}",
-            found="no valid sample in the panorama",
+            found=" ".join(panorama.provenance.get("notes", ())).rstrip(".") or "no valid sample in the panorama",
             expected="a recording of a bore wall",
-            remedy=" ".join(panorama.provenance.get("notes", ())) or "look at the frames",
+            remedy=f"look at the {manifest.frame_dim}s",
         )
     return Unrolled(panorama, manifest, stream, calibration)
 

@@ -18,7 +18,7 @@ from endoct.modalities.endoscope.rings import (
     without_thin_lines,
 )
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import NotSeen
 
 LEAST_SUPPORT = 0.25
 FAINTEST_SUPPORT = 0.1
@@ -98,11 +98,11 @@ def find_annulus(image: Image) -> Annulus:
     """Return the annulus in a grey image, float32 (row, column), best the mean of several frames.
 
     Of the clear edges from dark to lasting brightness the one nearest the outer rim is its inner rim: what lies
-    farther inside is the camera's own reflection. Raises :class:`EndoctError` where there is none.
+    farther inside is the camera's own reflection. Raises :class:`NotSeen` where there is none.
     """
     spread = float(np.percentile(image, 99) - np.percentile(image, 1))
     if spread < 0.01:
-        raise EndoctError(
+        raise NotSeen(
             "no annulus: the frames are blank",
             found=f"brightness from {np.percentile(image, 1):.2f} to {np.percentile(image, 99):.2f} of full scale",
             expected="a bright ring on dark ground",
@@ -130,7 +130,7 @@ def find_annulus(image: Image) -> Annulus:
             return follow(
                 image, Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px)
             ).annulus
-    raise EndoctError(
+    raise NotSeen(
         "no annulus in the frames",
         found=f"{len(outers)} bright disc{'' if len(outers) == 1 else 's'}, none of them with a dark one inside",
         expected="a bright ring: dark inside, dark outside, two nearly concentric circles",

@@ -83,6 +83,13 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     optics = stated_optics(acquisition, annulus.inner_px, annulus.outer_px, notes)
     margin_mm = RIM_PX * max(1, factor) * optics.mm_per_px
     half_mm = optics.visible_length_mm / 2 - margin_mm
+    if half_mm <= 0:
+        raise EndoctError(
+            "the annulus is too narrow to be unrolled",
+            found=f"{factor * (annulus.outer_px - annulus.inner_px):.0f} px from its inner to its outer rim",
+            expected=f"more than {2 * RIM_PX * max(1, factor):.0f} px",
+            remedy="check 'annulus' in the sidecar",
+        )
     n_rows = int(np.clip(round((annulus.outer_px - annulus.inner_px) / factor), 8, MOST_ROWS))
     outward_mm = np.linspace(-half_mm, half_mm, n_rows)
     look = _Look(scale, factor, reference, np.divide(optics.r_px(optics.rim_sign * outward_mm), factor))
@@ -187,6 +194,12 @@ def _grid(
 ) -> tuple[SurfaceGrid, tuple[int, int]]:
     """Return the panorama's grid, and how many samples a row and a column average so that no pixel is skipped."""
     dz_mm = parameters.dz_mm or float(np.clip(round(optics.mm_per_px, 3), 0.02, 0.05))
+    if dz_mm > 2 * half_mm:
+        raise EndoctError(
+            "rows of the panorama would lie farther apart than a frame reaches",
+            found=f"dz_mm = {dz_mm:g}",
+            expected=f"at most {2 * half_mm:.2f} mm",
+        )
     around_px = np.pi * (annulus.inner_px + annulus.outer_px)
     n_theta = parameters.n_theta or (2048 if around_px > 700 else 1024)
     first = int(np.ceil((-half_mm) / dz_mm))

@@ -18,7 +18,7 @@ from endoct.modalities.oct.rotation import starts_anywhere
 from endoct.modalities.oct.sine import RIPPLE_HARMONICS, Sine, circle_distance_mm, ransac_sine, ripple_basis
 from endoct.modalities.oct.slice_evidence import SliceEvidence, behind
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import NotSeen
 
 SAME_LINE_MM = 0.02
 FIXED_LINE_MM = 0.01
@@ -64,7 +64,7 @@ def locate_faces(
 ) -> Faces:
     """Find the outer face (``radius_mm``) in all slices, given in the order of z; ``gap_mm`` to the nominal wall.
 
-    Raises :class:`EndoctError` where no line qualifies or most slices do not show it.
+    Raises :class:`NotSeen` where no line qualifies or most slices do not show it.
     """
     moving = [s.lines[np.hypot(s.lines[:, 0], s.lines[:, 1]) > FIXED_LINE_MM] for s in slices]
     for lines in (moving, [s.lines for s in slices]):  # a line of the detector does not move; nor may a centred face
@@ -275,8 +275,8 @@ def _bridge(circles: Coordinates) -> Coordinates:
     return np.stack([np.interp(every, good, circles[good, k]) for k in range(3)], axis=1)
 
 
-def _no_capillary(found: str) -> EndoctError:
-    return EndoctError(
+def _no_capillary(found: str) -> NotSeen:
+    return NotSeen(
         "the capillary's outer face cannot be found",
         found=found,
         expected="a bright line around the whole turn in most slices, darkness and then the wall behind it",

@@ -75,9 +75,17 @@ def relative_power(level: Image, noise: float, sigma: float) -> Image:
     return np.asarray(np.exp(np.minimum(ln_power, np.float32(MOST_LN_POWER))), dtype=np.float32)
 
 
+def spread_of_noise(background: Background) -> float:
+    """Return σ of the noise in samples of the recording, at least a share of the wall's contrast."""
+    return max(background.noise_sigma, LEAST_SIGMA_SHARE * _contrast(background))
+
+
+def _contrast(background: Background) -> float:
+    return max(background.wall - background.noise, 1e-6)
+
+
 def _signal(level: Image, background: Background, least_signal: float) -> Image:
-    contrast = max(background.wall - background.noise, 1e-6)
-    sigma = max(background.noise_sigma, LEAST_SIGMA_SHARE * contrast)
+    contrast, sigma = _contrast(background), spread_of_noise(background)
     power = relative_power(level, background.noise, sigma)
     # from what power on a sample speaks for bone: over the noise; and where bone is bright, over faint haze as well
     haze = float(np.exp(LN_POWER_PER_SIGMA * HAZE_SHARE * contrast / sigma))

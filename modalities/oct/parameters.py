@@ -54,9 +54,9 @@ class OctParameters(BaseModel):
         default=0.25, gt=0, description="depth over which what speaks for an edge behind it counts for less"
     )
     least_wall_sigmas: float = Field(
-        default=9.5,
+        default=7.0,
         ge=0,
-        description="standard errors of noise over 0.1 × 0.1 mm; slices whose wall stands out less are not valid",
+        description="standard errors of noise over 0.1 × 0.1 mm; slices whose wall stands out by less are not valid",
     )
     slope_cost_per_mm: float = Field(default=100, ge=0, description="evidence lost by a change of depth along θ")
     jump_cost: float = Field(default=10.0, ge=0, description="evidence lost at most by one jump of the wall along θ")

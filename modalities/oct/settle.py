@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.trust import least_wall_db
 from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
@@ -36,15 +35,15 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
 
 def _faint_slices_told(panorama: Panorama, calibration: OctCalibration) -> Panorama:
     """Flag the slices that unrolling took for not valid because their wall hardly stands out of the noise."""
-    least_db, over_noise_db = least_wall_db(calibration), panorama.per_frame["wall_over_noise_db"]
-    faint = ~(over_noise_db >= least_db) & ~panorama.per_frame["bridged"]  # not a number where none shows a wall
+    least = calibration.parameters.least_wall_sigmas
+    faint = (panorama.per_frame["wall_sigmas"] < least) & ~panorama.per_frame["bridged"]
     panorama = replace(panorama, per_frame={**panorama.per_frame, "wall_faint": faint})
     if not faint.any():
         return panorama
     return _with_note(
         panorama,
-        f"In {np.count_nonzero(faint)} of {faint.size} slices the wall stands out of the noise by less than "
-        f"{least_db:.1f} dB, as noise itself may; their samples are not valid.",
+        f"In {np.count_nonzero(faint)} of {faint.size} slices the wall stands out of the noise by less than {least:g} "
+        "standard errors (least_wall_sigmas); their samples are not valid.",
     )
 
 

@@ -26,7 +26,7 @@ from endoct.modalities.oct.start_angle import measure_starts
 from endoct.modalities.oct.uneven_turn import measure_turns, turned
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import NotSeen
 from endoct.stitching.grid import SurfaceGrid
 
 SURVEY_COLUMNS = 256
@@ -38,7 +38,7 @@ FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n âˆ’ 1)Â
 
 
 def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
-    """Survey ``stream`` in one pass. Raises :class:`EndoctError` where it shows no capillary, or nothing at all."""
+    """Survey ``stream`` in one pass. Raises :class:`NotSeen` where it shows no capillary, or nothing at all."""
     acquisition = cast(OctAcquisition, stream.acquisition)
     n_ascans, n_depth = stream[0].samples.shape
     n_theta = min(parameters.n_theta or MOST_COLUMNS, n_ascans)
@@ -156,14 +156,14 @@ def _saturated(frame: Frame) -> bool:
 def _reject_empty(slices: Sequence[SliceEvidence]) -> None:
     ranges = [float(np.ptp(s.ascans)) for s in slices]
     if max(ranges) == 0:
-        raise EndoctError(
+        raise NotSeen(
             "the pullback shows nothing",
             found=f"one value, {float(slices[0].ascans.flat[0]):g}, all over",
             expected="B-scans of a capillary in a bore",
             remedy="check that the light source was on and the export is right",
         )
     if 2 * sum(s.saturated for s in slices) > len(slices):
-        raise EndoctError(
+        raise NotSeen(
             "the pullback is saturated",
             found="more than half of the samples at the largest value",
             expected="B-scans of a capillary in a bore",

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from endoct.modalities.oct.calibration import Background, OctCalibration
-from endoct.modalities.oct.evidence import relative_power
+from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.evidence import relative_power, spread_of_noise
 from endoct.modalities.oct.wall import Rows
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
@@ -17,6 +17,7 @@ SHADOW_EDGE_MM = 0.3
 OPAQUE_SHARE = 0.25
 BRIGHT_SHARE = 0.5
 TAIL_SIGMAS = 1.5
+PATCH_MM = 0.1
 MOST_POWER = 30.0  # times the noise's: a glint says no more than this
 POWER_OF_A_PATH = 1.5  # times the noise's: what is brightest of it, which a path through noise alone takes
 
@@ -54,25 +55,27 @@ def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, m
     return good
 
 
-def wall_over_noise_db(level: Image, row: Rows, background: Background, mm_per_px: float) -> float:
-    """Return the mean power just behind the surface at ``row`` over that of the noise, dB; NaN where none is seen.
+def wall_sigmas(
+    level: Image, row: Rows, trusted: Mask, background: Background, mm_per_px: float, mm_per_column: float
+) -> float:
+    """Return by how many standard errors the wall stands out of the noise, over 0.1 × 0.1 mm of it.
 
-    The arguments are those of :func:`trusted`. Even where there is no wall 1.5 to 2.5 dB are found.
+    That is the power just behind the surface at ``row``, over what a path through noise alone finds there, median over
+    such patches all around in which ``trusted`` A-scans show a surface. 0 where they show none, or less than noise.
     """
-    depth = round(SURFACE_MM / mm_per_px)
-    seen = np.flatnonzero(row + depth <= level.shape[1])
-    if not seen.size:
-        return math.nan
-    behind = level[seen[:, None], row[seen, None] + np.arange(depth)]
-    power = relative_power(behind, background.noise, background.noise_sigma) / np.float32(background.noise_power)
-    return float(10 * np.log10(np.minimum(power, np.float32(MOST_POWER)).mean(dtype=np.float64)))
-
-
-def least_wall_db(calibration: OctCalibration) -> float:
-    """Return the ``wall_over_noise_db`` from which a slice is believed, by the samples that show a patch of wall."""
-    ascans_per_mm = calibration.n_ascans / (2 * math.pi * calibration.grid.radius_mm)
-    samples = SURFACE_MM * ascans_per_mm * SURFACE_MM / calibration.mm_per_px
-    return 10 * math.log10(POWER_OF_A_PATH + calibration.parameters.least_wall_sigmas / math.sqrt(samples))
+    n_depth = level.shape[1]
+    depth, width = max(1, round(PATCH_MM / mm_per_px)), max(1, round(PATCH_MM / mm_per_column))
+    behind = row[:, None] + np.arange(depth)
+    seen = trusted[:, None] & (behind < n_depth)
+    levels = np.take_along_axis(level, np.minimum(behind, n_depth - 1), axis=1)
+    power = relative_power(levels, background.noise, spread_of_noise(background)) / background.noise_power
+    power = np.where(seen, np.minimum(power, MOST_POWER), 0).sum(axis=1, dtype=np.float64)
+    looks, total = (uniform_filter1d(each, width, mode="wrap") for each in (seen.sum(axis=1, dtype=np.float64), power))
+    full = looks > depth / 2
+    if not full.any():
+        return 0.0
+    excess = float(np.median(total[full] / looks[full])) - POWER_OF_A_PATH
+    return max(0.0, excess * math.sqrt(depth * width))
 
 
 def _mean(total: Coordinates, first: Rows, last: Rows) -> Coordinates:

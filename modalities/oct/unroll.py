@@ -9,7 +9,7 @@ from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.projection import maximum_intensity
-from endoct.modalities.oct.trust import least_wall_db, trusted, wall_over_noise_db
+from endoct.modalities.oct.trust import trusted, wall_sigmas
 from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
 from endoct.modalities.oct.wall import brightest, first_edge
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -23,7 +23,7 @@ class BeamProfile:
     Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced;
     ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from depth sample 0 (where there is
     no surface: of the last sample); ``surface``, whether there is one; ``intensity``, the projection; ``trusted``,
-    whether what it shows is the wall; ``wall_over_noise_db`` of them all.
+    whether what it shows is the wall; ``wall_sigmas`` of them all.
     """
 
     angle_rad: Coordinates
@@ -33,7 +33,7 @@ class BeamProfile:
     surface: Mask
     intensity: Image
     trusted: Mask
-    wall_over_noise_db: float
+    wall_sigmas: float
 
 
 def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
@@ -54,6 +54,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     else:
         row = first_edge(level, first_row, background, mm, mm_per_column, parameters)
     surface = row < n_depth
+    good = (np.ptp(image, axis=1) > 0) & trusted(level, row, background, mm, mm_per_column)
     return BeamProfile(
         angle_rad=angle,
         image=image,
@@ -61,8 +62,8 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         wall_mm=np.minimum(row, n_depth - 1) * mm,
         surface=surface,
         intensity=maximum_intensity(bridge_rows(image, lines), first_row),
-        trusted=(np.ptp(image, axis=1) > 0) & trusted(level, row, background, mm, mm_per_column),
-        wall_over_noise_db=wall_over_noise_db(level, row, background, mm),
+        trusted=good,
+        wall_sigmas=wall_sigmas(level, row, good, background, mm, mm_per_column),
     )
 
 
@@ -84,8 +85,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     wanted, seen = beam_angles_rad(calibration, frame.index, grid.theta_rad)
     step = 2 * np.pi / grid.n_theta
     nearest = np.round((wanted - beams.angle_rad[0]) / step).astype(np.intp) % grid.n_theta
-    found = not calibration.bridged[frame.index] and beams.wall_over_noise_db >= least_wall_db(calibration)
-    valid = beams.trusted & found
+    faint = beams.wall_sigmas < calibration.parameters.least_wall_sigmas
+    valid = beams.trusted & (not faint and not calibration.bridged[frame.index])
     return Strip(
         z_mm=np.array([frame.z_mm]),
         theta_rad=grid.theta_rad,
@@ -93,8 +94,5 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
         depth_mm=(wall_radius - grid.radius_mm)[nearest][None],
         valid=(valid[nearest] & seen)[None],
         weight=np.ones((1, grid.n_theta), np.float32),
-        diagnostics={
-            "surface_fraction": float(beams.surface.mean()),
-            "wall_over_noise_db": beams.wall_over_noise_db,
-        },
+        diagnostics={"surface_fraction": float(beams.surface.mean()), "wall_sigmas": beams.wall_sigmas},
     )

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.oct.rotation import even_rotation
-from endoct.modalities.oct.trust import least_wall_db
 from endoct.modalities.oct.undistort import beam_of, radius_mm
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
@@ -127,12 +126,11 @@ def test_a_lost_slice_is_bridged_and_not_valid(unrolled: Unrolled, make_phantom:
 
 
 def test_slices_that_show_no_wall_are_not_valid(unrolled: Unrolled, make_phantom: Any) -> None:
-    seen, faint, lost = (make_phantom(wall_db=wall_db).log_counts() for wall_db in (19.0, 0.0, -20.0))
+    seen, faint, lost = (make_phantom(wall_db=wall_db).log_counts() for wall_db in (19.0, -3.0, -20.0))
     _, calibration, panorama = unrolled(make_phantom(), np.concatenate([seen[:4], faint[4:5], lost[5:]]))
-    over_noise_db = panorama.per_frame["wall_over_noise_db"]
+    sigmas = panorama.per_frame["wall_sigmas"]
     np.testing.assert_array_equal(panorama.per_frame["wall_faint"], [False] * 4 + [True] * 2)
-    assert over_noise_db[:4].min() > 10 > least_wall_db(calibration) > over_noise_db[4]
-    assert np.isnan(over_noise_db[5])  # no surface at all
+    assert sigmas[:4].min() > 100 > calibration.parameters.least_wall_sigmas > sigmas[4:].max()
     assert panorama.valid[:4].mean() > 0.95
     assert not panorama.valid[4:].any()
     assert "In 2 of 6 slices the wall stands out" in panorama.provenance["notes"][-1]

@@ -8,7 +8,7 @@ from endoct.modalities.oct.calibration import Background
 from endoct.modalities.oct.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.projection import maximum_intensity
-from endoct.modalities.oct.trust import trusted, wall_over_noise_db
+from endoct.modalities.oct.trust import trusted, wall_sigmas
 from endoct.modalities.oct.wall import brightest, first_edge
 from endoct.stitching.arrays import Image
 
@@ -111,12 +111,31 @@ def test_something_opaque_and_its_shadow_are_not_trusted() -> None:
     assert good[150:].all()
 
 
-@pytest.mark.parametrize("power", [0.0, 1.0, 9.0])
-def test_the_walls_power_is_measured_over_the_noises(power: float) -> None:
-    image = speckled(np.full(N_THETA, power), np.full(N_THETA, 100))
-    found_db = wall_over_noise_db(image, np.full(N_THETA, 100), SPECKLE, PIXEL_MM)
-    assert found_db == pytest.approx(10 * np.log10(1 + power), abs=0.25)
-    assert np.isnan(wall_over_noise_db(image, np.full(N_THETA, N_DEPTH), SPECKLE, PIXEL_MM))
+ALL_AROUND = np.full(N_THETA, 100)
+EVERYWHERE = np.ones(N_THETA, np.bool_)
+
+
+@pytest.mark.parametrize("power", [1.0, 3.0, 9.0])
+def test_a_wall_stands_out_by_its_power_in_standard_errors(power: float) -> None:
+    image = speckled(np.full(N_THETA, power), ALL_AROUND)
+    found = wall_sigmas(image, ALL_AROUND, EVERYWHERE, SPECKLE, PIXEL_MM, COLUMN_MM)
+    samples = 8 * 20  # 0.1 mm around and 0.1 mm deep
+    assert found == pytest.approx((1 + power - 1.5) * np.sqrt(samples), rel=0.1)
+    turned = wall_sigmas(np.roll(image, 77, axis=0), ALL_AROUND, EVERYWHERE, SPECKLE, PIXEL_MM, COLUMN_MM)
+    assert turned == pytest.approx(found, rel=1e-9)
+
+
+def test_a_wall_stands_out_of_darkness_that_was_cut_off() -> None:
+    image = np.where(np.arange(N_DEPTH) < 100, np.zeros((N_THETA, 1)), 60).astype(np.float32)
+    background = Background(noise=0.0, noise_sigma=0.0, wall=60.0, line_excess=NO_LINE)
+    assert wall_sigmas(image, ALL_AROUND, EVERYWHERE, background, PIXEL_MM, COLUMN_MM) > 100
+
+
+def test_noise_does_not_stand_out_whatever_flecks_it_has() -> None:
+    image = speckled(np.zeros(N_THETA), ALL_AROUND)
+    image[:150, 100:110] += 25
+    assert wall_sigmas(image, ALL_AROUND, EVERYWHERE, SPECKLE, PIXEL_MM, COLUMN_MM) == 0
+    assert wall_sigmas(image, np.full(N_THETA, N_DEPTH), EVERYWHERE, SPECKLE, PIXEL_MM, COLUMN_MM) == 0
 
 
 def test_the_maximum_is_taken_literally() -> None:

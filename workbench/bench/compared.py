@@ -11,7 +11,7 @@ from endoct.fusion.cells import segment
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.outcome import Comparison
 from endoct.modalities.acquisition import validate
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.specimens import DIFFICULTIES, PRESET_WORDS, simulated, truths_of
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Case, Declined, Range, draw
@@ -48,7 +48,7 @@ class Specimen:
         if key not in self._unrolled:
             try:
                 self._unrolled[key] = unroll(self.folder / part, settings=settings)
-            except EndoctError as error:
+            except NotSeen as error:
                 raise Declined(str(error).replace(f"{self.folder}/", "")) from error
         return self._unrolled[key]
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tifffile
 
 from endoct.fusion.cells import segment
+from endoct.modalities.registry import open_recording
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
@@ -59,10 +59,9 @@ def own_cases(specimen: Path) -> list[Case]:
     """Return the pullback of a simulated specimen in a folder of the user's own as a case."""
     if not (specimen / "oct").is_dir():
         raise EndoctError(f"{specimen} holds no OCT recording", expected="oct/ in it")
-    with tifffile.TiffFile(specimen / "oct" / "pullback.tif") as file:
-        n_ascans = file.series[0].shape[-1]
     truth = load_truth(specimen)
-    of = {**truth.recording["oct"], "n_ascans": n_ascans}
+    _, stream = open_recording(specimen / "oct")
+    of = {**truth.recording["oct"], "n_ascans": len(stream[0].samples)}
     truth = replace(truth, recording={**truth.recording, "oct": of})
     return [Case(specimen.name, specimen / "oct", truth, {"specimen": specimen.name})]
 

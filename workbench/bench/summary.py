@@ -34,7 +34,7 @@ class Share:
 class Summary:
     """What a method made of all cases.
 
-    ``scores`` are over the cases that have the score: those it answered; of these it called ``doubted`` doubtful
+    ``scores`` are over the cases it answered, where they have the score; of these it called ``doubted`` doubtful
     itself. ``success`` is over all cases, declined and failed ones included, or None where the task does not judge
     success.
     """
@@ -77,13 +77,14 @@ def summarise(rows: Sequence[Row], listed: Sequence[str] = ()) -> list[Summary]:
         own = [row for row in rows if row.method == method]
         count = {status: sum(row.status == status for row in own) for status in ("ok", "declined", "failed")}
         succeeded = sum(row.scores.get(SUCCESS, 0.0) > 0.5 for row in own)
-        values = {name: [row.scores[name] for row in own if name in row.scores] for name in score_names(rows, listed)}
+        answered = [row.scores for row in own if row.status == "ok"]
+        values = {name: [scores[name] for scores in answered if name in scores] for name in score_names(rows, listed)}
         summaries.append(
             Summary(
                 method,
                 len(own),
                 count["ok"],
-                sum(row.scores.get(DOUBTED, 0.0) > 0.5 for row in own),
+                sum(scores.get(DOUBTED, 0.0) > 0.5 for scores in answered),
                 count["declined"],
                 count["failed"],
                 share(succeeded, len(own)) if judges_success else None,

@@ -7,7 +7,7 @@ import pytest
 
 from endoct.fusion.comparison import CompareParameters
 from endoct.modalities.registry import manifests
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.workbench.bench import ablate, compared, sensitivity
 from endoct.workbench.bench.compared import Specimen
 from endoct.workbench.bench.runner import run_method
@@ -56,7 +56,7 @@ def test_panoramas_are_unrolled_once_for_the_same_settings(monkeypatch: pytest.M
 
 def test_a_recording_that_is_refused_was_declined(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path, settings: Any) -> None:
-        raise EndoctError(f"nothing of the wall could be seen in {path}")
+        raise NotSeen(f"nothing of the wall could be seen in {path}")
 
     monkeypatch.setattr("endoct.workbench.api.unroll", refuse)
     row = run_method(ablate.TASK, ablate.MAIN, Case("one", (Specimen(Path("bore")),), Path(), {}))
