@@ -24,7 +24,7 @@ MOST_PANELS = 3
 
 @dataclass(frozen=True)
 class Difference:
-    """A score of a method minus that of the reference, over the cases that both answered.
+    """A score of a method minus that of the reference, over the cases that have both.
 
     ``lower`` and ``higher`` count the cases that went either way.
     """
@@ -41,14 +41,13 @@ def differences(rows: Sequence[Row], reference: str, scores: Sequence[str]) -> l
 
     So a method that has no first score, since it was never aligned, changes nothing in the order of the scores.
     """
-    answered = [row for row in rows if row.status == "ok"]
-    base = {row.case: row.scores for row in answered if row.method == reference}
+    base = {row.case: row.scores for row in rows if row.method == reference}
     methods = dict.fromkeys(row.method for row in rows if row.method != reference)
     found = []
     for score, method in product(scores, methods):
         values = [
             row.scores[score] - base[row.case][score]
-            for row in answered
+            for row in rows
             if row.method == method and score in row.scores and score in base.get(row.case, {})
         ]
         if values:

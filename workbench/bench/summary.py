@@ -34,8 +34,8 @@ class Share:
 class Summary:
     """What a method made of all cases.
 
-    ``scores`` are over the cases it answered, where they have the score; of these it called ``doubted`` doubtful
-    itself. ``success`` is over all cases, declined and failed ones included, or None where the task does not judge
+    ``scores`` are over the cases that have the score: those it answered, and of declined comparisons what each side
+    scores by itself. Of those it answered it called ``doubted`` doubtful itself. ``success`` is over all cases, declined and failed ones included, or None where the task does not judge
     success.
     """
 
@@ -77,14 +77,13 @@ def summarise(rows: Sequence[Row], listed: Sequence[str] = ()) -> list[Summary]:
         own = [row for row in rows if row.method == method]
         count = {status: sum(row.status == status for row in own) for status in ("ok", "declined", "failed")}
         succeeded = sum(row.scores.get(SUCCESS, 0.0) > 0.5 for row in own)
-        answered = [row.scores for row in own if row.status == "ok"]
-        values = {name: [scores[name] for scores in answered if name in scores] for name in score_names(rows, listed)}
+        values = {name: [row.scores[name] for row in own if name in row.scores] for name in score_names(rows, listed)}
         summaries.append(
             Summary(
                 method,
                 len(own),
                 count["ok"],
-                sum(scores.get(DOUBTED, 0.0) > 0.5 for scores in answered),
+                sum(row.scores.get(DOUBTED, 0.0) > 0.5 for row in own),
                 count["declined"],
                 count["failed"],
                 share(succeeded, len(own)) if judges_success else None,

@@ -79,7 +79,7 @@ def table(rows: Sequence[Row], task: Task) -> Table:
 def footnotes(rows: Sequence[Row], task: Task) -> list[str]:
     """Return what there is to know when reading the table: what the scores are, and why methods failed."""
     summaries = summarise(rows, [*task.scores])
-    lines = ["median (quartiles) over the cases a method answered; success over all cases; s: median seconds a case"]
+    lines = ["median (quartiles) over the cases that have the score; success over all cases; s: median seconds a case"]
     if any(summary.doubted for summary in summaries):
         lines.append("doubted: of the cases it answered, those whose answer it said not to rely on")
     lines += [f"{name}: {what}" for name, what in task.scores.items() if any(name in s.scores for s in summaries)]
