@@ -42,8 +42,14 @@ class Pullback:
             travel=acquisition.travel,
             positions_mm=acquisition.positions_mm,
         )
-        if np.unique(self.z_mm).size != self.z_mm.size:
-            raise EndoctError("two slices of a pullback lie at one place", remedy="correct positions_mm")
+        places, counts = np.unique(self.z_mm, return_counts=True)
+        if (counts > 1).any():
+            together = np.flatnonzero(self.z_mm == places[counts > 1][0])
+            raise EndoctError(
+                "two slices of a pullback lie at one place",
+                found=f"slices {together[0]} and {together[1]}, counted from 0",
+                remedy="correct positions_mm",
+            )
 
     @property
     def acquisition(self) -> OctAcquisition:

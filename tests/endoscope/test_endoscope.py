@@ -196,6 +196,17 @@ def test_travel_is_known_by_the_sidecar(short: Callable[..., Path]) -> None:
     assert not survey(path, travel="unknown").travel_known
 
 
+def test_an_annulus_too_narrow_for_rows_is_told(short: Callable[..., Path]) -> None:
+    path = short(0, 1, 2)
+    _, stream = open_recording(path)
+    ring = survey(path).annuli[0]
+    narrow = {"x": ring.outer_x_px, "y": ring.outer_y_px, "inner_px": ring.outer_px - 3, "outer_px": ring.outer_px}
+    with pytest.raises(EndoctError, match="too narrow"):
+        survey(path, annulus=narrow)
+    with pytest.raises(EndoctError, match="farther apart than a frame reaches; found dz_mm = 5"):
+        ENDOSCOPE.survey(stream, EndoscopeParameters(dz_mm=5))
+
+
 def test_a_given_annulus_is_used(short: Callable[..., Path]) -> None:
     path = short(0, 1, 2, leave_out=("annulus",))
     free = survey(path)

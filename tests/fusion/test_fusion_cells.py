@@ -8,13 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from endoct.fusion.cells import SegmentParameters, find_cells, segment
+from endoct.fusion.cells import Segmentation, SegmentParameters, find_cells, segment
 from endoct.fusion.prepare import prepare
 from endoct.fusion.regions import label, morphology, remove_small
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
 masks = hnp.arrays(np.bool_, st.tuples(st.integers(2, 9), st.integers(8, 24)))
+
+
+def test_a_wall_that_is_all_cells_is_doubted_however_little_was_observed() -> None:
+    for mask_share, told in ((0.5, False), (0.7, True)):
+        found = Segmentation(np.zeros((4, 8), np.bool_), 0.1, "mm", "relief", None, cells_share=mask_share)
+        assert (found.doubt is not None) == told
 
 
 def test_a_cell_on_the_seam_is_one_cell() -> None:

@@ -79,12 +79,13 @@ def ransac_circle(recording: Path) -> Panorama:
     """A circle through the brightest samples of every slice (scikit-image), the wall about its centre."""
     base = even(recording)
     _, stream = open_recording(recording)
-    mm = float(stream.acquisition.model_dump()["axial_pixel_mm"])
+    sidecar = stream.acquisition.model_dump()
+    mm, sense = float(sidecar["axial_pixel_mm"]), -1 if sidecar["handedness"] == "mirrored" else 1
     depth = np.zeros(base.grid.shape)
     theta = base.grid.theta_rad
     for row, i in enumerate(base.per_frame["slice_index"]):
         samples = np.asarray(stream[int(i)].samples, dtype=np.float32)
-        alpha = 2 * np.pi * np.arange(samples.shape[0]) / samples.shape[0]
+        alpha = sidecar["theta_origin_rad"] + sense * 2 * np.pi * np.arange(samples.shape[0]) / samples.shape[0]
         first = round(0.3 * samples.shape[1])  # past the sheath's lines, which would always win
         reach = (first + np.argmax(samples[:, first:], axis=1)) * mm
         points = np.stack([reach * np.cos(alpha), reach * np.sin(alpha)], axis=1)

@@ -42,12 +42,16 @@ OF_ONE = "Jaccard", "precision", "recall", "share"
 
 
 def draw_plots(rows: Sequence[Row], task: Task, folder: Path) -> list[Path]:
-    """Write ``overview.png`` and a figure for each condition that varies into ``folder``, which is made."""
+    """Write ``overview.png`` and a figure for each condition that varies into ``folder``, which is made.
+
+    More methods than there are styles of lines could not be told apart: then ``overview.png`` alone.
+    """
     folder.mkdir(parents=True)
     named = score_names(rows, [*task.scores])
     scores = ([name for name in named if name in task.scores] or named)[:MOST_PANELS]
     paths = [_overview(rows, task, scores, folder / "overview.png")]
-    for name in dict.fromkeys(name for row in rows for name in row.conditions):
+    conditions = dict.fromkeys(name for row in rows for name in row.conditions)
+    for name in conditions if len({row.method for row in rows}) <= len(STYLES) else ():
         values = {row.conditions[name] for row in rows if name in row.conditions}
         if len(values) > 1:
             file = re.sub(r"[^A-Za-z0-9_-]+", "-", name)

@@ -35,8 +35,8 @@ class Summary:
     """What a method made of all cases.
 
     ``scores`` are over the cases that have the score: those it answered, and of declined comparisons what each side
-    scores by itself. Of those it answered it called ``doubted`` doubtful itself. ``success`` is over all cases, declined and failed ones included, or None where the task does not judge
-    success.
+    scores by itself. Of those it answered it called ``doubted`` doubtful itself. ``success`` is over all cases,
+    declined and failed ones included, or None where the task does not judge success.
     """
 
     method: str

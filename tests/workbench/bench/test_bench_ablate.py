@@ -9,6 +9,7 @@ from endoct.fusion.comparison import CompareParameters
 from endoct.modalities.registry import manifests
 from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.workbench.bench import ablate, compared, sensitivity
+from endoct.workbench.bench import oct as oct_task
 from endoct.workbench.bench.compared import Specimen
 from endoct.workbench.bench.runner import run_method
 from endoct.workbench.bench.task import Case
@@ -67,3 +68,9 @@ def test_folders_without_a_pair_are_told(tmp_path: Path) -> None:
     (tmp_path / "oct").mkdir()
     with pytest.raises(EndoctError, match="no pair"):
         compared.own_cases(tmp_path)
+
+
+def test_a_pullback_without_truth_is_told(tmp_path: Path) -> None:
+    (tmp_path / "oct").mkdir()
+    with pytest.raises(EndoctError, match="has no truth"):
+        oct_task.own_cases(tmp_path)
