@@ -48,8 +48,9 @@ class BoundaryDistances:
     def within(self, tolerance_mm: float) -> float:
         """Return the share of both outlines' length that lies within ``tolerance_mm`` of the other."""
         of_a, of_b = near(self.a_to_b_mm, tolerance_mm), near(self.b_to_a_mm, tolerance_mm)
-        within = of_a @ self.a.length_mm + of_b @ self.b.length_mm
-        return min(1.0, float(within / (self.a.length_mm.sum() + self.b.length_mm.sum())))
+        # both by sum(): a product's rounding, which differs between processors, would make 1 a little less
+        within = (of_a * self.a.length_mm).sum() + (of_b * self.b.length_mm).sum()
+        return float(within / (self.a.length_mm.sum() + self.b.length_mm.sum()))
 
 
 def outline(

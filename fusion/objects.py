@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from endoct.fusion.regions import label
+from endoct.fusion.regions import label, quantiles
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 
@@ -165,7 +165,7 @@ def _of_side(
     at_edge = np.bincount(found, _at_edge(own.valid)[row, column], n + 1) > 0
     cover = np.asarray(matched.common.sum(axis=1)).ravel()
     partner, overlap = matched.best()
-    contrast = [None] * (n + 1) if own.contrast is None else _quantiles(own.contrast[row, column], found, n, 0.5)
+    contrast = [None] * (n + 1) if own.contrast is None else _known_quantiles(own.contrast[row, column], found, n, 0.5)
     depths = [_Depth.measured(s, row, column, found, n, grid) for s in ((own, other) if aligned else (own,))]
     sample_mm2 = grid.dz_mm * grid.dtheta_mm
     cells = []
@@ -216,21 +216,14 @@ class _Depth:
         fan = grid.dz_mm * grid.dtheta_rad * ((grid.radius_mm + behind) ** 2 - grid.radius_mm**2) / 2
         return cls(
             side.name,
-            _quantiles(relief, found, n, 0.5),
-            _quantiles(relief, found, n, 0.95),
+            _known_quantiles(relief, found, n, 0.5),
+            _known_quantiles(relief, found, n, 0.95),
             np.asarray(np.bincount(found, fan, n + 1), dtype=np.float64),
         )
 
 
-def _quantiles(values: Image, found: Labels, n: int, share: float) -> list[float | None]:
-    """Return the quantile ``share`` of the finite ``values`` of every label 0 … n; None where there are none."""
-    known = np.isfinite(values)
-    values, found = values[known], found[known]
-    order = np.lexsort((values, found))
-    count = np.bincount(found, minlength=n + 1)
-    first = np.cumsum(count) - count
-    at = first + np.floor(share * np.maximum(count - 1, 0)).astype(np.intp)
-    return [float(values[order[at[k]]]) if count[k] else None for k in range(n + 1)]
+def _known_quantiles(values: Image, found: Labels, n: int, share: float) -> list[float | None]:
+    return [None if np.isnan(value) else float(value) for value in quantiles(values, found, n, share)]
 
 
 def _at_edge(valid: Mask) -> Mask:

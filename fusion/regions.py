@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 
-from endoct.stitching.arrays import Mask
+from endoct.stitching.arrays import Coordinates, Image, Mask
 
 
 def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, columns_px: float) -> Mask:
@@ -52,3 +52,18 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
     keep = np.bincount(labels.ravel()) >= smallest_px
     keep[0] = False
     return np.asarray(keep[labels])
+
+
+def quantiles(values: Image, labels: NDArray[np.integer], n: int, share: float) -> Coordinates:
+    """Return the quantile ``share`` of the finite ``values`` of every label 0 … n, NaN where there are none.
+
+    ``values`` and ``labels`` have one shape. The quantile is one of the values, the lower where it lies between two.
+    """
+    known = np.isfinite(values)
+    values, labels = values[known], labels[known]
+    order = np.lexsort((values, labels))
+    count = np.bincount(labels, minlength=n + 1)
+    at = np.cumsum(count) - count + np.floor(share * np.maximum(count - 1, 0)).astype(np.intp)
+    found = np.full(n + 1, np.nan)
+    found[count > 0] = values[order[at[count > 0]]]
+    return found

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from endoct.fusion.intervals import Interval, ratio_interval
 from endoct.fusion.objects import Labels, Surface, label_in_order
+from endoct.fusion.regions import quantiles
 from endoct.stitching.arrays import Coordinates, Mask
 
 SIZE_EDGES_MM = (0.3, 0.6)
@@ -46,17 +47,10 @@ class Sites:
 
     def median_of(self, values: NDArray[Any] | None) -> Coordinates:
         """Return the median of the finite ``values`` (n_z, n_theta) over every site, NaN where there are none."""
-        medians = np.full(self.both.size, np.nan)
         if values is None:
-            return medians
-        inside = (self.labels > 0) & np.isfinite(values)
-        found, of_site = values[inside], self.labels[inside]
-        order = np.lexsort((found, of_site))
-        count = np.bincount(of_site, minlength=self.both.size + 1)[1:]
-        first = np.cumsum(count) - count
-        middle = order[first[count > 0] + (count[count > 0] - 1) // 2]
-        medians[count > 0] = found[middle]
-        return medians
+            return np.full(self.both.size, np.nan)
+        inside = self.labels > 0
+        return quantiles(values[inside], self.labels[inside], self.both.size, 0.5)[1:]
 
 
 def find_sites(a: Mask, b: Mask, both_valid: Mask, sample_mm2: float) -> Sites:

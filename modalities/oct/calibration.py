@@ -86,7 +86,7 @@ class OctCalibration:
     @property
     def mm_per_px(self) -> float:
         """Distance of two depth samples in the medium, mm."""
-        return self.acquisition.axial_pixel_mm / self.acquisition.medium_index
+        return self.acquisition.mm_per_px
 
     @property
     def sense(self) -> int:

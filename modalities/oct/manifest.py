@@ -37,6 +37,11 @@ class OctAcquisition(Acquisition):
         default=None, description="optical path from the catheter's axis to depth sample 0; only a check on the fit"
     )
 
+    @property
+    def mm_per_px(self) -> float:
+        """Distance of two depth samples in the medium, mm."""
+        return self.axial_pixel_mm / self.medium_index
+
     @model_validator(mode="after")
     def _capillary_fits_the_bore(self) -> Self:
         if self.capillary_outer_diameter_mm >= self.bore_diameter_mm:

@@ -49,7 +49,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     slices = [examined[i][1] for i in inward]
     _reject_empty(slices)
 
-    mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
+    mm_per_px = acquisition.mm_per_px
     some = np.concatenate([s.ascans for s in slices])[:: max(1, len(slices) // 40)]
     line_excess = fixed_line_excess(some, mm_per_px)
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
@@ -103,7 +103,7 @@ def _turned(
     """
     rotation, notes = even_rotation(len(slices)), []
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
-    mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
+    mm_per_px = acquisition.mm_per_px
     if parameters.correct_rotation or parameters.correct_turn_length or parameters.correct_lost_ascans:
         clear = [replace(evidence, points=points_off(fixed_line, evidence.points, mm_per_px)) for evidence in slices]
         rotation, faces = measure_turns(clear, faces, radius_mm, thickness_mm, parameters)
@@ -122,7 +122,7 @@ def _turned(
 def _examine(
     frame: Frame, acquisition: OctAcquisition, parameters: OctParameters, n_theta: int
 ) -> tuple[float, SliceEvidence]:
-    mm_per_px = acquisition.axial_pixel_mm / acquisition.medium_index
+    mm_per_px = acquisition.mm_per_px
     n_ascans, n_depth = frame.samples.shape
     fine = reduce_theta(frame.samples, n_theta)
     n_columns = min(SURVEY_COLUMNS, n_theta)
@@ -185,7 +185,7 @@ def _background(
     dark, bright = [], []
     for i in map(int, np.flatnonzero(~faces.bridged)):
         circle = np.array([faces.x_mm[i], faces.y_mm[i], faces.axis_depth_mm[i]])
-        filled = _with_ascans(slices[i], bridge_rows(slices[i].ascans, line_excess > 0))
+        filled = replace(slices[i], ascans=bridge_rows(slices[i].ascans, line_excess > 0))
         samples = behind(filled, circle, radius_mm, mm_per_px, n_px)
         band = samples[:, first:last]
         # judged by one half of the band, taken from the other: the darkest noise is darker than noise
@@ -209,12 +209,6 @@ def _median_between_counts(samples: Image) -> float:
     values, count = np.unique(samples, return_counts=True)
     edges = np.concatenate([values[:1], (values[1:] + values[:-1]) / 2, values[-1:]])
     return float(np.interp(samples.size / 2, np.concatenate([[0], np.cumsum(count)]), edges))
-
-
-def _with_ascans(evidence: SliceEvidence, ascans: Image) -> SliceEvidence:
-    return SliceEvidence(
-        evidence.points, evidence.n_columns, evidence.lines, ascans, evidence.ascan_angle_rad, evidence.saturated
-    )
 
 
 def _per_frame(
@@ -265,7 +259,7 @@ def _notes(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tup
     face_mm = float(np.min(faces.axis_depth_mm - np.hypot(faces.x_mm, faces.y_mm)))
     face_mm += acquisition.capillary_outer_diameter_mm / 2 + LINE_OF_FACE_MM
     beyond = np.flatnonzero(line_excess > 0)
-    beyond = beyond[beyond * acquisition.axial_pixel_mm / acquisition.medium_index > face_mm]
+    beyond = beyond[beyond * acquisition.mm_per_px > face_mm]
     if beyond.size:
         notes.append(
             f"Depth rows {_ranges(beyond)} hold fixed lines of the detector, which were taken out; a wall just there "
