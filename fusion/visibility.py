@@ -21,7 +21,7 @@ def invisible_cells(side: Surface, labels: Labels, ids: Sequence[int], grid: Sur
 
     There is a sign where the mean evidence over a cell exceeds what 95 % of bare wall has, averaged over patches of
     the cell's size (a Gaussian of as many independent samples as a disc of its area, in steps of an octave). Cells
-    that ``side`` did not observe, or of which nothing can be said, are not among the answer.
+    that ``side`` did not observe, that have no sample, or of which nothing can be said, are not among the answer.
     """
     evidence = _evidence(side)
     if evidence is None or not ids:
@@ -31,7 +31,7 @@ def invisible_cells(side: Surface, labels: Labels, ids: Sequence[int], grid: Sur
     if np.count_nonzero(wall) < LEAST_WALL:
         return []
     found = labels[seen]
-    n = int(labels.max())
+    n = max(int(labels.max()), *ids)  # specks may have no sample here
     count = np.bincount(found, minlength=n + 1)
     mean = np.bincount(found, evidence[seen], n + 1) / np.maximum(count, 1)
     diameter_mm = 2 * np.sqrt(count * grid.dz_mm * grid.dtheta_mm / np.pi)

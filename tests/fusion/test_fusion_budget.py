@@ -130,5 +130,6 @@ def test_faint_signs_are_told_from_bare_wall_by_size() -> None:
     hidden = invisible_cells(side, labels, [1, 2, 3], GRID)
     assert 2 not in hidden
     assert 3 in hidden
+    assert invisible_cells(side, labels, [1, 2, 3, 9], GRID) == hidden  # a speck that fell between the samples
     drawn = Surface("b", ~SEEN, SEEN)
     assert invisible_cells(drawn, labels, [1, 2, 3], GRID) == []
