@@ -17,6 +17,10 @@ class EndoscopeParameters(BaseModel):
     feed_sigma: float = Field(
         default=0.2, gt=0, le=1, description="uncertainty of the nominal feed, relative; three of it are searched"
     )
+    correct_feed: bool = Field(
+        default=True, description="place frames along the bore by what they show; off: by the nominal feed"
+    )
+    correct_roll: bool = Field(default=True, description="undo the roll of the probe from frame to frame")
     least_transmission: float = Field(
         default=0.5, ge=0, lt=1, description="dirt on the probe that lets less light through makes a sample invalid"
     )

@@ -156,7 +156,17 @@ def placed(
         tolerance = max(DISAGREEMENT, 2 * parameters.feed_sigma / np.sqrt(n - 1))
         if abs(measured - expected) > tolerance * expected:
             notes.append(f"The frames span {measured:.2f} mm as measured and {expected:.2f} mm by the nominal feed.")
+    if not parameters.correct_feed:
+        if nominal is None:
+            raise EndoctError(
+                "frames cannot be placed by the nominal feed",
+                found="no feed_pitch_mm or positions_mm in the sidecar, and correct_feed = false",
+                remedy="add feed_pitch_mm to the sidecar, or leave correct_feed on",
+            )
+        z_mm = nominal
     z_mm = z_mm - z_mm.min()
+    if not parameters.correct_roll:
+        return z_mm, np.full(n, acquisition.theta_origin_rad)
     roll_rad = feed.roll_rad - feed.roll_rad[int(np.argmin(z_mm))] + acquisition.theta_origin_rad
     return z_mm, roll_rad
 

@@ -12,7 +12,7 @@ import pytest
 import tifffile
 import xarray as xr
 from skimage.filters import threshold_li
-from tolerances import ANNULUS_PX, FRAME_ROLL_RAD, FRAME_Z_MM
+from tolerances import ANNULUS_PX, COORDINATE_ATOL, FRAME_ROLL_RAD, FRAME_Z_MM
 
 from endoct.modalities.conformance import CHECKS, Subject
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
@@ -194,6 +194,18 @@ def test_travel_is_known_by_the_sidecar(short: Callable[..., Path]) -> None:
     path = short(*range(3))
     assert survey(path, travel="in").travel_known
     assert not survey(path, travel="unknown").travel_known
+
+
+def test_feed_and_roll_can_be_taken_for_even(short: Callable[..., Path]) -> None:
+    path = short(*range(N_SHORT))
+    _, stream = open_recording(path)
+    even = ENDOSCOPE.survey(stream, EndoscopeParameters(correct_feed=False, correct_roll=False))
+    pitch_mm = stream.acquisition.pitch_mm
+    np.testing.assert_allclose(np.abs(np.diff(even.z_mm)), pitch_mm, atol=COORDINATE_ATOL)
+    assert not np.ptp(even.roll_rad)
+    found = survey(path)
+    assert np.ptp(np.diff(found.z_mm)) > 0.01
+    assert np.ptp(found.roll_rad) > 0.01
 
 
 def test_an_annulus_too_narrow_for_rows_is_told(short: Callable[..., Path]) -> None:

@@ -53,11 +53,16 @@ STEPS: Mapping[str, Step] = {
     "no-turn-length": Step("turns are as long as they should be", oct={"correct_turn_length": False}),
     "no-start-angle": Step("turns start where they should", oct={"correct_start_angle": False}),
     "no-lost-ascans": Step("jumps of angle stay", oct={"correct_lost_ascans": False}),
-    "no-feed": Step("the stated feed is believed", endoscope={"feed_sigma": 0.005}),
+    "no-faint": Step("slices count, however little their wall stands out", oct={"least_wall_sigmas": 0}),
+    "no-feed": Step("frames lie where the nominal feed has them", endoscope={"correct_feed": False}),
+    "no-roll": Step("the probe does not roll", endoscope={"correct_roll": False}),
+    "no-offset": Step("the probe runs on the bore's axis", endoscope={"probe_offset": False}),
+    "no-cone": Step("the mirror is a cone of 45°, where it is not stated", endoscope={"self_calibration": False}),
     "no-dirt": Step("samples behind dirt count", endoscope={"least_transmission": 0}),
     "no-taper": Step("all rows of a frame count alike", endoscope={"taper": 0.01}),
     "no-cap": Step("relief and contrast are not capped", compare={"relief_cap_mm": 10, "contrast_cap": 50}),
     "no-floor": Step("relief in front of the wall stays", compare={"relief_floor_mm": -10}),
+    "no-outlines": Step("dark cells end at Li's threshold", compare={"outlines": False}),
     "no-smoothing": Step("nothing is smoothed before the threshold", compare={"smooth_mm": 0}),
     "no-cleaning": Step(
         "masks are not opened, closed or cleared of specks", compare={"open_mm": 0, "close_mm": 0, "smallest_mm2": 0}
