@@ -96,7 +96,10 @@ def _compared(a: Panorama, b: Panorama, parameters: CompareParameters) -> Compar
     scored = score((a, b), (surfaces[0], surfaces[1]), grid, alignment, parameters.tolerance_mm)
     own_rows = _on_own_rows(a, b, told, placing) if alignment else None
     reason = found.reason if isinstance(found, NotAligned) else None
-    result = _result(names, found, told, scored, own_rows, valid, grid.dz_mm)
+    doubts = [_doubts(*side) for side in zip((a, b), told, strict=True)]
+    result = _result(names, found, told, scored, own_rows, valid, grid.dz_mm) | {
+        "doubts": dict(zip(names, doubts, strict=True))
+    }
     return Comparison(grid, names, intensity, depth_mm, mask, valid, alignment, reason, result, scored.cells)
 
 
@@ -212,6 +215,12 @@ def _names(a: Panorama, b: Panorama) -> tuple[str, str]:
     return f"{a.modality}-1", f"{b.modality}-2"
 
 
+def _doubts(side: Panorama, told: _Told) -> list[str]:
+    """Return why a side's panorama as a whole, or its cells, are not to be trusted."""
+    doubt = told.segmentation.doubt
+    return [*side.provenance.get("doubts", ()), *([doubt] if doubt else [])]
+
+
 def _result(
     names: tuple[str, str],
     found: Alignment | NotAligned,
@@ -238,7 +247,6 @@ def _result(
             name: {"value": side.threshold, "unit": side.unit, "of": side.of}
             for name, side in zip(names, segmented, strict=True)
         },
-        "doubts": {name: [side.doubt] if side.doubt else [] for name, side in zip(names, segmented, strict=True)},
         "polarity": {name: side.polarity for name, side in zip(names, segmented, strict=True)},
         "polarity_from": {name: side.polarity_from for name, side in zip(names, told, strict=True)},
         "scores": {**scored.scores, "own_rows": {"rows_of": names[1], **own_rows}}

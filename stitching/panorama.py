@@ -28,7 +28,8 @@ class Panorama:
     per_frame: quality and geometry per frame, each (n_frames, …), in the order of ascending z; always with
         ``{frame_dim}_z_mm``. ``view_slant``, where a modality gives it: z by which its rays go on for 1 mm beyond
         the wall.
-    provenance: parameters, versions, input digests, notes on what was not trusted. JSON-serialisable.
+    provenance: parameters, versions, input digests, ``notes`` on what was not trusted, and ``doubts``, those of them
+        that question the whole. JSON-serialisable.
 
     Arrays are read-only. Raises :class:`EndoctError` where shapes disagree.
     """

@@ -86,7 +86,7 @@ def write_comparison(
             **comparison.result,
             **against.result,
             "notes": {
-                n: [*p.provenance.get("notes", ()), *comparison.result["doubts"][n]]
+                n: list(dict.fromkeys([*p.provenance.get("notes", ()), *comparison.result["doubts"][n]]))
                 for n, p in zip(comparison.sides, (a, b), strict=True)
             },
             "versions": versions(),

@@ -120,13 +120,14 @@ def find_annulus(image: Image) -> Annulus:
         if _support(ring) >= FAINTEST_SUPPORT
     ]
     # light that falls off towards the inner rim leaves it little contrast
-    inners = [ring for ring in inners if _support(ring) >= LEAST_SUPPORT] or inners
-    lasting = [ring for ring in inners if lasting_contrast(image, ring) >= LEAST_LASTING * ring.contrast]
+    clear = [ring for ring in inners if _support(ring) >= LEAST_SUPPORT] or inners
     for outer in sorted(outers, key=lambda ring: -_support(ring) * ring.radius_px):
-        fitting = [r for r in lasting if _nested(r, outer)] or [r for r in inners if _nested(r, outer)]
+        fitting = [ring for ring in clear if _nested(ring, outer)]
         if fitting:
-            clearest = max(_support(ring) for ring in fitting)
-            inner = max((r for r in fitting if _support(r) >= 0.5 * clearest), key=lambda ring: ring.radius_px)
+            # where a specular ring is clearer than the rim, the rim is what is bright beyond it
+            faint = _clearest([ring for ring in inners if _nested(ring, outer)])
+            fitting = next((kept for of in (fitting, faint) if (kept := [r for r in of if _lasts(image, r)])), fitting)
+            inner = max(_clearest(fitting), key=lambda ring: ring.radius_px)
             return follow(
                 image, Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px)
             ).annulus
@@ -136,6 +137,16 @@ def find_annulus(image: Image) -> Annulus:
         expected="a bright ring: dark inside, dark outside, two nearly concentric circles",
         remedy=REMEDY,
     )
+
+
+def _clearest(rings: Sequence[Ring]) -> list[Ring]:
+    """Return the rings with at least half of the best support among them."""
+    most = max(map(_support, rings), default=0.0)
+    return [ring for ring in rings if _support(ring) >= 0.5 * most]
+
+
+def _lasts(image: Image, ring: Ring) -> bool:
+    return lasting_contrast(image, ring) >= LEAST_LASTING * ring.contrast
 
 
 def _support(ring: Ring) -> float:
@@ -153,10 +164,15 @@ def _nested(inner: Ring, outer: Ring) -> bool:
 
 @dataclass(frozen=True)
 class Followed:
-    """An annulus measured in one frame; ``support``: contrast times coverage of its fainter rim."""
+    """An annulus measured in one frame.
+
+    ``support``: contrast times coverage of its fainter rim; ``lasting``: whether it is bright beyond its inner rim, as
+    it is not beyond a specular ring.
+    """
 
     annulus: Annulus
     support: float
+    lasting: bool
 
 
 def follow(image: Image, near: Annulus) -> Followed:
@@ -165,7 +181,8 @@ def follow(image: Image, near: Annulus) -> Followed:
     followed = _measure(looks, near, (0.06, 0.03, 0.015))
     if followed.support < 2 * LEAST_SUPPORT:
         farther = _measure(looks, near, (0.3, 0.1, 0.03, 0.015))
-        return max(followed, farther, key=lambda one: one.support)
+        if farther.support > followed.support and (farther.lasting or not followed.lasting):
+            return farther
     return followed
 
 
@@ -194,6 +211,7 @@ def _measure(looks: tuple[_Look, _Look], near: Annulus, reaches: tuple[float, ..
     return Followed(
         Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px),
         min(of_inner, of_outer),
+        _lasts(whole.image, describe(whole.image, whole.dark, inner)),
     )
 
 

@@ -23,6 +23,7 @@ class EndoscopeCalibration:
     ``z_mm`` of every frame's band centre. θ of the wall is
     image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
     field from the band's centre; ``exposure`` (n,): logarithm of what each frame is brighter than its light says.
+    ``doubts``: those of the notes that question where everything lies.
     """
 
     grid: SurfaceGrid
@@ -44,6 +45,7 @@ class EndoscopeCalibration:
     full_scale: float
     oversample: tuple[int, int]
     taper: float
+    doubts: tuple[str, ...] = ()
 
     def image_angle(self, index: int, theta_rad: Coordinates) -> Coordinates:
         """Return the angle in frame ``index`` at which the wall's ``theta_rad`` (any shape) is seen."""

@@ -17,6 +17,8 @@ FEED_COLUMNS = 512
 FEWEST_FOR_DRIFT = 5
 MOST_TILT = 0.2
 CLIP = (-0.3, 0.3)
+DOUBTED_FEED, SURE_OF_FEED = 0.1, 2.5
+"""From what difference of measured and nominal feed on, relative and in standard errors, one of them must be wrong."""
 SURE_STRETCH = 3.0
 """Standard errors that the feed must be uneven by before another cone is assumed."""
 
@@ -169,6 +171,22 @@ def placed(
         return z_mm, np.full(n, acquisition.theta_origin_rad)
     roll_rad = feed.roll_rad - feed.roll_rad[int(np.argmin(z_mm))] + acquisition.theta_origin_rad
     return z_mm, roll_rad
+
+
+def doubt_of_feed(feed: Feed, nominal: Coordinates | None) -> str | None:
+    """Return a sentence where neighbouring frames lie much farther apart, or nearer, than the nominal feed has them."""
+    known = feed.trusted[1:] & (np.abs(np.diff(feed.z_mm)) > 0)
+    if nominal is None or known.sum() < FEWEST_FOR_DRIFT:
+        return None
+    measured_mm, stated_mm = (np.abs(np.diff(z_mm))[known] for z_mm in (feed.z_mm, nominal))
+    ratio = float(np.median(measured_mm / stated_mm))
+    error = 1.25 * 1.48 * float(np.median(np.abs(measured_mm / stated_mm - ratio)) / np.sqrt(known.sum()))
+    if abs(ratio - 1) <= max(DOUBTED_FEED, SURE_OF_FEED * error):
+        return None
+    return (
+        f"Neighbouring frames lie {np.median(measured_mm):.3f} mm apart as measured and {np.median(stated_mm):.3f} mm "
+        "by the nominal feed, in the median: the annulus, its visible length or that feed is wrong, and z with it."
+    )
 
 
 def turned_by(harmonic: Coordinates, by_rad: float) -> Coordinates:

@@ -1,6 +1,6 @@
 """The cone-mirror endoscope as a modality: sniff, open, survey, unroll, settle, illustrate."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -138,9 +138,9 @@ class Endoscope:
             diagnostics={"valid_fraction": float(good.mean())},
         )
 
-    def settle(self, panorama: Panorama, calibration: EndoscopeCalibration) -> Panorama:  # noqa: ARG002
-        """Return the panorama as it is: an image has no depth to reconcile."""
-        return panorama
+    def settle(self, panorama: Panorama, calibration: EndoscopeCalibration) -> Panorama:
+        """Add what is to be doubted; there is no depth to reconcile."""
+        return replace(panorama, provenance={**panorama.provenance, "doubts": list(calibration.doubts)})
 
     def illustrate(self, frame: Frame, calibration: EndoscopeCalibration) -> tuple[Picture, ...]:
         """Return the frame with its annulus drawn in, and the strip it unrolls to."""

@@ -17,6 +17,7 @@ from endoct.modalities.endoscope.optics import ConeOptics, assumed_cone, scale_i
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.places import (
     centre_drift_px,
+    doubt_of_feed,
     measured_feed,
     nominal_mm,
     optics_with_rim,
@@ -125,6 +126,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     logs = recentred(logs, (settled[0], look.r_px * factor), (centred, optics.r_px(optics.rim_sign * outward_mm)))
     flat = estimate_flat_field(logs, views, parameters.least_transmission)
     optics = optics_with_rim(optics, acquisition, feed, notes)
+    doubts = () if (doubt := doubt_of_feed(feed, nominal)) is None else (doubt,)
     z_mm, roll_rad = placed(feed, optics, nominal, acquisition, parameters, notes)
     sway_rad = turned_by(feed.sway_rad, float(roll_rad[0] - feed.roll_rad[0]))
     if axis is not None:
@@ -141,7 +143,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
             **_per_frame(z_mm, roll_rad, settled, found, feed, exposure, glimpses),
             **probe_offsets(axis, sway_rad, radius_mm),
         },
-        notes=(*notes, *notes_on_gaps(acquisition.positions_mm)),
+        notes=(*notes, *doubts, *notes_on_gaps(acquisition.positions_mm)),
         handedness_known=True,
         travel_known=acquisition.travel != "unknown",
         annuli=settled,
@@ -157,6 +159,7 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
         full_scale=scale,
         oversample=oversample,
         taper=parameters.taper,
+        doubts=doubts,
     )
 
 

@@ -30,7 +30,8 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
         "median; bore_diameter_mm, capillary_outer_diameter_mm or axial_pixel_mm may be wrong, or the wrong line "
         "was taken for the capillary."
     )
-    return _with_note(panorama, note)
+    panorama = _with_note(panorama, note)
+    return replace(panorama, provenance={**panorama.provenance, "doubts": [note]})
 
 
 def _faint_slices_told(panorama: Panorama, calibration: OctCalibration) -> Panorama:

@@ -208,6 +208,15 @@ def test_feed_and_roll_can_be_taken_for_even(short: Callable[..., Path]) -> None
     assert np.ptp(found.roll_rad) > 0.01
 
 
+def test_a_scale_that_the_feed_contradicts_is_doubted(short: Callable[..., Path]) -> None:
+    path = short(*range(N_SHORT))
+    _, stream = open_recording(path)
+    assert survey(path).doubts == ()
+    stated = stream.acquisition.visible_length_mm
+    (doubt,) = survey(path, visible_length_mm=1.4 * stated, focal_px=None).doubts
+    assert "apart as measured and 0.200 mm by the nominal feed" in doubt
+
+
 def test_an_annulus_too_narrow_for_rows_is_told(short: Callable[..., Path]) -> None:
     path = short(0, 1, 2)
     _, stream = open_recording(path)
