@@ -175,10 +175,13 @@ def placed(
 
 def doubt_of_feed(feed: Feed, nominal: Coordinates | None) -> str | None:
     """Return a sentence where neighbouring frames lie much farther apart, or nearer, than the nominal feed has them."""
-    known = feed.trusted[1:] & (np.abs(np.diff(feed.z_mm)) > 0)
-    if nominal is None or known.sum() < FEWEST_FOR_DRIFT:
+    if nominal is None:
         return None
-    measured_mm, stated_mm = (np.abs(np.diff(z_mm))[known] for z_mm in (feed.z_mm, nominal))
+    measured_mm, stated_mm = (np.abs(np.diff(z_mm)) for z_mm in (feed.z_mm, nominal))
+    known = feed.trusted[1:] & (measured_mm > 0) & (stated_mm > 0)
+    if known.sum() < FEWEST_FOR_DRIFT:
+        return None
+    measured_mm, stated_mm = measured_mm[known], stated_mm[known]
     ratio = float(np.median(measured_mm / stated_mm))
     error = 1.25 * 1.48 * float(np.median(np.abs(measured_mm / stated_mm - ratio)) / np.sqrt(known.sum()))
     if abs(ratio - 1) <= max(DOUBTED_FEED, SURE_OF_FEED * error):
