@@ -164,15 +164,10 @@ def _nested(inner: Ring, outer: Ring) -> bool:
 
 @dataclass(frozen=True)
 class Followed:
-    """An annulus measured in one frame.
-
-    ``support``: contrast times coverage of its fainter rim; ``lasting``: whether it is bright beyond its inner rim, as
-    it is not beyond a specular ring.
-    """
+    """An annulus measured in one frame; ``support``: contrast times coverage of its fainter rim."""
 
     annulus: Annulus
     support: float
-    lasting: bool
 
 
 def follow(image: Image, near: Annulus) -> Followed:
@@ -181,7 +176,8 @@ def follow(image: Image, near: Annulus) -> Followed:
     followed = _measure(looks, near, (0.06, 0.03, 0.015))
     if followed.support < 2 * LEAST_SUPPORT:
         farther = _measure(looks, near, (0.3, 0.1, 0.03, 0.015))
-        if farther.support > followed.support and (farther.lasting or not followed.lasting):
+        # a specular ring, beyond which it is not bright, may be clearer than the rim
+        if farther.support > followed.support and (looks[1].lasts(farther) or not looks[1].lasts(followed)):
             return farther
     return followed
 
@@ -197,6 +193,10 @@ class _Look:
     def at(cls, image: Image) -> "_Look":
         return cls(image, dark_level(image))
 
+    def lasts(self, followed: Followed) -> bool:
+        """Return whether it is bright beyond the inner rim, as it is not beyond a specular ring."""
+        return _lasts(self.image, describe(self.image, self.dark, followed.annulus.rings[0]))
+
 
 def _measure(looks: tuple[_Look, _Look], near: Annulus, reaches: tuple[float, ...]) -> Followed:
     """Fit both rims to the steepest edges within ever shorter reaches, which are parts of the outer radius.
@@ -211,7 +211,6 @@ def _measure(looks: tuple[_Look, _Look], near: Annulus, reaches: tuple[float, ..
     return Followed(
         Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px),
         min(of_inner, of_outer),
-        _lasts(whole.image, describe(whole.image, whole.dark, inner)),
     )
 
 

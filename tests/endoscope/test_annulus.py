@@ -114,9 +114,9 @@ def test_an_annulus_that_jumped_is_found_again() -> None:
 
 
 def test_a_frame_that_lost_its_rims_takes_the_place_of_those_around() -> None:
-    good = [Followed(TRUE.moved(0.2 * k, 0.0), 1.0, lasting=True) for k in range(7)]
-    good[3] = Followed(TRUE.moved(30.0, 5.0), 0.02, lasting=True)
-    good[5] = Followed(TRUE.moved(9.0, 0.0), 1.0, lasting=True)  # clear, but apart from its neighbours
+    good = [Followed(TRUE.moved(0.2 * k, 0.0), 1.0) for k in range(7)]
+    good[3] = Followed(TRUE.moved(30.0, 5.0), 0.02)
+    good[5] = Followed(TRUE.moved(9.0, 0.0), 1.0)  # clear, but apart from its neighbours
     annuli, found = settle_annuli(good, TRUE, given=False)
     assert np.flatnonzero(~found).tolist() == [3, 5]
     np.testing.assert_allclose([a.outer_x_px - TRUE.outer_x_px for a in annuli], 0.2 * np.arange(7), atol=1e-9)
@@ -180,9 +180,7 @@ def test_a_rim_that_the_mean_image_blurs_is_taken_as_the_frames_have_it() -> Non
     """A small inner rim, 8 % smaller in every frame than where it was found first."""
     true = Annulus(80.0, 60.0, 26.0, 80.0, 60.0, 100.0)
     blurred = replace(true, inner_px=28.1)
-    annuli, found = settle_annuli(
-        [Followed(true.moved(k, 0), 0.5, lasting=True) for k in range(5)], blurred, given=False
-    )
+    annuli, found = settle_annuli([Followed(true.moved(k, 0), 0.5) for k in range(5)], blurred, given=False)
     assert found.all()
     assert annuli[0].inner_px == 26.0
-    assert not settle_annuli([Followed(true, 0.5, lasting=True)] * 5, blurred, given=True)[1].any()
+    assert not settle_annuli([Followed(true, 0.5)] * 5, blurred, given=True)[1].any()
