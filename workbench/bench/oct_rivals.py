@@ -106,8 +106,8 @@ def phase_correlation(recording: Path) -> Panorama:
     base = even(recording)
 
     def shift(before: Image, here: Image) -> Coordinates:
-        if not np.ptp(before) or not np.ptp(here):
-            return np.zeros(here.size)  # a row without relief
+        if not (np.ptp(before) > 0 and np.ptp(here) > 0):
+            return np.zeros(here.size)  # a row without relief, or not seen
         # two rows, as the function wants an image
         found = phase_cross_correlation(np.stack([before] * 2), np.stack([here] * 2), upsample_factor=10)[0]
         return np.full(here.size, float(found[1]))
