@@ -1,5 +1,10 @@
 """What endoct raises for input it cannot use."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+LONGEST_CAUSE = 300
+
 
 class EndoctError(Exception):
     """Input that cannot be used, told in one line: what, found, expected, remedy.
@@ -22,7 +27,7 @@ class EndoctError(Exception):
             f"expected {self.expected}" if self.expected else "",
             self.remedy,
         ]
-        return " ".join("; ".join(part for part in parts if part).split())
+        return visible(" ".join("; ".join(part for part in parts if part).split()))
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (type(self), self.what, self.found, self.expected, self.remedy)
@@ -30,6 +35,34 @@ class EndoctError(Exception):
 
 class NotSeen(EndoctError):
     """A recording that can be read, but does not show what is looked for in it."""
+
+
+@contextmanager
+def refusing(what: str, *, expected: str = "", remedy: str = "") -> Iterator[None]:
+    """Turn whatever a library raises about a file into one :class:`EndoctError` that names the cause.
+
+    For the boundary where a file is handed to a library, which may raise anything on damaged or hostile bytes.
+    Memory that runs out passes: it is not the file's fault alone.
+    """
+    try:
+        yield
+    except (EndoctError, MemoryError):
+        raise
+    except Exception as error:
+        raise EndoctError(what, found=cause_of(error), expected=expected, remedy=remedy) from error
+
+
+def cause_of(error: BaseException) -> str:
+    """Return what an exception of a library says, in one line, with its kind where it says little."""
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
+    text = " ".join(((isinstance(error, OSError) and error.strerror) or str(error)).split())[:LONGEST_CAUSE]
+    return text if isinstance(error, OSError | ValueError) and text else f"{type(error).__name__}: {text}".rstrip(": ")
+
+
+def visible(text: str) -> str:
+    """Return ``text`` with what would steer a terminal, or cannot be encoded, written out: ESC as ``\\x1b``."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in text)
 
 
 def _rebuild(kind: type[EndoctError], what: str, found: str, expected: str, remedy: str) -> EndoctError:

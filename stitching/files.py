@@ -1,0 +1,103 @@
+"""A user's files: regular ones only, small ones read whole, and whether they stay as they are while they are read."""
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BufferedReader
+from pathlib import Path
+
+from endoct.stitching.errors import EndoctError
+
+SMALL_BYTES = 1_000_000
+"""Sidecars and the like have no more."""
+
+State = dict[str, tuple[int, ...]]
+"""Of every file below a path: device, number, size, and the times of its last changes."""
+
+
+@contextmanager
+def open_regular(path: Path) -> Iterator[BufferedReader]:
+    """Open a file to read. Raises :class:`EndoctError` for anything else: a device, a pipe, which would never end.
+
+    What the system says to the opening is an :class:`EndoctError` too; what it says later is an ``OSError``.
+    """
+    try:
+        # a pipe without a writer would have the opening wait
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except (OSError, ValueError) as error:
+        found = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise EndoctError(f"{path} cannot be read", found=found, remedy="check the path") from error
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        kind = _kind(handle)
+        os.close(handle)
+        raise EndoctError(f"{path} is no file with content", found=kind, expected="a regular file")
+    with os.fdopen(handle, "rb") as file:
+        yield file
+
+
+def read_start(path: Path, count: int) -> bytes:
+    """Return the first ``count`` bytes of a file, none where it is no regular file that can be read."""
+    try:
+        with open_regular(path) as file:
+            return file.read(count)
+    except (EndoctError, OSError):
+        return b""
+
+
+def read_small(path: Path, most_bytes: int = SMALL_BYTES) -> bytes:
+    """Return the bytes of a file that should be small. Raises :class:`EndoctError` where it is larger or unreadable."""
+    with open_regular(path) as file:
+        try:
+            data = file.read(most_bytes + 1)
+        except OSError as error:
+            raise EndoctError(f"{path} cannot be read", found=error.strerror or str(error)) from error
+    if len(data) > most_bytes:
+        raise EndoctError(
+            f"{path} is too large for what it should be",
+            found=f"more than {most_bytes / 1e6:g} MB",
+            remedy="check whether it is the right file",
+        )
+    return data
+
+
+def sha256_of(path: Path) -> str:
+    """Return the sha256 of a file's bytes. Raises :class:`EndoctError` where it is no regular file."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def state_of(path: Path) -> State:
+    """Return the state of a file, or of every file below a folder, to be held against a later one."""
+    files = [path] if not path.is_dir() else [place for place in path.rglob("*") if not place.is_dir()]
+    return {str(file): found for file in files if (found := _state(file))}
+
+
+def check_unchanged(path: Path, before: State) -> None:
+    """Raise :class:`EndoctError` where a file below ``path`` is not what it was when ``before`` was taken."""
+    after = state_of(path)
+    changed = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
+    if changed:
+        more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        raise EndoctError(
+            f"{path} was changed while it was read",
+            found=f"{changed[0]}{more} changed, new or gone",
+            expected="files that stay as they are",
+            remedy="wait until the recording is copied, and run it again",
+        )
+
+
+def _state(file: Path) -> tuple[int, ...]:
+    try:
+        of = file.stat()
+    except OSError:
+        return ()
+    return of.st_dev, of.st_ino, of.st_size, of.st_mtime_ns, of.st_ctime_ns
+
+
+def _kind(handle: int) -> str:
+    mode = os.fstat(handle).st_mode
+    devices = (stat.S_ISBLK, "a device"), (stat.S_ISCHR, "a device")
+    kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), *devices)
+    return next((word for is_kind, word in kinds if is_kind(mode)), "something else")
