@@ -100,7 +100,9 @@ def dataset(
         labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
         recordings_per_bore: specimens in a row that show one bore
         workers: processes that make it; default: one for each processor
-        scheduler: address of a dask scheduler, whose workers make it; they must see the output folder under its name
+        scheduler: address of a dask scheduler, whose workers make it; they must see the output folder under its name.
+            Whoever can reach that scheduler can run code on its workers and on this machine: let it be one you trust,
+            on a network you trust, and use tls://
         dry_run: make one specimen in a temporary folder and say what all would take
         json: print the result as JSON
     """

@@ -10,7 +10,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
 from endoct.workbench.dataset.identity import check_worker
 from endoct.workbench.dataset.making import Done, Make, make_unit
 from endoct.workbench.dataset.plan import Plan, Unit
@@ -23,8 +23,6 @@ DEATHS = 5  # workers that may die holding a unit before that unit is thought to
 POLL_S = 5.0
 LONELY_S = 60.0
 CONNECT_S = 20.0
-# a terminal sends Ctrl-C to every process it has; workers end with their cluster, without a traceback each
-LEAVE_INTERRUPTS_TO_THE_COMMAND = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 # dask by itself has workers give memory back at once; fetching it anew for every array takes twice the processor's time
 WORKER_ENVIRONMENT = {"OMP_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1, "MKL_NUM_THREADS": 1}
 AGAIN = "start again with the same arguments; what is finished is kept"
@@ -82,9 +80,10 @@ def make_on(client: "Client", root: Path, plan: Plan, wanted: Iterable[Unit], ma
 
 @contextmanager
 def own_cluster(workers: int) -> Iterator["Client"]:
-    """Yield the client of ``workers`` processes with one thread each, which end with this one."""
+    """Yield the client of ``workers`` processes with one thread each, which end with this one and obey it alone."""
     import dask
-    from distributed import Client, LocalCluster
+
+    from endoct.workbench.dataset.cluster import private_cluster
 
     with (
         tempfile.TemporaryDirectory(prefix="endoct-workers-", ignore_cleanup_errors=True) as scratch,
@@ -94,17 +93,7 @@ def own_cluster(workers: int) -> Iterator["Client"]:
                 "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
             }
         ),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",  # any port: the usual one may be taken, which would be told on stderr
-            local_directory=scratch,
-            silence_logs=logging.CRITICAL,
-            preload=[LEAVE_INTERRUPTS_TO_THE_COMMAND],
-        ) as cluster,
-        Client(cluster) as client,
+        private_cluster(workers, scratch) as client,
     ):
         yield client
 
@@ -113,20 +102,26 @@ def own_cluster(workers: int) -> Iterator["Client"]:
 def existing_cluster(address: str) -> Iterator["Client"]:
     """Yield the client of the scheduler at ``address``.
 
-    Raises :class:`EndoctError` where there is none, or it has no worker.
+    Who answers there is trusted: what it sends is unpickled here, which may run anything. Raises :class:`EndoctError`
+    where there is none, or it has no worker.
     """
     from distributed import Client
+    from distributed.security import Security
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    try:
-        client = Client(address, timeout=CONNECT_S)
-    except (OSError, ValueError) as error:
-        raise EndoctError(
-            f"no scheduler answers at {address}",
-            found=str(error)[:200],
-            expected="an address as tcp://host:8786",
-            remedy="start one with `dask scheduler`, or leave --scheduler out",
-        ) from error
+    with refusing(
+        f"no scheduler answers at {address}",
+        expected="an address as tcp://host:8786 or tls://host:8786",
+        remedy="start one with `dask scheduler`, or leave --scheduler out",
+    ):
+        security = Security()
+        if address.startswith("tls://") and not (security.tls_ca_file and security.tls_client_cert):
+            raise EndoctError(
+                f"{address} cannot be reached without credentials",
+                expected="distributed.comm.tls in Dask's configuration",
+                remedy="see docs/datasets.md",
+            )
+        client = Client(address, security=security, timeout=CONNECT_S)
     with client:
         try:
             client.wait_for_workers(1, timeout=CONNECT_S)

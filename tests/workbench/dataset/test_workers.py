@@ -2,15 +2,25 @@
 
 import os
 import signal
+import socket
+import ssl
+import stat
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import cheap_specimens
 import cloudpickle
+import dask
+import psutil
 import pytest
 from cheap_specimens import Cheap, contents, leftovers
+from distributed import Client, LocalCluster
+from distributed.security import Security
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.dataset.building import make_dataset
@@ -57,11 +67,85 @@ def test_a_killed_worker_costs_nothing_but_what_it_was_at(tmp_path: Path, by_one
     assert not leftovers(tmp_path / "set")
 
 
-def test_workers_of_an_existing_cluster_make_the_same(tmp_path: Path, by_one: dict[str, bytes]) -> None:
-    with own_cluster(2) as client:
-        address = client.scheduler.address
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+def test_workers_of_an_existing_cluster_make_the_same(tmp_path: Path, by_one: dict[str, bytes], protocol: str) -> None:
+    with (
+        dask.config.set(_credentials(tmp_path) if protocol == "tls" else {}),
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", protocol=protocol, dashboard_address="127.0.0.1:0"
+        ) as cluster,
+    ):
+        address = cluster.scheduler_address
+        assert address.startswith(f"{protocol}://")
         make_dataset(tmp_path / "set", PLAN, scheduler=address, make=Cheap(tmp_path / "log"))
     assert contents(tmp_path / "set") == by_one
+
+
+def _credentials(folder: Path) -> dict[str, str]:
+    """Return what a user tells Dask, in its configuration, of credentials in files."""
+    made = Security.temporary()
+    (folder / "certificate.pem").write_text(made.tls_ca_file)
+    (folder / "key.pem").write_text(made.tls_client_key)
+    told = {"distributed.comm.tls.ca-file": str(folder / "certificate.pem")}
+    for role in ("client", "scheduler", "worker"):
+        told[f"distributed.comm.tls.{role}.cert"] = str(folder / "certificate.pem")
+        told[f"distributed.comm.tls.{role}.key"] = str(folder / "key.pem")
+    return told
+
+
+def test_who_has_no_credentials_is_refused(tmp_path: Path) -> None:
+    with own_cluster(2) as client:
+        port = urlsplit(client.scheduler.address).port
+        for address, security in (
+            (f"tcp://127.0.0.1:{port}", None),
+            (f"tls://127.0.0.1:{port}", Security.temporary()),
+        ):
+            with pytest.raises(OSError, match=r"closed|reset|does not match"):
+                Client(address, security=security, timeout=5)
+        # nannies and workers take no one else either: each asks for a certificate
+        ours = [psutil.Process(), *psutil.Process().children(recursive=True)]
+        open_ = {one.laddr for each in ours for one in each.net_connections("tcp") if one.status == psutil.CONN_LISTEN}
+        assert len(open_) == 1 + 2 + 2
+        for place in open_:
+            assert place.ip == "127.0.0.1"
+            assert _refuses(place.port)
+        assert client.submit(os.getpid).result() != os.getpid()
+
+
+def _refuses(port: int) -> bool:
+    """Whether a caller that speaks TLS, but has no certificate, is sent away, and one that speaks HTTP as well."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    try:
+        with context.wrap_socket(socket.create_connection(("127.0.0.1", port), timeout=10)) as secure:
+            secure.sendall(b"GET / HTTP/1.0\r\n\r\n")
+            answered = bool(secure.recv(1))
+    except ssl.SSLError:
+        answered = False
+    with suppress(ConnectionError), socket.create_connection(("127.0.0.1", port), timeout=10) as plain:
+        plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
+        answered = answered or b"HTTP" in plain.recv(100)
+    return not answered
+
+
+def test_credentials_are_nobody_elses_to_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    seen: list[int] = []
+    load = ssl.SSLContext.load_cert_chain
+
+    def looking(context: ssl.SSLContext, certificate: str, key: str) -> None:
+        seen.append(stat.S_IMODE(Path(key).parent.stat().st_mode))
+        load(context, certificate, key)
+
+    monkeypatch.setattr(ssl.SSLContext, "load_cert_chain", looking)
+    with own_cluster(1) as client:
+        key = client.security.tls_client_key.encode()
+        files = [path for path in tmp_path.rglob("*") if path.is_file()]
+        assert not any(key in path.read_bytes() for path in files)
+        children = psutil.Process().children(recursive=True)
+        assert not any(b"PRIVATE KEY" in " ".join(child.cmdline()).encode() for child in children)
+    assert seen
+    assert set(seen) == {0o700}
 
 
 def test_an_error_of_a_worker_is_told_as_it_is(tmp_path: Path) -> None:
@@ -75,6 +159,11 @@ def test_no_scheduler_and_a_worker_that_does_not_see_the_set(tmp_path: Path, mon
     with (
         pytest.raises(EndoctError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"),
         existing_cluster("tcp://127.0.0.1:9"),
+    ):
+        pass
+    with (
+        pytest.raises(EndoctError, match=r"tls://127\.0\.0\.1:9 cannot be reached without credentials"),
+        existing_cluster("tls://127.0.0.1:9"),
     ):
         pass
     with pytest.raises(EndoctError, match="does not see"):
