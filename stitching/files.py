@@ -69,9 +69,18 @@ def sha256_of(path: Path) -> str:
 
 
 def state_of(path: Path) -> State:
-    """Return the state of a file, or of every file below a folder, to be held against a later one."""
+    """Return the state of a file, or of every file below a folder, to be held against a later one.
+
+    Hidden files, and what file managers leave, do not count.
+    """
     files = [path] if not path.is_dir() else [place for place in path.rglob("*") if not place.is_dir()]
-    return {str(file): found for file in files if (found := _state(file))}
+    counted = (file for file in files if file == path or not is_left_by_system(file.name))
+    return {str(file): found for file in counted if (found := _state(file))}
+
+
+def is_left_by_system(name: str) -> bool:
+    """Say whether a file of that name is hidden, or what file managers leave in every folder: nobody's recording."""
+    return name.startswith(".") or name in ("Thumbs.db", "desktop.ini")
 
 
 def check_unchanged(path: Path, before: State) -> None:

@@ -58,11 +58,19 @@ class Cheap:
 
 
 def contents(root: Path) -> dict[str, bytes]:
-    """Return all that must not depend on who made the set: every file but records (which hold times) and the lock."""
-    files = [path for path in root.rglob("*") if path.is_file() and path.name != ".lock"]
-    return {path.relative_to(root).as_posix(): path.read_bytes() for path in files if path.parent != root / "records"}
+    """Return all that must not depend on who made the set: every file but records (which hold times) and hidden ones.
+
+    What was damaged and set aside does not count either.
+    """
+    files = [path for path in root.rglob("*") if path.is_file() and not path.name.startswith(".")]
+    apart = root / "records", root / "damaged"
+    return {
+        path.relative_to(root).as_posix(): path.read_bytes()
+        for path in files
+        if not any(path.is_relative_to(one) for one in apart)
+    }
 
 
 def leftovers(root: Path) -> list[Path]:
-    """Return what is hidden in the set, beside its lock."""
-    return [path for path in root.rglob(".*") if path.name != ".lock"]
+    """Return what is hidden in the set, beside its lock and its digests."""
+    return [path for path in root.rglob(".*") if path.name not in (".lock", ".written.json")]

@@ -1,18 +1,19 @@
 """The public Python interface: what the command line does, as functions."""
 
-import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from endoct.fusion.comparison import CompareParameters
 from endoct.fusion.outcome import Comparison
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import new_output
+from endoct.stitching.output import check_output, check_place, new_output, remove_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.synthetic.presets import PresetName
 from endoct.workbench.comparing import Side, write_comparison
+from endoct.workbench.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
 from endoct.workbench.progress import SilentStages, Stages
 from endoct.workbench.simulating import simulate
 from endoct.workbench.summarising import summarise as _summarise
@@ -45,7 +46,7 @@ def unroll(
         if volume:
             raise EndoctError("a volume needs an output", remedy="name one")
         return unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages).panorama
-    with new_output(Path(output), overwrite=overwrite) as scratch:
+    with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch:
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
         save_panorama(made.panorama, scratch)
         if volume:
@@ -74,12 +75,14 @@ def compare(
     :class:`EndoctError` where a side cannot be used or ``output`` exists.
     """
     sides = (Side(Path(a), modality_a, settings_a or {}), Side(Path(b), modality_b, settings_b or {}))
-    with new_output(Path(output), overwrite=overwrite) as scratch:
+    masks = tuple(Path(path) for path in truth)
+    inputs = [sides[0].path, sides[1].path, *masks]
+    with new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs) as scratch:
         return write_comparison(
             sides,
             scratch,
             parameters=parameters or CompareParameters(),
-            truth=tuple(Path(path) for path in truth),
+            truth=masks,
             stages=stages or SilentStages(),
         )
 
@@ -97,10 +100,12 @@ def summarise(
     See :func:`endoct.workbench.summarising.summarise`. Raises :class:`EndoctError` where a folder is no comparison, no
     two of two sets can be paired, or ``output`` exists.
     """
-    tables = _summarise([Path(f) for f in folders], [Path(f) for f in against], repeats=repeats)
-    if output is not None:
-        with new_output(Path(output), overwrite=overwrite) as scratch:
-            write_summary(tables, scratch)
+    first, second = [Path(f) for f in folders], [Path(f) for f in against]
+    if output is None:
+        return _summarise(first, second, repeats=repeats)
+    with new_output(Path(output), SUMMARY, overwrite=overwrite, inputs=[*first, *second]) as scratch:
+        tables = _summarise(first, second, repeats=repeats)
+        write_summary(tables, scratch)
     return tables
 
 
@@ -120,13 +125,16 @@ def demo(
     existed = output.exists()
     if existed and not overwrite:
         raise EndoctError(f"{output} exists already", remedy="choose another output, or say --overwrite")
-    specimen = output / "specimen"
+    check_place(output)
+    specimen, comparison = output / "specimen", output / "comparison"
+    for part, kind in ((specimen, SPECIMEN), (comparison, COMPARISON)):
+        check_output(part, kind, overwrite=overwrite)
     try:
         simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, stages=stages)
-        return compare(
-            specimen / "endoscope", specimen / "oct", output / "comparison", overwrite=overwrite, stages=stages
-        )
+        return compare(specimen / "endoscope", specimen / "oct", comparison, overwrite=overwrite, stages=stages)
     except BaseException:
         if not existed:
-            shutil.rmtree(output, ignore_errors=True)
+            remove_output(specimen, SPECIMEN)
+            with suppress(OSError):  # somebody else has put something there
+                output.rmdir()
         raise

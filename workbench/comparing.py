@@ -20,6 +20,7 @@ from endoct.fusion.store import save_comparison
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama, save_panorama
 from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
@@ -49,9 +50,10 @@ def write_comparison(
 ) -> Comparison:
     """Compare the two sides and write everything `endoct compare` promises into ``folder``.
 
-    Raises :class:`EndoctError` where a side cannot be used.
+    Raises :class:`EndoctError` where a side cannot be used, or is changed while it is read.
     """
     start = time.perf_counter()
+    files = {path: state_of(path) for path in (*(side.path for side in sides), *truth)}
     # whatever cannot be used is told before the work of unrolling is done
     opened = {k: one for k, one in enumerate(map(_open, sides)) if one is not None}
     if len(opened) == 2:
@@ -100,6 +102,8 @@ def write_comparison(
                 "in all, before the report": round(time.perf_counter() - start, 3),
             },
         }
+        for path, state in files.items():
+            check_unchanged(path, state)
         (folder / "result.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         with stages.stage("report"):
             from endoct.workbench.report import write_report  # only who draws loads matplotlib

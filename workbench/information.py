@@ -10,8 +10,12 @@ from endoct.modalities.acquisition import read_keys, sidecar_path, validate
 from endoct.modalities.contract import Manifest
 from endoct.modalities.registry import manifest_for, manifests, open_recording
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import read_small
 from endoct.stitching.output import new_output
 from endoct.stitching.store import is_panorama, load_panorama
+from endoct.workbench.kinds import SIDECAR
+
+_FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."
 
 
 def installed_modalities() -> list[dict[str, Any]]:
@@ -75,23 +79,34 @@ def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool)
     """Write an ``acquisition.toml`` to fill in; return its path and the keys still missing, with why they matter.
 
     Keys that an existing sidecar has are kept. Raises :class:`EndoctError` where one exists and ``overwrite`` is
-    not set, or the modality cannot be told.
+    not set, or it is no such template or holds comments of the user's own, or the modality cannot be told.
     """
     manifest = manifest_for(path, modality)
     sidecar = sidecar_path(path)
     if sidecar.exists() and not overwrite:
         raise EndoctError(f"{sidecar} exists already", remedy="edit it, or say --overwrite to lay its keys out anew")
     kept = read_keys(path) | {"modality": manifest.name}
-    lines = [f"# What the files of {path.name} do not say themselves. Leave out what is not known.", ""]
+    lines = [f"{_FIRST_LINE[0]}{path.name}{_FIRST_LINE[1]}", ""]
     for key, field in manifest.acquisition.model_fields.items():
-        lines += [
-            f"# {field.description}" + (" (required)" if field.is_required() else ""),
-            _line(key, field, kept),
-            "",
-        ]
-    with new_output(sidecar, overwrite=overwrite) as scratch:
+        lines += [f"# {_about(field)}", _line(key, field, kept), ""]
+    with new_output(sidecar, SIDECAR, overwrite=overwrite, is_ours=_is_template) as scratch:
         scratch.write_text("\n".join(lines), encoding="utf-8")
     return sidecar, _missing(manifest, kept)
+
+
+def _is_template(sidecar: Path) -> bool:
+    """Say whether a sidecar is a template, filled in perhaps, without a comment of the user's own: keys are kept."""
+    lines = read_small(sidecar).decode("utf-8", "replace").splitlines()
+    fields = [field for manifest in manifests().values() for field in manifest.acquisition.model_fields.items()]
+    comments = {
+        line for key, field in fields for line in (f"# {_about(field)}", _line(key, field, {}).rstrip())
+    }  # fmt: skip
+    begins = bool(lines) and lines[0].startswith(_FIRST_LINE[0]) and lines[0].endswith(_FIRST_LINE[1])
+    return begins and all("#" not in line or line.rstrip() in comments for line in lines[1:])
+
+
+def _about(field: FieldInfo) -> str:
+    return f"{field.description}" + (" (required)" if field.is_required() else "")
 
 
 def _missing(manifest: Manifest, keys: dict[str, Any]) -> dict[str, str]:

@@ -9,12 +9,14 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from endoct.stitching.output import new_output
+from endoct.stitching.contents import marked
+from endoct.stitching.output import check_output, new_output
 from endoct.workbench.beside import Beside, Tell
 from endoct.workbench.doubts import doubts, without_stop
 from endoct.workbench.figures.all import draw_on_grid, draw_on_own_rows
 from endoct.workbench.figures.drawing import Drawn
 from endoct.workbench.findings import Findings, read_findings
+from endoct.workbench.kinds import FIGURES, REPORT
 from endoct.workbench.report_scores import score_tables
 from endoct.workbench.report_tables import numbers, provenance, threshold_text
 from endoct.workbench.wording import bullets, interval_text, value_text
@@ -41,16 +43,18 @@ def write_report(folder: Path, beside: Beside | None = None) -> Path:
     wrote; nothing else in it is changed. Raises :class:`EndoctError` where it is no whole comparison or cannot be
     written.
     """
-    findings = read_findings(folder)
     page = folder / "report.html"
-    with new_output(folder / "figures", overwrite=True) as figures:
+    check_output(page, REPORT, overwrite=True)
+    check_output(folder / "figures", FIGURES, overwrite=True)
+    findings = read_findings(folder)
+    with new_output(folder / "figures", FIGURES, overwrite=True) as figures:
         figures.mkdir()
         there = None if beside is None else beside.call(_draw_there, folder, figures)
         on_grid = draw_on_grid(findings, figures)
         own = draw_on_own_rows(findings, figures) if there is None else there.result()
         html = page_html(findings, [*on_grid, *own])
-    with new_output(page, overwrite=True) as scratch:
-        scratch.write_text(html, encoding="utf-8")
+    with new_output(page, REPORT, overwrite=True) as scratch:
+        scratch.write_text(marked(html), encoding="utf-8")
     return page
 
 

@@ -10,6 +10,7 @@ from endoct.stitching.output import new_output
 from endoct.synthetic.presets import PresetName
 from endoct.synthetic.ranges import NO_WISHES, Wish
 from endoct.synthetic.specimen import simulate as render
+from endoct.workbench.kinds import SPECIMEN
 from endoct.workbench.progress import SilentStages, Stages
 from endoct.workbench.threads import one_blas_thread
 
@@ -36,7 +37,11 @@ def simulate(
     """
     stages = stages or SilentStages()
     sample = _read_json(Path(replay)) if replay is not None else None
-    with new_output(Path(output), overwrite=overwrite) as scratch, stages.stage(f"simulate {preset}") as advance:
+    inputs = [] if replay is None else [Path(replay)]
+    with (
+        new_output(Path(output), SPECIMEN, overwrite=overwrite, inputs=inputs) as scratch,
+        stages.stage(f"simulate {preset}") as advance,
+    ):
         render(
             scratch,
             preset=preset,

@@ -13,6 +13,7 @@ from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest
 from endoct.modalities.recording import map_frames
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.errors import EndoctError, NotSeen
+from endoct.stitching.files import State, check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.inputs import digests, versions
 from endoct.workbench.progress import Advance, Stages
@@ -31,9 +32,10 @@ class Unrolled:
 
 @dataclass(frozen=True)
 class Opened:
-    """A recording that is known to be readable, with the parameters to process it with."""
+    """A recording that is known to be readable, with the parameters to process it with, and its files as they were."""
 
     path: Path
+    files: State
     manifest: Manifest
     stream: FrameStream
     parameters: Any
@@ -65,15 +67,17 @@ def open_side(path: Path, *, modality: str | None, settings: Mapping[str, Any]) 
     ``settings`` holds keys of its sidecar and of its plug-in's parameters. Raises :class:`EndoctError` where the
     recording, its sidecar or a setting cannot be used.
     """
+    files = state_of(path)
     overrides, parameters = split(settings, manifest_for(path, modality))
     manifest, stream = open_recording(path, modality=modality, overrides=overrides)
-    return Opened(path, manifest, stream, parameters)
+    return Opened(path, files, manifest, stream, parameters)
 
 
 def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolled:
     """Survey, unroll and settle an opened recording.
 
-    ``label`` tells apart the stages of two recordings. Raises :class:`EndoctError` where it shows no bore wall.
+    ``label`` tells apart the stages of two recordings. Raises :class:`EndoctError` where it shows no bore wall, or its
+    files were changed since it was opened.
     """
     manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
     implementation = manifest.load()
@@ -98,6 +102,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
         with stages.stage(f"settle {title}"):
             settled = implementation.settle(blended, calibration)
         panorama = replace(settled, provenance={**settled.provenance, "inputs": inputs.result()})
+    check_unchanged(opened.path, opened.files)
     if not panorama.valid.any():
         raise NotSeen(
             f"nothing of the wall could be seen in {opened.path}",

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import new_output, refuse_existing
+from endoct.stitching.output import check_output, new_output
 from endoct.workbench.bench.asking import narrowed, parse_seeds
 from endoct.workbench.bench.keeping import Kept, kept_beside
 from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
@@ -27,6 +27,7 @@ from endoct.workbench.bench.runner import Plan, Row, run
 from endoct.workbench.bench.summary import score_names
 from endoct.workbench.bench.task import Task
 from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
+from endoct.workbench.kinds import BENCH_RESULTS
 from endoct.workbench.progress import Stages
 
 MOST_LISTED = 20
@@ -116,7 +117,7 @@ def run_bench(
     if output is None:
         *_, told, lines = _run(task, plan, workers, None, stages)
         return told, lines
-    refuse_existing(output, overwrite)
+    check_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data)
     kept = kept_beside(output, plan, overwrite=overwrite)
     try:
         rows, apart, told, lines = _run(task, plan, workers, kept, stages)
@@ -124,7 +125,7 @@ def run_bench(
         raise KeyboardInterrupt(
             f"{len(kept.read())} of {len(plan.sources)} cases are kept in {kept.folder}; the same command goes on"
         ) from None
-    with new_output(output, overwrite=overwrite) as scratch:
+    with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data) as scratch:
         scratch.mkdir()
         _write(task, rows, apart, told, scratch, stages)
     kept.remove()

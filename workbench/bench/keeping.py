@@ -6,7 +6,8 @@ all methods have been through. Each file appears whole or not at all, and the fo
 
 import hashlib
 import json
-import shutil
+import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
@@ -15,12 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.scratch import clear_dead_scratch, new_file
 from endoct.workbench.bench.methods import load_task, module_of, origin
 from endoct.workbench.bench.runner import Plan, Row
-from endoct.workbench.dataset.files import disk_errors_told, new_file
+from endoct.workbench.dataset.files import disk_errors_told
 from endoct.workbench.inputs import versions
 
 RUN = "run.json"
+_KEPT = re.compile(r"run\.json|[0-9]{6}\.json")
 PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
 
@@ -41,7 +44,7 @@ class Kept:
 
     def remove(self) -> None:
         """Remove the folder, when the output is there."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        _remove(self.folder)
 
 
 def kept_beside(output: Path, plan: Plan, *, overwrite: bool) -> Kept:
@@ -58,6 +61,7 @@ def kept_beside(output: Path, plan: Plan, *, overwrite: bool) -> Kept:
     except (OSError, ValueError) as error:
         raise EndoctError(f"{folder / RUN} cannot be read", found=str(error), remedy="remove that folder") from error
     if begun == wanted:
+        clear_dead_scratch(folder)
         return Kept(folder)
     if begun is not None and not overwrite:
         other = [name for name in wanted if begun.get(name) != wanted[name]]
@@ -66,7 +70,7 @@ def kept_beside(output: Path, plan: Plan, *, overwrite: bool) -> Kept:
             found=f"another {', '.join(other)}",
             remedy="go on with what it was begun with, choose another output, or say --overwrite",
         )
-    shutil.rmtree(folder, ignore_errors=True)
+    _remove(folder)
     _write(folder / RUN, wanted)
     return Kept(folder)
 
@@ -106,6 +110,26 @@ def _digest(files: Sequence[Path]) -> str:
     for path in files:
         source.update(path.read_bytes())
     return source.hexdigest()[:16]
+
+
+def _remove(folder: Path) -> None:
+    """Remove what is kept. Raises :class:`EndoctError`, and removes nothing, where the folder holds anything else."""
+    if not os.path.lexists(folder):
+        return
+    if folder.is_symlink() or not folder.is_dir():
+        raise EndoctError(f"{folder} is no folder that endoct made", remedy="move it away, or choose another output")
+    clear_dead_scratch(folder)
+    files = sorted(folder.iterdir())
+    others = [path.name for path in files if not (path.is_file() and _KEPT.fullmatch(path.name))]
+    if others:
+        raise EndoctError(
+            f"{folder} holds what endoct did not write",
+            found=", ".join(others[:3]),
+            remedy="move it away, or choose another output",
+        )
+    for path in files:
+        path.unlink()
+    folder.rmdir()
 
 
 def _write(path: Path, content: Any) -> None:

@@ -3,17 +3,19 @@
 import math
 import os
 import shutil
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from endoct.modalities.recording import map_frames
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import check_place
+from endoct.stitching.scratch import HeldError, clear_dead_scratch, held, temporary_folder
 from endoct.synthetic.draw import draw
-from endoct.workbench.dataset.files import HeldError, clear_dead_scratch, disk_errors_told, held, new_file
-from endoct.workbench.dataset.identity import check_identity, write_identity
+from endoct.workbench.dataset.files import WRITTEN, count_damaged, disk_errors_told, top_file
+from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
 from endoct.workbench.dataset.manifest import write_manifest
 from endoct.workbench.dataset.plan import Plan, Unit, job, units
@@ -28,13 +30,17 @@ LOCK_NAME = ".lock"
 
 @dataclass(frozen=True)
 class Built:
-    """What a run did: specimens in the set, made now, and found finished; bytes of them all; seconds it took."""
+    """What a run did: specimens in the set, made now, and found finished; bytes of them all; seconds it took.
+
+    ``set_aside``: how many specimens or shards were not as their records say, and lie in ``damaged/`` now.
+    """
 
     count: int
     made: int
     kept: int
     bytes: int
     seconds: float
+    set_aside: int = 0
 
 
 @dataclass(frozen=True)
@@ -74,9 +80,9 @@ def make_dataset(
     stages = stages or SilentStages()
     root, workers = _checked(output, plan, workers, scheduler)
     with disk_errors_told(root), _begun(root, plan):
-        clear_dead_scratch(root)
-        with stages.stage("what is there"):
-            sizes = {unit.name: record.bytes for unit in units(plan) if (record := finished(root, plan, unit))}
+        _clear(root)
+        set_aside = count_damaged(root)
+        sizes = _finished_bytes(root, plan, stages)
         missing = [unit for unit in units(plan) if unit.name not in sizes]
         size = sum(sizes.values())
         to_make = sum(len(unit.indices) for unit in missing)
@@ -93,11 +99,12 @@ def make_dataset(
                         gone_by += done.specimens
                         advance(gone_by / to_make)
             finally:
-                clear_dead_scratch(root)  # of workers that died, or that were ended with their cluster
+                _clear(root)  # what workers left that died, or that were ended with their cluster
         with stages.stage("manifest and contact sheet"):
             write_manifest(root, plan)
             write_sheet(root)
-    return Built(plan.count, made, plan.count - made, size, time.perf_counter() - start)
+    set_aside = count_damaged(root) - set_aside
+    return Built(plan.count, made, plan.count - made, size, time.perf_counter() - start, set_aside)
 
 
 def forecast(
@@ -119,12 +126,12 @@ def forecast(
         with existing_cluster(scheduler) as client:
             workers = max(1, sum(client.nthreads().values()))
     missing = [unit for unit in units(plan) if finished(root, plan, unit) is None]
-    with stages.stage("one specimen to see"), tempfile.TemporaryDirectory(prefix="endoct-dry-run-") as folder:
+    with stages.stage("one specimen to see"), temporary_folder("dry-run") as folder:
         trial = replace(plan, count=1)
         unit = next(units(trial))
         _warm_up()
-        done = make_unit(Path(folder), trial, unit, make)
-        record = finished(Path(folder), trial, unit)
+        done = make_unit(folder, trial, unit, make)
+        record = finished(folder, trial, unit)
         files_a_unit = 1 + (len(record.files) if record is not None else 0)
     specimens = sum(len(unit.indices) for unit in missing)
     existing = next(path for path in (root, *root.parents) if path.exists())
@@ -145,6 +152,7 @@ def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str
     if workers is not None and workers < 1:
         raise EndoctError("--workers cannot be that", found=str(workers), expected="1 or more")
     root = Path(os.path.abspath(output))  # noqa: PTH100 - where a link leads may differ between machines
+    check_place(root)
     check_identity(root, plan)
     first = job(plan, 0)
     draw(plan.preset, first.seed, bore_seed=first.bore_seed, wishes=plan.wishes)
@@ -161,18 +169,45 @@ def _begun(root: Path, plan: Plan) -> Iterator[None]:
             check_identity(root, plan)  # again: somebody may have begun another one just now
             write_identity(root, plan)
             for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan))):
-                with new_file(root / name) as file:
+                with top_file(root, name) as file:
                     file.write(text.encode())
             try:
                 yield
             finally:
                 if not existed and not any((root / RECORDS).glob("*.json")):
-                    clear_dead_scratch(root)
-                    shutil.rmtree(root, ignore_errors=True)
+                    _leave_nothing(root)
     except HeldError as error:
         raise EndoctError(
             f"somebody is at work in {root} already", found=str(error), remedy="wait for that, or end it"
         ) from error
+
+
+def _finished_bytes(root: Path, plan: Plan, stages: Stages) -> dict[str, int]:
+    """Return the bytes of every unit that is finished, by name; each byte is read and held against its record."""
+    every = list(units(plan)) if (root / RECORDS).is_dir() else []
+    sizes: dict[str, int] = {}
+    with stages.stage("what is there") as advance:
+        records = map_frames(lambda unit: finished(root, plan, unit), every)
+        for done, (unit, record) in enumerate(zip(every, records, strict=True), 1):
+            if record is not None:
+                sizes[unit.name] = record.bytes
+            advance(done / len(every))
+    return sizes
+
+
+def _clear(root: Path) -> None:
+    for folder in (root, *(path for path in root.iterdir() if path.is_dir() and not path.is_symlink())):
+        clear_dead_scratch(folder)
+
+
+def _leave_nothing(root: Path) -> None:
+    """Remove what was begun of a set without a specimen, and nothing else that may lie there."""
+    _clear(root)
+    for name in (NAME, "LICENSE", "README.md", WRITTEN, LOCK_NAME):
+        (root / name).unlink(missing_ok=True)
+    for folder in (*(path for path in root.iterdir() if path.is_dir()), root):
+        with suppress(OSError):  # something lies in it
+            folder.rmdir()
 
 
 @contextmanager

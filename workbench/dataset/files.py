@@ -1,115 +1,107 @@
-"""Files that appear whole or not at all, their digests, locks that die with their holder, and full disks."""
+"""Files of a data set: their digests, how they come into it, and what the disk may do to them.
+
+Whatever is replaced is removed only where its record knows its bytes; else it is kept, in ``damaged/`` or beside.
+"""
 
 import hashlib
+import json
 import os
-import shutil
-import socket
-import sys
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from endoct.stitching.contents import Contents, differences, remove_listed, sync
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.exchange import exchange, put_new, uninterrupted
+from endoct.stitching.files import read_small, sha256_of
+from endoct.stitching.scratch import REPLACED, keep_aside, new_file, scratch_beside
 
-SCRATCH_PREFIX = ".making-"
-LOCK_NAME = "lock"
+DAMAGED = "damaged"
+WRITTEN = ".written.json"
+"""The digests of the files at the top of the set, by which those that somebody changed are known."""
 
-
-class HeldError(Exception):
-    """Somebody else holds the lock; the message is what he wrote into it."""
-
-
-@contextmanager
-def held(path: Path) -> Iterator[None]:
-    """Hold the lock ``path``; the operating system lets go of it with the process, however that ends.
-
-    Raises :class:`HeldError` where another process holds it.
-    """
-    with path.open("a+", encoding="utf-8") as file:
-        try:
-            _lock(file)
-        except (BlockingIOError, PermissionError) as error:
-            file.seek(0)
-            raise HeldError(file.read().strip() or "another process") from error
-        file.truncate(0)
-        file.write(f"process {os.getpid()} on {socket.gethostname()}\n")
-        file.flush()
-        yield
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(file: IO[str]) -> None:
-        file.seek(1 << 20)  # beyond the text, which others must be able to read
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-else:
-    import fcntl
-
-    def _lock(file: IO[str]) -> None:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
-@contextmanager
-def scratch_beside(place: Path) -> Iterator[Path]:
-    """Yield a hidden folder beside ``place`` that is removed in the end; while it is in use, its lock is held."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(prefix=f"{SCRATCH_PREFIX}{place.stem}-", dir=place.parent))
-    try:
-        with held(scratch / LOCK_NAME):
-            yield scratch
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
-
-
-def clear_dead_scratch(folder: Path) -> int:
-    """Remove the scratch folders in and below ``folder`` whose makers are dead, and return how many those were."""
-    cleared = 0
-    for scratch in [*folder.glob(f"{SCRATCH_PREFIX}*"), *folder.glob(f"*/{SCRATCH_PREFIX}*")]:
-        try:
-            with held(scratch / LOCK_NAME):
-                pass
-        except (HeldError, FileNotFoundError):  # in use, or removed by its maker just now
-            continue
-        shutil.rmtree(scratch, ignore_errors=True)
-        cleared += 1
-    return cleared
-
-
-def put(made: Path, place: Path, scratch: Path) -> None:
-    """Rename ``made`` to ``place``; what is there is moved into ``scratch`` first."""
-    if place.is_dir():
-        place.rename(scratch / "replaced")
-    made.replace(place)
-    _sync_folder(place.parent)
-
-
-@contextmanager
-def new_file(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file to write that becomes ``path`` when all is written; until then ``path`` is what it was."""
-    with scratch_beside(path) as scratch:
-        made = scratch / path.name
-        with made.open("wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        made.replace(path)
+Files = Mapping[str, tuple[int, str]]
+"""Path → (bytes, sha256)."""
 
 
 def store_and_digest(path: Path) -> tuple[int, str]:
     """Make sure that the file is on the disk; return its size in bytes and its sha256."""
-    with path.open("r+b") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-        os.fsync(file.fileno())
-        return file.tell(), digest
+    sync(path)
+    return path.stat().st_size, sha256_of(path)
 
 
-def digest_of(files: dict[str, tuple[int, str]]) -> str:
+def digest_of(files: Files) -> str:
     """Return the sha256 of the lines "sha256  path", sorted by path: that of ``sha256sum`` over them all."""
     lines = "".join(f"{sha}  {path}\n" for path, (_, sha) in sorted(files.items()))
     return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def put_unit(made: Path, place: Path, scratch: Path, root: Path, known: tuple[Files, ...]) -> None:
+    """Put a specimen's folder, or a shard, in its place in the set ``root``.
+
+    What is there goes where one of ``known`` lists all its bytes; else it is moved to ``damaged/``.
+    """
+    with uninterrupted():
+        try:
+            put_new(made, place)
+        except FileExistsError:
+            aside = scratch / REPLACED / place.name
+            aside.parent.mkdir(exist_ok=True)
+            old = exchange(made, place, aside)
+            _remove_or_keep(old, place, root, known)
+        sync(place.parent)
+
+
+def _remove_or_keep(old: Path, place: Path, root: Path, known: tuple[Files, ...]) -> None:
+    for files in known:
+        if not old.is_dir():
+            if (old.stat().st_size, sha256_of(old)) == files.get(place.name):
+                old.unlink()
+                return
+            continue
+        contents = Contents("specimen", files)
+        found = differences(old, contents)
+        if not found.altered and not found.added and remove_listed(old, contents):
+            return
+    (root / DAMAGED).mkdir(exist_ok=True)
+    keep_aside(old, root / DAMAGED / place.name)
+
+
+def count_damaged(root: Path) -> int:
+    """Return how many units were moved to ``damaged/`` since the set was begun."""
+    return sum(1 for _ in (root / DAMAGED).iterdir()) if (root / DAMAGED).is_dir() else 0
+
+
+@contextmanager
+def top_file(root: Path, name: str) -> Iterator[IO[bytes]]:
+    """Open a file at the top of the set to write anew; one that somebody changed is kept beside it, as NAME.kept-1."""
+    path, written = root / name, _written(root)
+    with scratch_beside(path) as scratch:
+        made = scratch / name
+        with made.open("wb") as file:
+            yield file
+        digest = store_and_digest(made)[1]
+        # noted before it is done, so that a run that dies in between leaves no file that nobody knows
+        _note_written(root, written | {name: [*written.get(name, [])[-1:], digest]})
+        with uninterrupted():
+            if os.path.lexists(path) and sha256_of(path) not in (digest, *written.get(name, ())):
+                keep_aside(path, path)
+            made.replace(path)
+        sync(root)
+
+
+def _written(root: Path) -> dict[str, list[str]]:
+    try:
+        stored = json.loads(read_small(root / WRITTEN))
+        return {str(name): [str(digest) for digest in digests] for name, digests in stored.items()}
+    except (EndoctError, ValueError, AttributeError, TypeError):
+        return {}  # then every file is kept that differs
+
+
+def _note_written(root: Path, written: Mapping[str, list[str]]) -> None:
+    with new_file(root / WRITTEN) as file:
+        file.write((json.dumps(written, indent=1) + "\n").encode())
 
 
 @contextmanager
@@ -123,12 +115,3 @@ def disk_errors_told(folder: Path) -> Iterator[None]:
             found=error.strerror or str(error),
             remedy="mend that and start again with the same arguments; what is finished is kept",
         ) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    if sys.platform != "win32":
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -8,7 +8,7 @@ from typing import Any
 
 import endoct.synthetic
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.dataset.files import new_file
+from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.inputs import versions
 from endoct.workbench.vary import shown
@@ -20,7 +20,7 @@ LICENCE = "CC0-1.0"
 def write_identity(root: Path, plan: Plan) -> None:
     """Write ``dataset.json`` for ``plan``."""
     stored = {"count": plan.count, "arguments": _arguments(plan), "licence": LICENCE, "versions": made_with()}
-    with new_file(root / NAME) as file:
+    with top_file(root, NAME) as file:
         file.write((json.dumps(stored, indent=1) + "\n").encode())
 
 

@@ -9,9 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.dataset.files import digest_of, disk_errors_told, put, scratch_beside, store_and_digest
+from endoct.stitching.scratch import scratch_beside
+from endoct.workbench.dataset.files import digest_of, disk_errors_told, put_unit, store_and_digest
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
-from endoct.workbench.dataset.records import MadeSpecimen, Record, Scalar, finished, sound_record, write_record
+from endoct.workbench.dataset.records import (
+    MadeSpecimen,
+    Record,
+    Scalar,
+    finished,
+    read_record,
+    sound_record,
+    write_record,
+)
 from endoct.workbench.dataset.shards import add_specimen, copy_specimens, new_shard
 
 Make = Callable[[Path, Plan, Job], None]
@@ -67,7 +76,8 @@ def make_unit(root: Path, plan: Plan, unit: Unit, make: Make = simulate_specimen
                 files = {place.name: store_and_digest(made)}
             if (record := finished(root, plan, unit)) is not None:  # by a worker that an earlier run had left behind
                 return Done(len(unit.indices), 0, 0.0, record.bytes)
-            put(made, place, scratch)
+            old_record = read_record(root, unit)
+            put_unit(made, place, scratch, root, (files, *([old_record.files] if old_record else [])))
             seconds = time.perf_counter() - start
             record = Record(specimens, files, round(seconds, 3))
             write_record(root, unit, record)

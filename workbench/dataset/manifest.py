@@ -7,7 +7,8 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.dataset.files import new_file
+from endoct.stitching.names import spreadsheet_text
+from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_of, units
 from endoct.workbench.dataset.records import MadeSpecimen, Scalar, read_record
 
@@ -20,7 +21,7 @@ def write_manifest(root: Path, plan: Plan) -> None:
     Raises :class:`EndoctError` where a record is missing.
     """
     made = heapq.merge(*(_specimens(root, plan, split) for split in SPLITS), key=lambda pair: pair[0].index)
-    with new_file(root / NAME) as file:
+    with top_file(root, NAME) as file:
         text = TextIOWrapper(file, encoding="utf-8", newline="")
         writer: csv.DictWriter[str] | None = None
         for specimen, unit in made:
@@ -48,6 +49,7 @@ def _specimens(root: Path, plan: Plan, split: Split) -> Iterator[tuple[MadeSpeci
 
 def _line(plan: Plan, made: MadeSpecimen, unit: Unit) -> dict[str, Scalar]:
     this = job(plan, made.index)
+    drawn = {name: str(value).lower() if isinstance(value, bool) else value for name, value in made.parameters.items()}
     return {
         "index": this.index,
         "name": this.name,
@@ -55,7 +57,7 @@ def _line(plan: Plan, made: MadeSpecimen, unit: Unit) -> dict[str, Scalar]:
         "seed": this.seed,
         "bore": this.bore,
         "bore_seed": this.bore_seed,
-        "digest": made.digest,
+        "digest": spreadsheet_text(made.digest),
         "path": unit.place.as_posix(),
-        **{name: str(value).lower() if isinstance(value, bool) else value for name, value in made.parameters.items()},
+        **{k: spreadsheet_text(value) if isinstance(value, str) else value for k, value in drawn.items()},
     }

@@ -6,10 +6,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from endoct.workbench.dataset.files import new_file
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import read_small, sha256_of
+from endoct.stitching.names import inside
+from endoct.stitching.scratch import new_file
 from endoct.workbench.dataset.plan import Plan, Unit, job
 
 RECORDS = "records"
+MOST_BYTES = 64_000_000
 
 Scalar = bool | int | float | str
 
@@ -52,33 +56,40 @@ def write_record(root: Path, unit: Unit, record: Record) -> None:
 def read_record(root: Path, unit: Unit) -> Record | None:
     """Return the record of ``unit``, None where there is none or it cannot be read."""
     try:
-        stored: dict[str, Any] = json.loads(_path(root, unit).read_text(encoding="utf-8"))
+        stored: dict[str, Any] = json.loads(read_small(_path(root, unit), MOST_BYTES))
         return Record(
             specimens=tuple(MadeSpecimen(**specimen) for specimen in stored["specimens"]),
             files={path: (int(size), str(sha)) for path, (size, sha) in stored["files"].items()},
             seconds=float(stored["seconds"]),
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (EndoctError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
         return None
 
 
 def sound_record(root: Path, unit: Unit) -> Record | None:
-    """Return the record of ``unit`` where every file it names is there with its size, else None.
+    """Return the record of ``unit`` where every file it names is there with its bytes, else None.
 
     It may tell of fewer specimens than ``unit`` has: of a shard that was the last of a smaller set.
     """
     record = read_record(root, unit)
     if record is None:
         return None
-    place = root / unit.place
-    for path, (size, _) in record.files.items():
-        file = place / path if path != place.name else place
+    return record if not faults(root, unit, record) else None
+
+
+def faults(root: Path, unit: Unit, record: Record) -> list[str]:
+    """Return the paths of the files that ``record`` names and that are not there with their bytes."""
+    place, wrong = root / unit.place, []
+    for path, (size, digest) in record.files.items():
         try:
-            if file.stat().st_size != size:
-                return None
-        except OSError:
-            return None
-    return record
+            file = (
+                place if path == place.name and not place.is_dir() else inside(place, path, f"the record {unit.name}")
+            )
+            if file.is_symlink() or file.stat().st_size != size or sha256_of(file) != digest:
+                wrong.append(path)
+        except (EndoctError, OSError):
+            wrong.append(path)
+    return wrong
 
 
 def finished(root: Path, plan: Plan, unit: Unit) -> Record | None:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from endoct.workbench.dataset.files import new_file
+from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.reading import Specimens
 
 NAME = "contact_sheet.png"
@@ -34,7 +34,7 @@ def write_sheet(root: Path) -> None:
             panel.set(xticks=[], yticks=[])
     for panel, title in zip(axes[0], TITLES, strict=True):
         panel.set_title(title, fontsize=9)
-    with new_file(root / NAME) as file:
+    with top_file(root, NAME) as file:
         figure.savefig(file, format="png", metadata={"Software": None})
 
 

@@ -13,7 +13,7 @@ from cheap_specimens import Cheap, contents, leftovers
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.dataset.building import forecast, make_dataset
-from endoct.workbench.dataset.files import HeldError, clear_dead_scratch, held, scratch_beside
+from endoct.stitching.scratch import HeldError, clear_dead_scratch, held, scratch_beside
 from endoct.workbench.dataset.plan import Job, Plan
 
 FOLDERS = Plan(5, seed=3)
@@ -22,7 +22,7 @@ SHARDS = Plan(13, seed=3, format="webdataset", specimens_per_shard=3)
 HOLD = """
 import sys
 from pathlib import Path
-from endoct.workbench.dataset.files import held, scratch_beside
+from endoct.stitching.scratch import held, scratch_beside
 with {what}:
     print("held", flush=True)
     sys.stdin.read()

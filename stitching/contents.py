@@ -1,0 +1,203 @@
+"""What an output of endoct holds, written into it: by that it is known for endoct's own, whole and unaltered.
+
+A folder has a file ``endoct-output.json`` with its kind and the size and sha256 of every file in it. A part that is
+written anew by itself is not listed so but named: a folder with such a file of its own, or a page whose last line holds
+the digest of all before.
+"""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small, sha256_of
+from endoct.stitching.names import inside
+
+NAME = "endoct-output.json"
+FORMAT = "endoct-output-1"
+MOST_BYTES = 256_000_000
+
+_MARK = re.compile(rb"<!-- endoct-output-1 sha256 ([0-9a-f]{64}) -->\n\Z")
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a folder holds: ``files``, path below it → (bytes, sha256); ``parts``, which say of themselves."""
+
+    kind: str
+    files: Mapping[str, tuple[int, str]]
+    parts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Paths below a folder that are not as its contents say, each sorted."""
+
+    altered: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    added: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        said = ((self.altered, "changed"), (self.missing, "missing"), (self.added, "which endoct did not write"))
+        return "; ".join(f"{_few(paths)} {what}".replace(" which", ", which") for paths, what in said if paths)
+
+
+def seal(folder: Path, kind: str) -> None:
+    """Write what ``folder`` holds into it, and see to it that all of it is on the disk."""
+    files, parts = {}, []
+    for path in _walk(folder):
+        name = path.relative_to(folder).as_posix()
+        if path.is_dir() or is_marked(path):
+            parts.append(name)
+        else:
+            files[name] = (path.stat().st_size, sha256_of(path))
+        sync(path)
+    text = json.dumps({"format": FORMAT, "kind": kind, "files": dict(sorted(files.items())), "parts": sorted(parts)})
+    with (folder / NAME).open("w", encoding="utf-8") as file:
+        file.write(text + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+    for below, _, _ in os.walk(folder):
+        sync(Path(below))
+
+
+def read_contents(folder: Path) -> Contents | None:
+    """Return what ``folder`` should hold, None where it does not say.
+
+    Raises :class:`EndoctError` where what it says cannot be read.
+    """
+    path = folder / NAME
+    if not os.path.lexists(path):
+        return None
+    with refusing(f"{path} is damaged", remedy="make the output again"):
+        stored = json.loads(read_small(path, MOST_BYTES))
+        if stored["format"] != FORMAT:
+            raise ValueError(f"its format is {stored['format']!r}")
+        contents = Contents(
+            str(stored["kind"]),
+            {str(name): (int(size), str(sha)) for name, (size, sha) in stored["files"].items()},
+            tuple(str(name) for name in stored["parts"]),
+        )
+    for name in (*contents.files, *contents.parts):
+        inside(folder, name, str(path))
+    return contents
+
+
+def differences(folder: Path, contents: Contents) -> Differences:
+    """Hold everything in ``folder`` against its ``contents``, parts against theirs. Reads every byte once."""
+    altered, missing, added = [], [], []
+    found = {path.relative_to(folder).as_posix(): path for path in _walk(folder)}
+    for name, path in found.items():
+        if name in contents.files:
+            if not _is_plain(path) or (path.stat().st_size, sha256_of(path)) != contents.files[name]:
+                altered.append(name)
+        elif name not in contents.parts:
+            added.append(name)
+        elif path.is_dir() and not path.is_symlink():
+            of_part = read_contents(path)
+            within = Differences() if of_part is None else differences(path, of_part)
+            altered += [f"{name}/{one}" for one in within.altered]
+            missing += [f"{name}/{one}" for one in within.missing]
+            added += [f"{name}/{one}" for one in within.added]
+        elif not is_marked(path):
+            altered.append(name)
+    missing += [name for name in (*contents.files, *contents.parts) if name not in found]
+    return Differences(tuple(sorted(altered)), tuple(sorted(missing)), tuple(sorted(added)))
+
+
+def check_intact(folder: Path, *, only: str | None = None) -> None:
+    """Raise :class:`EndoctError` where a file in ``folder`` (or the one named) is not as endoct wrote it.
+
+    A folder that does not say what it holds is not judged; readers check it by other means.
+    """
+    contents = read_contents(folder)
+    if contents is None:
+        return
+    if only is not None:
+        path = folder / only
+        if only not in contents.files or not _is_plain(path) or sha256_of(path) != contents.files[only][1]:
+            raise EndoctError(f"{path} is not as endoct wrote it", remedy="make the output again")
+        return
+    found = differences(folder, contents)
+    if found.altered or found.missing:
+        raise EndoctError(
+            f"{folder} is not as endoct wrote it", found=str(Differences(found.altered, found.missing)),
+            remedy="make the output again",
+        )  # fmt: skip
+
+
+def marked(page: str) -> str:
+    """Return an HTML page with a last line that holds the digest of all before."""
+    page = page.rstrip("\n") + "\n"
+    return f"{page}<!-- {FORMAT} sha256 {hashlib.sha256(page.encode()).hexdigest()} -->\n"
+
+
+def is_marked(path: Path) -> bool:
+    """Say whether a file is a page that :func:`marked` made, unaltered."""
+    if path.suffix != ".html" or not _is_plain(path):
+        return False
+    data = path.read_bytes()
+    mark = _MARK.search(data[-200:])
+    if mark is None:
+        return False
+    return hashlib.sha256(data[: len(data) - (mark.end() - mark.start())]).hexdigest().encode() == mark[1]
+
+
+def remove_listed(folder: Path, contents: Contents) -> bool:
+    """Remove what ``contents`` lists, and the folders that are empty then; say whether all is gone."""
+    for path in _walk(folder):
+        name = path.relative_to(folder).as_posix()
+        if path.is_dir() and not path.is_symlink():
+            of_part = read_contents(path) if name in contents.parts else None
+            if of_part is not None:
+                remove_listed(path, of_part)
+        elif name in contents.files or name in contents.parts:
+            path.unlink()
+    for below, _, names in os.walk(folder, topdown=False):
+        for name in names:
+            if name == NAME or _is_left_by_system(name):
+                (Path(below) / name).unlink()
+        if not os.listdir(below):  # noqa: PTH208 - iterdir would keep the folder open on some systems
+            Path(below).rmdir()
+    return not folder.exists()
+
+
+def sync(path: Path) -> None:
+    """See to it that a file or a folder is on the disk."""
+    if os.name == "nt" and path.is_dir():
+        return
+    handle = os.open(path, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """Yield every file, link and other entry below ``folder``, and folders only where they are outputs themselves."""
+    for entry in sorted(os.scandir(folder), key=lambda entry: entry.name):
+        path = Path(entry.path)
+        if entry.is_dir(follow_symlinks=False):
+            if os.path.lexists(path / NAME):
+                yield path
+            else:
+                yield from _walk(path)
+        elif path != folder / NAME and not _is_left_by_system(entry.name):
+            yield path
+
+
+def _is_left_by_system(name: str) -> bool:
+    """Say whether file managers leave a file of that name in every folder they show: nobody's work."""
+    return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
+
+
+def _is_plain(path: Path) -> bool:
+    return path.is_file() and not path.is_symlink()
+
+
+def _few(paths: tuple[str, ...], most: int = 3) -> str:
+    return ", ".join(paths[:most]) + (f" and {len(paths) - most} more" if len(paths) > most else "")

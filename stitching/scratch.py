@@ -1,0 +1,169 @@
+"""Folders for what is not finished: hidden, beside their place, cleared away after whoever died."""
+
+import os
+import shutil
+import socket
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from endoct.stitching.contents import sync
+from endoct.stitching.exchange import put_new
+
+PREFIX = ".endoct-"
+GONE = ".endoct.gone-"
+"""How the name of a scratch folder begins that is being removed."""
+LOCK_NAME = "lock"
+NEW, REPLACED = "new", "replaced"
+"""Folders in a scratch folder: of what is made, and of what had to be moved aside for it."""
+_SURELY_LOCKED_S = 60.0
+"""A scratch folder that has no lock by then has lost its maker before it was locked."""
+
+
+class HeldError(Exception):
+    """Somebody else holds the lock; the message is what he wrote into it."""
+
+
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """Hold the lock ``path``; the operating system lets go of it with the process, however that ends.
+
+    Raises :class:`HeldError` where another process holds it.
+    """
+    with path.open("a+", encoding="utf-8") as file:
+        try:
+            _lock(file)
+        except (BlockingIOError, PermissionError) as error:
+            file.seek(0)
+            raise HeldError(file.read().strip() or "another process") from error
+        file.truncate(0)
+        file.write(f"process {os.getpid()} on {socket.gethostname()}\n")
+        file.flush()
+        yield
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: IO[str]) -> None:
+        file.seek(1 << 20)  # beyond the text, which others must be able to read
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def _lock(file: IO[str]) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+@contextmanager
+def scratch_beside(place: Path) -> Iterator[Path]:
+    """Yield a hidden folder beside ``place`` that is removed in the end; while it is in use, its lock is held."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with _locked(Path(tempfile.mkdtemp(prefix=f"{PREFIX}{_short(place.name)}-", dir=place.parent))) as scratch:
+        yield scratch
+
+
+@contextmanager
+def temporary_folder(purpose: str) -> Iterator[Path]:
+    """Yield a temporary folder that is removed in the end; those of the same purpose whose makers died go now."""
+    system = Path(tempfile.gettempdir())
+    _clear(system, f"endoct-{purpose}-")
+    with _locked(Path(tempfile.mkdtemp(prefix=f"endoct-{purpose}-", dir=system))) as folder:
+        yield folder
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[Path]:
+    try:
+        # the lock appears when it is held: who clears away must not come between
+        begun = folder / (LOCK_NAME if sys.platform == "win32" else f"{LOCK_NAME}.new")
+        with held(begun):
+            begun.rename(folder / LOCK_NAME) if begun.name != LOCK_NAME else None
+            yield folder
+    finally:
+        _remove(folder)
+
+
+def _remove(folder: Path) -> None:
+    """Remove a scratch folder; one that is not all removed when this process dies is known by its name then."""
+    gone = folder.with_name(f"{GONE}{folder.name.lstrip('.')}")
+    with suppress(OSError):
+        folder = folder.rename(gone)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def clear_dead_scratch(folder: Path, name: str = "") -> int:
+    """Remove scratch folders in ``folder`` whose makers are dead, those for ``name`` or all; return how many.
+
+    What a maker had moved aside when it died, before the new stood in its place, is put back first.
+    """
+    return _clear(folder, f"{PREFIX}{_short(name)}{'-' if name else ''}")
+
+
+def _clear(folder: Path, prefix: str) -> int:
+    cleared = 0
+    for scratch in sorted(path for path in folder.iterdir() if path.name.startswith((prefix, GONE))):
+        if scratch.is_symlink() or not scratch.is_dir() or not _is_ours(scratch):
+            continue
+        if scratch.name.startswith(GONE):
+            shutil.rmtree(scratch, ignore_errors=True)
+            continue
+        try:
+            if not (scratch / LOCK_NAME).exists() and time.time() - scratch.stat().st_mtime < _SURELY_LOCKED_S:
+                continue
+            with held(scratch / LOCK_NAME):
+                _restore(scratch, folder)
+        except (HeldError, FileNotFoundError, PermissionError):  # in use, removed by its maker just now, or not ours
+            continue
+        _remove(scratch)
+        cleared += 1
+    return cleared
+
+
+def keep_aside(made: Path, place: Path) -> Path:
+    """Move ``made`` to a free name beside ``place`` and return that: NAME.kept-1 or the next."""
+    for number in range(1, 1000):
+        free = place.with_name(f"{place.name}.kept-{number}")
+        with suppress(FileExistsError):
+            put_new(made, free)
+            return free
+    raise FileExistsError(f"{place}.kept-1 to .kept-999")
+
+
+def _restore(scratch: Path, folder: Path) -> None:
+    for old in (scratch / REPLACED).iterdir() if (scratch / REPLACED).is_dir() else ():
+        with suppress(OSError):  # the empty folder by which the place was claimed for the new one
+            (folder / old.name).rmdir()
+        if not os.path.lexists(folder / old.name):
+            put_new(old, folder / old.name)
+        elif os.path.lexists(scratch / NEW / old.name):  # the new one never got there: somebody else's did
+            keep_aside(old, folder / old.name)
+        sync(folder)
+
+
+def _is_ours(scratch: Path) -> bool:
+    return not hasattr(os, "getuid") or scratch.stat().st_uid == os.getuid()
+
+
+def _short(name: str) -> str:
+    return name[:60]  # a name may be as long as the file system takes; this one has more to hold
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file to write that becomes ``path`` when all is written; until then ``path`` is what it was.
+
+    For files that are endoct's by their name in a folder that is endoct's.
+    """
+    with scratch_beside(path) as scratch:
+        made = scratch / path.name
+        with made.open("wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        made.replace(path)
+        sync(path.parent)

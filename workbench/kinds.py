@@ -1,0 +1,11 @@
+"""Kinds of outputs, as an output says of itself which it is."""
+
+PANORAMA = "panorama"
+COMPARISON = "comparison"
+FIGURES = "figures"
+REPORT = "report"
+SPECIMEN = "specimen"
+SUMMARY = "summary"
+BENCH_RESULTS = "bench results"
+DATA_SET = "data set"
+SIDECAR = "sidecar"
