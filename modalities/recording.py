@@ -11,9 +11,13 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.tiff import TIFF_SUFFIXES, ReadBlocks, is_tiff, read_tiff
+from endoct.modalities.arrays_on_disk import read_npy
+from endoct.modalities.folders import entries, exists, is_folder
+from endoct.modalities.images import read_image
+from endoct.modalities.tiff import TIFF_SUFFIXES, is_tiff, read_tiff
 from endoct.modalities.video import VIDEO_SUFFIXES, ReadVideo, is_video
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import open_regular
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
@@ -91,14 +95,15 @@ def open_stack(path: Path) -> ImageStack:
 
     Only the first frame is read. Raises :class:`EndoctError` where there is nothing to read.
     """
-    if path.is_dir():
+    if is_folder(path):
         return _open_folder(path)
-    if not path.is_file():
+    if not exists(path):
         raise EndoctError(f"{path} does not exist", remedy="check the path")
-    if path.stat().st_size == 0:
-        raise EndoctError(f"{path} is empty", found="0 bytes", remedy="copy or export the recording again")
+    with open_regular(path) as file:
+        if not file.read(1):
+            raise EndoctError(f"{path} is empty", found="0 bytes", remedy="copy or export the recording again")
     if path.suffix.lower() == ".npy":
-        return _open_npy(path)
+        return ImageStack(path, *read_npy(path))
     if is_tiff(path):
         return ImageStack(path, *read_tiff(path))
     if is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES:
@@ -109,8 +114,8 @@ def open_stack(path: Path) -> ImageStack:
 
 def image_files(folder: Path) -> list[Path]:
     """Return the images in ``folder`` in the order of the numbers in their names."""
-    files = [f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not f.name.startswith(".")]
-    return sorted(files, key=lambda f: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", f.name.lower())])
+    files = [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]
+    return sorted(files, key=_by_number)
 
 
 def map_frames(function: Callable[[In_co], Out], frames: Stream[In_co], workers: int | None = None) -> Iterator[Out]:
@@ -151,60 +156,18 @@ class _ReadImages:
                     remedy="keep each recording in a folder of its own",
                 )
             return stack[0].copy()
-        try:
-            data = np.fromfile(path, np.uint8)
-        except OSError as error:
-            raise EndoctError(f"{path} cannot be read", found=error.strerror or str(error)) from error
-        image = _decoded(data)
-        if image is None:
-            raise EndoctError(
-                f"{path} is no readable image",
-                found=f"{data.size} bytes",
-                expected="PNG, JPEG, BMP or TIFF",
-                remedy="copy or export the file again",
-            )
-        return image
-
-
-def _decoded(data: NDArray[np.uint8]) -> NDArray[Any] | None:
-    """Return the image in a file's bytes, colours as RGB, or None where there is none."""
-    import cv2  # here, so that a plug-in's manifest can name suffixes without loading OpenCV
-
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    # the PNG library prints a line of its own about a file without its last chunk
-    cut = bytes(data[:4]) == b"\x89PNG" and b"IEND" not in bytes(data[-4096:])
-    if cut or not data.size:
-        return None
-    try:
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # a header that asks for an absurd size
-        return None
-    if image is not None and image.ndim == 3:
-        image = cv2.cvtColor(image, cv2.COLOR_BGRA2RGB if image.shape[2] == 4 else cv2.COLOR_BGR2RGB)
-    return image
-
-
-def _open_npy(path: Path) -> ImageStack:
-    try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise EndoctError(f"{path} is no readable .npy", found=str(error), remedy="save it again") from error
-    if not isinstance(array, np.ndarray):
-        raise EndoctError(f"{path} is no readable .npy", found="an archive of arrays", remedy="save one array")
-    shape = array.shape if array.ndim > 2 else (1, *array.shape)
-    if len(shape) not in (3, 4) or not array.flags.c_contiguous or not isinstance(array, np.memmap):
-        raise EndoctError(
-            f"{path} has the wrong dimensions",
-            found=f"{array.shape}",
-            expected="(frame, row, column), C order",
-        )
-    return ImageStack(path, shape[0], ReadBlocks(path, array.offset, array.dtype, shape[1:]))
+        return read_image(path)
 
 
 def whole_recordings(folder: Path) -> list[Path]:
     """Return the files in ``folder`` of which each holds a recording by itself: ``.npy`` and videos."""
     kinds = (".npy", *VIDEO_SUFFIXES)
-    return sorted(f for f in folder.iterdir() if f.suffix.lower() in kinds and not f.name.startswith("."))
+    return sorted(file for file in entries(folder) if file.suffix.lower() in kinds)
+
+
+def _by_number(file: Path) -> list[int | str]:
+    # other digits than these, as ² or those of other scripts, are letters here
+    return [int(part) if part[:1] in tuple("0123456789") else part for part in re.split(r"([0-9]+)", file.name.lower())]
 
 
 def _open_folder(folder: Path) -> ImageStack:

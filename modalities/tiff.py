@@ -1,21 +1,45 @@
 """Frames of a TIFF or BigTIFF, read one at a time, and of any file in which they lie uncompressed."""
 
+import io
 import logging
+import math
+import re
 import struct
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from array import array
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.arrays_on_disk import ReadBlocks
+from endoct.modalities.images import check_jpeg
+from endoct.modalities.tiff_directory import (
+    COMPRESSIONS,
+    FOREIGN,
+    JPEG,
+    MOST_PAGES,
+    MOST_TABLE_BYTES,
+    Layout,
+    Page,
+    damaged,
+    page_at,
+    pages,
+    size_of,
+    taken,
+    truncated,
+)
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import open_regular, read_start
+from endoct.stitching.limits import check_array_size
 
 TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
-TIFF_ERRORS = (OSError, ValueError, IndexError, RuntimeError, struct.error, tifffile.TiffFileError)
+MOST_DESCRIPTION = 100_000
+COPIES = 2
+"""What decoding a page holds at most, in its own size: the page and a copy in another byte order."""
+DECODING_TAGS = (256, 257, 258, 259, 262, 266, 277, 278, 284, 317, 322, 323, 338, 339, 530)
 
 # What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
@@ -23,113 +47,158 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 def is_tiff(path: Path) -> bool:
     """Say whether the file starts as a TIFF or BigTIFF does."""
-    try:
-        with path.open("rb") as file:
-            return file.read(4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-    except OSError:
-        return False
+    return read_start(path, 4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
 def read_tiff(path: Path) -> tuple[int, Callable[[int], NDArray[Any]]]:
-    """Return the number of frames of a TIFF, and what reads one. Raises :class:`EndoctError` where it is no stack."""
-    try:
-        with _damage_reported(path), tifffile.TiffFile(path) as tiff:
-            series = tiff.series[0]
-            shape, axes, offset, n_pages = series.shape, series.axes, series.dataoffset, len(tiff.pages)
-            dtype = np.dtype(tiff.byteorder + series.dtype.char)
-    except TIFF_ERRORS as error:
-        raise EndoctError(f"{path} is no readable TIFF", found=str(error), remedy="copy or export it again") from error
-    inner = 3 if axes.endswith("S") else 2
-    if len(shape) not in (inner, inner + 1) or "S" in axes[:-1]:
-        raise EndoctError(
-            f"{path} has the wrong dimensions",
-            found=f"{axes} {shape}",
-            expected="a stack of images, one page a frame",
-        )
-    n_frames = shape[0] if len(shape) == inner + 1 else 1
-    single_directory = n_pages == 1 and offset is not None  # as ImageJ writes large stacks
-    if n_pages != n_frames and not single_directory:
-        raise EndoctError(
-            f"{path} mixes pages",
-            found=f"{n_pages} pages",
-            expected=f"{n_frames} of one kind",
-            remedy="remove the others, or export the recording again",
-        )
-    if offset is None:
-        return n_frames, _ReadTiffPages(path)
-    _check_size(path, offset + int(np.prod(shape)) * dtype.itemsize)
-    return n_frames, ReadBlocks(path, offset, dtype, tuple(shape[-inner:]))
+    """Return the number of frames of a TIFF, and what reads one. Raises :class:`EndoctError` where it is no stack.
 
-
-class ReadBlocks:
-    """Reads frames that lie one behind the other, uncompressed: called with an index, returns the frame."""
-
-    def __init__(self, path: Path, offset: int, dtype: np.dtype[Any], frame_shape: tuple[int, ...]) -> None:
-        self.path, self.offset, self.dtype, self.frame_shape = path, offset, dtype, frame_shape
-
-    def __call__(self, index: int) -> NDArray[Any]:
-        """Return one frame. Raises :class:`EndoctError` where the file ends before it does."""
-        count = int(np.prod(self.frame_shape))
-        try:
-            samples = np.fromfile(
-                self.path, self.dtype, count, offset=self.offset + index * count * self.dtype.itemsize
-            )
-        except OSError as error:
-            raise EndoctError(f"{self.path} cannot be read", found=error.strerror or str(error)) from error
-        if samples.size != count:
-            raise EndoctError(f"{self.path} is truncated", found=f"frame {index} incomplete", remedy="copy it again")
-        return samples.reshape(self.frame_shape).astype(self.dtype.newbyteorder("="), copy=False)
+    A frame is a page; only what ImageJ and tifffile write as one page before all samples of a stack is more.
+    """
+    with refusing(f"{path} is no readable TIFF", remedy="copy or export it again"), open_regular(path) as file:
+        places = array("q")
+        for page in pages(path, file):
+            places.append(page.place)
+            if len(places) == 1:
+                first, layout = page, page.layout(file)
+            elif (other := page.layout(file)) != layout:
+                raise EndoctError(
+                    f"{path} mixes pages",
+                    found=f"{_shown(other)} after {_shown(layout)}",
+                    expected="pages of one kind",
+                    remedy="remove the others, or export the recording again",
+                )
+        stacked = _frames_told(first, file, layout)
+        if len(places) == 1 and stacked > 1:
+            return stacked, _stack_in_one_page(first, file, layout, stacked)
+        for end in (first, page):  # a copy that was cut off lacks the last
+            end.segments(file, layout)
+        return len(places), _ReadTiffPages(path, places, layout)
 
 
 class _ReadTiffPages:
-    """Reads one (compressed) TIFF page a frame."""
+    """Reads one TIFF page a frame."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, places: "array[int]", layout: Layout) -> None:
+        self.path, self.places, self.layout = path, places, layout
 
     def __call__(self, index: int) -> NDArray[Any]:
-        try:
-            with tifffile.TiffFile(self.path) as tiff:
-                page = tiff.pages[index]
-                segments = zip(page.dataoffsets, page.databytecounts, strict=True)
-                _check_size(self.path, max(offset + count for offset, count in segments))
-                return np.asarray(page.asarray())
-        except TIFF_ERRORS as error:
-            raise EndoctError(
-                f"page {index} of {self.path} cannot be read",
-                found=str(error),
-                remedy="copy or export it again",
-            ) from error
+        layout = self.layout
+        said = f"page {index} of {self.path} cannot be read"
+        with refusing(said, remedy="copy or export it again"), open_regular(self.path) as file:
+            page = page_at(self.path, file, self.places[index])
+            if page.layout(file) != layout:
+                raise EndoctError(said, found="another kind of page than when it was opened")
+            offset = page.plain_offset(file, layout)
+            if offset is not None:
+                return ReadBlocks(self.path, offset, layout.dtype.newbyteorder(page.order), layout.shape)(0)
+            check_array_size((COPIES, *layout.shape), layout.dtype.itemsize, f"a page of {self.path}")
+            with tifffile.TiffFile(io.BytesIO(_alone(page, file, layout))) as tiff:
+                frame = np.asarray(tiff.pages[0].asarray())
+        if frame.shape != layout.shape:
+            raise EndoctError(said, found=f"{frame.shape}", expected=f"{layout.shape}")
+        return frame
 
 
-@contextmanager
-def _damage_reported(path: Path) -> Iterator[None]:
-    """Raise :class:`EndoctError` where tifffile leaves out pages that it cannot reach, and only logs so."""
-    damage: list[str] = []
-    signs = ("invalid page offset", "circular reference", "failed to reshape", "invalid value offset")
+def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
+    """Return a page as a BigTIFF of its own: what its decoding takes, and its compressed samples.
 
-    class Listener(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            message = record.getMessage()
-            if record.thread == threading.get_ident() and any(sign in message for sign in signs):
-                damage.append(message)
-
-    listener = Listener()
-    logger = logging.getLogger("tifffile")
-    logger.addHandler(listener)
-    try:
-        yield
-    finally:
-        logger.removeHandler(listener)
-    if damage:
-        raise EndoctError(f"{path} is damaged or truncated", found=damage[0], remedy="copy or export it again")
-
-
-def _check_size(path: Path, needed: int) -> None:
-    if (size := path.stat().st_size) < needed:
+    So the library that decodes sees nothing else of the file, and nothing that was not checked.
+    """
+    compression = page.number(file, 259, 1)
+    if compression not in COMPRESSIONS:
         raise EndoctError(
-            f"{path} is truncated",
-            found=f"{size} bytes",
-            expected=f"{needed}",
-            remedy="copy or export it again",
+            f"{page.path} is compressed in a way that is not read",
+            found=f"compression {compression}",
+            expected=", ".join(dict.fromkeys(COMPRESSIONS.values())),
+            remedy="export it again without compression",
         )
+    offsets, counts = page.segments(file, layout)
+    check_array_size((sum(counts),), 1, f"a page of {page.path}")
+    segments = [taken(page.path, file, *segment) for segment in zip(offsets, counts, strict=True)]
+    tables = b""
+    if compression == JPEG:
+        if 347 in page.tags:
+            _, count, place = page.tags[347]
+            tables = taken(page.path, file, place, min(count, MOST_TABLE_BYTES))
+        high, wide = page.segment_shape(file, layout)
+        for segment in segments:
+            check_jpeg(segment, (high, wide), f"a page of {page.path}")
+
+    tags = {tag: page.numbers(file, tag, most=64) for tag in DECODING_TAGS if tag in page.tags}
+    places = (324, 325) if 322 in page.tags else (273, 279)
+    n_tags = len(tags) + 2 + bool(tables)
+    behind = 16 + 8 + 20 * n_tags + 8
+    values = {tag: struct.pack(f"{page.order}{len(of)}Q", *of) for tag, of in tags.items()}
+    sizes = struct.pack(f"{page.order}{len(counts)}Q", *counts)
+    starts = behind + sum(map(len, values.values())) + 2 * len(sizes) + len(tables)
+    begins = np.cumsum([starts, *counts])[:-1].tolist()
+    values |= {places[0]: struct.pack(f"{page.order}{len(begins)}Q", *begins), places[1]: sizes}
+    if tables:
+        values[347] = tables
+    head = struct.pack(page.order + "2sHHHQ", b"II" if page.order == "<" else b"MM", 43, 8, 0, 16)
+    entries = [struct.pack(page.order + "Q", n_tags)]
+    data: list[bytes] = []
+    for tag in sorted(values):
+        value = values[tag]
+        kind, count = (7, len(value)) if tag == 347 else (16, len(value) // 8)
+        inline = (
+            value.ljust(8, b"\0") if len(value) <= 8 else struct.pack(page.order + "Q", behind + sum(map(len, data)))
+        )
+        entries.append(struct.pack(page.order + "HHQ", tag, kind, count) + inline)
+        data.append(value)
+    return b"".join([head, *entries, bytes(8), *data, *segments])
+
+
+def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
+    """Return how many frames the description of the first page tells of, 1 where it tells nothing.
+
+    Raises :class:`EndoctError` where it tells of several axes of frames, such as colours and slices: they would be
+    taken for each other.
+    """
+    if foreign := [name for tag, name in FOREIGN.items() if tag in page.tags]:
+        raise EndoctError(f"{page.path} is a {foreign[0]} file", remedy="export it as a plain TIFF, one page a frame")
+    text = page.text(file, 270, MOST_DESCRIPTION)
+    samples = layout.shape[2] if len(layout.shape) > 2 else 1
+    axes: list[int] = []
+    images = 1
+    if text.startswith("ImageJ="):
+        told = {key: int(value) for key, value in re.findall(r"^(\w+)=(\d{1,9})\s*$", text, re.MULTILINE)}
+        channels = told.get("channels", 1)
+        axes = [1 if channels == samples else channels, told.get("slices", 1), told.get("frames", 1)]
+        images = told.get("images", 1)
+    elif shaped := re.match(r'\{"shape": \[([\d, ]{1,200})\]', text):
+        shape = tuple(int(size) for size in shaped[1].split(",") if size.strip().isdecimal())
+        axes = list(shape[: len(shape) - len(layout.shape)])
+        if '"truncated": true' not in text:
+            images = 0  # every frame has its page
+    elif "<OME" in text:
+        told = {
+            key: int(value) for key, value in re.findall(r'\bSize([CZT])="(\d{1,9})"', text[text.find("<Pixels") :])
+        }
+        axes = [1 if told.get("C", 1) == samples else told.get("C", 1), told.get("Z", 1), told.get("T", 1)]
+        images = 0
+    several = [size for size in axes if size > 1]
+    if len(several) > 1:
+        raise EndoctError(
+            f"{page.path} has the wrong dimensions",
+            found=f"{' × '.join(map(str, several))} pages of {_shown(layout)}",
+            expected="a stack of images, one page a frame",
+        )
+    return max([images, *several]) if images else 1
+
+
+def _stack_in_one_page(page: Page, file: BinaryIO, layout: Layout, n_frames: int) -> ReadBlocks:
+    offset = page.plain_offset(file, layout)
+    if offset is None or n_frames > 16 * MOST_PAGES:
+        damaged(
+            page.path, f"{n_frames} frames in one page that is compressed" if offset is None else f"{n_frames} frames"
+        )
+    needed = offset + n_frames * math.prod(layout.shape) * layout.dtype.itemsize
+    if (size := size_of(file)) < needed:
+        truncated(page.path, size, needed)
+    return ReadBlocks(page.path, offset, layout.dtype.newbyteorder(page.order), layout.shape)
+
+
+def _shown(layout: Layout) -> str:
+    return f"{layout.dtype} {' × '.join(map(str, layout.shape))}"
