@@ -35,7 +35,11 @@ def write_video(path: Path, frames: Iterable[NDArray[np.uint8]]) -> None:
         raise EndoctError("a video without frames cannot be written")
     layout, coded = ("gray", "gray") if first.ndim == 2 else ("rgb24", "bgr0")
     try:
-        with av.open(str(path), "w", format="matroska", container_options={"fflags": "+bitexact"}) as container:
+        # an open file: FFmpeg could take a name for an address
+        with (
+            path.open("wb") as file,
+            av.open(file, "w", format="matroska", container_options={"fflags": "+bitexact"}) as container,
+        ):
             stream = container.add_stream("ffv1", rate=FRAME_RATE_HZ, options=ENCODER_OPTIONS)
             stream.height, stream.width = first.shape[:2]
             stream.pix_fmt = coded
@@ -50,5 +54,5 @@ def write_video(path: Path, frames: Iterable[NDArray[np.uint8]]) -> None:
                 picture.pts = index
                 container.mux(stream.encode(picture))
             container.mux(stream.encode(None))
-    except FFmpegError as error:
+    except (FFmpegError, OSError) as error:
         raise EndoctError(f"{path} cannot be written", found=error.strerror or str(error)) from error
