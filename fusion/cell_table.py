@@ -11,6 +11,7 @@ import numpy as np
 
 from endoct.fusion.objects import Cell
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.names import spreadsheet_text
 
 PROPERTIES = tuple(field.name for field in fields(Cell))
 _KINDS: dict[str, Any] = {field.name: field.type for field in fields(Cell)}
@@ -59,4 +60,6 @@ def from_numbers(table: Coordinates, sides: tuple[str, str]) -> tuple[Cell, ...]
 def _text(value: object) -> str:
     if value is None:
         return ""
+    if isinstance(value, str):  # the name of a side, which a plug-in chose
+        return spreadsheet_text(value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -3,6 +3,8 @@
 import os
 import time
 
+import numpy as np
+
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.beside import Tell
 
@@ -31,3 +33,24 @@ def end(tell: Tell) -> None:
 def sleep(tell: Tell) -> None:
     tell(os.getpid())
     time.sleep(LONG_S)
+
+
+class OddError(OSError):
+    def __init__(self, one: int, two: int, three: int) -> None:
+        super().__init__(f"{one} {two} {three}")
+
+
+def run_out_of_memory(tell: Tell) -> None:
+    np.empty(2**57)
+
+
+def nest(tell: Tell) -> None:
+    nest(tell)
+
+
+def odd(tell: Tell) -> None:
+    raise OddError(1, 2, 3)
+
+
+def give_what_cannot_be_sent(tell: Tell) -> object:
+    return lambda: None

@@ -19,6 +19,10 @@ from threading import Lock
 from typing import IO, Any
 
 from endoct.stitching.errors import EndoctError
+from endoct.workbench.refusals import tame_libraries
+
+OUT_OF_MEMORY = 12
+"""Exit status of a process that could not even take what it was asked."""
 
 Tell = Callable[[object], None]
 """Called by a function in the other process with what this one is to hear before there is an answer."""
@@ -34,7 +38,7 @@ class Beside:
         """Have the process call ``function``, of a module, with a :data:`Tell` and ``arguments``, all picklable.
 
         ``heard`` is called with what the function tells. The answer raises what the function raised, and
-        :class:`EndoctError` where the process is no more.
+        :class:`EndoctError` where the process is no more; ``MemoryError`` where memory ran out in either.
         """
         return self._asking.submit(self._answer, function, arguments, heard)
 
@@ -48,9 +52,12 @@ class Beside:
                 heard(what)
                 kind, what = pickle.load(answers)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError) as error:
+            status = self._process.wait()
+            if status == OUT_OF_MEMORY:
+                raise MemoryError("in a process that shares the work") from error
             raise EndoctError(
                 "a process that shares the work has ended",
-                found=f"exit status {self._process.wait()}",
+                found=f"exit status {status}",
                 remedy="see whether memory ran out, and run it again",
             ) from error
         if kind == "raised":
@@ -89,6 +96,19 @@ def load(tell: Tell, module: str) -> None:
     import_module(module)
 
 
+def _portable(error: Exception) -> Exception:
+    """Return an error that can be sent; not every exception can be pickled, and what cannot comes with its trace."""
+    if isinstance(error, EndoctError):
+        return error
+    for kind in (MemoryError, RecursionError):  # numpy has a kind of its own
+        if isinstance(error, kind):
+            return kind(str(error))
+    if isinstance(error, OSError):
+        told = error.errno, error.strerror, error.filename
+        return OSError(str(error)) if error.errno is None else OSError(*told)
+    return RuntimeError("".join(traceback.format_exception(error)))
+
+
 def _stream(stream: IO[bytes] | None) -> IO[bytes]:
     if stream is None:
         raise ValueError("a process without pipes can be asked nothing")
@@ -103,23 +123,30 @@ def main() -> None:
     one_at_a_time = Lock()
 
     def say(kind: str, what: object) -> None:
-        message = pickle.dumps((kind, what), protocol=5)
+        send(pickle.dumps((kind, what), protocol=5))
+
+    def send(message: bytes) -> None:
         with one_at_a_time:
             answers.write(message)
             answers.flush()
 
+    tame_libraries()
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
-            function, arguments = pickle.load(sys.stdin.buffer)
+            try:
+                function, arguments = pickle.load(sys.stdin.buffer)
+            except MemoryError:
+                sys.exit(OUT_OF_MEMORY)  # how much of the request is still to come, nobody can tell
             try:
                 answer = function(lambda what: say("told", what), *arguments)
-            except (EndoctError, OSError, MemoryError) as error:
-                say("raised", error)
-            except Exception:  # noqa: BLE001 - told to the caller, who raises it
-                say("raised", RuntimeError(traceback.format_exc()))  # not every exception can be pickled
-            else:
-                say("answer", answer)
+                message = pickle.dumps(("answer", answer), protocol=5)
                 del answer  # its memory is the caller's now
+            except BrokenPipeError:
+                raise
+            except Exception as error:  # noqa: BLE001 - told to the caller, who raises it
+                message = pickle.dumps(("raised", _portable(error)), protocol=5)
+            send(message)
+            del message
 
 
 if __name__ == "__main__":

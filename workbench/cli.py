@@ -2,6 +2,7 @@
 
 import os
 import sys
+from io import TextIOWrapper
 
 from endoct.workbench.interruption import watch
 from endoct.workbench.status import DONE, INTERRUPTED, UNUSABLE_INPUT
@@ -10,25 +11,53 @@ from endoct.workbench.status import DONE, INTERRUPTED, UNUSABLE_INPUT
 def main() -> None:
     """Run `endoct`: status 0 done, 1 unusable input, 2 wrong usage, 3 not aligned, 130 interrupted."""
     watch()
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may lack letters, as those of a file's name
     try:
-        sys.exit(_run())
+        try:
+            sys.exit(_run())
+        finally:
+            sys.stdout.flush()  # whether it can be written is told below, not by Python at its end
     except KeyboardInterrupt as stopped:
         kept = f"; {stopped}" if str(stopped) else ""
-        print(f"endoct: interrupted; nothing was left half-written{kept}", file=sys.stderr)  # noqa: T201
+        _say(f"interrupted; nothing was left half-written{kept}")
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
         # the reader of our output went away (`endoct … | head`): nothing to tell it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         sys.exit(DONE)
+    except OSError as error:
+        _say(f"what was to be printed could not be written; found {error.strerror or error}")
+        _drop_output()
+        sys.exit(UNUSABLE_INPUT)
 
 
 def _run() -> int:
     # imported here, inside the handlers above, because the imports take a moment that a user may interrupt
-    from endoct.stitching.errors import EndoctError
-    from endoct.workbench.commands import run
+    from endoct.workbench.refusals import in_one_line, tame_libraries
 
     try:
+        from endoct.workbench.commands import run
+
+        tame_libraries()
         return run(sys.argv[1:])
-    except EndoctError as error:
-        print(f"endoct: {error}", file=sys.stderr)  # noqa: T201
+    except BrokenPipeError:
+        raise
+    except Exception as error:
+        line = in_one_line(error)
+        if line is None:  # our fault: whoever mends it needs the whole trace
+            raise
+        _say(line)
         return UNUSABLE_INPUT
+
+
+def _say(line: str) -> None:
+    from endoct.stitching.errors import visible
+
+    print(f"endoct: {visible(line)}", file=sys.stderr)  # noqa: T201
+
+
+def _drop_output() -> None:
+    """Let what is still to be printed go nowhere, so that Python does not try again when it ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())

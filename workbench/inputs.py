@@ -1,9 +1,14 @@
 """Which bytes and which versions a result came from."""
 
 import hashlib
+import json
+import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
+
+from endoct.stitching.files import sha256_of
 
 LISTED_FILES = 8
 PACKAGES = ("endoct", "numpy", "scipy", "opencv-contrib-python-headless", "PyWavelets", "xarray", "zarr", "tifffile")
@@ -12,16 +17,27 @@ PACKAGES = ("endoct", "numpy", "scipy", "opencv-contrib-python-headless", "PyWav
 def digests(path: Path) -> dict[str, str]:
     """Return sha256 by path of a file, or of the files in a folder.
 
-    Many files share one entry, ``folder/*``: the sha256 over their lines "name sha256" in order of name.
+    Many files share one entry, ``folder/*``: the sha256 over their lines "name sha256" in order of name. Paths are
+    as :func:`path_text` gives them.
     """
     if path.is_file():
-        return {str(path): _sha256(path)}
+        return {path_text(path): sha256_of(path)}
     files = sorted(f for f in path.rglob("*") if f.is_file() and not f.name.startswith("."))
-    each = {str(f): _sha256(f) for f in files}
+    each = {f: sha256_of(f) for f in files}
     if len(each) <= LISTED_FILES:
-        return each
-    lines = "".join(f"{Path(name).relative_to(path).as_posix()} {digest}\n" for name, digest in each.items())
-    return {str(path / "*"): hashlib.sha256(lines.encode()).hexdigest()}
+        return {path_text(f): digest for f, digest in each.items()}
+    lines = "".join(f"{path_text(f.relative_to(path).as_posix())} {digest}\n" for f, digest in each.items())
+    return {path_text(path / "*"): hashlib.sha256(lines.encode()).hexdigest()}
+
+
+def path_text(path: Path | str) -> str:
+    """Return a path as text that can be stored anywhere: bytes of a name that are no UTF-8 are written as ``\\xe9``."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def json_text(value: Any) -> str:
+    """Return ``value`` as JSON that can be stored as UTF-8, whatever its texts: half characters become escapes."""
+    return json.dumps(value, indent=1, ensure_ascii=False).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def versions() -> dict[str, str]:
@@ -33,8 +49,3 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "not installed"
     return found
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -9,6 +9,7 @@ from typing import Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from endoct.stitching.errors import visible
 from endoct.workbench.interruption import stop_if_asked
 
 Advance = Callable[[float], None]
@@ -68,7 +69,7 @@ class ConsoleStages(SilentStages):
             yield self._lines(title)
             return
         with self._shared_bars() as bars:
-            task = bars.add_task(title, total=1.0)
+            task = bars.add_task(visible(title), total=1.0)
 
             def advance(share: float) -> None:
                 stop_if_asked()
@@ -83,7 +84,7 @@ class ConsoleStages(SilentStages):
         with self._opening:
             if self._bars is None:
                 self._bars = Progress(
-                    TextColumn("{task.description:<28}"),
+                    TextColumn("{task.description:<28}", markup=False),
                     BarColumn(),
                     TaskProgressColumn(),
                     TimeElapsedColumn(),
@@ -105,13 +106,15 @@ class ConsoleStages(SilentStages):
     def _lines(self, title: str) -> Advance:
         start = time.monotonic()
         said = start
-        self._console.print(title, highlight=False)
+        title = visible(title)
+        self._console.print(title, highlight=False, markup=False, emoji=False)
 
         def advance(share: float) -> None:
             nonlocal said
             stop_if_asked()
             if (now := time.monotonic()) - said >= self.LINE_EVERY_S:
                 said = now
-                self._console.print(f"{title}: {share:.0%} after {now - start:.0f} s", highlight=False)
+                line = f"{title}: {share:.0%} after {now - start:.0f} s"
+                self._console.print(line, highlight=False, markup=False, emoji=False)
 
         return advance

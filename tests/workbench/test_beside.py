@@ -9,7 +9,17 @@ from queue import Queue
 
 import numpy as np
 import pytest
-from calls_beside import count_to, divide, end, refuse, sleep
+from calls_beside import (
+    count_to,
+    divide,
+    end,
+    give_what_cannot_be_sent,
+    nest,
+    odd,
+    refuse,
+    run_out_of_memory,
+    sleep,
+)
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.beside import Beside, process_beside
@@ -66,6 +76,19 @@ def test_calls_are_answered_in_order_and_errors_end_nothing(beside: Beside) -> N
     with pytest.raises(RuntimeError, match=r"in divide[\s\S]*ZeroDivisionError"):
         second.result()
     assert third.result() == 0.5
+
+
+def test_memory_that_runs_out_there_runs_out_here(beside: Beside) -> None:
+    calls = [beside.call(function) for function in (run_out_of_memory, nest, odd, give_what_cannot_be_sent)]
+    for call, kind, words in zip(
+        calls,
+        (MemoryError, RecursionError, OSError, RuntimeError),
+        ("Unable to allocate", "recursion", "1 2 3", "pickle"),
+        strict=True,
+    ):
+        with pytest.raises(kind, match=words):
+            call.result()
+    assert beside.call(divide, 1, 2).result() == 0.5  # it lives on
 
 
 def test_a_process_that_ends_is_told_in_one_line(beside: Beside) -> None:

@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from rich.table import Table
 
+from endoct.stitching.errors import visible
+from endoct.stitching.names import spreadsheet_text
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.summary import Spread, spread
 from endoct.workbench.bench.task import Task
@@ -65,8 +67,9 @@ def write_differences(found: Sequence[Difference], reference: str, path: Path) -
         )
         for one in found:
             s = one.spread
+            names = [spreadsheet_text(visible(name)) for name in (one.method, reference, one.score)]
             told = [f"{value:.6g}" for value in (s.median, s.low, s.high)]
-            writer.writerow([one.method, reference, one.score, s.n, *told, one.lower, one.higher])
+            writer.writerow([*names, s.n, *told, one.lower, one.higher])
 
 
 def difference_table(found: Sequence[Difference], reference: str) -> Table:

@@ -1,7 +1,6 @@
 """What a run of the bench leaves behind: the table, ``results.csv``, ``bench.json``."""
 
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -9,12 +8,15 @@ from typing import Any
 
 from rich.table import Table
 
+from endoct.stitching.errors import visible
+from endoct.stitching.names import spreadsheet_text
 from endoct.workbench.bench.keeping import asked
 from endoct.workbench.bench.machine import machine
 from endoct.workbench.bench.methods import load_task
 from endoct.workbench.bench.runner import Plan, Row
 from endoct.workbench.bench.summary import Share, Spread, Summary, score_names, summarise
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Task
+from endoct.workbench.inputs import json_text
 
 MOST_COLUMNS = 4
 """Scores shown on the console; the CSV has all."""
@@ -28,14 +30,18 @@ def write_csv(rows: Sequence[Row], task: Task, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         fixed = ["task", "case", "method", "status", "reason", "seconds", "cpu_seconds"]
-        writer.writerow([*fixed, *(f"condition.{name}" for name in conditions), *(f"score.{name}" for name in scores)])
+        told = [*fixed, *(f"condition.{name}" for name in conditions), *(f"score.{name}" for name in scores)]
+        writer.writerow(map(_cell, told))
         for row in rows:
-            told = [task.name, row.case, row.method, row.status, row.reason, row.seconds, row.cpu_seconds]
-            told += [row.conditions.get(name, "") for name in conditions]
-            writer.writerow([*map(_cell, told), *(_cell(row.scores.get(name, "")) for name in scores)])
+            values = [task.name, row.case, row.method, row.status, row.reason, row.seconds, row.cpu_seconds]
+            values += [row.conditions.get(name, "") for name in conditions]
+            writer.writerow([*map(_cell, values), *(_cell(row.scores.get(name, "")) for name in scores)])
 
 
 def _cell(value: object) -> str:
+    """Return a number as it is; a text, of a stranger's method or of a folder's name, as no formula and as UTF-8."""
+    if isinstance(value, str):
+        return spreadsheet_text(visible(value))
     return f"{value:.9g}" if isinstance(value, float) else str(value)
 
 
@@ -54,7 +60,7 @@ def facts(plan: Plan, rows: Sequence[Row], *, workers: int, seconds: float) -> d
 
 def write_json(told: Mapping[str, Any], path: Path) -> None:
     """Write ``bench.json``."""
-    path.write_text(json.dumps(told, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(json_text(told) + "\n", encoding="utf-8")
 
 
 def table(rows: Sequence[Row], task: Task) -> Table:

@@ -1,6 +1,10 @@
 """The commands of `endoct`, as tyro reads them from their signatures and docstrings."""
 
-from collections.abc import Sequence
+import functools
+import io
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stderr
 from typing import Any
 
 import tyro
@@ -9,6 +13,7 @@ from endoct.workbench.commands.comparisons import compare, report, summarise
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import dataset, demo, simulate
+from endoct.workbench.refusals import visible_lines
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -25,11 +30,33 @@ def run(arguments: Sequence[str]) -> int:
         "info": info,
         "modalities": modalities,
     }
-    status: int = tyro.extras.subcommand_cli_from_dict(
-        commands,
-        prog="endoct",
-        description="Compare what a cone-mirror endoscope and a catheter OCT see of one drill hole in bone.",
-        args=list(arguments),
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )
-    return status
+    with nullcontext() if all(map(str.isprintable, arguments)) else _visible_errors():
+        command: Callable[[], int] = tyro.extras.subcommand_cli_from_dict(
+            {name: _later(command) for name, command in commands.items()},
+            prog="endoct",
+            description="Compare what a cone-mirror endoscope and a catheter OCT see of one drill hole in bone.",
+            args=list(arguments),
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
+    return command()
+
+
+def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
+    """Return what tyro calls in place of ``command``, with its signature, to get it with its arguments."""
+
+    @functools.wraps(command)
+    def bound(*arguments: Any, **named: Any) -> Callable[[], int]:
+        return functools.partial(command, *arguments, **named)
+
+    return bound
+
+
+@contextmanager
+def _visible_errors() -> Iterator[None]:
+    """Show what would steer a terminal in tyro's messages, which quote arguments: `endoct compare *` has names."""
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            yield
+    finally:
+        sys.stderr.write(visible_lines(said.getvalue()))

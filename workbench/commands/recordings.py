@@ -7,6 +7,7 @@ from tyro.conf import Positional
 
 from endoct.workbench.commands.options import ModalityName, Output, Settings
 from endoct.workbench.commands.telling import TextConsole, print_json, say, stages_for
+from endoct.workbench.inputs import path_text
 from endoct.workbench.status import DONE
 
 
@@ -43,7 +44,7 @@ def unroll(
         stages=stages_for(json),
     )
     facts = {
-        "output": str(output),
+        "output": path_text(output),
         "modality": panorama.modality,
         "rows": panorama.grid.n_z,
         "columns": panorama.grid.n_theta,

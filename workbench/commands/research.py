@@ -5,6 +5,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from endoct.stitching.errors import visible
 from endoct.workbench.commands.telling import TextConsole, print_json, stages_for
 from endoct.workbench.status import DONE
 
@@ -71,5 +72,5 @@ def bench(
     if not console.is_terminal:
         console = TextConsole(width=WIDE)  # nobody's window is too narrow
     for part in shown:
-        console.print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
+        console.print(visible(part) if isinstance(part, str) else part, soft_wrap=isinstance(part, str))
     return DONE

@@ -1,16 +1,32 @@
 """What commands print: lines for people to stdout, JSON for machines, progress to stderr."""
 
 import json
+import sys
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
+from rich.text import Text
 
+from endoct.stitching.errors import visible
+from endoct.workbench.inputs import json_text
 from endoct.workbench.progress import ConsoleStages, SilentStages, Stages
+from endoct.workbench.refusals import visible_lines
 from endoct.workbench.status import DONE, NOT_ALIGNED
 
 
 class TextConsole(Console):
-    """A console that leaves it to the entry point what a reader who went away means."""
+    """A console that shows texts as they are, whoever wrote them: no markup in them, nothing that steers a terminal.
+
+    What it means that a reader went away it leaves to the entry point.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, highlight=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Render what is printed, and every cell of a table; only lines still end."""
+        return super().render_str(visible_lines(text), **options)
 
     def on_broken_pipe(self) -> None:
         """Raise what was caught."""
@@ -41,14 +57,16 @@ def tell_result(folder: Path, *, as_json: bool) -> int:
 def stages_for(as_json: bool) -> Stages:
     """Return who shows how far a command is; nobody where a program reads along."""
     # progress goes to stderr, so that stdout can be piped
-    return SilentStages() if as_json and not Console(stderr=True).is_terminal else ConsoleStages(Console(stderr=True))
+    console = TextConsole(stderr=True)
+    return SilentStages() if as_json and not console.is_terminal else ConsoleStages(console)
 
 
 def say(line: str) -> None:
     """Print one line, however long, as it is."""
-    TextConsole().print(line, highlight=False, markup=False, soft_wrap=True)
+    TextConsole().print(visible(line), soft_wrap=True)
 
 
 def print_json(value: object) -> None:
-    """Print ``value`` as JSON."""
-    print(json.dumps(value, indent=1, ensure_ascii=False))  # noqa: T201
+    """Print ``value`` as JSON that the terminal's encoding has letters for."""
+    everywhere = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
+    print(json_text(value) if everywhere else json.dumps(value, indent=1))  # noqa: T201

@@ -115,7 +115,8 @@ def existing_cluster(address: str) -> Iterator["Client"]:
         remedy="start one with `dask scheduler`, or leave --scheduler out",
     ):
         security = Security()
-        if address.startswith("tls://") and not (security.tls_ca_file and security.tls_client_cert):
+        told = security.get_tls_config_for_role("client")
+        if address.startswith("tls://") and not (told["ca_file"] and told["cert"]):
             raise EndoctError(
                 f"{address} cannot be reached without credentials",
                 expected="distributed.comm.tls in Dask's configuration",

@@ -1,0 +1,81 @@
+"""What ends a command in one line: input that cannot be used, memory that runs out, a system that refuses."""
+
+import logging
+import warnings
+
+from endoct.stitching.errors import EndoctError, cause_of, visible
+
+_SHORT_OF_MEMORY = ("(-4:Insufficient memory)", "can't start new thread")
+"""What OpenCV and Python say in errors of another kind, which may come as text from another process."""
+
+
+def in_one_line(error: BaseException) -> str | None:
+    """Return the line to tell of an error with, None where it is a fault of endoct's own."""
+    if isinstance(error, EndoctError):
+        return str(error)
+    if isinstance(error, MemoryError) or any(words in str(error) for words in _SHORT_OF_MEMORY):
+        return str(
+            EndoctError(
+                "memory ran out",
+                found=_last_line(error),
+                remedy="end other programs, use fewer --workers where there are some, or take a computer with more",
+            )
+        )
+    if isinstance(error, RecursionError):
+        return str(
+            EndoctError(
+                "something in the input is nested too deeply",
+                remedy="look into its sidecar and the other texts that belong to it",
+            )
+        )
+    if isinstance(error, UnicodeEncodeError):
+        return str(
+            EndoctError(
+                "a text cannot be written",
+                found=repr(error.object[error.start : error.end]),
+                expected="characters that Unicode has",
+                remedy="look for it in the names of the files, and rename them",
+            )
+        )
+    if isinstance(error, OSError):
+        return str(
+            EndoctError(
+                f"{error.filename} cannot be used" if error.filename else "the system refused to read or write",
+                found=cause_of(error),
+                remedy="see whether you may read and write there, and whether the disk is full",
+            )
+        )
+    return None
+
+
+def tame_libraries() -> None:
+    """Have warnings, and what libraries log, show what would steer a terminal: they quote files and their names."""
+    if isinstance(logging.lastResort, logging.Handler):
+        logging.lastResort.setFormatter(_VisibleFormatter())
+    warnings.formatwarning = _warning_text
+
+
+class _VisibleFormatter(logging.Formatter):
+    """Lines of a message as they are, and what is in them made visible."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Format a message."""
+        return visible_lines(super().format(record))
+
+
+def _warning_text(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    del filename, lineno, line  # of the library, which the user of a command cannot change
+    return f"endoct: {category.__name__}: {visible(str(message))}\n"
+
+
+def visible_lines(text: str) -> str:
+    """Return ``text`` with its lines as they are, and what is in them made visible."""
+    return "\n".join(visible(line) for line in text.split("\n"))
+
+
+def _last_line(error: BaseException) -> str:
+    """Return the last line of what an error says: of the trace from another process, the error itself."""
+    lines = [line for line in str(error).splitlines() if line.strip()]
+    return lines[-1].strip() if lines else ""
