@@ -2,6 +2,8 @@
 
 import csv
 import json
+import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +13,10 @@ import numpy as np
 
 from endoct.fusion.intervals import LEVEL, RESAMPLES, SEED, interval_of
 from endoct.fusion.repeatability import repeatability
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small
+from endoct.stitching.names import spreadsheet_text
+from endoct.workbench.inputs import json_text, path_text
 
 SCORES: Mapping[str, tuple[str, ...]] = {
     "jaccard": ("jaccard",),
@@ -55,6 +60,9 @@ _INTERVALS: Mapping[str, tuple[str, ...]] = {
 
 Row = dict[str, Any]
 
+LARGEST_RESULT_BYTES = 64_000_000
+"""That of a comparison has a hundred kB."""
+
 
 @dataclass(frozen=True)
 class Told:
@@ -68,10 +76,10 @@ class Told:
     @property
     def inputs(self) -> frozenset[str]:
         """Digests of the two sides. Masks given as truth are no part of what was compared."""
-        drawn = tuple(map(Path, self.result.get("truth", {})))
+        drawn = tuple(map(Path, _object(self.result, "truth")))
         return frozenset(
             digest
-            for path, digest in self.result.get("inputs", {}).items()
+            for path, digest in _object(self.result, "inputs").items()
             if not any(Path(path).is_relative_to(one) for one in drawn)
         )
 
@@ -111,44 +119,90 @@ def write_summary(tables: Mapping[str, Sequence[Row]], folder: Path) -> None:
             with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
                 writer = csv.DictWriter(file, list(rows[0]))
                 writer.writeheader()
-                writer.writerows(rows)
+                for row in rows:
+                    writer.writerow({k: spreadsheet_text(v) if isinstance(v, str) else v for k, v in row.items()})
     bootstrap = {"resamples": RESAMPLES, "seed": SEED, "level": LEVEL, "over": "specimens"}
-    text = json.dumps({**tables, "bootstrap": bootstrap}, indent=1, ensure_ascii=False)
+    text = json_text({**tables, "bootstrap": bootstrap})
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
 
 
 def _read(folder: Path, set_: str, repeats: bool) -> Told:
+    """Read a comparison; whatever in it is not what it should be is told here, before anything is reckoned with it."""
+    expected = "a folder written by `endoct compare`"
     try:
-        result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+        data = read_small(folder / "result.json", LARGEST_RESULT_BYTES)
+    except EndoctError as error:
+        raise EndoctError(f"{folder} is no comparison", found=error.found or error.what, expected=expected) from error
+    with refusing(f"{folder} is no comparison", expected=expected):
+        result = json.loads(data)
         if not isinstance(result, dict) or "aligned" not in result:
             raise ValueError("no result")
-    except (OSError, ValueError) as error:
-        raise EndoctError(
-            f"{folder} is no comparison", found=str(error), expected="a folder written by `endoct compare`"
-        ) from error
-    folder = folder.resolve()
-    return Told(folder, set_, folder.parent.name if repeats else folder.name, result)
+        folder = folder.resolve()
+        told = Told(folder, set_, path_text((folder.parent if repeats else folder).name), result)
+        _values(result)
+        if not all(isinstance(digest, str) for digest in _object(result, "inputs").values()):
+            raise ValueError("'inputs' are no digests")
+        _object(result, "truth")
+    return told
 
 
 def _rows(told: Told) -> Iterator[Row]:
-    for name, path in (("aligned", ("aligned",)), *SCORES.items()):
-        value = _at(told.result, path)
-        interval = _at(told.result, _INTERVALS.get(name, ())) if name in _INTERVALS else None
+    for name, (value, interval) in _values(told.result).items():
         yield {
             "set": told.set,
-            "comparison": str(told.folder),
+            "comparison": path_text(told.folder),
             "specimen": told.specimen,
             "score": name,
-            "value": None if value is None else float(value),
+            "value": value,
             "low": interval[0] if interval else None,
             "high": interval[1] if interval else None,
         }
 
 
+def _values(result: Mapping[str, Any]) -> dict[str, tuple[float | None, tuple[float, float] | None]]:
+    """Return value and interval of "aligned" and of every score; None for what is not there.
+
+    Raises ``ValueError`` where something else stands in its place.
+    """
+    found: dict[str, tuple[float | None, tuple[float, float] | None]] = {}
+    for name, path in (("aligned", ("aligned",)), *SCORES.items()):
+        interval = _at(result, _INTERVALS[name]) if name in _INTERVALS else None
+        if interval is not None and (not isinstance(interval, list) or len(interval) != 2):
+            raise ValueError(f"the interval of '{name}' is no two numbers")
+        value = _at(result, path)
+        if isinstance(value, bool) != (name == "aligned"):
+            raise ValueError(f"'{name}' is no {'truth value' if name == 'aligned' else 'number'}")
+        numbers = None if interval is None else (_number(name, interval[0]), _number(name, interval[1]))
+        found[name] = None if value is None else _number(name, value), numbers
+    return found
+
+
+def _number(name: str, value: object) -> float:
+    # a whole number of hundreds of digits is no float
+    if not isinstance(value, int | float) or not abs(value) <= sys.float_info.max or not math.isfinite(value):
+        raise ValueError(f"'{name}' is no number")
+    return float(value)
+
+
 def _at(result: Mapping[str, Any], path: Sequence[str]) -> Any:
+    """Return what stands at ``path``, None where nothing does. Raises ``ValueError`` where the way there is none."""
     found: Any = result
     for key in path:
-        found = found.get(key) if isinstance(found, Mapping) else None
+        if found is None:
+            return None
+        if not isinstance(found, Mapping):
+            raise ValueError(f"what should hold '{key}' is no object")
+        found = found.get(key)
+    return found
+
+
+def _object(result: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return the object ``result[key]``, an empty one where there is none."""
+    found = result.get(key)
+    if found is None:
+        return {}
+    if not isinstance(found, Mapping):
+        raise ValueError(f"'{key}' is no object")
     return found
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,7 @@ def test_a_tidy_table_and_medians(tmp_path: Path) -> None:
     assert aligned["value"] == pytest.approx(5 / 6)
     assert rows(tables, "summary", "lost_to_sampling")[0]["specimens"] == 6
     assert tables["paired"] == tables["repeatability"] == []
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["scores.csv", "summary.csv", "summary.json"]
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"scores.csv", "summary.csv", "summary.json"}
 
 
 def test_pairs_by_recording_whatever_the_folder_is_called(tmp_path: Path) -> None:
@@ -110,5 +111,73 @@ def test_what_is_no_comparison(tmp_path: Path) -> None:
         with pytest.raises(EndoctError, match="is no comparison"):
             summarise([tmp_path / "x"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
+    (tmp_path / "x" / "result.json").unlink()
+    os.mkfifo(tmp_path / "x" / "result.json")
+    with pytest.raises(EndoctError, match="a pipe"):
+        summarise([tmp_path / "x"])
     with pytest.raises(EndoctError, match="nothing to summarise"):
         summarise([])
+
+
+def _damaged() -> dict[str, str]:
+    """Return texts of a ``result.json`` that is no result, by what is wrong with them."""
+    sound = {"aligned": True, "jaccard": 0.5, "inputs": {"x": "d"}}
+    put = {
+        "aligned that is a word": {"aligned": "yes"},
+        "aligned that is null": {"aligned": None},
+        "a score that is a text": {"jaccard": "0.5"},
+        "a score that is a formula": {"jaccard": "=1+1"},
+        "a score that is a truth value": {"dice": True},
+        "a score that is an object": {"dice": {}},
+        "a score that is a list": {"valid_fraction": [1]},
+        "a score that is not finite": {"jaccard": float("nan")},
+        "a score beyond all": {"jaccard": float("-inf")},
+        "a score of 400 digits": {"jaccard": 10**400},
+        "scores that are a list": {"scores": [1]},
+        "scores that are a number": {"scores": 7},
+        "scores of rows that are a text": {"scores": {"own_rows": "x"}},
+        "a budget that is a text": {"budget": {"parts": "x"}},
+        "an interval that is a number": {"scores": {"grid": {"jaccard_interval": 1}}},
+        "an interval that is an object": {"scores": {"grid": {"jaccard_interval": {"0": 1}}}},
+        "an interval of one": {"scores": {"grid": {"jaccard_interval": [1]}}},
+        "an interval of texts": {"scores": {"grid": {"jaccard_interval": ["a", "b"]}}},
+        "an empty interval": {"scores": {"grid": {"jaccard_interval": []}}},
+        "an alignment that is a text": {"alignment": "x"},
+        "inputs that are a list": {"inputs": ["d"]},
+        "digests that are lists": {"inputs": {"x": ["d"]}},
+        "digests that are numbers": {"inputs": {"x": 1}},
+        "truth that is a list": {"truth": [1]},
+        "truth that is a number": {"truth": 3},
+    }
+    return {
+        "nesting": "[" * 100_000 + "]" * 100_000,
+        "nesting of objects": '{"aligned":' * 100_000,
+        "a number of 5000 digits": '{"aligned": true, "jaccard": ' + "1" * 5000 + "}",
+        "no text": "\x00\x01",
+        "a number": "1",
+        **{what: json.dumps(sound | changed) for what, changed in put.items()},
+    }
+
+
+@pytest.mark.parametrize("what", _damaged())
+def test_a_damaged_result_is_told_in_one_line(tmp_path: Path, what: str) -> None:
+    sound = write(tmp_path / "sound", 0.5, "d")
+    damaged = write(tmp_path / "damaged", 0.5, "d")
+    (damaged / "result.json").write_text(_damaged()[what])
+    for first, second in (([sound, damaged], []), ([sound], [damaged])):
+        with pytest.raises(EndoctError, match=r"damaged is no comparison; found [^\n]+$") as told:
+            summarise(first, against=second)
+        assert len(str(told.value)) < 700
+
+
+def test_a_result_that_is_no_result_by_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("endoct.workbench.summarising.LARGEST_RESULT_BYTES", 1000)
+    damaged = write(tmp_path / "damaged", 0.5, more="x" * 2000)
+    with pytest.raises(EndoctError, match=r"damaged is no comparison; found more than 0\.001 MB"):
+        summarise([damaged])
+
+
+def test_what_was_not_scored_may_be_missing_or_null(tmp_path: Path) -> None:
+    null = {"scores": {"grid": None, "own_rows": {"jaccard": None}}, "budget": None, "alignment": None, "truth": None}
+    tables = summarise([write(tmp_path / "a", 0.5, **null), write(tmp_path / "b", None, inputs=None)])
+    assert rows(tables, "summary", "jaccard")[0]["specimens"] == 1
