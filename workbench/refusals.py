@@ -72,7 +72,7 @@ def _warning_text(
 
 def visible_lines(text: str) -> str:
     """Return ``text`` with its lines as they are, and what is in them made visible."""
-    return "\n".join(visible(line) for line in text.split("\n"))
+    return "\n".join(line if line.isprintable() else visible(line) for line in text.split("\n"))
 
 
 def _last_line(error: BaseException) -> str:

@@ -1,6 +1,7 @@
 """The report of a comparison: figures as files, and one page that holds everything and opens offline."""
 
 import base64
+import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
@@ -17,6 +18,7 @@ from endoct.workbench.figures.all import draw_on_grid, draw_on_own_rows
 from endoct.workbench.figures.drawing import Drawn
 from endoct.workbench.findings import Findings, read_findings
 from endoct.workbench.kinds import FIGURES, REPORT
+from endoct.workbench.refusals import visible_lines
 from endoct.workbench.report_scores import score_tables
 from endoct.workbench.report_tables import numbers, provenance, threshold_text
 from endoct.workbench.wording import bullets, interval_text, value_text
@@ -79,15 +81,23 @@ def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
     a, b = findings.sides
     heading = f"{a.name} and {b.name}: one bore, compared"
     version = findings.result.get("versions", {}).get("endoct", "")
+    style = files("endoct.workbench").joinpath("report.css").read_text(encoding="utf-8")
     template = Template(files("endoct.workbench").joinpath("report.html").read_text(encoding="utf-8"))
-    return template.substitute(
+    page = template.substitute(
         title=escape(f"endoct: {heading}"),
-        style=files("endoct.workbench").joinpath("report.css").read_text(encoding="utf-8"),
+        style=style,
+        style_digest=_digest(style),
         heading=escape(heading),
         headline="".join(_headline(findings)),
         sections="\n".join(sections),
         footer=escape(f"Written by endoct {version}. The figures lie beside this page, lossless, in figures/."),
     )
+    return visible_lines(page)  # a text from a file turns nothing around, and can be encoded
+
+
+def _digest(style: str) -> str:
+    """Return how a content security policy names the one style that a page may have."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(style.encode()).digest()).decode('ascii')}'"
 
 
 def _headline(findings: Findings) -> Iterator[str]:

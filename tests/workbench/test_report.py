@@ -35,6 +35,7 @@ class _Page(HTMLParser):
         self.images: list[str] = []
         self.links: list[str] = []
         self.said: list[str] = []
+        self.inline: list[str] = []
         self.feed(self.source)
         self.text = re.sub(r"\s+", " ", " ".join(self.said))
 
@@ -43,6 +44,7 @@ class _Page(HTMLParser):
         values = dict(attrs)
         if tag == "img":
             self.images.append(values["src"] or "")
+        self.inline += [key for key, _ in attrs if key == "style" or key.startswith("on")]
         self.links += [value for key, value in attrs if key in ("href", "src", "srcset", "data") and value]
 
     def handle_data(self, data: str) -> None:
@@ -110,7 +112,7 @@ def test_the_page_needs_no_network_and_no_script(aligned: Made) -> None:
 
 def test_every_figure_is_embedded_and_lies_beside_the_page(aligned: Made) -> None:
     folder, _, page = aligned
-    files = list((folder / "figures").iterdir())
+    files = list((folder / "figures").glob("*.png"))
     assert {path.stem for path in files} == {
         "panoramas", "masks", "alignment", "depth-oct", "frames-endoscope", "frames-oct", "cylinder-oct",
         "quality-endoscope", "quality-oct",
@@ -182,6 +184,50 @@ def test_texts_are_escaped(aligned: Made) -> None:
     _, _, page = aligned
     assert "<script>alert(1)</script>" in page.text
     assert html.escape("<script>alert(1)</script>") in page.source
+
+
+def test_the_page_may_load_and_run_nothing(aligned: Made) -> None:
+    _, _, page = aligned
+    policy, referrer = (re.search(rf'<meta {name}" content="([^"]*)">', page.source) for name in (
+        'http-equiv="Content-Security-Policy', 'name="referrer'
+    ))  # fmt: skip
+    assert policy is not None
+    assert referrer is not None
+    assert referrer[1] == "no-referrer"
+    style = re.search(r"<style>(.*?)</style>", page.source, re.DOTALL)
+    assert style is not None
+    digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()
+    assert policy[1].split("; ") == [
+        "default-src 'none'",
+        "img-src data:",
+        f"style-src 'sha256-{digest}'",
+        "base-uri 'none'",
+        "form-action 'none'",
+    ]
+    assert page.source.index("Content-Security-Policy") < page.source.index("<title>")
+    assert not page.inline
+
+
+def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
+    hostile = "</style></title>\"'><img src=x onerror=alert(1)><script>alert(1)</script>&\x1b[31m\u202e\udce9"
+    _, _, page = make(
+        Kind("endoscope", depth=False),
+        Kind("oct"),
+        notes={"endoscope": [hostile], "oct": []},
+        inputs={hostile: hostile},
+        versions={hostile: hostile, "endoct": hostile},
+        seconds={hostile: 1.0},
+        parameters={hostile: {hostile: hostile}},
+        threshold={"endoscope": {"value": 0.5, "unit": hostile, "of": hostile}},
+        polarity={"oct": hostile},
+        truth={f"truth/{hostile}.png": {"oct": {"jaccard": 0.8, "dice": 0.9}}},
+    )
+    assert {"script", "link", "iframe", "object", "base"}.isdisjoint(page.tags)
+    assert all(image.startswith("data:image/webp;base64,") for image in page.images)
+    assert not page.inline
+    assert page.text.count("<script>alert(1)</script>") >= 9
+    assert page.source.replace("\n", "").isprintable()
+    assert r"\x1b[31m\u202e\udce9" in page.text
 
 
 def test_only_figures_and_page_are_written_and_again_the_same(aligned: Made) -> None:
