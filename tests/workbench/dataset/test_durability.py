@@ -118,6 +118,65 @@ def test_what_is_damaged_is_made_again(root: Path, cheap: Cheap) -> None:
     assert contents(root) == before
 
 
+def flip(path: Path) -> bytes:
+    """Change one bit; neither size nor name tell of it."""
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    return bytes(data)
+
+
+def test_a_flipped_bit_is_found_and_what_was_there_is_kept(root: Path, cheap: Cheap) -> None:
+    make(root, FOLDERS, cheap)
+    before = contents(root)
+    flipped = flip(root / "specimens/000001/oct/pullback.tif")
+    (root / "specimens/000002/truth/more").unlink()
+    (root / "specimens/000002/notes.txt").write_text("mine")
+    shutil.copytree(root / "specimens/000003", root / "specimens/000003/copy")
+    built = make_dataset(root, FOLDERS, workers=1, make=cheap)
+    assert (built.made, built.set_aside) == (2, 2)
+    changed = {name: data for name, data in contents(root).items() if "000003/copy" not in name}
+    assert changed == before
+    assert (root / "specimens/000003/copy/oct/pullback.tif").exists()  # of no concern where all else is whole
+    assert (root / "damaged/000001.kept-1/oct/pullback.tif").read_bytes() == flipped
+    assert (root / "damaged/000002.kept-1/notes.txt").read_text() == "mine"
+
+
+def test_a_flipped_bit_in_a_shard_is_found_and_what_was_there_is_kept(root: Path, cheap: Cheap) -> None:
+    make(root, SHARDS, cheap)
+    before = contents(root)
+    flipped = flip(root / "shards/train-000001.tar")
+    built = make_dataset(root, SHARDS, workers=1, make=cheap)
+    assert (built.made, built.set_aside) == (3, 1)
+    assert contents(root) == before
+    assert (root / "damaged/train-000001.tar.kept-1").read_bytes() == flipped
+
+
+def test_what_somebody_writes_at_the_top_of_a_set_is_kept(root: Path, cheap: Cheap) -> None:
+    make(root, FOLDERS, cheap)
+    (root / "README.md").write_text("what I found out")
+    (root / "thesis.tex").write_text("years of work")
+    (root / "manifest.csv").write_text("index,my own column\n")
+    make(root, Plan(**vars(FOLDERS) | {"count": 6}), cheap)
+    assert (root / "README.md.kept-1").read_text() == "what I found out"
+    assert (root / "manifest.csv.kept-1").read_text() == "index,my own column\n"
+    assert (root / "thesis.tex").read_text() == "years of work"
+    assert len((root / "manifest.csv").read_text().splitlines()) == 7
+    make(root, Plan(**vars(FOLDERS) | {"count": 7}), cheap)
+    assert not (root / "README.md.kept-2").exists()
+
+
+@pytest.mark.parametrize("record", ["{", "[]", '{"files": {"../../thesis.tex": [1, "x"]}}', "[" * 100_000, "9" * 9_000])
+def test_a_damaged_record_leads_nowhere_else(record: str, root: Path, cheap: Cheap, tmp_path: Path) -> None:
+    make(root, FOLDERS, cheap)
+    before = contents(root)
+    (tmp_path / "thesis.tex").write_text("x")
+    (root / "records/000001.json").write_text(record)
+    assert make(root, FOLDERS, cheap) == 1
+    assert contents(root) == before
+    assert (tmp_path / "thesis.tex").read_text() == "x"
+
+
 @pytest.mark.parametrize(("plan", "extra"), [(FOLDERS, 3), (SHARDS, 9)], ids=["folders", "shards"])
 def test_a_set_grows_and_keeps_what_it_has(plan: Plan, extra: int, root: Path, cheap: Cheap, tmp_path: Path) -> None:
     more = Plan(**vars(plan) | {"count": plan.count + extra})
