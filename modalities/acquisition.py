@@ -4,16 +4,24 @@ import difflib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.folders import exists, is_folder
+from endoct.modalities.keys import check_kinds, expectation, shown
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small
 
 SIDECAR_NAME = "acquisition.toml"
 
 Travel = Literal["in", "out", "unknown"]
 Handedness = Literal["same", "mirrored", "unknown"]
+MOST_PLACE_MM = 1e4
+"""No bore is longer."""
+MOST_PLACES = 1_000_000
+Place = Annotated[float, Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)]
+LONGEST_KEY = 100
 
 
 class Acquisition(BaseModel):
@@ -26,12 +34,14 @@ class Acquisition(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False, allow_inf_nan=False)
 
     modality: str = Field(description="the plug-in that reads this recording")
-    bore_diameter_mm: float = Field(gt=0, description="nominal diameter of the drill hole; sets mm along θ")
+    bore_diameter_mm: float = Field(ge=0.1, le=100, description="nominal diameter of the drill hole; sets mm along θ")
     travel: Travel = Field(default="unknown", description="which way the instrument moved: in, out or unknown")
-    positions_mm: tuple[float, ...] | None = Field(
-        default=None, description="travel position of every frame, beats the nominal pitch"
+    positions_mm: tuple[Place, ...] | None = Field(
+        default=None, max_length=MOST_PLACES, description="travel position of every frame, beats the nominal pitch"
     )
-    theta_origin_rad: float = Field(default=0.0, description="θ of the first A-scan or of the image's +x axis")
+    theta_origin_rad: float = Field(
+        default=0.0, ge=-1000, le=1000, description="θ of the first A-scan or of the image's +x axis"
+    )
     calibration: str | None = Field(default=None, description="a TOML file beside this one with further keys")
 
 
@@ -40,7 +50,7 @@ AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 def sidecar_path(recording: Path) -> Path:
     """Return where the sidecar of ``recording`` (a folder or a file) lies: inside it, or beside it."""
-    return (recording if recording.is_dir() else recording.parent) / SIDECAR_NAME
+    return (recording if is_folder(recording) else recording.parent) / SIDECAR_NAME
 
 
 def read_keys(recording: Path) -> dict[str, Any]:
@@ -49,7 +59,7 @@ def read_keys(recording: Path) -> dict[str, Any]:
     Raises :class:`EndoctError` where a file is not TOML or the calibration file is missing.
     """
     path = sidecar_path(recording)
-    if not path.is_file():
+    if not exists(path):
         return {}
     keys = read_toml(path)
     if isinstance(name := keys.get("calibration"), str):
@@ -70,18 +80,20 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
     known = [*model.model_fields, *also]
     for key in keys:
         if key not in model.model_fields:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+            # comparing takes long for what is no word
+            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5) if len(key) <= LONGEST_KEY else []
             raise EndoctError(
-                f"unknown key '{key}' in {where}",
+                f"unknown key '{key[:LONGEST_KEY]}' in {where}",
                 expected=f"'{near[0]}'" if near else f"one of {', '.join(known)}",
                 remedy="correct the spelling or remove the key",
             )
+    check_kinds(model, keys, where)
     try:
         return model.model_validate(dict(keys))
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        said = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+        said = expectation(model, first)
         if not key:  # the keys do not fit each other
             raise EndoctError(f"{where}: {said}", remedy="correct the keys") from None
         missing = [str(e["loc"][0]) for e in error.errors() if e["type"] == "missing" and len(e["loc"]) == 1]
@@ -96,16 +108,13 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
             ) from None
         raise EndoctError(
             f"'{key}' in {where} cannot be used",
-            found=repr(first["input"]),
+            found=shown(first["input"]),
             expected=said,
         ) from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the content of a TOML file. Raises :class:`EndoctError` where it cannot be read."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise EndoctError(f"{path} is not valid TOML", found=str(error)) from error
-    except OSError as error:
-        raise EndoctError(f"{path} cannot be read", found=error.strerror or str(error)) from error
+    """Return the content of a TOML file of at most 1 MB. Raises :class:`EndoctError` where it cannot be read."""
+    data = read_small(path)
+    with refusing(f"{path} is not valid TOML"):
+        return tomllib.loads(data.decode("utf-8"))

@@ -26,9 +26,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.acquisition import Acquisition
+from endoct.modalities.acquisition import MOST_PLACE_MM, Acquisition
 from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, cause_of
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
@@ -81,8 +81,8 @@ class Manifest:
         module, _, name = self.implementation.partition(":")
         try:
             modality: Modality = getattr(import_module(module), name)
-        except (ImportError, AttributeError) as error:
-            raise EndoctError(f"the modality '{self.name}' cannot be loaded", found=str(error)) from error
+        except (Exception, SystemExit) as error:  # a stranger's module may raise anything
+            raise EndoctError(f"the modality '{self.name}' cannot be loaded", found=import_cause(error)) from error
         return modality
 
 
@@ -151,6 +151,11 @@ class Picture:
     curves: Mapping[str, Coordinates] = field(default_factory=dict)
 
 
+def import_cause(error: BaseException) -> str:
+    """Return why a module cannot be imported, in one line."""
+    return str(error) if isinstance(error, ImportError | AttributeError) else cause_of(error)
+
+
 class Modality(Protocol):
     """The implementation of a plug-in: a class with no state, or a module-level instance of one."""
 
@@ -190,7 +195,8 @@ def inward_positions_mm(
     """Return the nominal z of every frame in recording order, float64 (n_frames,), 0 nearest the mouth.
 
     Frames travel inward unless ``travel`` is "out". ``positions_mm`` (along the travel) beats the pitch.
-    Raises :class:`EndoctError` where there is not one finite position for each frame.
+    Raises :class:`EndoctError` where there is not one finite position for each frame, or they lie farther apart
+    than any bore is long.
     """
     if positions_mm is None:
         along = pitch_mm * np.arange(n_frames)
@@ -202,5 +208,12 @@ def inward_positions_mm(
                 found=f"{along.size} positions",
                 expected=f"{n_frames}",
             )
+    if np.ptp(along) > 2 * MOST_PLACE_MM:
+        raise EndoctError(
+            "the frames lie farther apart than any bore is long",
+            found=f"{np.ptp(along):.4g} mm from the first to the last of {n_frames}",
+            expected=f"{2 * MOST_PLACE_MM:g} mm at most",
+            remedy="check the pitch, and the numbers in the names of the files",
+        )
     z_mm = -along if travel == "out" else along
     return np.asarray(z_mm - z_mm.min(), dtype=np.float64)

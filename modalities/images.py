@@ -1,6 +1,7 @@
 """A single PNG, JPEG or BMP, its size checked in its header before it is decoded."""
 
 import io
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import open_regular
-from endoct.stitching.limits import check_array_size, largest_array_bytes
+from endoct.stitching.limits import check_array_size
 
 COPIES = 2
 """What decoding holds at most, in the size of the image: the image and one copy."""
@@ -33,8 +34,9 @@ def read_image(path: Path) -> NDArray[Any]:
     expected, remedy = "PNG, JPEG, BMP or TIFF", "copy or export the file again"
     with refusing(said, expected=expected, remedy=remedy):
         with open_regular(path) as file:
-            data = file.read(largest_array_bytes() + 1)
-        check_array_size((len(data),), 1, f"{path}")
+            size = os.fstat(file.fileno()).st_size
+            check_array_size((size,), 1, f"{path}")
+            data = file.read(size)
         if data.startswith(_PNG):
             return _png(data, path)
         if data.startswith(_JPEG):

@@ -9,6 +9,8 @@ import numpy as np
 LEAST_REGULAR = 0.8
 """Share of equal steps below which numbers in names are taken for something else than a count."""
 GAP_STEPS = 1.5
+LONGEST_NUMBER = 15
+"""Digits; longer ones, as of a time in ns, do not count frames."""
 
 
 def positions_by_number(files: Sequence[Path], pitch_mm: float) -> tuple[float, ...] | None:
@@ -16,8 +18,8 @@ def positions_by_number(files: Sequence[Path], pitch_mm: float) -> tuple[float, 
 
     None where the last numbers in the names count without a gap, or do not count at all.
     """
-    found = [re.findall(r"\d+", file.stem) for file in files]
-    if len(files) < 3 or not all(found):
+    found = [re.findall(r"[0-9]+", file.stem) for file in files]  # \d would take digits of other scripts
+    if len(files) < 3 or not all(found) or max(len(digits[-1]) for digits in found) > LONGEST_NUMBER:
         return None
     numbers = np.array([int(digits[-1]) for digits in found])
     steps = np.diff(numbers)

@@ -1,14 +1,18 @@
 """Which plug-ins are installed, and which of them reads a path."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from endoct.modalities.acquisition import SIDECAR_NAME, read_keys, sidecar_path, validate
-from endoct.modalities.contract import FrameStream, Manifest
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.contract import FrameStream, Manifest, Sniff, import_cause
+from endoct.modalities.folders import exists
+from endoct.modalities.keys import shown
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.names import plain_name
 
 GROUP = "endoct.modalities"
 
@@ -20,10 +24,10 @@ def manifests() -> Mapping[str, Manifest]:
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         try:
             manifest = entry.load()
-        except (ImportError, AttributeError) as error:
+        except (Exception, SystemExit) as error:  # a stranger's module may raise anything
             raise EndoctError(
                 f"the modality '{entry.name}' cannot be imported",
-                found=str(error),
+                found=import_cause(error),
                 remedy=f"reinstall or remove the package that registers {entry.value}",
             ) from error
         if not isinstance(manifest, Manifest) or manifest.name != entry.name or manifest.name in found:
@@ -32,6 +36,8 @@ def manifests() -> Mapping[str, Manifest]:
                 expected=f"one Manifest of the name '{entry.name}'",
                 remedy="correct or remove the package that registers it",
             )
+        plain_name(manifest.name, f"a modality ({entry.value})")
+        plain_name(manifest.frame_dim, f"what the modality '{manifest.name}' calls a frame")
         found[manifest.name] = manifest
     return found
 
@@ -41,16 +47,16 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
 
     Raises :class:`EndoctError` where there is none, or two claim it.
     """
-    if not path.exists():
+    if not exists(path):
         raise EndoctError(f"{path} does not exist", remedy="check the path")
     name = modality or read_keys(path).get("modality")
     if name is not None and not isinstance(name, str):
-        raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=repr(name), expected="a text")
+        raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=shown(name), expected="a text")
     if name is not None:
         if name not in manifests():
-            raise EndoctError(f"unknown modality '{name}'", expected=f"one of {', '.join(manifests())}")
+            raise EndoctError(f"unknown modality '{name[:80]}'", expected=f"one of {', '.join(manifests())}")
         return manifests()[name]
-    verdicts = {name: manifest.load().sniff(path) for name, manifest in manifests().items()}
+    verdicts = {name: _sniffed(path, manifest) for name, manifest in manifests().items()}
     claims = [name for name, verdict in verdicts.items() if verdict.claims]
     if len(claims) == 1:
         return manifests()[claims[0]]
@@ -59,7 +65,9 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
             f"{path} could be {' or '.join(claims)}",
             remedy=f"say which with --modality, or with 'modality' in {sidecar_path(path)}",
         )
-    inside = sorted(str(sidecar.parent) for sidecar in path.glob(f"*/{SIDECAR_NAME}"))
+    inside: list[str] = []
+    with suppress(OSError):
+        inside = sorted(str(sidecar.parent) for sidecar in path.glob(f"*/{SIDECAR_NAME}"))
     raise EndoctError(
         f"no modality reads {path}",
         found=", ".join(f"{name}: {verdict.reason}" for name, verdict in verdicts.items()),
@@ -78,10 +86,17 @@ def open_recording(
     overrides = dict(overrides or {})
     keys = read_keys(path) | {"modality": manifest.name} | overrides
     sidecar = sidecar_path(path)
-    if not sidecar.is_file() and not overrides:
+    if not exists(sidecar) and not overrides:
         raise EndoctError(
             f"{path} has no {SIDECAR_NAME}",
             expected=f"it at {sidecar}",
             remedy=f"write one to fill in with `endoct info {path} --write-sidecar`",
         )
-    return manifest, manifest.load().open(path, validate(manifest.acquisition, keys, str(sidecar)))
+    acquisition = validate(manifest.acquisition, keys, str(sidecar))
+    with refusing(f"{path} cannot be read by the modality '{manifest.name}'"):
+        return manifest, manifest.load().open(path, acquisition)
+
+
+def _sniffed(path: Path, manifest: Manifest) -> Sniff:
+    with refusing(f"the modality '{manifest.name}' cannot say whether it reads {path}"):
+        return manifest.load().sniff(path)

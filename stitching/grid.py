@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.limits import check_array_size
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class SurfaceGrid:
     Attributes: ``n_z`` rows and ``n_theta`` columns; ``z0_mm`` and ``theta0_rad`` the centre of row 0 and
     column 0; ``dz_mm`` > 0 and ``dtheta_rad`` the steps; ``radius_mm`` the nominal bore radius.
 
-    Raises :class:`EndoctError` where a step is not positive or the columns do not close the circle.
+    Raises :class:`EndoctError` where a step is not positive, the columns do not close the circle, or a panorama on
+    the grid would take more memory than one array may.
     """
 
     n_z: int
@@ -43,6 +45,7 @@ class SurfaceGrid:
                 found=f"{self.n_z} × {self.n_theta}",
                 expected="at least 1 × 1",
             )
+        check_array_size(self.shape, np.dtype(np.float32).itemsize, "a panorama of that length and those steps")
         for name in ("dz_mm", "dtheta_rad", "radius_mm"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):

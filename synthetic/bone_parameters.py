@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from endoct.synthetic.parameter_fields import Harmonic, Parameters, between, drawn
+from endoct.synthetic.parameter_fields import MOST_HARMONICS, MOST_LISTED, Harmonic, Parameters, Place, between, drawn
 from endoct.synthetic.presets import Bone
 
 Filling = Literal["air", "dust", "fluid"]
@@ -20,7 +20,7 @@ class Cell(Parameters):
     shaft, open towards the bore: there max(w, 0) stands in for the absolute value of w.
     """
 
-    z_mm: float = Field(description="of its axis at the wall, mm from the mouth")
+    z_mm: Place = Field(description="of its axis at the wall, mm from the mouth")
     theta_rad: float = between(0, 6.2832, "of its axis at the wall, rad")
     diameter_mm: float = between(0.2, 2.0, "of the circle of equal area at its widest, mm (§9: opening 0.2–1.5)")
     depth_mm: float = between(0.05, 1.5, "of its floor below the nominal wall, along its axis, mm (§9)")
@@ -30,7 +30,9 @@ class Cell(Parameters):
     lean_rad: float = between(0, 0.8, "of its axis off the radial direction, rad (paper: different orientations)")
     lean_direction_rad: float = between(0, 6.2832, "of that lean in the wall's plane, against z, rad")
     squareness: float = between(2, 12, "exponent of its shape: 2 an ellipsoid, 12 a drilled shaft (chosen)")
-    outline: tuple[Harmonic, ...] = Field(description="its departure from an ellipse, relative, harmonics 2, 3, …")
+    outline: tuple[Harmonic, ...] = Field(
+        max_length=MOST_HARMONICS, description="its departure from an ellipse, relative, harmonics 2, 3, …"
+    )
     edge_mm: float = between(0.005, 0.15, "length over which its rim is rounded; large under a lining, mm (chosen)")
     lining: float = between(0.55, 1.0, "albedo of its inside over that of bone; 1 hides the edge (chosen)")
     rim_gain: float = between(0, 0.8, "extra brightness of its rim; 0 for most cells (chosen)")
@@ -43,7 +45,7 @@ class Bore(Parameters):
 
     bone: Bone = Field(description="drilled bone substitute, or a pneumatised mastoid")
     diameter_mm: float = drawn(2.4, 2.6, "nominal, stands in both sidecars, mm (paper: 2.5)", (1.6, 4.0))
-    length_mm: float = Field(gt=0, lt=100, description="of the simulated wall, from the mouth, mm")
+    length_mm: float = Field(ge=0.1, lt=100, description="of the simulated wall, from the mouth, mm")
     taper_mm: float = drawn(-0.015, 0.015, "change of radius from mouth to end, mm (chosen)", (-0.2, 0.2))
     tilt_rad: float = drawn(0, 0.001, "of the bore against the capillary in it, rad (chosen)", (0, 0.01))
     tilt_direction_rad: float = drawn(0, 6.2832, "towards which the bore leans, θ, rad")
@@ -59,4 +61,4 @@ class Bore(Parameters):
     lining: float = drawn(0.0, 0.1, "share of cells under a lining that hides the edge (chosen)", (0, 1))
     dust: float = drawn(0.0, 0.0, "share of cells with bone dust on their floor; none in the phantom (chosen)", (0, 1))
     fluid: float = drawn(0.0, 0.0, "share of cells with fluid on their floor; none in the phantom (chosen)", (0, 1))
-    cells: tuple[Cell, ...] = ()
+    cells: tuple[Cell, ...] = Field(default=(), max_length=MOST_LISTED)

@@ -4,8 +4,22 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from endoct.synthetic.parameter_fields import Harmonic, Parameters, Stated, Travel, between, drawn
+from endoct.synthetic.parameter_fields import (
+    MOST_HARMONICS,
+    MOST_LISTED,
+    Angle,
+    Harmonic,
+    Parameters,
+    Place,
+    Shift,
+    Stated,
+    Travel,
+    between,
+    drawn,
+)
 
+Length = Annotated[float, Field(ge=0.5, le=2)]
+Error = Annotated[tuple[Harmonic, ...], Field(max_length=MOST_HARMONICS)]
 Offset = Annotated[float, Field(ge=0, le=0.5)]
 
 
@@ -21,7 +35,7 @@ class SheathLine(Parameters):
 class Shadow(Parameters):
     """A speck of dirt on the capillary, a soft-edged ellipse that weakens the wall behind it."""
 
-    z_mm: float = Field(description="centre, mm from the mouth")
+    z_mm: Place = Field(description="centre, mm from the mouth")
     theta_rad: float = drawn(0, 6.2832, "centre, rad")
     sigma_z_mm: float = drawn(0.1, 0.5, "half length, mm (chosen)")
     sigma_theta_rad: float = drawn(0.012, 0.052, "half width, 0.7–3° (chosen)")
@@ -31,9 +45,9 @@ class Shadow(Parameters):
 class LostAscans(Parameters):
     """A block of A-scans the recorder dropped: a jump in angle within one B-scan (rig)."""
 
-    slice_index: int = Field(ge=0, description="in the order recorded")
-    ascan: int = Field(ge=1, description="the first A-scan recorded after the gap")
-    count: int = Field(ge=1, description="A-scans lost")
+    slice_index: int = Field(ge=0, le=MOST_LISTED, description="in the order recorded")
+    ascan: int = Field(ge=1, le=1_000_000, description="the first A-scan recorded after the gap")
+    count: int = Field(ge=1, le=1_000_000, description="A-scans lost")
 
 
 class Oct(Parameters):
@@ -47,7 +61,7 @@ class Oct(Parameters):
         0.10, 0.25, "catheter off the capillary's axis, mm; less where there is no room (§9)", (0, 0.45)
     )
     offset_drift_mm: float = drawn(0.02, 0.05, "largest departure from that mean over the scan, mm (§9)", (0, 0.2))
-    sheath: tuple[SheathLine, ...] = Field(description="3 or 4 lines, from the inside")
+    sheath: tuple[SheathLine, ...] = Field(max_length=32, description="3 or 4 lines, from the inside")
     # sampling
     axial_pixel_mm: float = drawn(0.0049, 0.0051, "in air, mm (rig)", (0.003, 0.01))
     first_sample_mm: float = drawn(
@@ -87,8 +101,10 @@ class Oct(Parameters):
     tail_db: float = drawn(-18, -12, "multiple scattering against the wall's surface, dB (chosen)", (-60, 0))
     tail_mm: float = drawn(0.4, 0.9, "decay of that tail, mm (chosen)", (0.01, 3))
     patchiness_db: float = drawn(1.5, 3.0, "rms of the wall's slow changes of brightness, dB (chosen)", (0, 10))
-    shadows: tuple[Shadow, ...] = Field(description="of dirt on the capillary, one for each 2 mm of bore")
-    n_glints: int = Field(ge=0, description="specular spots on the wall, six for each mm of bore")
+    shadows: tuple[Shadow, ...] = Field(
+        max_length=MOST_LISTED, description="of dirt on the capillary, one for each 2 mm of bore"
+    )
+    n_glints: int = Field(ge=0, le=100_000, description="specular spots on the wall, six for each mm of bore")
     db_per_count: float = drawn(0.25, 0.35, "of the logarithmic u8 samples, dB", (0.05, 2))
     floor_count: float = drawn(45, 70, "count of the mean noise floor", (0, 200))
     # motion
@@ -98,26 +114,34 @@ class Oct(Parameters):
     sense: Literal[-1, 1] = Field(description="+1: A-scans run with θ, −1: against it")
     theta_origin_rad: float = drawn(0, 6.2832, "θ of A-scan 0 of a perfect turn, rad")
     pullback_jitter_mm: float = drawn(0.004, 0.004, "rms error of a slice's place, mm (chosen)", (0, 0.1))
-    z_mm: tuple[float, ...] = Field(description="of A-scan 0 of every slice in the order recorded, mm from the mouth")
-    z_advance_mm: float = Field(description="along z during one turn, signed, mm; 0 for a stepped scan")
-    offset_mm: tuple[Offset, ...] = Field(description="of the catheter from the capillary's axis, every slice, mm")
-    offset_direction_rad: tuple[float, ...] = Field(description="of that offset, θ in the bore frame, rad")
+    z_mm: tuple[Place, ...] = Field(
+        max_length=MOST_LISTED, description="of A-scan 0 of every slice in the order recorded, mm from the mouth"
+    )
+    z_advance_mm: Shift = Field(description="along z during one turn, signed, mm; 0 for a stepped scan")
+    offset_mm: tuple[Offset, ...] = Field(
+        max_length=MOST_LISTED, description="of the catheter from the capillary's axis, every slice, mm"
+    )
+    offset_direction_rad: tuple[Angle, ...] = Field(
+        max_length=MOST_LISTED, description="of that offset, θ in the bore frame, rad"
+    )
     start_jitter_rad: float = drawn(
         0.0052, 0.0052, "rms of where a triggered turn starts, rad (chosen: 0.3°)", (0, 0.5)
     )
-    start_angle_rad: tuple[float, ...] = Field(description="of every slice's turn, rad")
+    start_angle_rad: tuple[Angle, ...] = Field(max_length=MOST_LISTED, description="of every slice's turn, rad")
     turn_jitter: float = drawn(
         0.0005, 0.0025, "rms of a turn's period, relative (rig: to 0.01; others 0.01–0.03)", (0, 0.05)
     )
-    turn_length: tuple[float, ...] = Field(description="turns that n_ascans A-scans span, every slice, about 1")
+    turn_length: tuple[Length, ...] = Field(
+        max_length=MOST_LISTED, description="turns that n_ascans A-scans span, every slice, about 1"
+    )
     rotation_error_peak_rad: float = drawn(
         0.0087, 0.0436, "largest over the scan, 0.5–2.5° (a few degrees, 10° at bends), rad", (0, 0.2)
     )
-    rotation_error_rad: tuple[tuple[Harmonic, ...], ...] = Field(
-        description="every slice, harmonics 1, 2, … of the turn, rad"
+    rotation_error_rad: tuple[Error, ...] = Field(
+        max_length=MOST_LISTED, description="every slice, harmonics 1, 2, … of the turn, rad"
     )
     lost_blocks: float = drawn(0.0, 1.5, "mean number of blocks of A-scans lost in the recording (rig)", (0, 100))
-    lost_ascans: tuple[LostAscans, ...] = ()
+    lost_ascans: tuple[LostAscans, ...] = Field(default=(), max_length=MOST_LISTED)
     # what the sidecar says
     states_first_sample: bool = Field(description="whether the sidecar gives first_sample_mm")
     stated_travel: Stated = Field(description="travel in the sidecar: right, or unknown")

@@ -1,13 +1,25 @@
 """Fields of parameters: numbers with their bounds, what they are drawn from, unit and source."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 Travel = Literal["in", "out"]
 Stated = Literal["in", "out", "unknown"]
-Harmonic = tuple[float, float]
+Factor = Annotated[float, Field(ge=-10, le=10)]
+Harmonic = tuple[Factor, Factor]
 """Factors of the cosine and of the sine."""
+Place = Annotated[float, Field(ge=-200, le=200)]
+"""mm along a bore, which is shorter than 100."""
+Shift = Annotated[float, Field(ge=-10, le=10)]
+"""mm across it."""
+Angle = Annotated[float, Field(ge=-1000, le=1000)]
+"""rad."""
+Pixel = Annotated[float, Field(ge=-1e4, le=1e4)]
+MOST_LISTED = 5000
+"""Of anything of which a sample lists several."""
+MOST_HARMONICS = 64
+LARGEST_SEED = 2**64
 
 
 def drawn(low: float, high: float, about: str, allowed: tuple[float, float] | None = None) -> Any:

@@ -12,7 +12,19 @@ from pydantic import Field, model_validator
 
 from endoct.synthetic.bone_parameters import Bore, Cell
 from endoct.synthetic.oct_parameters import LostAscans, Oct, Shadow, SheathLine
-from endoct.synthetic.parameter_fields import Harmonic, Parameters, Stated, Travel, drawn
+from endoct.synthetic.parameter_fields import (
+    LARGEST_SEED,
+    MOST_LISTED,
+    Angle,
+    Harmonic,
+    Parameters,
+    Pixel,
+    Place,
+    Shift,
+    Stated,
+    Travel,
+    drawn,
+)
 from endoct.synthetic.presets import PRESETS, PresetName
 
 __all__ = [
@@ -35,8 +47,8 @@ __all__ = [
 class Speck(Parameters):
     """A dark spot fixed to the endoscope."""
 
-    x_px: float = Field(description="columns from the annulus' centre, pixels")
-    y_px: float = Field(description="rows from the annulus' centre, pixels")
+    x_px: Pixel = Field(description="columns from the annulus' centre, pixels")
+    y_px: Pixel = Field(description="rows from the annulus' centre, pixels")
     sigma_px: float = drawn(1.5, 5, "pixels (chosen)", (0.5, 50))
     loss: float = drawn(0.2, 0.8, "of the light, relative (chosen)", (0, 1))
 
@@ -44,8 +56,8 @@ class Speck(Parameters):
 class Droplet(Parameters):
     """A drop of fluid on the mirror: it bends the view, as a weak lens does, and shines."""
 
-    x_px: float = Field(description="columns from the annulus' centre, pixels")
-    y_px: float = Field(description="rows from the annulus' centre, pixels")
+    x_px: Pixel = Field(description="columns from the annulus' centre, pixels")
+    y_px: Pixel = Field(description="rows from the annulus' centre, pixels")
     radius_px: float = drawn(4, 14, "pixels (chosen)", (1, 100))
     bend_px: float = drawn(1, 5, "largest displacement of what is seen through it, pixels (chosen)", (0, 50))
     shine: float = drawn(0.1, 0.5, "light of its highlight, 1 is saturation (chosen)", (0, 3))
@@ -54,7 +66,7 @@ class Droplet(Parameters):
 class Debris(Parameters):
     """A crumb of bone on the wall while the endoscope looked; washed away before the OCT came."""
 
-    z_mm: float = Field(description="centre, mm from the mouth")
+    z_mm: Place = Field(description="centre, mm from the mouth")
     theta_rad: float = drawn(0, 6.2832, "centre, rad")
     size_mm: float = drawn(0.03, 0.12, "radius, mm (chosen)", (0.005, 1))
     gain: float = drawn(0.6, 1.5, "albedo over that of bone (chosen)", (0, 3))
@@ -64,23 +76,23 @@ class Endoscope(Parameters):
     """The pinhole camera with the cone before it, its light, and how they moved."""
 
     # optics
-    width_px: int = Field(gt=0, description="of the image, pixels")
-    height_px: int = Field(gt=0, description="of the image, pixels")
+    width_px: int = Field(gt=0, le=4096, description="of the image, pixels")
+    height_px: int = Field(gt=0, le=4096, description="of the image, pixels")
     colour: bool = Field(description="RGB, or grey")
     half_angle_deg: float = drawn(42, 48, "of the cone, degrees (§6: 45)", (30, 60))
     mirror_distance_mm: float = drawn(
         1.0, 2.0, "pinhole to the cone's apex, mm; so that the mirror fits the bore (chosen)", (0.5, 50)
     )
-    focal_px: float = Field(gt=0, description="such that the annulus spans visible_length_mm, pixels")
+    focal_px: float = Field(gt=0, le=1e6, description="such that the annulus spans visible_length_mm, pixels")
     distortion: float = drawn(
         -0.02, 0.02, "shift of the outer rim, relative, r_d = r(1 + k1·(r/f)²) (chosen)", (-0.2, 0.2)
     )
     visible_length_mm: float = drawn(
         0.75, 0.90, "of the nominal bore in the annulus, mm; so that the mirror fits (§6: 1.0)", (0.2, 5)
     )
-    inner_px: float = Field(gt=0, description="inner radius of the annulus, pixels")
-    outer_px: float = Field(gt=0, description="outer radius of the annulus, pixels")
-    inner_shift_px: tuple[float, float] = Field(description="centre of the inner boundary off the annulus', pixels")
+    inner_px: float = Field(gt=0, le=1e4, description="inner radius of the annulus, pixels")
+    outer_px: float = Field(gt=0, le=1e4, description="outer radius of the annulus, pixels")
+    inner_shift_px: tuple[Pixel, Pixel] = Field(description="centre of the inner boundary off the annulus', pixels")
     defocus_px: float = drawn(0.6, 1.2, "σ of the blur where the focus is, pixels (chosen)", (0, 10))
     defocus_slope_px: float = drawn(
         0.0, 0.6, "added to σ at the rim that is farther from focus, pixels (chosen)", (0, 10)
@@ -95,11 +107,11 @@ class Endoscope(Parameters):
     stray: float = drawn(0.02, 0.05, "light scattered into dark places (chosen)", (0, 0.5))
     gloss: float = drawn(0.0, 0.25, "specular light of the wet wall, against the diffuse (chosen)", (0, 3))
     gloss_rad: float = drawn(0.10, 0.25, "width of the specular lobe, rad (chosen)", (0.01, 1))
-    ring_px: float = Field(gt=0, description="radius of the probe's specular ring, pixels")
+    ring_px: float = Field(gt=0, le=1e4, description="radius of the probe's specular ring, pixels")
     ring_gain: float = drawn(0.1, 0.35, "of that ring, added (chosen)", (0, 3))
-    dirt: tuple[Speck, ...] = Field(description="8–25 specks on the optics")
-    droplets: tuple[Droplet, ...] = Field(description="0–3 on the mirror")
-    debris: tuple[Debris, ...] = Field(description="on the wall, one for each 1 mm of bore")
+    dirt: tuple[Speck, ...] = Field(max_length=MOST_LISTED, description="8–25 specks on the optics")
+    droplets: tuple[Droplet, ...] = Field(max_length=MOST_LISTED, description="0–3 on the mirror")
+    debris: tuple[Debris, ...] = Field(max_length=MOST_LISTED, description="on the wall, one for each 1 mm of bore")
     full_well: float = drawn(4000, 12000, "electrons at saturation, for shot noise (chosen)", (100, 100000))
     read_noise: float = drawn(8, 25, "electrons rms (chosen)", (0, 500))
     jpeg_quality: float = drawn(80, 98, "of the compression the frames have been through, of 100 (chosen)", (5, 100))
@@ -113,11 +125,15 @@ class Endoscope(Parameters):
     )
     roll_jitter_rad: float = drawn(0.0122, 0.0122, "rms of the roll from frame to frame, 0.7°, rad (chosen)", (0, 0.5))
     centre_wander_px: float = drawn(1, 5, "of the annulus over the scan, pixels (chosen)", (0, 50))
-    z_mm: tuple[float, ...] = Field(description="of the visible band's centre in every frame, mm from the mouth")
-    roll_rad: tuple[float, ...] = Field(description="every frame, θ_wall = θ_image + roll, rad")
-    centre_px: tuple[tuple[float, float], ...] = Field(description="of the annulus in every frame, column and row")
-    offset_mm: tuple[tuple[float, float], ...] = Field(
-        description="of the cone's apex off the bore's axis, x and y, mm"
+    z_mm: tuple[Place, ...] = Field(
+        max_length=MOST_LISTED, description="of the visible band's centre in every frame, mm from the mouth"
+    )
+    roll_rad: tuple[Angle, ...] = Field(max_length=MOST_LISTED, description="every frame, θ_wall = θ_image + roll, rad")
+    centre_px: tuple[tuple[Pixel, Pixel], ...] = Field(
+        max_length=MOST_LISTED, description="of the annulus in every frame, column and row"
+    )
+    offset_mm: tuple[tuple[Shift, Shift], ...] = Field(
+        max_length=MOST_LISTED, description="of the cone's apex off the bore's axis, x and y, mm"
     )
     probe_tilt_rad: float = drawn(0, 0.006, "of the probe's axis against the bore's, to 0.35° (chosen)", (0, 0.1))
     probe_tilt_direction_rad: float = drawn(0, 6.2832, "towards which the probe leans going inward, θ, rad")
@@ -139,8 +155,8 @@ class Sample(Parameters):
     """
 
     preset: PresetName
-    seed: int = Field(ge=0)
-    bore_seed: int = Field(ge=0)
+    seed: int = Field(ge=0, le=LARGEST_SEED)
+    bore_seed: int = Field(ge=0, le=LARGEST_SEED)
     bore: Bore
     oct: Oct
     endoscope: Endoscope

@@ -1,5 +1,6 @@
 """Simulates one specimen and writes its recordings and its truth."""
 
+import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -7,8 +8,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.keys import shown
+from endoct.stitching.errors import EndoctError, cause_of
 from endoct.synthetic.frame_process import begin_wall, frame_processes
+from endoct.synthetic.parameter_fields import LARGEST_SEED
 from endoct.synthetic.parameters import Sample
 from endoct.synthetic.presets import PRESETS, PresetName
 from endoct.synthetic.ranges import NO_WISHES, Wish
@@ -62,18 +65,23 @@ def _check(preset: PresetName, seed: int, bore_seed: int | None) -> None:
     if preset not in PRESETS:
         raise EndoctError(f"unknown preset '{preset}'", expected=f"one of {', '.join(PRESETS)}")
     if min(seed, bore_seed or 0) < 0:
-        raise EndoctError("a seed cannot be negative", found=str(min(seed, bore_seed or 0)))
+        raise EndoctError("a seed cannot be negative", found=shown(min(seed, bore_seed or 0)))
+    if (largest := max(seed, bore_seed or 0)) > LARGEST_SEED:
+        raise EndoctError("a seed is too large", found=shown(largest), expected=f"{LARGEST_SEED} at most")
 
 
 def _checked(sample: Mapping[str, Any]) -> Sample:
     try:
-        return Sample.model_validate(sample)
+        # as JSON, checking does not take true for 1, nor "2" for 2, and what is no JSON is no sample
+        return Sample.model_validate_json(json.dumps(sample), strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise EndoctError(
             f"'{where}' of the sample to replay cannot be used" if where else "the sample to replay cannot be used",
-            found=repr(first["input"])[:80] if where else "",
+            found=shown(first["input"]) if where else "",
             expected=first["msg"].removeprefix("Value error, "),
             remedy="replay a sample.json as the simulator wrote it",
         ) from None
+    except (TypeError, ValueError, RecursionError) as error:
+        raise EndoctError("the sample to replay cannot be used", found=cause_of(error)) from error

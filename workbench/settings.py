@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from endoct.modalities.acquisition import validate
 from endoct.modalities.contract import Manifest
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, cause_of
 
 
 def parse(settings: tuple[str, ...]) -> dict[str, Any]:
@@ -22,6 +22,10 @@ def parse(settings: tuple[str, ...]) -> dict[str, Any]:
             values[key.strip()] = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:
             values[key.strip()] = text
+        except (ValueError, RecursionError) as error:  # a number of thousands of digits, brackets in brackets
+            raise EndoctError(
+                f"the value of '{key.strip()[:80]}' cannot be read", found=cause_of(error), expected="a plain value"
+            ) from error
     return values
 
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small
 from endoct.stitching.output import new_output
 from endoct.synthetic.presets import PresetName
 from endoct.synthetic.ranges import NO_WISHES, Wish
@@ -13,6 +14,9 @@ from endoct.synthetic.specimen import simulate as render
 from endoct.workbench.kinds import SPECIMEN
 from endoct.workbench.progress import SilentStages, Stages
 from endoct.workbench.threads import one_blas_thread
+
+MOST_SAMPLE_BYTES = 16_000_000
+"""Of a sample.json; usual ones have under 1 MB, and what is read takes many times its size."""
 
 
 @one_blas_thread()
@@ -55,10 +59,9 @@ def simulate(
 
 
 def _read_json(path: Path) -> Mapping[str, Any]:
-    try:
-        sample = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise EndoctError(f"{path} cannot be read", found=str(error), expected="a truth/sample.json") from error
+    data = read_small(path, MOST_SAMPLE_BYTES)
+    with refusing(f"{path} cannot be read", expected="a truth/sample.json"):
+        sample = json.loads(data)
     if not isinstance(sample, dict):
         raise EndoctError(f"{path} is no sample", expected="a truth/sample.json")
     return sample

@@ -1,6 +1,6 @@
 """What is known of the cone-mirror endoscope without loading it: its name, its files, its sidecar."""
 
-from typing import Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -10,6 +10,8 @@ from endoct.modalities.recording import IMAGE_SUFFIXES
 from endoct.modalities.video import VIDEO_SUFFIXES
 
 Rim = Literal["ahead", "behind"]
+MOST_PX = 1e5
+LEAST_PITCH_MM, MOST_PITCH_MM = 1e-4, 10.0
 
 
 class AnnulusKeys(BaseModel):
@@ -17,10 +19,10 @@ class AnnulusKeys(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    x: float = Field(description="column of its centre")
-    y: float = Field(description="row of its centre")
-    inner_px: float = Field(gt=0, description="radius of its inner edge")
-    outer_px: float = Field(gt=0, description="radius of its outer edge")
+    x: float = Field(ge=-MOST_PX, le=MOST_PX, description="column of its centre")
+    y: float = Field(ge=-MOST_PX, le=MOST_PX, description="row of its centre")
+    inner_px: float = Field(gt=0, le=MOST_PX, description="radius of its inner edge")
+    outer_px: float = Field(gt=0, le=MOST_PX, description="radius of its outer edge")
 
     @model_validator(mode="after")
     def _inner_lies_inside(self) -> "AnnulusKeys":
@@ -35,12 +37,22 @@ class EndoscopeAcquisition(Acquisition):
     modality: Literal["endoscope"] = Field(default="endoscope", description="the plug-in that reads this recording")
     travel: Travel = Field(default="in", description="which way the endoscope moved: in, out or unknown")
     feed_pitch_mm: float | None = Field(
-        default=None, gt=0, description="nominal feed between frames; the measured feed is judged against it"
+        default=None,
+        ge=LEAST_PITCH_MM,
+        le=MOST_PITCH_MM,
+        description="nominal feed between frames; the measured feed is judged against it",
     )
-    frame_rate_hz: float | None = Field(default=None, gt=0, description="of a video; with feed_speed_mm_s the pitch")
-    feed_speed_mm_s: float | None = Field(default=None, gt=0, description="of a video; with frame_rate_hz the pitch")
+    frame_rate_hz: float | None = Field(
+        default=None, ge=0.01, le=1e5, description="of a video; with feed_speed_mm_s the pitch"
+    )
+    feed_speed_mm_s: float | None = Field(
+        default=None, ge=1e-4, le=1000, description="of a video; with frame_rate_hz the pitch"
+    )
     visible_length_mm: float | None = Field(
-        default=None, gt=0, description="axial length of this bore's wall that the annulus spans; sets mm along z"
+        default=None,
+        ge=0.01,
+        le=100,
+        description="axial length of this bore's wall that the annulus spans; sets mm along z",
     )
     outer_rim: Rim | None = Field(
         default=None,
@@ -51,15 +63,17 @@ class EndoscopeAcquisition(Acquisition):
     )
     cone_half_angle_deg: float | None = Field(
         default=None,
-        gt=0,
-        lt=90,
+        ge=1,
+        le=89,
         description="of the mirror; with focal_px and mirror_distance_mm it sets z of a radius",
     )
-    focal_px: float | None = Field(default=None, gt=0, description="focal length of the camera, in pixels of the files")
-    mirror_distance_mm: float | None = Field(
-        default=None, gt=0, description="from the camera's pupil to the cone's apex"
+    focal_px: float | None = Field(
+        default=None, ge=1, le=1e6, description="focal length of the camera, in pixels of the files"
     )
-    distortion: tuple[float, ...] = Field(
+    mirror_distance_mm: float | None = Field(
+        default=None, ge=0.01, le=1000, description="from the camera's pupil to the cone's apex"
+    )
+    distortion: tuple[Annotated[float, Field(ge=-100, le=100)], ...] = Field(
         default=(), max_length=3, description="radial k1, k2, k3 of the camera, with r/focal_px as the radius"
     )
 
@@ -71,6 +85,15 @@ class EndoscopeAcquisition(Acquisition):
         if self.frame_rate_hz is not None and self.feed_speed_mm_s is not None:
             return self.feed_speed_mm_s / self.frame_rate_hz
         return None
+
+    @model_validator(mode="after")
+    def _pitch_is_plausible(self) -> Self:
+        if self.pitch_mm is not None and not LEAST_PITCH_MM <= self.pitch_mm <= MOST_PITCH_MM:
+            raise ValueError(
+                f"feed_speed_mm_s over frame_rate_hz, the feed between frames ({self.pitch_mm:g} mm), must lie within "
+                f"{LEAST_PITCH_MM:g} to {MOST_PITCH_MM:g} mm"
+            )
+        return self
 
 
 MANIFEST = Manifest(

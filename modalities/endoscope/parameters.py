@@ -9,13 +9,16 @@ class EndoscopeParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     dz_mm: float | None = Field(
-        default=None, gt=0, description="rows of the panorama; by default the image's own, within 0.02 to 0.05 mm"
+        default=None,
+        ge=1e-4,
+        le=10,
+        description="rows of the panorama; by default the image's own, within 0.02 to 0.05 mm",
     )
     n_theta: int | None = Field(
-        default=None, ge=64, description="columns of the panorama; by default 2048, 1024 for small images"
+        default=None, ge=64, le=65536, description="columns of the panorama; by default 2048, 1024 for small images"
     )
     feed_sigma: float = Field(
-        default=0.2, gt=0, le=1, description="uncertainty of the nominal feed, relative; three of it are searched"
+        default=0.2, ge=1e-3, le=1, description="uncertainty of the nominal feed, relative; three of it are searched"
     )
     correct_feed: bool = Field(
         default=True, description="place frames along the bore by what they show; off: by the nominal feed"
@@ -25,7 +28,7 @@ class EndoscopeParameters(BaseModel):
         default=0.5, ge=0, lt=1, description="dirt on the probe that lets less light through makes a sample invalid"
     )
     taper: float = Field(
-        default=0.3, gt=0, le=1, description="part of the visible band over which weights rise and fall"
+        default=0.3, ge=1e-3, le=1, description="part of the visible band over which weights rise and fall"
     )
     probe_offset: bool = Field(
         default=True,

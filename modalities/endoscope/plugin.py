@@ -15,6 +15,7 @@ from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey
 from endoct.modalities.endoscope.unroll import means, pixel_map, sample, sample_cyclic, sample_mask
+from endoct.modalities.folders import exists, is_folder
 from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.recording import (
     IMAGE_SUFFIXES,
@@ -55,10 +56,13 @@ class Endoscope:
 
     def sniff(self, path: Path) -> Sniff:
         """Claim a folder or file whose first image is a photograph: in colour, or bright on a dark border."""
-        if not path.exists():
+        if not exists(path):
             return Sniff(False, "it does not exist")
-        if path.is_dir() and not image_files(path) and not any(map(is_video, whole_recordings(path))):
-            return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)}) and no video")
+        try:
+            if is_folder(path) and not image_files(path) and not any(map(is_video, whole_recordings(path))):
+                return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)}) and no video")
+        except EndoctError as error:
+            return Sniff(False, str(error))
         if path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES and not is_tiff(path) and not is_video(path):
             return Sniff(False, f"it is no image ({', '.join(IMAGE_SUFFIXES)}) and no video")
         try:
@@ -87,6 +91,13 @@ class Endoscope:
                 f"{path} holds no endoscope frames",
                 found=f"frames of {shape}",
                 expected="grey or RGB images of at least 32 × 32 pixels",
+            )
+        given, farthest = acquisition.annulus, float(max(shape[:2]))
+        if given is not None and max(abs(given.x), abs(given.y), given.outer_px) > 2 * farthest:
+            raise EndoctError(
+                "the annulus of the sidecar lies outside the image",
+                found=f"x = {given.x:g}, y = {given.y:g}, outer_px = {given.outer_px:g}",
+                expected=f"pixels of frames of {shape[1]} × {shape[0]}",
             )
         if acquisition.positions_mm is None and acquisition.pitch_mm is not None:
             by_number = positions_by_number(stack.files, acquisition.pitch_mm)

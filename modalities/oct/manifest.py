@@ -13,11 +13,15 @@ class OctAcquisition(Acquisition):
 
     modality: Literal["oct"] = Field(description="the plug-in that reads this recording")
     axial_pixel_mm: float = Field(
-        gt=0, lt=0.2, description="distance between two depth samples in air; the scale of every depth"
+        ge=1e-4, le=0.2, description="distance between two depth samples in air; the scale of every depth"
     )
-    pullback_pitch_mm: float = Field(gt=0, description="pullback between two slices; the scale along the bore")
+    pullback_pitch_mm: float = Field(
+        ge=1e-4, le=10, description="pullback between two slices; the scale along the bore"
+    )
     capillary_outer_diameter_mm: float = Field(
-        gt=0, description="outer diameter of the capillary (or sheath) around the catheter; the ruler for all radii"
+        ge=0.05,
+        le=100,
+        description="outer diameter of the capillary (or sheath) around the catheter; the ruler for all radii",
     )
     travel: Travel = Field(default="out", description="which way the catheter moved: out (a pullback), in or unknown")
     handedness: Handedness = Field(
@@ -26,7 +30,9 @@ class OctAcquisition(Acquisition):
     intensity: Literal["log", "linear"] = Field(
         default="log", description="whether samples are logarithmic (decibels) or linear; never guessed"
     )
-    db_per_count: float | None = Field(default=None, gt=0, description="decibels a count, of logarithmic samples")
+    db_per_count: float | None = Field(
+        default=None, ge=1e-6, le=100, description="decibels a count, of logarithmic samples"
+    )
     scan: Literal["step", "helical"] = Field(
         default="step", description="step: pulled back between turns; helical: pulled back while turning"
     )
@@ -34,7 +40,10 @@ class OctAcquisition(Acquisition):
         default=1.0, ge=1, le=2, description="refractive index of what fills bore and capillary; 1.33 where flushed"
     )
     first_sample_mm: float | None = Field(
-        default=None, description="optical path from the catheter's axis to depth sample 0; only a check on the fit"
+        default=None,
+        ge=-1000,
+        le=1000,
+        description="optical path from the catheter's axis to depth sample 0; only a check on the fit",
     )
 
     @property

@@ -13,6 +13,7 @@ from endoct.stitching.errors import EndoctError
 
 LEAST_ASCANS = 64
 LEAST_DEPTH = 48
+FARTHEST_WALL = 10.0  # from the capillary, in depths of a B-scan; beyond that, nothing could be seen of the bore
 LAYERED = 4.0  # how much more the rows of a B-scan (depth) differ among themselves than its columns (θ)
 
 
@@ -35,6 +36,14 @@ class Pullback:
                 found=f"pages of {' × '.join(map(str, shape))} samples",
                 expected=f"grey pages of (depth, A-scan), at least {LEAST_DEPTH} × {LEAST_ASCANS}",
                 remedy="export the pullback as one page a slice, depth downward, one turn from left to right",
+            )
+        gap_mm = (acquisition.bore_diameter_mm - acquisition.capillary_outer_diameter_mm) / 2
+        depth_mm = shape[0] * acquisition.mm_per_px
+        if gap_mm > FARTHEST_WALL * depth_mm:
+            raise EndoctError(
+                f"the bore's wall lies far beyond what the B-scans of {path} show",
+                found=f"{gap_mm:.3g} mm from capillary to wall, B-scans {depth_mm:.3g} mm deep",
+                remedy="check axial_pixel_mm and the diameters in the sidecar",
             )
         self.z_mm: Coordinates = inward_positions_mm(
             len(self._stack),

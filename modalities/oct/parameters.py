@@ -21,15 +21,23 @@ class OctParameters(BaseModel):
     )
 
     # the outer face of the capillary
-    start_amplitude_mm: float | None = Field(default=None, ge=0, description="start value A of the sine, all slices")
-    start_phase_rad: float | None = Field(default=None, description="start value φ of the sine, all slices")
-    start_offset_mm: float | None = Field(default=None, description="start value D of the sine, all slices")
-    face_tolerance_mm: float = Field(default=0.015, gt=0, description="how far an inlier lies from the fitted face")
-    ransac_trials: int = Field(default=1500, ge=50, description="sines tried for each line of a slice")
+    start_amplitude_mm: float | None = Field(
+        default=None, ge=0, le=100, description="start value A of the sine, all slices"
+    )
+    start_phase_rad: float | None = Field(
+        default=None, ge=-1000, le=1000, description="start value φ of the sine, all slices"
+    )
+    start_offset_mm: float | None = Field(
+        default=None, ge=-1000, le=1000, description="start value D of the sine, all slices"
+    )
+    face_tolerance_mm: float = Field(
+        default=0.015, ge=1e-4, le=10, description="how far an inlier lies from the fitted face"
+    )
+    ransac_trials: int = Field(default=1500, ge=50, le=50_000, description="sines tried for each line of a slice")
     least_inlier_fraction: float = Field(
         default=0.2, gt=0, lt=1, description="of A-scans that show the face; slices with fewer are bridged"
     )
-    seed: int = Field(default=0, ge=0, description="of the random choice of A-scans")
+    seed: int = Field(default=0, ge=0, le=2**63 - 1, description="of the random choice of A-scans")
 
     # the rotation of the catheter
     correct_rotation: bool = Field(default=True, description="undo the smooth error of angle within every turn")
@@ -41,23 +49,35 @@ class OctParameters(BaseModel):
     )
 
     # enhancement before the fit
-    denoise_threshold: float = Field(default=1.0, ge=0, description="soft threshold of wavelets, in noise σ")
-    clahe_clip_limit: float = Field(default=2.0, gt=0, description="contrast limit of the histogram equalisation")
-    clahe_tile_mm: float = Field(default=0.6, gt=0, description="depth of one of its tiles")
-    threshold_window_mm: float = Field(default=0.15, gt=0, description="depth of the local threshold's window")
+    denoise_threshold: float = Field(default=1.0, ge=0, le=1000, description="soft threshold of wavelets, in noise σ")
+    clahe_clip_limit: float = Field(
+        default=2.0, ge=1e-3, le=1000, description="contrast limit of the histogram equalisation"
+    )
+    clahe_tile_mm: float = Field(default=0.6, ge=0.01, le=100, description="depth of one of its tiles")
+    threshold_window_mm: float = Field(default=0.15, ge=1e-3, le=2, description="depth of the local threshold's window")
 
     # the wall
     least_signal: float = Field(
-        default=0.2, gt=0, description="power over the noise's, in multiples of it, that speaks for the wall"
+        default=0.2,
+        ge=1e-3,
+        le=1000,
+        description="power over the noise's, in multiples of it, that speaks for the wall",
     )
     wall_decay_mm: float = Field(
-        default=0.25, gt=0, description="depth over which what speaks for an edge behind it counts for less"
+        default=0.25, ge=1e-3, le=100, description="depth over which what speaks for an edge behind it counts for less"
     )
     least_wall_sigmas: float = Field(
         default=7.0,
         ge=0,
+        le=1e6,
         description="standard errors of noise over 0.1 × 0.1 mm; slices whose wall stands out by less are not valid",
     )
-    slope_cost_per_mm: float = Field(default=100, ge=0, description="evidence lost by a change of depth along θ")
-    jump_cost: float = Field(default=10.0, ge=0, description="evidence lost at most by one jump of the wall along θ")
-    clearance_mm: float = Field(default=0.03, gt=0, description="nearest to the outer face at which a wall is sought")
+    slope_cost_per_mm: float = Field(
+        default=100, ge=0, le=1e6, description="evidence lost by a change of depth along θ"
+    )
+    jump_cost: float = Field(
+        default=10.0, ge=0, le=1e6, description="evidence lost at most by one jump of the wall along θ"
+    )
+    clearance_mm: float = Field(
+        default=0.03, ge=1e-4, le=10, description="nearest to the outer face at which a wall is sought"
+    )

@@ -49,8 +49,8 @@ def test_a_missing_key_says_why_it_matters() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [
-        ("bore_diameter_mm", 0, "greater than 0"),
-        ("bore_diameter_mm", -2.5, "greater than 0"),
+        ("bore_diameter_mm", 0, "0.1 to 100 mm"),
+        ("bore_diameter_mm", -2.5, "0.1 to 100 mm"),
         ("bore_diameter_mm", float("nan"), "finite"),
         ("bore_diameter_mm", float("inf"), "finite"),
         ("bore_diameter_mm", "wide", "number"),

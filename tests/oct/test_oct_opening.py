@@ -67,8 +67,8 @@ def test_colour_pages_and_tiny_pages_are_refused(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"capillary_outer_diameter_mm": 2.6}, "smaller than bore_diameter_mm"),
-        ({"axial_pixel_mm": 0.0}, "greater than 0"),
-        ({"pullback_pitch_mm": -0.2}, "greater than 0"),
+        ({"axial_pixel_mm": 0.0}, "0.0001 to 0.2 mm"),
+        ({"pullback_pitch_mm": -0.2}, "0.0001 to 10 mm"),
         ({"intensity": "decibel"}, "'log' or 'linear'"),
         ({"axial_pixel": 0.005}, "axial_pixel_mm"),
     ],

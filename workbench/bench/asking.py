@@ -1,10 +1,14 @@
 """Reads which cases are asked for."""
 
 import difflib
+import math
 from collections.abc import Mapping, Sequence
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.task import Range, Task
+
+MOST_SEEDS = 1_000_000
+LONGEST_SEED = 18
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
@@ -12,9 +16,14 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     seeds: list[int] = []
     for piece in text.split(","):
         first, dash, last = piece.strip().partition("-")
-        if not first.isdecimal() or (dash and not (last.isdecimal() and int(last) >= int(first))):
-            raise EndoctError("seeds cannot be read", found=f"'{text}'", expected="first-last, or numbers with commas")
-        seeds += range(int(first), int(last or first) + 1)
+        if not _is_seed(first) or (dash and not (_is_seed(last) and int(last) >= int(first))):
+            raise EndoctError(
+                "seeds cannot be read", found=f"'{text[:80]}'", expected="first-last, or numbers with commas"
+            )
+        asked = range(int(first), int(last or first) + 1)
+        if len(seeds) + len(asked) > MOST_SEEDS:
+            raise EndoctError("too many seeds are asked for", found=f"'{text[:80]}'", expected=f"{MOST_SEEDS} at most")
+        seeds += asked
     return tuple(dict.fromkeys(seeds))
 
 
@@ -62,6 +71,10 @@ def _check_name(name: str, task: Task) -> None:
         raise EndoctError(f"'{name}' is no condition of '{task.name}'", expected=known or "none: it varies nothing")
 
 
+def _is_seed(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) <= LONGEST_SEED
+
+
 def _range(wish: str, value: str, usual: Range) -> Range:
     words = tuple(word for word in usual if isinstance(word, str))
     if words:
@@ -74,6 +87,6 @@ def _range(wish: str, value: str, usual: Range) -> Range:
         numbers = float(low), float(high if dots else low)
     except ValueError:
         raise EndoctError("a condition cannot be read", found=f"'{wish}'", expected="name=low..high") from None
-    if not numbers[0] <= numbers[1]:
+    if not (all(map(math.isfinite, numbers)) and numbers[0] <= numbers[1]):
         raise EndoctError("a condition cannot be drawn", found=f"'{wish}'", expected="name=low..high, low first")
     return numbers
