@@ -7,7 +7,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -63,29 +63,38 @@ else:
 def scratch_beside(place: Path) -> Iterator[Path]:
     """Yield a hidden folder beside ``place`` that is removed in the end; while it is in use, its lock is held."""
     place.parent.mkdir(parents=True, exist_ok=True)
-    with _locked(Path(tempfile.mkdtemp(prefix=f"{PREFIX}{_short(place.name)}-", dir=place.parent))) as scratch:
-        yield scratch
-
-
-@contextmanager
-def temporary_folder(purpose: str) -> Iterator[Path]:
-    """Yield a temporary folder that is removed in the end; those of the same purpose whose makers died go now."""
-    system = Path(tempfile.gettempdir())
-    _clear(system, f"endoct-{purpose}-")
-    with _locked(Path(tempfile.mkdtemp(prefix=f"endoct-{purpose}-", dir=system))) as folder:
-        yield folder
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[Path]:
+    scratch = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{_short(place.name)}-", dir=place.parent))
     try:
-        # the lock appears when it is held: who clears away must not come between
-        begun = folder / (LOCK_NAME if sys.platform == "win32" else f"{LOCK_NAME}.new")
-        with held(begun):
-            begun.rename(folder / LOCK_NAME) if begun.name != LOCK_NAME else None
-            yield folder
+        with _lock_in(scratch):
+            yield scratch
     finally:
-        _remove(folder)
+        _remove(scratch)
+
+
+class TemporaryFolder(tempfile.TemporaryDirectory[str]):
+    """A temporary folder, locked while it is in use; those of the same purpose whose makers died are removed first."""
+
+    def __init__(self, purpose: str) -> None:
+        prefix = f"endoct-{purpose}-"
+        _clear(Path(tempfile.gettempdir()), prefix)
+        super().__init__(prefix=prefix, ignore_cleanup_errors=True)
+        self._lock = ExitStack()
+        self._lock.enter_context(_lock_in(Path(self.name)))
+
+    def cleanup(self) -> None:
+        """Remove the folder."""
+        self._lock.close()
+        super().cleanup()
+
+
+@contextmanager
+def _lock_in(folder: Path) -> Iterator[None]:
+    """Hold the lock of a scratch folder; it appears when it is held: who clears away must not come between."""
+    begun = folder / (LOCK_NAME if sys.platform == "win32" else f"{LOCK_NAME}.new")
+    with held(begun):
+        if begun.name != LOCK_NAME:
+            begun.rename(folder / LOCK_NAME)
+        yield
 
 
 def _remove(folder: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 from endoct.stitching.contents import NAME, check_intact, differences, marked, read_contents
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output, remove_output
+from endoct.stitching.scratch import TemporaryFolder
 
 KIND = "comparison"
 REFUSED = "was not written by endoct|holds more than endoct wrote|holds something else"
@@ -419,3 +420,16 @@ def test_scratch_of_the_living_is_left_alone(tmp_path: Path) -> None:
         (tmp_path / "out").rename(tmp_path / "other")
     assert tree(tmp_path / "out")["file"] == "first"
     assert os.listdir(tmp_path / "other")  # noqa: PTH208
+
+
+def test_temporary_folders_of_the_dead_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    code = "import os; from endoct.stitching.scratch import TemporaryFolder; f = TemporaryFolder('bench'); os._exit(9)"
+    subprocess.run([sys.executable, "-c", code], env={**os.environ, "TMPDIR": str(tmp_path)}, check=False)
+    (dead,) = tmp_path.iterdir()
+    (tmp_path / "endoct-bench-mine").mkdir()  # no lock, not old: perhaps somebody is about to lock it
+    with TemporaryFolder("bench") as mine, TemporaryFolder("bench") as other:
+        assert not dead.exists()
+        assert Path(mine).is_dir()
+        assert Path(other).is_dir()
+    assert names(tmp_path) == ["endoct-bench-mine"]

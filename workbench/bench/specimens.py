@@ -1,6 +1,5 @@
 """Simulated specimens and folders of the user's own, as cases see them."""
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
@@ -14,6 +13,7 @@ from endoct.modalities.recording import IMAGE_SUFFIXES
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.scratch import TemporaryFolder
 from endoct.synthetic.presets import PRESETS, PresetName
 from endoct.synthetic.ranges import PARTS, Wish, choices, default_ranges
 from endoct.workbench.bench.one_size import cells_of
@@ -36,7 +36,7 @@ cells, or any parameter that ``endoct simulate --vary`` takes, drawn from its de
 
 def simulated(
     preset: str, seed: int, index: int, difficulties: Mapping[str, float | str] | None = None
-) -> "tempfile.TemporaryDirectory[str]":
+) -> TemporaryFolder:
     """Return a temporary folder with one specimen; the first of a seed is that of ``endoct simulate --seed``."""
     from endoct.synthetic.draw import draw
     from endoct.synthetic.specimen import simulate
@@ -47,7 +47,7 @@ def simulated(
         for name, value in difficulties.items()
         if name not in OWN_DIFFICULTIES
     }
-    folder: tempfile.TemporaryDirectory[str] = tempfile.TemporaryDirectory(prefix="endoct-bench-")
+    folder = TemporaryFolder("bench")
     try:
         of = seed if index == 0 else 1_000_000 * (1 + seed) + index
         sample = None

@@ -12,7 +12,7 @@ from pathlib import Path
 from endoct.modalities.recording import map_frames
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_place
-from endoct.stitching.scratch import HeldError, clear_dead_scratch, held, temporary_folder
+from endoct.stitching.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
 from endoct.workbench.dataset.files import WRITTEN, count_damaged, disk_errors_told, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
@@ -126,12 +126,12 @@ def forecast(
         with existing_cluster(scheduler) as client:
             workers = max(1, sum(client.nthreads().values()))
     missing = [unit for unit in units(plan) if finished(root, plan, unit) is None]
-    with stages.stage("one specimen to see"), temporary_folder("dry-run") as folder:
+    with stages.stage("one specimen to see"), TemporaryFolder("dry-run") as folder:
         trial = replace(plan, count=1)
         unit = next(units(trial))
         _warm_up()
-        done = make_unit(folder, trial, unit, make)
-        record = finished(folder, trial, unit)
+        done = make_unit(Path(folder), trial, unit, make)
+        record = finished(Path(folder), trial, unit)
         files_a_unit = 1 + (len(record.files) if record is not None else 0)
     specimens = sum(len(unit.indices) for unit in missing)
     existing = next(path for path in (root, *root.parents) if path.exists())

@@ -1,7 +1,6 @@
 """Gets units made: in this process, by processes of its own, or by a cluster that is there already."""
 
 import logging
-import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.scratch import TemporaryFolder
 from endoct.workbench.dataset.identity import check_worker
 from endoct.workbench.dataset.making import Done, Make, make_unit
 from endoct.workbench.dataset.plan import Plan, Unit
@@ -86,7 +86,7 @@ def own_cluster(workers: int) -> Iterator["Client"]:
     from endoct.workbench.dataset.cluster import private_cluster
 
     with (
-        tempfile.TemporaryDirectory(prefix="endoct-workers-", ignore_cleanup_errors=True) as scratch,
+        TemporaryFolder("workers") as scratch,
         dask.config.set(
             {
                 "distributed.scheduler.allowed-failures": DEATHS,
