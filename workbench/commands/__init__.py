@@ -9,6 +9,7 @@ from typing import Any
 
 import tyro
 
+from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import compare, report, summarise
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
@@ -28,6 +29,7 @@ def run(arguments: Sequence[str]) -> int:
         "report": report,
         "summarise": summarise,
         "info": info,
+        "verify": verify,
         "modalities": modalities,
     }
     with nullcontext() if all(map(str.isprintable, arguments)) else _visible_errors():

@@ -15,6 +15,7 @@ from endoct.stitching.contents import Contents, differences, remove_listed, sync
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.exchange import exchange, put_new, uninterrupted
 from endoct.stitching.files import read_small, sha256_of
+from endoct.stitching.names import plain_name
 from endoct.stitching.scratch import REPLACED, keep_aside, new_file, scratch_beside
 
 DAMAGED = "damaged"
@@ -89,6 +90,15 @@ def top_file(root: Path, name: str) -> Iterator[IO[bytes]]:
                 keep_aside(path, path)
             made.replace(path)
         sync(root)
+
+
+def changed_top_files(root: Path) -> list[str]:
+    """Return the names of the files at the top of the set that are not as they were written, or gone."""
+    return [
+        name
+        for name, digests in sorted(_written(root).items())
+        if not (root / plain_name(name, "a file of the set")).is_file() or sha256_of(root / name) not in digests
+    ]
 
 
 def _written(root: Path) -> dict[str, list[str]]:

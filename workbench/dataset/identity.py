@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import endoct.synthetic
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small
 from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.inputs import versions
@@ -40,7 +41,7 @@ def check_identity(root: Path, plan: Plan) -> None:
                 remedy="choose a folder that is empty or does not exist",
             )
         return
-    stored = _read(path)
+    stored = read_identity(root)
     for name, wanted in _arguments(plan).items():
         if (found := stored["arguments"].get(name)) != wanted:
             raise EndoctError(
@@ -66,6 +67,25 @@ def check_identity(root: Path, plan: Plan) -> None:
             )
 
 
+def read_identity(root: Path) -> dict[str, Any]:
+    """Return what ``dataset.json`` holds: count, arguments, licence, versions.
+
+    Raises :class:`EndoctError` where it cannot be read.
+    """
+    path = root / NAME
+    with refusing(f"{path} cannot be read", remedy="choose another folder"):
+        stored = json.loads(read_small(path))
+        if not isinstance(stored["count"], int):
+            raise ValueError("its count is no number")
+        for key in ("arguments", "versions"):
+            if not isinstance(stored[key], dict):
+                raise ValueError(f"its {key} are no table")
+        wishes = stored["arguments"].get("vary", {})
+        if not isinstance(wishes, dict) or not all(isinstance(wish, list) for wish in wishes.values()):
+            raise ValueError("what it varies is no table of lists")
+    return dict(stored)
+
+
 def check_worker(root: Path) -> None:
     """Raise :class:`EndoctError` where this process does not see the data set, or would make it otherwise."""
     import socket
@@ -78,7 +98,7 @@ def check_worker(root: Path) -> None:
             expected="a folder that all workers and this process share under one name",
             remedy="name such a folder, or leave --scheduler out",
         )
-    for name, wanted in _read(path)["versions"].items():
+    for name, wanted in read_identity(root)["versions"].items():
         if (found := made_with().get(name)) != wanted:
             raise EndoctError(
                 f"{where} has another version of {name}, whose specimens may differ",
@@ -113,13 +133,3 @@ def _shown(value: Any) -> str:
     if not isinstance(value, dict):
         return str(value).lower() if isinstance(value, bool) else str(value)
     return shown({key: tuple(wish) for key, wish in value.items()})
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(stored["count"], int) or not {"arguments", "versions"} <= stored.keys():
-            raise ValueError("keys are missing")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise EndoctError(f"{path} cannot be read", found=str(error), remedy="choose another folder") from error
-    return dict(stored)

@@ -1,0 +1,123 @@
+"""`endoct verify` says of every kind of output whether it is as it was written."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from cheap_specimens import Cheap
+from mock_comparison import Kind, write_comparison
+
+from endoct.stitching.contents import NAME
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import new_output
+from endoct.workbench.dataset.building import make_dataset
+from endoct.workbench.dataset.plan import Plan
+from endoct.workbench.kinds import COMPARISON
+from endoct.workbench.report import write_report
+from endoct.workbench.verifying import Verdict, verify
+
+SET = Plan(4, seed=3)
+SHARDS = Plan(4, seed=3, format="webdataset", specimens_per_shard=2)
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("comparisons") / "result"
+    with new_output(folder, COMPARISON) as scratch:
+        write_comparison(scratch, Kind("endoscope", depth=False), Kind("oct"))
+        write_report(scratch)
+    return folder
+
+
+@pytest.fixture
+def comparison(original: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(original, tmp_path / "result"))
+
+
+def only(path: Path) -> Verdict:
+    (verdict,) = verify(path)
+    return verdict
+
+
+def flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+def test_a_comparison_is_checked_with_its_figures_and_its_page(comparison: Path) -> None:
+    verdict = only(comparison)
+    assert (verdict.kind, verdict.intact) == ("comparison", True)
+    assert only(comparison / "report.html").intact
+    assert only(comparison / "figures").intact
+    chunk = next(path for path in (comparison / "comparison.zarr" / "mask" / "c").rglob("*") if path.is_file())
+    figure = next((comparison / "figures").glob("*.png"))
+    (comparison / "cells.csv").unlink(missing_ok=True)
+    for path in (chunk, figure, comparison / "report.html"):
+        flip(path)
+    (comparison / "result.json").unlink()
+    (comparison / "notes.txt").write_text("mine")
+    found = only(comparison).differences
+    assert set(found.altered) == {
+        chunk.relative_to(comparison).as_posix(), f"figures/{figure.name}", "report.html",
+    }  # fmt: skip
+    assert found.missing == ("result.json",)
+    assert found.added == ("notes.txt",)
+    assert not only(comparison / "report.html").intact
+
+
+def test_a_report_may_be_written_again_and_replaces_nothing_foreign(comparison: Path) -> None:
+    (comparison / "notes.txt").write_text("mine")
+    write_report(comparison)
+    assert only(comparison).differences.added == ("notes.txt",)
+    (comparison / "figures" / "mine.png").write_text("mine")
+    with pytest.raises(EndoctError, match=r"figures holds more than endoct wrote.*mine\.png"):
+        write_report(comparison)
+    (comparison / "figures" / "mine.png").unlink()
+    page = comparison / "report.html"
+    page.write_text(page.read_text().replace("</h1>", " with a note of mine</h1>"))
+    with pytest.raises(EndoctError, match=r"report\.html was not written by endoct, or changed"):
+        write_report(comparison)
+    assert "a note of mine" in page.read_text()
+
+
+def test_a_folder_of_outputs_is_checked_one_by_one(comparison: Path, tmp_path: Path) -> None:
+    shutil.copytree(comparison, tmp_path / "other")
+    flip(tmp_path / "other" / "result.json")
+    assert [(verdict.path.name, verdict.intact) for verdict in verify(tmp_path)] == [("other", False), ("result", True)]
+
+
+@pytest.mark.parametrize("plan", [SET, SHARDS], ids=["folders", "shards"])
+def test_a_data_set_is_checked_by_its_records(plan: Plan, tmp_path: Path) -> None:
+    root = tmp_path / "set"
+    make_dataset(root, plan, workers=1, make=Cheap(tmp_path / "log"))
+    assert only(root).intact
+    if plan is SET:
+        flip(root / "specimens/000001/oct/pullback.tif")
+        (root / "specimens/000002/truth/sample.json").unlink()
+        (root / "specimens/000003/notes.txt").write_text("mine")
+        found = only(root).differences
+        assert found.altered == ("specimens/000001/oct/pullback.tif",)
+        assert found.missing == ("specimens/000002/truth/sample.json",)
+        assert found.added == ("specimens/000003/notes.txt",)
+        assert not only(root / "specimens/000001").intact
+        assert only(root / "specimens/000000").intact
+    else:
+        flip(root / "shards/train-000000.tar")
+        assert only(root).differences.altered == ("shards/train-000000.tar",)
+        assert not only(root / "shards/train-000000.tar").intact
+    flip(root / "manifest.csv")
+    assert "manifest.csv" in only(root).differences.altered
+    (next((root / "records").iterdir())).unlink()
+    assert any("specimens" in name for name in only(root).differences.missing)
+
+
+def test_what_is_no_output_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("")
+    for path in (tmp_path, tmp_path / "thesis.tex", tmp_path / "nowhere"):
+        with pytest.raises(EndoctError, match="is no output of endoct's"):
+            verify(path)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / NAME).write_text('{"format": "endoct-output-1"}')
+    with pytest.raises(EndoctError, match="is damaged"):
+        verify(tmp_path / "out")

@@ -1,0 +1,149 @@
+"""Whether outputs of endoct are as they were written, to the byte."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from endoct.modalities.recording import map_frames
+from endoct.stitching.contents import Contents, Differences, differences, is_marked, read_contents
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import sha256_of
+from endoct.workbench.dataset.files import changed_top_files, digest_of
+from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
+from endoct.workbench.dataset.identity import read_identity
+from endoct.workbench.dataset.plan import Unit
+from endoct.workbench.dataset.records import RECORDS, Record, read_record
+from endoct.workbench.kinds import DATA_SET, REPORT, SPECIMEN
+from endoct.workbench.progress import Advance, SilentStages, Stages
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What an output is, how much of it was looked at, and what in it is not as it was written."""
+
+    path: Path
+    kind: str
+    files: int
+    bytes: int
+    differences: Differences
+
+    @property
+    def intact(self) -> bool:
+        """Whether all is as it was written, and nothing else is there."""
+        return not str(self.differences)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the verdict for machines."""
+        found = self.differences
+        lists = {"altered": list(found.altered), "missing": list(found.missing), "added": list(found.added)}
+        of = {"path": str(self.path), "kind": self.kind, "files": self.files, "bytes": self.bytes}
+        return {**of, "intact": self.intact, **lists}
+
+
+def verify(path: Path | str, stages: Stages | None = None) -> list[Verdict]:
+    """Read every byte of an output of endoct's, and hold it against what was noted when it was written.
+
+    ``path`` is a panorama, a comparison, a report, a summary, results of the bench, a specimen, a data set or a part
+    of one, or a folder of such, as `endoct demo` leaves it. Raises :class:`EndoctError` where it is none of these.
+    """
+    path, stages = Path(path), stages or SilentStages()
+    if path.suffix == ".html" and path.is_file():
+        return [_page(path)]
+    found = [one for one in (path, *_folders(path)) if _is_output(one)]
+    if path in found:
+        found = [path]
+    if not found and _is_unit(path):
+        return [_unit_verdict(path, _record(path))]
+    if not found:
+        raise EndoctError(
+            f"{path} is no output of endoct's, or says nothing of what it should hold",
+            expected="what `endoct unroll`, compare, simulate, dataset, summarise or bench wrote",
+            remedy="check the path",
+        )
+    return [_verdict(one, stages) for one in found]
+
+
+def _verdict(path: Path, stages: Stages) -> Verdict:
+    with stages.stage(f"verify {path.name}") as advance:
+        contents = read_contents(path)
+        if contents is None:
+            return _data_set(path, advance)
+        size = sum(n_bytes for n_bytes, _ in contents.files.values())
+        return Verdict(path, contents.kind, len(contents.files), size, differences(path, contents))
+
+
+def _page(path: Path) -> Verdict:
+    changed = () if is_marked(path) else (path.name,)
+    return Verdict(path, REPORT, 1, path.stat().st_size, Differences(altered=changed))
+
+
+def _data_set(root: Path, advance: Advance) -> Verdict:
+    """Judge a data set by its records: every specimen or shard, and the files at its top."""
+    identity = read_identity(root)
+    units = [_unit(identity, path) for path in sorted((root / RECORDS).glob("*.json"))]
+    altered, missing, added = list(changed_top_files(root)), [], []
+    made = files = size = 0
+
+    def judged(unit: Unit) -> tuple[Record | None, Verdict | None]:
+        record = read_record(root, unit)
+        return record, None if record is None else _unit_verdict(root / unit.place, record)
+
+    for done, (unit, (record, verdict)) in enumerate(zip(units, map_frames(judged, units), strict=True), 1):
+        advance(done / len(units))
+        if record is None or verdict is None:
+            altered.append(f"{RECORDS}/{unit.name}.json")
+            continue
+        made += len(record.specimens)
+        files += verdict.files
+        size += verdict.bytes
+        prefix = "" if unit.place.suffix == ".tar" else f"{unit.place.as_posix()}/"
+        altered += [f"{prefix}{one}" for one in verdict.differences.altered]
+        missing += [f"{prefix}{one}" for one in verdict.differences.missing]
+        added += [f"{prefix}{one}" for one in verdict.differences.added]
+        if len(record.specimens) == 1 and prefix and digest_of(record.files) != record.specimens[0].digest:
+            altered.append(f"{RECORDS}/{unit.name}.json")
+    if made < identity["count"]:
+        missing.append(f"{identity['count'] - made} specimens")
+    return Verdict(root, DATA_SET, files, size, Differences(tuple(altered), tuple(missing), tuple(added)))
+
+
+def _unit(identity: Mapping[str, Any], record: Path) -> Unit:
+    shards = identity["arguments"].get("format") == "webdataset"
+    place = Path("shards", f"{record.stem}.tar") if shards else Path("specimens", record.stem)
+    return Unit(record.stem, place, ())
+
+
+def _unit_verdict(place: Path, record: Record) -> Verdict:
+    size = sum(n_bytes for n_bytes, _ in record.files.values())
+    if place.suffix == ".tar":
+        found = Differences() if _is_shard(place, record) else Differences(altered=(f"shards/{place.name}",))
+        return Verdict(place, "shard", 1, size, found)
+    contents = Contents(SPECIMEN, record.files)
+    found = differences(place, contents) if place.is_dir() else Differences(missing=(place.name,))
+    return Verdict(place, SPECIMEN, len(record.files), size, found)
+
+
+def _is_shard(place: Path, record: Record) -> bool:
+    return place.is_file() and (place.stat().st_size, sha256_of(place)) == record.files.get(place.name)
+
+
+def _is_output(path: Path) -> bool:
+    return path.is_dir() and (read_contents(path) is not None or (path / DATA_SET_NAME).is_file())
+
+
+def _folders(path: Path) -> Iterator[Path]:
+    if path.is_dir():
+        yield from sorted(entry for entry in path.iterdir() if entry.is_dir() and not entry.name.startswith("."))
+
+
+def _is_unit(path: Path) -> bool:
+    return path.parent.name in ("specimens", "shards") and (path.parent.parent / DATA_SET_NAME).is_file()
+
+
+def _record(place: Path) -> Record:
+    root = place.parent.parent
+    record = read_record(root, _unit(read_identity(root), Path(f"{place.stem}.json")))
+    if record is None:
+        raise EndoctError(f"{root} has no record of {place.name} that can be read", remedy="start its dataset again")
+    return record
