@@ -9,24 +9,37 @@ Outlines may run over the seam of θ: columns beyond the last go on at the first
 """
 
 import csv
-import zipfile
+import io
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from skimage.draw import polygon
 
 from endoct.modalities.recording import open_stack
 from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small
+from endoct.stitching.json_values import an_object, read_object
+from endoct.stitching.names import inside
+from endoct.stitching.zarr_check import check_array
+from endoct.stitching.zarr_metadata import LABELS, Declared, declared
+from endoct.stitching.zarr_store import read_array
+from endoct.stitching.zip_files import open_zip
 
 OUTLINE_SUFFIXES = (".csv", ".roi", ".zip")
 _STORE_FILES = ("zarr.json", ".zarray", ".zgroup")
 _NAPARI_COLUMNS = ("index", "shape-type", "vertex-index", "axis-0", "axis-1")
 _CLOSED = ("polygon", "rectangle", "ellipse")
 _ELLIPSE_POINTS = 72
+_MOST_BYTES = 64_000_000
+"""Of the file of outlines, expanded."""
+_MOST_OUTLINES = 10_000
+_FARTHEST_TURNS, _MOST_TURNS = 8, 3
+"""An outline may begin some turns away, but hardly run around the bore."""
+_FARTHEST_ROW = 1e6
 
 
 def read_drawing(path: Path, shape: tuple[int, int] | None) -> Mask:
@@ -52,7 +65,7 @@ def is_label_store(path: Path) -> bool:
         labels = _finest(path)
     except EndoctError:
         return False
-    return labels.dtype.kind in "uib" and sum(length > 1 for length in labels.shape) == 2
+    return sum(length > 1 for length in labels.shape) == 2
 
 
 def _stored(path: Path) -> Mask:
@@ -63,26 +76,32 @@ def _stored(path: Path) -> Mask:
             expected="one image drawn over a panorama, PNG or TIFF, or a Zarr store of labels",
         )
     labels = _finest(path)
-    if labels.ndim < 2 or any(length != 1 for length in labels.shape[:-2]):
+    if len(labels.shape) < 2 or any(length != 1 for length in labels.shape[:-2]) or 0 in labels.shape:
         raise EndoctError(f"{path} is no mask", found=f"an array of shape {labels.shape}", expected="one plane, z × θ")
-    return np.asarray(np.asarray(labels[...]).reshape(labels.shape[-2:]) != 0)
+    check_array(labels, whole=False)
+    return np.asarray(read_array(labels).reshape(labels.shape[-2:]) != 0)
 
 
-def _finest(path: Path) -> Any:  # zarr.Array, whose type does not say that it can be indexed
+def _finest(path: Path) -> Declared:
     """Return the array at ``path``, or of the OME-Zarr group there the one of the finest level."""
-    try:
-        node = zarr.open(path, mode="r")
-        if isinstance(node, zarr.Array):
-            return node
-        told: Any = node.attrs.get("ome", node.attrs)
-        return node[told["multiscales"][0]["datasets"][0]["path"]]
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
-        raise EndoctError(
-            f"{path} holds no labels",
-            found=str(error) or type(error).__name__,
-            expected="a Zarr array, or an OME-Zarr group with its levels listed",
-            remedy="name the array or the labels/NAME group in it",
-        ) from error
+    with refusing(
+        f"{path} holds no labels",
+        expected="a Zarr array, or an OME-Zarr group with its levels listed",
+        remedy="name the array or the labels/NAME group in it",
+    ):
+        third = (path / "zarr.json").is_file()
+        if not third and (path / ".zarray").is_file():
+            return declared(path, LABELS)
+        told = read_object(path / ("zarr.json" if third else ".zattrs"))
+        if third and told.get("node_type") == "array":
+            return declared(path, LABELS)
+        attributes = an_object(told.get("attributes", {}), "its attributes") if third else told
+        listed = an_object(attributes.get("ome", attributes), "'ome'")["multiscales"][0]["datasets"][0]["path"]
+        finest = inside(path, listed, f"the finest level of {path}")
+        folders = [finest, *finest.parents]
+        if any(folder.is_symlink() for folder in folders[: folders.index(path)]):
+            raise EndoctError(f"{finest} cannot be part of a store", found="a link", expected="files and folders")
+        return declared(finest, LABELS)
 
 
 def _image(path: Path) -> Mask:
@@ -102,18 +121,34 @@ def _filled(path: Path, shape: tuple[int, int] | None) -> Mask:
         )
     if not path.is_file():
         raise EndoctError(f"{path} does not exist", remedy="check the path")
-    outlines = list(_napari(path) if path.suffix.lower() == ".csv" else _fiji(path))
     cell = np.zeros(shape, np.bool_)
-    for outline in outlines:
-        cell |= fill(outline, shape)
+    for count, outline in enumerate(_napari(path) if path.suffix.lower() == ".csv" else _fiji(path)):
+        if count == _MOST_OUTLINES:
+            raise EndoctError(f"{path} has too many outlines", expected=f"{_MOST_OUTLINES} at most")
+        with refusing(f"an outline in {path} cannot be used"):
+            cell |= fill(outline, shape)
     return cell
 
 
 def fill(outline: Coordinates, shape: tuple[int, int]) -> Mask:
-    """Return the samples inside a closed ``outline``, float64 (n, 2) as (row, column), on the circle of columns."""
+    """Return the samples inside a closed ``outline``, float64 (n, 2) as (row, column), on the circle of columns.
+
+    Raises :class:`EndoctError` where it is no outline, not finite, or reaches farther than a few turns.
+    """
     n_z, n_theta = shape
+    if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
+        raise EndoctError("an outline encloses nothing", found=f"{len(outline)} points", expected="three at least")
+    farthest = np.abs(outline).max(axis=0)
+    if not np.isfinite(outline).all() or farthest[0] > _FARTHEST_ROW or farthest[1] > _FARTHEST_TURNS * n_theta:
+        raise EndoctError(
+            "an outline lies far outside the panorama",
+            found=f"row {farthest[0]:g}, column {farthest[1]:g}",
+            expected=f"numbers, columns within {_FARTHEST_TURNS} turns of {n_theta}",
+        )
     turns_before = int(np.floor(outline[:, 1].min() / n_theta))
     turns = int(np.floor(outline[:, 1].max() / n_theta)) - turns_before + 1
+    if turns > _MOST_TURNS:
+        raise EndoctError("an outline runs around the bore", found=f"{turns} turns", expected=f"{_MOST_TURNS} at most")
     unrolled = np.zeros((n_z, turns * n_theta), np.bool_)
     unrolled[polygon(outline[:, 0], outline[:, 1] - turns_before * n_theta, unrolled.shape)] = True
     return np.asarray(unrolled.reshape(n_z, turns, n_theta).any(axis=1))
@@ -121,32 +156,47 @@ def fill(outline: Coordinates, shape: tuple[int, int]) -> Mask:
 
 def _napari(path: Path) -> Iterator[Coordinates]:
     """Yield the outlines in the CSV of a napari shapes layer."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise EndoctError(f"{path} cannot be read", found=str(error), remedy="save the shapes layer again") from error
-    if not rows or not set(_NAPARI_COLUMNS) <= set(rows[0]) or "axis-2" in rows[0]:
-        raise EndoctError(
-            f"{path} is no napari shapes layer on a panorama",
-            found=", ".join(name for name in rows[0] if name) if rows else "no rows",
-            expected=", ".join(_NAPARI_COLUMNS),
-            remedy="draw on the panorama alone and save the shapes layer as CSV",
-        )
-    shapes: dict[str, list[dict[str, str]]] = {}
-    for row in rows:
-        shapes.setdefault(row["index"], []).append(row)
+    data = read_small(path, _MOST_BYTES)
+    with refusing(f"{path} cannot be read", remedy="save the shapes layer again"):
+        reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""))
+        columns = list(reader.fieldnames or ())
+        if not set(_NAPARI_COLUMNS) <= set(columns) or "axis-2" in columns:
+            raise _no_shapes(path, columns)
+        shapes: dict[str, list[tuple[str, float, float]]] = {}
+        for row in reader:
+            index, kind, _, z, theta = (row[name] for name in _NAPARI_COLUMNS)
+            if index is None or kind is None:
+                raise EndoctError(f"{path} cannot be read", found=f"a row without its shape, line {reader.line_num}")
+            try:
+                shapes.setdefault(index, []).append((kind, float(z), float(theta)))
+            except (TypeError, ValueError) as error:
+                raise EndoctError(f"shape {index[:20]} in {path} cannot be read", found=str(error)) from error
+    if not shapes:
+        raise _no_shapes(path, [])
     for index, vertices in shapes.items():
-        kind = vertices[0]["shape-type"]
-        if kind not in _CLOSED:
-            raise EndoctError(
-                f"shape {index} in {path} encloses nothing", found=kind, expected=", ".join(_CLOSED), remedy="remove it"
-            )
-        try:
-            points = np.array([[float(v["axis-0"]), float(v["axis-1"])] for v in vertices])
-        except (TypeError, ValueError) as error:
-            raise EndoctError(f"shape {index} in {path} cannot be read", found=str(error)) from error
-        yield _ellipse(points) if kind == "ellipse" else points
+        yield _shape(f"shape {index[:20]} in {path}", vertices)
+
+
+def _no_shapes(path: Path, columns: list[str]) -> EndoctError:
+    return EndoctError(
+        f"{path} is no napari shapes layer on a panorama",
+        found=", ".join(name for name in columns if name)[:200] or "no rows",
+        expected=", ".join(_NAPARI_COLUMNS),
+        remedy="draw on the panorama alone and save the shapes layer as CSV",
+    )
+
+
+def _shape(what: str, vertices: list[tuple[str, float, float]]) -> Coordinates:
+    kind = vertices[0][0]
+    if kind not in _CLOSED:
+        raise EndoctError(f"{what} encloses nothing", found=kind[:40], expected=", ".join(_CLOSED), remedy="remove it")
+    points = np.array([(row, column) for _, row, column in vertices])
+    if not all(math.isfinite(value) for value in points.ravel()):
+        raise EndoctError(f"{what} cannot be used", found="NaN or infinity", expected="numbers")
+    if len(points) < 3 or (kind == "ellipse" and len(points) != 4):
+        expected = "four corners" if kind == "ellipse" else "three at least"
+        raise EndoctError(f"{what} encloses nothing", found=f"{len(points)} points", expected=expected)
+    return _ellipse(points) if kind == "ellipse" else points
 
 
 def _ellipse(corners: Coordinates) -> Coordinates:
@@ -165,17 +215,29 @@ def _fiji(path: Path) -> Iterator[Coordinates]:
         raise EndoctError(
             f"{path} needs a library that is not installed", found="no roifile", remedy="pip install 'endoct[fiji]'"
         ) from error
-    try:
-        read: Any = roifile.roiread(path)
-    except (OSError, ValueError, zipfile.BadZipFile, IndexError) as error:
-        raise EndoctError(f"{path} holds no regions of ImageJ", found=str(error), remedy="save them again") from error
-    for roi in read if isinstance(read, list) else [read]:
-        kinds = roifile.ROI_TYPE
-        if roi.roitype not in (kinds.POLYGON, kinds.FREEHAND, kinds.TRACED, kinds.RECT, kinds.OVAL):
-            raise EndoctError(
-                f"'{roi.name}' in {path} encloses nothing",
-                found=kinds(roi.roitype).name.lower(),
-                expected="a polygon, freehand, rectangle or oval",
-                remedy="remove it",
-            )
-        yield np.asarray(roi.coordinates(), dtype=np.float64)[:, ::-1] - 0.5
+    kinds = roifile.ROI_TYPE
+    for data in _regions(path):
+        with refusing(f"{path} holds no regions of ImageJ", remedy="save them again"):
+            roi: Any = roifile.ImagejRoi.frombytes(data)
+            if roi.roitype not in (kinds.POLYGON, kinds.FREEHAND, kinds.TRACED, kinds.RECT, kinds.OVAL):
+                raise EndoctError(
+                    f"'{roi.name[:40]}' in {path} encloses nothing",
+                    found=kinds(roi.roitype).name.lower(),
+                    expected="a polygon, freehand, rectangle or oval",
+                    remedy="remove it",
+                )
+            outline = np.asarray(roi.coordinates(), dtype=np.float64)[:, ::-1] - 0.5
+        yield outline
+
+
+def _regions(path: Path) -> Iterator[bytes]:
+    """Yield the bytes of one region, or of all in a ZIP file."""
+    if path.suffix.lower() != ".zip":
+        yield read_small(path, _MOST_BYTES)
+        return
+    none = f"{path} holds no regions of ImageJ"
+    with open_zip(path, _MOST_OUTLINES, _MOST_BYTES, none) as members:
+        regions = [members.read(name) for name in members.namelist() if name.lower().endswith(".roi")]
+    if not regions:
+        raise EndoctError(none, found="no .roi in it", remedy="save them again")
+    yield from regions

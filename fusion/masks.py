@@ -25,11 +25,13 @@ class MaskSidecar(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     modality: Literal["mask"] = Field(description="that this image is a mask")
-    bore_diameter_mm: float = Field(gt=0, description="nominal diameter of the drill hole; sets mm along θ")
-    z0_mm: float = Field(description="place of the first row's centre along the bore, mm")
-    dz_mm: float = Field(gt=0, description="distance of two rows, mm")
-    rater: str | None = Field(default=None, description="who drew it; left out, as the file's name says")
-    session: str | None = Field(default=None, description="when; left out, as the file's name says")
+    bore_diameter_mm: float = Field(ge=0.1, le=100, description="nominal diameter of the drill hole; sets mm along θ")
+    z0_mm: float = Field(ge=-1e4, le=1e4, description="place of the first row's centre along the bore, mm")
+    dz_mm: float = Field(ge=1e-4, le=100, description="distance of two rows, mm")
+    rater: str | None = Field(
+        default=None, max_length=100, description="who drew it; left out, as the file's name says"
+    )
+    session: str | None = Field(default=None, max_length=100, description="when; else as the file's name says")
 
 
 def read_mask(path: Path, like: Panorama | None = None) -> Panorama:

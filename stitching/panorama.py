@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Image, Mask, readonly
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.names import plain_name
+
+SURFACE = ("intensity", "valid", "weight", "depth_mm", "z", "theta")
+"""What a panorama's store calls its own; nothing per frame may have such a name."""
+_TAKEN = (*SURFACE, "volume")
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +26,8 @@ class Panorama:
     grid: the surface grid; where rows are uneven its ``dz_mm`` is the median step.
     z_mm: float64 (n_z,), ascending, the rows' true places (equal to ``grid.z_mm`` where rows are even).
     intensity, depth_mm, valid, weight: as in :class:`~endoct.stitching.strip.Strip`, on (n_z, n_theta).
-    modality: name of the plug-in that made it ("mask" for a mask drawn by hand).
+    modality: name of the plug-in that made it ("mask" for a mask drawn by hand). It becomes part of the names of
+        files, as those of ``frame_dim`` and ``per_frame`` do: a plain name.
     handedness_known, travel_known: whether θ's sense of rotation and z's direction are known; an alignment
         searches what is not.
     frame_dim: "slice", "frame", …: the dimension of ``per_frame``.
@@ -31,7 +37,7 @@ class Panorama:
     provenance: parameters, versions, input digests, ``notes`` on what was not trusted, and ``doubts``, those of them
         that question the whole. JSON-serialisable.
 
-    Arrays are read-only. Raises :class:`EndoctError` where shapes disagree.
+    Arrays are read-only. Raises :class:`EndoctError` where shapes disagree, or a name is no plain one.
     """
 
     grid: SurfaceGrid
@@ -64,5 +70,21 @@ class Panorama:
                     found=f"{array.shape}",
                     expected=f"{self.grid.shape} (z, θ)",
                 )
-        if self.z_mm.shape != (self.grid.n_z,) or np.any(np.diff(self.z_mm) <= 0):
+        ascending = np.isfinite(self.z_mm).all() and np.all(np.diff(self.z_mm) > 0)
+        if self.z_mm.shape != (self.grid.n_z,) or not ascending:
             raise EndoctError("the rows of a panorama must have one ascending z each")
+        self._check_frames()
+
+    def _check_frames(self) -> None:
+        plain_name(self.modality, "a panorama's modality")
+        plain_name(self.frame_dim, "the frames of a panorama")
+        for name, values in self.per_frame.items():
+            if plain_name(name, "what a panorama has per frame") in _TAKEN:
+                raise EndoctError(f"a panorama cannot have '{name}' per frame", expected="a name that is not taken")
+            if values.ndim == 0 or values.dtype.kind not in "biuf":
+                raise EndoctError(
+                    f"{name} of a panorama cannot be used", found=f"{values.dtype} {values.shape}", expected="numbers"
+                )
+        if len(lengths := {len(values) for values in self.per_frame.values()}) > 1:
+            found = " and ".join(map(str, sorted(lengths)))
+            raise EndoctError("what a panorama has per frame must be of one length", found=found)

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.panorama import Panorama
-from endoct.stitching.zarr_store import Named, read_arrays, write_arrays
+from endoct.stitching.json_values import an_object, number, texts
+from endoct.stitching.panorama import SURFACE, Panorama
+from endoct.stitching.zarr_store import Named, read_arrays, read_attributes, write_arrays
 
 FORMAT = "endoct-panorama-1"
 
@@ -54,54 +55,78 @@ def grid_attributes(grid: SurfaceGrid) -> dict[str, float]:
     return {"radius_mm": grid.radius_mm, "z0_mm": grid.z0_mm, "dz_mm": grid.dz_mm, "theta0_rad": grid.theta0_rad}
 
 
-def stored_grid(attributes: Mapping[str, Any], shape: tuple[int, ...]) -> SurfaceGrid:
-    """Return the full circle that a store describes, whose images of ``shape`` end in the dims (z, theta)."""
+def stored_grid(attributes: Mapping[str, Any], shape: tuple[int, ...], what: str) -> SurfaceGrid:
+    """Return the full circle that a store describes, whose images of ``shape`` end in the dims (z, theta).
+
+    Raises :class:`EndoctError`, naming ``what``, where it describes none, or one that no bore has.
+    """
+    if len(shape) < 2:
+        raise EndoctError(f"{what} has no surface", found=f"shape {shape}", expected="(z, θ)")
     n_z, n_theta = shape[-2:]
     return SurfaceGrid.full_circle(
         n_z,
         n_theta,
-        z0_mm=attributes["z0_mm"],
-        dz_mm=attributes["dz_mm"],
-        theta0_rad=attributes["theta0_rad"],
-        radius_mm=attributes["radius_mm"],
+        z0_mm=number(attributes, "z0_mm", -1e4, 1e4, what),
+        dz_mm=number(attributes, "dz_mm", 1e-5, 1e3, what),
+        theta0_rad=number(attributes, "theta0_rad", -100, 100, what),
+        radius_mm=number(attributes, "radius_mm", 0.01, 1e3, what),
     )
 
 
 def is_panorama(path: Path) -> bool:
     """Say whether ``path`` is a store that :func:`save_panorama` wrote."""
     try:
-        return bool(json.loads((path / "zarr.json").read_text())["attributes"]["format"] == FORMAT)
-    except (OSError, ValueError, KeyError, TypeError):
+        return bool(read_attributes(path).get("format") == FORMAT)
+    except EndoctError:
         return False
 
 
 def load_panorama(path: Path) -> Panorama:
-    """Read what :func:`save_panorama` wrote. Raises :class:`EndoctError` where it is something else."""
+    """Read what :func:`save_panorama` wrote. Raises :class:`EndoctError` where it is something else, or damaged."""
     if not is_panorama(path):
         raise EndoctError(
             f"{path} is no panorama",
             expected="a store written by `endoct unroll`",
             remedy="unroll the recording first",
         )
-    try:
-        return _panorama(*read_arrays(path))
-    except (OSError, ValueError, KeyError) as error:
-        raise EndoctError(f"{path} cannot be read", found=str(error), remedy="unroll the recording again") from error
+    with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
+        return _panorama(path, read_arrays(path), read_attributes(path))
 
 
-def _panorama(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Panorama:
-    surface = {"intensity", "valid", "weight", "depth_mm", "z", "theta"}
-    return Panorama(
-        grid=stored_grid(attributes, arrays["intensity"].shape),
+def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Panorama:
+    what = f"the panorama {path}"
+    if missing := [name for name in ("z", "intensity", "valid", "weight") if name not in arrays]:
+        raise EndoctError(f"{what} is not whole", found=f"no {missing[0]}", remedy="unroll the recording again")
+    if any(values.dtype.kind == "O" for values in arrays.values()):
+        raise EndoctError(f"{what} cannot be used", found="texts", expected="numbers")
+    panorama = Panorama(
+        grid=stored_grid(attributes, arrays["intensity"].shape, what),
         z_mm=arrays["z"],
         intensity=arrays["intensity"],
         depth_mm=arrays.get("depth_mm"),
         valid=arrays["valid"].astype(np.bool_),
         weight=arrays["weight"],
-        modality=attributes["modality"],
-        handedness_known=bool(attributes["handedness_known"]),
-        travel_known=bool(attributes["travel_known"]),
-        frame_dim=attributes["frame_dim"],
-        per_frame={name: values for name, values in arrays.items() if name not in surface},
-        provenance=json.loads(attributes["provenance"]),
+        modality=attributes.get("modality", ""),
+        handedness_known=bool(attributes.get("handedness_known")),
+        travel_known=bool(attributes.get("travel_known")),
+        frame_dim=attributes.get("frame_dim", ""),
+        per_frame={name: values for name, values in arrays.items() if name not in SURFACE},
+        provenance=_provenance(attributes, what),
     )
+    for name in ("intensity", "weight"):
+        if not np.isfinite(getattr(panorama, name)[panorama.valid]).all():
+            raise EndoctError(f"{name} of {what} cannot be used", found="NaN or infinity where it is valid")
+    return panorama
+
+
+def _provenance(attributes: Mapping[str, Any], what: str) -> dict[str, Any]:
+    stored = attributes.get("provenance")
+    if not isinstance(stored, str):
+        raise EndoctError(f"{what} does not say where it comes from", expected="'provenance' in its attributes")
+    found = an_object(json.loads(stored), f"the provenance of {what}")
+    for key in ("notes", "doubts"):
+        texts(found, key, f"the provenance of {what}")
+    for key in ("parameters", "inputs", "acquisition", "versions"):
+        if found.get(key) is not None:
+            an_object(found[key], f"'{key}' in the provenance of {what}")
+    return found

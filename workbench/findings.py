@@ -1,6 +1,5 @@
 """What a comparison folder holds, read back for its report."""
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.pictures import load_pictures
+from endoct.workbench.result_file import read_result
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +86,11 @@ class Findings:
 
 def read_findings(folder: Path) -> Findings:
     """Read what ``endoct compare`` wrote. Raises :class:`EndoctError` where ``folder`` is no whole comparison."""
-    try:
-        result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise EndoctError(
-            f"{folder} is no comparison", found=str(error), expected="a folder written by `endoct compare`"
-        ) from error
+    result = read_result(folder)
     comparison = load_comparison(folder / "comparison.zarr")
+    if tuple(result["sides"]) != comparison.sides:
+        found = f"{', '.join(result['sides'])} and {', '.join(comparison.sides)}"
+        raise EndoctError(f"result.json and comparison.zarr in {folder} have other sides", found=found)
     pictures = load_pictures(folder / "pictures")
     a, b = (_side(comparison, k, name, folder, pictures.get(name, {})) for k, name in enumerate(comparison.sides))
     return Findings(result, comparison.grid, (a, b), comparison.cells)

@@ -7,21 +7,52 @@ A file holds ``image``, ``metadata`` (JSON) and ``curve_0``, ``curve_1``, …, i
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
 from endoct.modalities.contract import Picture
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.names import plain_name
+from endoct.stitching.npy import read_npz
+
+MOST_PICTURES = 1000
+MOST_SIDE = 20_000
+
+_Place = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+
+
+class _Metadata(BaseModel):
+    """What a file says of its picture."""
+
+    model_config = ConfigDict(strict=True, frozen=True)
+
+    side: str
+    place: int = Field(ge=0, le=1_000_000)
+    order: int = Field(ge=0, le=1000)
+    name: str
+    title: str = Field(max_length=1000)
+    x_label: str = Field(max_length=1000)
+    y_label: str = Field(max_length=1000)
+    x_extent: tuple[_Place, _Place]
+    y_extent: tuple[_Place, _Place]
+    curves: tuple[str, ...] = Field(max_length=100)
 
 
 def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[Picture]) -> None:
     """Write ``pictures`` of one frame of ``side`` into ``folder`` as ``<side>-<frame_label>-<name>.npz``.
 
-    ``frame_label`` is the frame's place in the order of ascending z, in digits.
+    ``frame_label`` is the frame's place in the order of ascending z, in digits. Raises :class:`EndoctError` where a
+    picture has a name that no file can have.
     """
+    plain_name(side, "a side")
+    plain_name(frame_label, "a frame")
     folder.mkdir(parents=True, exist_ok=True)
     for order, picture in enumerate(pictures):
+        plain_name(picture.name, "a picture")
         metadata = {
             "side": side,
             "place": int(frame_label),
@@ -51,27 +82,42 @@ def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
     A folder that does not exist holds no pictures. Raises :class:`EndoctError` where a file cannot be read.
     """
     found: list[tuple[str, int, int, Picture]] = []
-    for path in sorted(folder.glob("*.npz")):
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                metadata = json.loads(str(file["metadata"]))
-                picture = Picture(
-                    name=metadata["name"],
-                    title=metadata["title"],
-                    image=file["image"],
-                    x_label=metadata["x_label"],
-                    y_label=metadata["y_label"],
-                    x_extent=tuple(metadata["x_extent"]),
-                    y_extent=tuple(metadata["y_extent"]),
-                    curves={label: file[f"curve_{k}"] for k, label in enumerate(metadata["curves"])},
-                )
-        except (OSError, ValueError, KeyError) as error:
-            raise EndoctError(
-                f"the picture {path} cannot be read", found=str(error), remedy="run the comparison again"
-            ) from error
-        found.append((metadata["side"], metadata["place"], metadata["order"], picture))
+    paths = sorted(folder.glob("*.npz"))
+    if len(paths) > MOST_PICTURES:
+        raise EndoctError(f"{folder} has too many pictures", found=str(len(paths)), expected=f"{MOST_PICTURES} at most")
+    for path in paths:
+        with refusing(f"the picture {path} cannot be read", remedy="run the comparison again"):
+            arrays = read_npz(path)
+            told = _Metadata.model_validate_json(str(arrays["metadata"]))
+            picture = Picture(
+                name=told.name,
+                title=told.title,
+                image=_image(arrays["image"]),
+                x_label=told.x_label,
+                y_label=told.y_label,
+                x_extent=told.x_extent,
+                y_extent=told.y_extent,
+                curves={label: _curve(arrays[f"curve_{k}"]) for k, label in enumerate(told.curves)},
+            )
+        plain_name(told.name, f"the picture {path}")
+        found.append((plain_name(told.side, f"a side in {path}"), told.place, told.order, picture))
     pictures: dict[str, dict[int, tuple[Picture, ...]]] = {}
     for side, place, _, picture in sorted(found, key=lambda entry: entry[:3]):
         of_side = pictures.setdefault(side, {})
         of_side[place] = (*of_side.get(place, ()), picture)
     return pictures
+
+
+def _image(samples: NDArray[Any]) -> NDArray[Any]:
+    colours = samples.ndim == 3 and samples.shape[2] == 3
+    fits = samples.size > 0 and max(samples.shape) <= MOST_SIDE
+    if samples.dtype.kind not in "buf" or not (samples.ndim == 2 or colours) or not fits:
+        expected = f"(row, column) or (row, column, 3), at most {MOST_SIDE} a side"
+        raise EndoctError("it holds no image", found=f"{samples.dtype} {samples.shape}", expected=expected)
+    return samples
+
+
+def _curve(points: NDArray[Any]) -> Coordinates:
+    if points.dtype.kind != "f" or points.ndim != 2 or points.shape[1] != 2:
+        raise EndoctError("a curve cannot be used", found=f"{points.dtype} {points.shape}", expected="(n, 2) floats")
+    return np.asarray(points, dtype=np.float64)

@@ -15,7 +15,7 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.undistort import beam_of
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.zarr_store import Named, consolidate, write_arrays
+from endoct.stitching.zarr_store import Named, consolidate, new_array, write_arrays
 
 INSIDE_MM = 0.05
 OUTSIDE_PX = -10.0
@@ -64,13 +64,8 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
         "radius": Named(("depth",), radii, {"units": "mm"}),
     }
     group = write_arrays(store / "volume", arrays, {"radius_mm": grid.radius_mm}, coordinates=["radius"])
-    array = group.create_array(
-        "intensity",
-        shape=(grid.n_z, grid.n_theta, radii.size),
-        chunks=(1, grid.n_theta, radii.size),
-        dtype=dtype,
-        dimension_names=("z", "theta", "depth"),
-    )
+    shape = grid.n_z, grid.n_theta, radii.size
+    array = new_array(group, "intensity", shape, dtype, ("z", "theta", "depth"), chunks=(1, *shape[1:]))
     rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
     slices: Iterable[Image] = map_frames(partial(resample, calibration=calibration, radii_mm=radii), stream)
     for row, samples in zip(rows, slices, strict=True):

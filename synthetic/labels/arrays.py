@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from endoct.stitching.zarr_store import write_arrays
+from endoct.stitching.zarr_store import new_array, write_arrays
 
 Described = Mapping[str, tuple[tuple[str, ...], str, str]]
 """Name → (dims, dtype, what it is)."""
@@ -15,10 +15,8 @@ def create(path: Path, sizes: Mapping[str, int], arrays: Described, attrs: Mappi
     group, made = write_arrays(path, {}, attrs), {}
     for name, (dims, dtype, about) in arrays.items():
         shape = tuple(sizes[dim] for dim in dims)
-        array = group.create_array(
-            name, shape=shape, chunks=(1, *shape[1:]), dtype=dtype, dimension_names=dims,
+        made[name] = new_array(
+            group, name, shape, dtype, dims, chunks=(1, *shape[1:]), attributes={"long_name": about},
             fill_value=float("nan") if dtype.startswith("f") else 0,
         )  # fmt: skip
-        array.attrs["long_name"] = about
-        made[name] = array
     return made

@@ -1,6 +1,5 @@
 """Where the panoramas of a simulated specimen truly lie, and how far a comparison of them is from that."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +12,14 @@ from endoct.fusion.cells import SegmentParameters, segment
 from endoct.fusion.outcome import Comparison
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.json_values import number, read_object
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.zarr_store import read_arrays
+from endoct.stitching.zarr_store import read_arrays, read_attributes
+
+MOST_RECORDING_BYTES = 16_000_000
+FARTHEST = 1e6
+"""No place in mm and no angle in rad is farther."""
 
 
 @dataclass(frozen=True)
@@ -47,40 +51,78 @@ class Pose:
 
 
 def load_truth(specimen: Path) -> Truth:
-    """Read the truth of a simulated specimen. Raises :class:`EndoctError` where it has none."""
+    """Read the truth of a simulated specimen. Raises :class:`EndoctError` where it has none, or it is damaged."""
     recording, wall = specimen / "truth" / "recording.json", specimen / "truth" / "wall.zarr"
     if not recording.is_file() or not wall.is_dir():
         raise EndoctError(f"{specimen} has no truth", expected="truth/recording.json and truth/wall.zarr in it")
-    return Truth(read_arrays(wall)[0], json.loads(recording.read_text(encoding="utf-8")))
+    read_attributes(wall)
+    arrays = read_arrays(wall)
+    z_mm, theta_rad, cell = (arrays.get(name, np.empty(0)) for name in ("z", "theta", "cell"))
+    if z_mm.ndim != 1 or theta_rad.ndim != 1 or z_mm.size < 2 or cell.shape != (z_mm.size, theta_rad.size):
+        raise EndoctError(f"{wall} holds no wall", found=f"cells {cell.shape}", expected="cell, z and theta that fit")
+    steps = np.diff(z_mm)
+    if z_mm.dtype.kind != "f" or not np.isfinite(steps).all() or not (steps > 0).all() or cell.dtype.kind not in "biu":
+        raise EndoctError(f"{wall} holds no wall", found="places or cells that cannot be", expected="ascending z")
+    return Truth(arrays, read_object(recording, MOST_RECORDING_BYTES))
 
 
 def true_pose(panorama: Panorama, truth: Truth) -> Pose:
     """Return the pose of ``panorama``, made from one of the specimen's recordings, frame by frame.
 
-    Raises :class:`EndoctError` where it was made of something else.
+    Raises :class:`EndoctError` where it was made of something else, or the truth is damaged.
     """
     of, index = truth.recording.get(panorama.modality), panorama.per_frame.get(f"{panorama.frame_dim}_index")
-    if of is None or index is None or index.max(initial=-1) >= len(of["z_mm"]):
+    if of is None or index is None or not _tells_of(of, index):
         raise EndoctError(
             f"the truth of a simulated specimen says nothing of this {panorama.modality} panorama",
-            expected=f"one made of its recordings: {', '.join(sorted(truth.recording))}",
+            expected=f"one made of its recordings: {', '.join(sorted(map(str, truth.recording)))[:200]}",
             remedy="compare the specimen's own recordings",
         )
+    with refusing("the truth of a simulated specimen cannot be used", remedy="simulate it again"):
+        pose = _pose(panorama, of, index)
+    whole = np.isfinite([pose.theta0_rad]).all() and all(
+        np.isfinite(places).all() and places.shape == index.shape for places in (pose.z_panorama_mm, pose.z_bore_mm)
+    )
+    if not whole:
+        raise EndoctError("the truth of a simulated specimen cannot be used", found="places that are not finite")
+    return pose
+
+
+def _tells_of(of: object, index: NDArray[Any]) -> bool:
+    """Say whether ``of``, what the truth tells of a recording, has the frames of ``index``."""
+    frames = of.get("z_mm") if isinstance(of, dict) else None
+    whole = index.ndim == 1 and index.size > 0 and index.dtype.kind in "iu"
+    return isinstance(frames, list) and whole and bool(index.min() >= 0 and index.max() < len(frames))
+
+
+def _pose(panorama: Panorama, of: Mapping[str, Any], index: NDArray[Any]) -> Pose:
     z_panorama = panorama.per_frame[f"{panorama.frame_dim}_z_mm"]
     # a helical turn advances while it is recorded: the truth tells of its first A-scan, the panorama of its middle
-    z_bore = np.asarray(of["z_mm"])[index] + of.get("z_advance_mm", 0.0) / 2
+    advance_mm = number({"z_advance_mm": 0.0, **of}, "z_advance_mm", -1e3, 1e3, "the truth")
+    z_bore = _numbers(of["z_mm"])[index] + advance_mm / 2
     if "roll_rad" in of:  # the panorama's angle of a frame is image angle + estimated roll
-        turn = np.asarray(of["roll_rad"])[index] - panorama.per_frame["roll_rad"]
+        turn = _numbers(of["roll_rad"])[index] - panorama.per_frame["roll_rad"]
         return Pose(float(turn[0] + np.median(wrap_rad(turn - turn[0]))), 1, z_panorama, z_bore)
     # a common angle of all turns is nothing a recording can know: the middle of theirs against what was found
-    late = np.asarray(of["start_angle_rad"]) + np.pi * (np.asarray(of["turn_length"]) - 1)
+    late = _numbers(of["start_angle_rad"]) + np.pi * (_numbers(of["turn_length"]) - 1)
     late = late[index] - panorama.per_frame.get("start_angle_rad", 0.0)
     common = float(np.angle(np.sum(np.exp(1j * late))))
     stated_mirrored = panorama.provenance["acquisition"]["handedness"] == "mirrored"
-    sense = int(of["theta_sense"])
+    sense = -1 if number(of, "theta_sense", -1, 1, "the truth") < 0 else 1
     return Pose(
-        float(of["theta_origin_rad"]) + sense * common, sense * (-1 if stated_mirrored else 1), z_panorama, z_bore
+        number(of, "theta_origin_rad", -1e3, 1e3, "the truth") + sense * common,
+        sense * (-1 if stated_mirrored else 1),
+        z_panorama,
+        z_bore,
     )
+
+
+def _numbers(stored: object) -> Coordinates:
+    """Return a list of the truth as float64 (n,). Raises :class:`EndoctError` where it is none of finite numbers."""
+    values = np.asarray(stored if isinstance(stored, list) else [], dtype=np.float64)
+    if values.ndim != 1 or not np.isfinite(values).all() or np.abs(values).max(initial=0) > FARTHEST:
+        raise EndoctError("the truth of a simulated specimen cannot be used", expected="lists of finite numbers")
+    return values
 
 
 def true_cells(truth: Truth, pose: Pose, panorama: Panorama) -> Mask:

@@ -1,22 +1,34 @@
 """Reads the specimens of a data set as arrays, for torch's DataLoader and whatever else."""
 
 import csv
-import json
+import math
 import tarfile
-from io import BytesIO
+from collections.abc import Iterator
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.recording import open_stack
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import open_regular
+from endoct.stitching.json_values import read_object
+from endoct.stitching.limits import check_array_size, largest_array_bytes
+from endoct.stitching.names import inside, plain_name
+from endoct.stitching.npy import read_npy
+from endoct.stitching.zarr_store import read_arrays
 from endoct.synthetic.presets import PRESETS
 from endoct.workbench.dataset.plan import SPLITS, Split
 
 TRUTH = ("relief_mm", "cell", "cell_id")
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".avi", ".mov")
+AGAIN = "copy the data set again, or make it again"
+WHOLE = 16
+"""A whole recording, or all labels of one, may have this many times the largest array."""
+MOST_ARRAYS = 200
+LONGEST_MM = 1e4
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -43,75 +55,128 @@ class Specimens:
         if split is not None and split not in SPLITS:
             raise EndoctError(f"there is no split '{split}'", expected=f"one of {', '.join(SPLITS)}")
         try:
-            with (self.root / "manifest.csv").open(encoding="utf-8", newline="") as file:
-                every = list(csv.DictReader(file))
-            preset = json.loads((self.root / "dataset.json").read_text(encoding="utf-8"))["arguments"]["preset"]
-        except (OSError, ValueError, KeyError) as error:
+            every = _manifest(self.root / "manifest.csv")
+            with refusing(f"{self.root / 'dataset.json'} cannot be used"):
+                preset = read_object(self.root / "dataset.json")["arguments"]["preset"]
+                wall_dz_mm = PRESETS[preset].wall_dz_mm
+        except EndoctError as error:
             raise EndoctError(
                 f"{self.root} holds no finished data set",
-                found=str(error),
+                found=f"{error.what}: {error.found}",
                 expected="dataset.json and manifest.csv",
                 remedy="start its `endoct dataset` again, which makes what is missing",
             ) from error
+        self._n_z = int(min(float(row["bore.length_mm"]) for row in every) / wall_dz_mm)
         self.rows = [row for row in every if split in (None, row["split"])]
-        shortest_mm = min(float(row["bore.length_mm"]) for row in every)
-        self._n_z = int(shortest_mm / PRESETS[preset].wall_dz_mm)
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         row = self.rows[index]
-        path = self.root / row["path"]
+        path = inside(self.root, row["path"], f"a specimen of {self.root}")
+        if any(place.is_symlink() for place in (path, *path.parents) if self.root in place.parents):
+            raise EndoctError(f"{path} cannot be part of a data set", found="a link", expected="files and folders")
         arrays = read_specimen(path) if path.is_dir() else read_from_shard(path, row["name"])
+        if missing := sorted({*TRUTH, "oct", "endoscope"} - arrays.keys()):
+            raise EndoctError(f"{path} is no whole specimen", found=f"no {missing[0]} of {row['name']}", remedy=AGAIN)
         truth = {name: arrays[name][: self._n_z] for name in TRUTH}
         return {"index": int(row["index"])} | arrays | truth
 
 
 def read_specimen(folder: Path) -> Arrays:
-    """Return the arrays of the specimen in ``folder``, as :class:`Specimens` describes them, truth uncut."""
-    import zarr
+    """Return the arrays of the specimen in ``folder``, as :class:`Specimens` describes them, truth uncut.
 
-    wall = zarr.open_group(folder / "truth" / "wall.zarr", mode="r")
-    return {
-        "oct": _stack(open_stack(folder / "oct")),
-        "endoscope": _frames(folder / "endoscope"),
-        **{name: np.asarray(wall[name]) for name in TRUTH},
-        **_labels(folder / "truth" / "labels"),
-    }
+    Raises :class:`EndoctError` where one is missing, damaged or too large.
+    """
+    with refusing(f"the specimen {folder} cannot be read", remedy=AGAIN):
+        wall = read_arrays(folder / "truth" / "wall.zarr", TRUTH)
+        if missing := [name for name in TRUTH if name not in wall]:
+            raise EndoctError(f"{folder} has no whole truth", found=f"no {missing[0]}", remedy=AGAIN)
+        return {
+            "oct": _stack(open_stack(folder / "oct"), folder),
+            "endoscope": _frames(folder / "endoscope"),
+            **{name: wall[name] for name in TRUTH},
+            **_labels(folder / "truth" / "labels"),
+        }
 
 
 def read_from_shard(shard: Path, name: str) -> Arrays:
-    """Return the arrays of the specimen ``name`` in a shard, as :func:`read_specimen` does."""
+    """Return the arrays of the specimen ``name`` in a shard, as :func:`read_specimen` does.
+
+    Only what is a file is read, by no other name than plain ones. Raises :class:`EndoctError` as that does.
+    """
     arrays: Arrays = {}
-    with tarfile.open(shard) as tar:
-        for member in tar:
-            key, _, kind = member.name.partition(".")
-            if key == name and kind.endswith(".npy") and (file := tar.extractfile(member)) is not None:
-                arrays[kind.removesuffix(".npy")] = np.load(BytesIO(file.read()))
+    with refusing(f"the shard {shard} cannot be read", remedy=AGAIN), open_regular(shard) as file:
+        for array, inner in _members(file, name, shard):
+            arrays[array] = read_npy(inner, f"{array} of {name} in {shard}", parts=WHOLE)
+            if len(arrays) > MOST_ARRAYS:
+                raise EndoctError(f"{shard} has too many arrays", expected=f"{MOST_ARRAYS} at most")
     return arrays
 
 
-def _stack(frames: Any) -> NDArray[Any]:
+def _members(file: IO[bytes], name: str, shard: Path) -> Iterator[tuple[str, IO[bytes]]]:
+    """Yield the arrays of one specimen in a tar file, (name, file to read)."""
+    # "r:", not "r": a shard that endoct wrote is not compressed, and one that is may expand to anything
+    with tarfile.open(fileobj=file, mode="r:") as tar:
+        for member in tar:
+            key, _, kind = member.name.partition(".")
+            if key == name and kind.endswith(".npy") and member.isreg() and (inner := tar.extractfile(member)):
+                yield plain_name(kind.removesuffix(".npy"), f"an array in {shard}"), inner
+
+
+def _manifest(path: Path) -> list[dict[str, str]]:
+    """Return the rows of the manifest, each with all that is needed of it."""
+    with refusing(f"{path} is damaged"):
+        with open_regular(path) as file:
+            every = list(csv.DictReader(TextIOWrapper(file, encoding="utf-8", newline="")))
+        if not every:
+            raise EndoctError(f"{path} is empty")
+        for row in every:
+            if None in row or None in row.values():  # a row that is longer or shorter than the header
+                raise EndoctError(f"{path} is damaged", found="rows that are not as long as its header")
+            if not 0 < (length_mm := float(row["bore.length_mm"])) < LONGEST_MM:
+                raise EndoctError(f"{path} is damaged", found=f"a bore of {length_mm:g} mm")
+            plain_name(row["name"], f"a specimen of {path}")
+            if int(row["index"]) < 0 or row["split"] not in SPLITS or not row["path"]:
+                raise EndoctError(f"{path} is damaged", found="a row without index, split or path")
+    return every
+
+
+def _stack(frames: Any, folder: Path) -> NDArray[Any]:
+    if len(frames) * math.prod(frames.frame_shape) * frames.dtype.itemsize > WHOLE * largest_array_bytes():
+        check_array_size((len(frames), *frames.frame_shape), frames.dtype.itemsize, f"the recording {folder}")
     return np.stack([frames[i] for i in range(len(frames))])
 
 
 def _frames(folder: Path) -> NDArray[np.uint8]:
     videos = [path for path in folder.iterdir() if path.suffix in VIDEO_SUFFIXES]
     if videos:
-        import av
-
-        with av.open(str(videos[0])) as video:
-            return np.stack([frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)])
-    frames = _stack(open_stack(folder))
+        return np.stack(list(_decoded(videos[0])))
+    frames = _stack(open_stack(folder), folder)
     return frames if frames.ndim == 4 else np.repeat(frames[..., None], 3, axis=3)
 
 
-def _labels(folder: Path) -> Arrays:
-    import zarr
+def _decoded(path: Path) -> Iterator[NDArray[np.uint8]]:
+    """Yield the frames of a video, RGB, as long as they are not too much."""
+    import av
 
+    what, n_bytes = f"the video {path}", 0
+    with open_regular(path) as file, av.open(file, mode="r") as video:
+        stream = video.streams.video[0]
+        check_array_size((stream.height, stream.width, 3), 1, what)
+        for count, frame in enumerate(video.decode(stream), 1):
+            n_bytes += frame.height * frame.width * 3
+            if n_bytes > WHOLE * largest_array_bytes():
+                check_array_size((count, frame.height, frame.width, 3), 1, what)
+            yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+
+
+def _labels(folder: Path) -> Arrays:
     found: Arrays = {}
     for store in sorted(folder.glob("*.zarr")):
-        for name, values in sorted(zarr.open_group(store, mode="r").arrays()):
-            found[f"labels.{store.stem}.{name}"] = np.asarray(values)
+        if store.is_symlink():
+            raise EndoctError(f"{store} cannot be part of a data set", found="a link", expected="files and folders")
+        for name, values in sorted(read_arrays(store, together=WHOLE).items()):
+            found[f"labels.{store.stem}.{name}"] = values
     return found

@@ -1,0 +1,71 @@
+"""NumPy's ``.npy`` and ``.npz`` from files: no pickles, and sizes checked before memory is taken."""
+
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.limits import check_array_size, largest_array_bytes
+from endoct.stitching.zip_files import open_zip
+
+KINDS = "biufU"
+MOST_AXES = 8
+MOST_MEMBERS = 1000
+_MOST_HEADER = 10_000  # NumPy's own limit
+_HEADER_READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+
+
+def read_npy(file: IO[bytes], what: str, parts: int = 1) -> NDArray[Any]:
+    """Return the array of a ``.npy`` file that is open: numbers, truth values or texts.
+
+    Raises :class:`EndoctError`, naming ``what``, where it is none, larger than ``parts`` times the limit of one array,
+    or cut off.
+    """
+    with refusing(f"{what} is no array of NumPy"):
+        shape, in_columns, dtype = _header(file, what)
+        if dtype.kind not in KINDS or len(shape) > MOST_AXES or any(n < 0 for n in shape):
+            raise EndoctError(f"{what} is no array that is read", found=f"{dtype} {shape}", expected="numbers or texts")
+        n_bytes = math.prod(shape) * dtype.itemsize
+        if n_bytes > parts * largest_array_bytes():
+            check_array_size(shape, dtype.itemsize, what)
+        data = bytearray(n_bytes)
+        got, view = 0, memoryview(data)
+        while got < n_bytes and (piece := file.read(min(n_bytes - got, 1 << 24))):
+            view[got : got + len(piece)] = piece
+            got += len(piece)
+        if got < n_bytes:
+            raise EndoctError(f"{what} is cut off", found=f"{got} bytes", expected=f"{n_bytes}")
+        if dtype.itemsize == 0:
+            return np.zeros(shape, dtype)
+        return np.frombuffer(data, dtype).reshape(shape, order="F" if in_columns else "C")
+
+
+def read_npz(path: Path) -> Mapping[str, NDArray[Any]]:
+    """Return the arrays of a ``.npz`` file by name. Raises :class:`EndoctError` as :func:`read_npy`, for them all."""
+    found: dict[str, NDArray[Any]] = {}
+    with open_zip(path, MOST_MEMBERS, largest_array_bytes(), f"{path} cannot be read") as members:
+        for member in members.infolist():
+            with members.open(member) as inner:
+                found[member.filename.removesuffix(".npy")] = read_npy(inner, f"{member.filename} in {path}")
+    return found
+
+
+def _header(file: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    start = file.read(8)
+    version = np.lib.format.read_magic(io.BytesIO(start))
+    if version not in _HEADER_READERS:
+        raise EndoctError(f"{what} is no array that is read", found=f"version {version}", expected="1.0 or 2.0")
+    told = file.read(2 if version == (1, 0) else 4)
+    length = int.from_bytes(told, "little")
+    if length > _MOST_HEADER:
+        raise EndoctError(f"{what} is no array of NumPy", found=f"a header of {length} bytes")
+    try:
+        shape, in_columns, dtype = _HEADER_READERS[version](io.BytesIO(told + file.read(length)))
+    except MemoryError as error:  # what Python says of text nested too deeply
+        raise EndoctError(f"{what} is no array of NumPy", found="a damaged header") from error
+    return shape, in_columns, dtype
