@@ -14,6 +14,7 @@ from endoct.stitching.files import read_small
 from endoct.stitching.output import new_output
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.kinds import SIDECAR
+from endoct.workbench.result_file import read_result
 
 _FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."
 
@@ -38,8 +39,9 @@ def describe(path: Path, modality: str | None = None) -> dict[str, Any]:
     Raises :class:`EndoctError` where it is none of them.
     """
     if (path / "result.json").is_file():
-        result = json.loads((path / "result.json").read_text(encoding="utf-8"))
-        return {"kind": "comparison", **{key: result[key] for key in ("sides", "aligned", "reason", "jaccard", "dice")}}
+        result = read_result(path)
+        keys = ("sides", "aligned", "reason", "jaccard", "dice")
+        return {"kind": "comparison", **{key: result.get(key) for key in keys}}
     if is_panorama(path):
         panorama = load_panorama(path)
         return {
