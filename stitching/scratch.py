@@ -20,7 +20,7 @@ GONE = ".endoct.gone-"
 LOCK_NAME = "lock"
 NEW, REPLACED = "new", "replaced"
 """Folders in a scratch folder: of what is made, and of what had to be moved aside for it."""
-_SURELY_LOCKED_S = 60.0
+_SURELY_LOCKED_S = 5.0
 """A scratch folder that has no lock by then has lost its maker before it was locked."""
 
 
