@@ -36,9 +36,11 @@ def glass_mm(slices: Sequence[SliceEvidence], faces: Faces, medium_index: float)
     every = np.concatenate(distances) if distances else np.empty(0)
     if not every.size:
         return 0.0
-    agreeing = [sum(bool(np.any(np.abs(d - t) < SAME_DISTANCE_MM)) for d in distances) for t in every]
+    agreeing = np.zeros(every.size, dtype=np.intp)
+    for of_slice in distances:
+        agreeing += np.any(np.abs(of_slice[:, None] - every) < SAME_DISTANCE_MM, axis=0)
     best = every[int(np.argmax(agreeing))]
-    if max(agreeing) < LEAST_PRESENCE * len(distances):
+    if agreeing.max() < LEAST_PRESENCE * len(distances):
         return 0.0
     return float(np.median(every[np.abs(every - best) < SAME_DISTANCE_MM]))
 

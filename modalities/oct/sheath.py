@@ -32,11 +32,11 @@ def sheath_mark(slices: Sequence[SliceEvidence], faces: Faces, radius_mm: float,
     """Return the direction of the lines that keep their angle to one another, or None where fewer than two do."""
     lines = np.concatenate([one.lines for one in slices])
     axis_mm = float(np.median(faces.axis_depth_mm))
+    depths = [float(depth) for depth in line_depths_mm(lines, mm_per_px) if abs(depth - axis_mm) >= SAME_LINE_MM]
+    # slice by slice, since each may have to be read from a disk
+    of_slices = np.array([[_offset(one, depth, radius_mm) for depth in depths] for one in slices])
     offsets = []
-    for depth in line_depths_mm(lines, mm_per_px):
-        if abs(depth - axis_mm) < SAME_LINE_MM:
-            continue
-        offset = np.array([_offset(one, float(depth), radius_mm) for one in slices])
+    for offset in of_slices.T:
         seen = np.isfinite(offset)
         if np.mean(seen) >= LEAST_PRESENCE and np.median(np.abs(offset[seen])) > TELLING_MM:
             offsets.append(offset)

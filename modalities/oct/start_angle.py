@@ -19,10 +19,10 @@ from endoct.modalities.oct.rotation import Rotation, starts_anywhere
 from endoct.modalities.oct.sheath import Mark, sheath_mark
 from endoct.modalities.oct.sine import circle_distance_mm
 from endoct.modalities.oct.slice_evidence import SliceEvidence
+from endoct.modalities.oct.start_chain import separated
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import wrap_rad
 
-ROBUST_STEPS = 5
 CREEP_RAD = 0.0017  # of a mark from slice to slice: 0.1°
 LEAST_START_RAD = 0.002
 DRIFT_RAD = 0.09  # of the capillary's direction from slice to slice: 5°
@@ -84,24 +84,8 @@ def _triggered(rotation: Rotation, mark: Mark) -> Rotation:
     usual = max(LEAST_START_RAD, 1.4826 * float(np.median(np.abs(steps))) / np.sqrt(2)) if steps.size else 0.0
     if not usual:
         return rotation
-    n = seen.size
-    sigma = np.where(seen, mark.sigma_rad, np.inf)
-    # unknown: n starts, then n directions of the mark; the mark is seen at its direction less the start
-    creeping, told = _creep(n), np.flatnonzero(seen)
-    matrix = np.zeros((n + n + told.size, 2 * n))
-    matrix[:n, n:] = creeping
-    matrix[n : 2 * n, :n] = np.eye(n) / usual
-    matrix[2 * n + np.arange(told.size), n + told] = 1 / sigma[told]
-    matrix[2 * n + np.arange(told.size), told] = -1 / sigma[told]
-    values = np.concatenate([np.zeros(2 * n), moved[told] / sigma[told]])
-    weight = np.ones(values.size)
-    for _ in range(ROBUST_STEPS):  # a turn that was measured wrongly is an outlier to its neighbours too
-        weighted = matrix * weight[:, None]
-        covariance = np.linalg.inv(weighted.T @ weighted)
-        solution = covariance @ (weighted.T @ (weight * values))
-        away = matrix @ solution - values
-        weight[n:] = 1 / np.sqrt(1 + (away[n:] / 2) ** 2)
-    start, spread = solution[:n] + later, np.sqrt(np.diag(covariance)[:n])
+    early, spread = separated(moved, np.where(seen, mark.sigma_rad, np.inf), usual, CREEP_RAD)
+    start = early + later
     return replace(
         rotation,
         start_rad=np.where(seen, start - start[seen].mean(), 0.0),
@@ -133,7 +117,8 @@ def _free(
         if both.any() and left.any():
             at, common = np.flatnonzero(both), np.unwrap((capillary + start)[both])
             start = np.where(left, np.interp(np.arange(n), at, common) - capillary, start)
-            distance = np.abs(np.arange(n)[:, None] - at[None, :]).min(axis=1)
+            either_side = np.searchsorted(at, np.arange(n)) - np.array([[1], [0]])
+            distance = np.abs(np.arange(n) - at[np.clip(either_side, 0, at.size - 1)]).min(axis=0)
             sigma = np.where(left, DRIFT_RAD * np.sqrt(distance), sigma)
     else:
         start, sigma = _from_neighbours(slices, faces, capillary, bore_mm, mm_per_px)
@@ -220,10 +205,3 @@ def _profiles(slices: Sequence[SliceEvidence], faces: Faces, bore_mm: float, mm_
     dark, bright = np.percentile(found, 5), np.median(found)
     found = np.clip((found - dark) / max(bright - dark, 1e-9), 0, 1)
     return np.asarray(found - found.mean(axis=1, keepdims=True))
-
-
-def _creep(n: int) -> Coordinates:
-    """Return rows, float64 (n, n), that say that n unknowns hardly change from one to the next, and add up to 0."""
-    rows = (np.eye(n, k=1) - np.eye(n)) / CREEP_RAD
-    rows[-1] = 1e3 / n
-    return np.asarray(rows)

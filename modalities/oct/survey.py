@@ -7,21 +7,21 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.kept import Computed, Kept
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
-from endoct.modalities.oct.calibration import Background, OctCalibration
+from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.capillary import Faces, locate_faces, refit_faces
-from endoct.modalities.oct.evidence import relative_power
-from endoct.modalities.oct.fixed_lines import bridge_rows, fixed_line_excess, points_off
+from endoct.modalities.oct.fixed_lines import fixed_line_excess, points_off
 from endoct.modalities.oct.glass import glass_mm
+from endoct.modalities.oct.levels import measure_levels
 from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.rotation import Rotation, even_rotation, starts_anywhere
-from endoct.modalities.oct.slice_evidence import SliceEvidence, behind
+from endoct.modalities.oct.slice_evidence import SliceEvidence
 from endoct.modalities.oct.start_angle import measure_starts
 from endoct.modalities.oct.uneven_turn import measure_turns, turned
 from endoct.modalities.recording import map_frames
@@ -33,7 +33,6 @@ SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96
 MOST_COLUMNS = 2048
 LINE_OF_FACE_MM = 0.06  # nearer to the outer face, what stands out is the face itself
-MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
 FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
 
@@ -43,20 +42,34 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     n_ascans, n_depth = stream[0].samples.shape
     n_theta = min(parameters.n_theta or MOST_COLUMNS, n_ascans)
     examine = partial(_examine, acquisition=acquisition, parameters=parameters, n_theta=n_theta)
-    examined = list(map_frames(examine, stream))
-    z_mm = np.array([z for z, _ in examined])
+    with Kept[SliceEvidence]() as kept:
+        places = []
+        for place, evidence in map_frames(examine, stream):
+            places.append(place)
+            kept.append(evidence)
+        return _calibrated(np.array(places), kept, acquisition, parameters, n_theta, (n_ascans, n_depth))
+
+
+def _calibrated(
+    z_mm: Coordinates,
+    kept: Kept[SliceEvidence],
+    acquisition: OctAcquisition,
+    parameters: OctParameters,
+    n_theta: int,
+    shape: tuple[int, int],
+) -> OctCalibration:
+    """Return the calibration of B-scans of ``shape`` from what was ``kept`` of each, in recording order."""
     inward = np.argsort(z_mm, kind="stable")
-    slices = [examined[i][1] for i in inward]
+    slices: Sequence[SliceEvidence] = Computed(len(kept), lambda i: kept[int(inward[i])])
     _reject_empty(slices)
 
     mm_per_px = acquisition.mm_per_px
-    some = np.concatenate([s.ascans for s in slices])[:: max(1, len(slices) // 40)]
-    line_excess = fixed_line_excess(some, mm_per_px)
+    line_excess = fixed_line_excess(_every_ascan(slices, max(1, len(slices) // 40)), mm_per_px)
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     faces = locate_faces(slices, radius_mm, bore_mm - radius_mm, mm_per_px, parameters)
     thickness = glass_mm(slices, faces, acquisition.medium_index)
     slices, faces, rotation, told = _turned(slices, faces, thickness, line_excess > 0, acquisition, parameters)
-    background = _background(slices, faces, line_excess, radius_mm, bore_mm - radius_mm, mm_per_px)
+    background = measure_levels(slices, faces, line_excess, radius_mm, bore_mm - radius_mm, mm_per_px)
     recorded = np.argsort(inward, kind="stable")
     faces, rotation = faces.reordered(recorded), rotation.reordered(recorded)
     row_z_mm = z_mm[inward]
@@ -74,8 +87,8 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         notes=(*_notes(faces, line_excess, acquisition), *told),
         acquisition=acquisition,
         parameters=parameters,
-        n_ascans=n_ascans,
-        n_depth=n_depth,
+        n_ascans=shape[0],
+        n_depth=shape[1],
         slice_z_mm=z_mm,
         rotation=rotation,
         offset_x_mm=faces.x_mm,
@@ -90,13 +103,13 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
 
 
 def _turned(
-    slices: list[SliceEvidence],
+    slices: Sequence[SliceEvidence],
     faces: Faces,
     thickness_mm: float,
     fixed_line: Mask,
     acquisition: OctAcquisition,
     parameters: OctParameters,
-) -> tuple[list[SliceEvidence], Faces, Rotation, tuple[str, ...]]:
+) -> tuple[Sequence[SliceEvidence], Faces, Rotation, tuple[str, ...]]:
     """Return slices and faces with the angles of beams in place of nominal ones, the rotation, and notes on it.
 
     All in the order of z.
@@ -105,9 +118,15 @@ def _turned(
     radius_mm, bore_mm = acquisition.capillary_outer_diameter_mm / 2, acquisition.bore_diameter_mm / 2
     mm_per_px = acquisition.mm_per_px
     if parameters.correct_rotation or parameters.correct_turn_length or parameters.correct_lost_ascans:
-        clear = [replace(evidence, points=points_off(fixed_line, evidence.points, mm_per_px)) for evidence in slices]
-        rotation, faces = measure_turns(clear, faces, radius_mm, thickness_mm, parameters)
-        slices = [turned(evidence, rotation, i) for i, evidence in enumerate(slices)]
+        nominal = slices
+
+        def clear(i: int) -> SliceEvidence:
+            evidence = nominal[i]
+            return replace(evidence, points=points_off(fixed_line, evidence.points, mm_per_px))
+
+        within_turns, faces = measure_turns(Computed(len(nominal), clear), faces, radius_mm, thickness_mm, parameters)
+        rotation = within_turns
+        slices = Computed(len(nominal), lambda i: turned(nominal[i], within_turns, i))
         faces = refit_faces(slices, faces, radius_mm, parameters)
         if count := int(np.count_nonzero(np.isfinite(rotation.lost_at_rad))):
             notes.append(f"{count} of {len(slices)} slices lack a block of A-scans; what lay there is not valid.")
@@ -153,62 +172,31 @@ def _saturated(frame: Frame) -> bool:
     return some.dtype.kind == "u" and bool(np.median(some) == np.iinfo(some.dtype).max)
 
 
+def _every_ascan(slices: Sequence[SliceEvidence], step: int) -> Image:
+    """Return every ``step``-th of all the slices' A-scans, float32 (n, depth)."""
+    some, first = [], 0
+    for evidence in slices:
+        some.append(evidence.ascans[first::step].copy())  # a view would hold them all
+        first = (first - len(evidence.ascans)) % step
+    return np.concatenate(some)
+
+
 def _reject_empty(slices: Sequence[SliceEvidence]) -> None:
-    ranges = [float(np.ptp(s.ascans)) for s in slices]
-    if max(ranges) == 0:
+    seen = [(float(np.ptp(s.ascans)), s.saturated) for s in slices]
+    if max(seen)[0] == 0:
         raise NotSeen(
             "the pullback shows nothing",
             found=f"one value, {float(slices[0].ascans.flat[0]):g}, all over",
             expected="B-scans of a capillary in a bore",
             remedy="check that the light source was on and the export is right",
         )
-    if 2 * sum(s.saturated for s in slices) > len(slices):
+    if 2 * sum(saturated for _, saturated in seen) > len(slices):
         raise NotSeen(
             "the pullback is saturated",
             found="more than half of the samples at the largest value",
             expected="B-scans of a capillary in a bore",
             remedy="record or export it with a smaller gain",
         )
-
-
-def _background(
-    slices: Sequence[SliceEvidence],
-    faces: Faces,
-    line_excess: Image,
-    radius_mm: float,
-    gap_mm: float,
-    mm_per_px: float,
-) -> Background:
-    """Noise from the dark space behind the outer face, the wall's level from the brightest depth behind that."""
-    first, last = round(0.03 / mm_per_px), round((0.03 + max(0.3 * gap_mm, 0.08)) / mm_per_px)
-    n_px = max(round(2.5 * gap_mm / mm_per_px), 2 * last)
-    dark, bright = [], []
-    for i in map(int, np.flatnonzero(~faces.bridged)):
-        circle = np.array([faces.x_mm[i], faces.y_mm[i], faces.axis_depth_mm[i]])
-        filled = replace(slices[i], ascans=bridge_rows(slices[i].ascans, line_excess > 0))
-        samples = behind(filled, circle, radius_mm, mm_per_px, n_px)
-        band = samples[:, first:last]
-        # judged by one half of the band, taken from the other: the darkest noise is darker than noise
-        halves = band[:, : last - first - (last - first) // 2], band[:, (last - first) // 2 :]
-        for judged, taken in (halves, halves[::-1]):
-            means = judged.mean(axis=1)
-            dark.append(taken[means <= np.nanpercentile(means, 40)].ravel())
-        samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
-        smooth = uniform_filter1d(samples, max(1, round(0.04 / mm_per_px)), axis=1)
-        bright.append(np.median(smooth[:, first:].max(axis=1)))
-    noise_samples = np.concatenate(dark)
-    noise_samples = noise_samples[np.isfinite(noise_samples)]
-    noise = _median_between_counts(noise_samples)
-    sigma = 1.4826 * _median_between_counts(np.abs(noise_samples - noise))
-    power = np.minimum(relative_power(noise_samples, noise, max(sigma, 1e-6)), MOST_NOISE_POWER)
-    return Background(noise, sigma, float(np.median(bright)), line_excess, float(power.mean()))
-
-
-def _median_between_counts(samples: Image) -> float:
-    """The median of samples that may be whole counts, each standing for all that was rounded to it."""
-    values, count = np.unique(samples, return_counts=True)
-    edges = np.concatenate([values[:1], (values[1:] + values[:-1]) / 2, values[-1:]])
-    return float(np.interp(samples.size / 2, np.concatenate([[0], np.cumsum(count)]), edges))
 
 
 def _per_frame(

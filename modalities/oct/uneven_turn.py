@@ -56,33 +56,36 @@ def measure_turns(
     axis_mm = float(np.median(faces.axis_depth_mm[~faces.bridged]))
     mean = np.array([0.0, 0.0, axis_mm])
     for i in map(int, np.flatnonzero(faces.bridged)):  # too uneven a turn, perhaps, for an even one's circle
-        near = slices[i].lines[np.abs(slices[i].lines[:, 2] - axis_mm) < NEAR_AXIS_MM]
+        lines = slices[i].lines
+        near = lines[np.abs(lines[:, 2] - axis_mm) < NEAR_AXIS_MM]
         if near.size:
             circles[i] = near[int(np.argmax(near[:, 3])), :3]
     start = np.concatenate([circles, np.zeros((n, usual.size + 2 * (RIPPLE_HARMONICS - 1)))], axis=1)
     usual_prior = _Prior.of(mean, np.zeros(usual.size), usual)
-    first = [_solve(slices[i].points, start[i], usual_prior, radius_mm, glass_mm) for i in range(n)]
-    told = [fit if _trusted(fit, slices[i], usual) else None for i, fit in enumerate(first)]
-    about, spread = _neighbours([None if fit is None else fit.factors for fit in told], usual)
+    told: list[Coordinates | None] = []  # no more than the factors: a fit's matrices are larger than its slice
+    for begin, evidence in zip(start, slices, strict=True):
+        first = _solve(evidence.points, begin, usual_prior, radius_mm, glass_mm)
+        told.append(first.factors if first is not None and _trusted(first, evidence, usual) else None)
+    about, spread = _neighbours(told, usual)
     stretch, smooth = np.zeros(n), np.zeros((n, N_SMOOTH))
     lost_at, lost, sigma = np.full(n, np.nan), np.zeros(n), np.full(n, np.nan)
     known = np.zeros(n, bool)
-    can_tell = any(fit is not None for fit in told)
-    for i in range(n):
+    can_tell = any(factors is not None for factors in told)
+    for i, evidence in enumerate(slices):
         begin = start[i].copy()
         begin[3 : 3 + usual.size] = about[i]
         widths = WIDE_MM if told[i] is not None else WIDEST_MM + WIDE_MM
-        wide = _solve(slices[i].points, begin, _Prior.of(mean, about[i], spread), radius_mm, glass_mm, widths)
+        wide = _solve(evidence.points, begin, _Prior.of(mean, about[i], spread), radius_mm, glass_mm, widths)
         fit = None
         if wide is not None and can_tell:
-            fit = _finished(slices[i].points, wide, radius_mm, glass_mm, parameters.correct_lost_ascans)
-        if fit is not None and _plausible(fit, slices[i], usual, CERTAIN_SHARE if faces.bridged[i] else LEAST_SHARE):
+            fit = _finished(evidence.points, wide, radius_mm, glass_mm, parameters.correct_lost_ascans)
+        if fit is not None and _plausible(fit, evidence, usual, CERTAIN_SHARE if faces.bridged[i] else LEAST_SHARE):
             circles[i], known[i], sigma[i] = fit.unknown[:3], True, np.sqrt(fit.variance)
             stretch[i], smooth[i], lost_at[i], lost[i] = fit.factors[0], fit.factors[1:], fit.lost_at_rad, fit.lost_rad
         elif not faces.bridged[i]:
             # as its neighbours turned, which is nothing where they did not tell either
             fixed = _Prior.of(mean, about[i], np.full(usual.size, NOTHING_RAD))
-            fit = _solve(slices[i].points, begin, fixed, radius_mm, glass_mm)
+            fit = _solve(evidence.points, begin, fixed, radius_mm, glass_mm)
             if fit is not None:
                 circles[i], smooth[i] = fit.unknown[:3], about[i, 1:]
     rotation = replace(
@@ -203,13 +206,10 @@ def _neighbours(factors: Sequence[Coordinates | None], usual: Coordinates) -> tu
     return about, spread
 
 
-def _trusted(fit: "_Fit | None", evidence: SliceEvidence, usual: Coordinates) -> bool:
+def _trusted(fit: "_Fit", evidence: SliceEvidence, usual: Coordinates) -> bool:
     """Whether a fit about nothing known told enough, and what may be."""
-    return (
-        fit is not None
-        and _plausible(fit, evidence, usual, LEAST_SHARE)
-        and fit.variance < LEAST_INFORMATION * _mean_variance(np.diag(usual**2))
-    )
+    possible = _mean_variance(np.diag(usual**2))
+    return _plausible(fit, evidence, usual, LEAST_SHARE) and fit.variance < LEAST_INFORMATION * possible
 
 
 def _plausible(fit: "_Fit", evidence: SliceEvidence, usual: Coordinates, share: float) -> bool:
