@@ -6,6 +6,7 @@ stays where it is while the wall moves on. Cells are dark and may cover much of 
 follows the bright side of what is seen, and a pattern is looked for only where the wall has moved far enough.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,13 +35,18 @@ class FlatField:
     usable: Mask
 
 
+def enough_frames(n: int) -> list[int]:
+    """Return which of ``n`` frames, spread over all, a flat field is estimated from."""
+    return [int(k) for k in np.unique(np.linspace(0, n - 1, min(n, MOST_FRAMES)).round())]
+
+
 def estimate_flat_field(logs: NDArray[np.floating[Any]], views: float, least_transmission: float) -> FlatField:
     """Return the flat field of strips in logarithms, (n, n_rows, n_theta), NaN where not seen.
 
     ``views``: how many different places of the wall each pixel has seen; ``least_transmission``: dirt that takes
     more light than that is not usable.
     """
-    chosen = np.unique(np.linspace(0, len(logs) - 1, min(len(logs), MOST_FRAMES)).round().astype(int))
+    chosen = enough_frames(len(logs))
     typical = _quantile(logs[chosen], WALL_QUANTILE) if len(chosen) > 1 else np.asarray(logs[0], np.float32)
     light = _light(typical, harmonics=3 if views >= VIEWS_FOR_PATTERN else 2)
     seen = np.isfinite(typical)
@@ -51,7 +57,7 @@ def estimate_flat_field(logs: NDArray[np.floating[Any]], views: float, least_tra
     return FlatField(light + pattern, pattern, np.asarray(usable & seen))
 
 
-def frame_exposure(logs: NDArray[np.floating[Any]], flat: FlatField) -> Coordinates:
+def frame_exposure(logs: Iterable[NDArray[np.floating[Any]]], flat: FlatField) -> Coordinates:
     """Return by how much each frame is brighter than the recording, natural logarithm, float64 (n,).
 
     Judged by the bright fifth of a frame, which is bone unless a cell fills nearly all of it. Cells and texture

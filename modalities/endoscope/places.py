@@ -9,6 +9,7 @@ from endoct.modalities.endoscope.flatfield import FlatField
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.optics import DISAGREEMENT, ConeOptics, stretched, turned
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
+from endoct.modalities.kept import Kept
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed, estimate_feed
@@ -36,7 +37,7 @@ def nominal_mm(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Coordi
 
 
 def measured_feed(
-    logs: NDArray[np.float16],
+    logs: Kept[NDArray[np.float16]],
     flat: FlatField,
     exposure: Coordinates,
     outward_mm: Coordinates,
@@ -46,10 +47,10 @@ def measured_feed(
     parameters: EndoscopeParameters,
 ) -> Feed:
     """Return feed in mm outward in the image (multiply by the rim's sign for z) and roll, from reduced strips."""
-    n, n_rows, _ = logs.shape
-    textures = np.empty((n, n_rows, FEED_COLUMNS), np.float32)
-    for k in range(n):
-        texture = np.clip(logs[k].astype(np.float32) - flat.log_light - np.float32(exposure[k]), CLIP[0], CLIP[1])
+    n_rows = flat.log_light.shape[0]
+    textures = np.empty((len(logs), n_rows, FEED_COLUMNS), np.float32)
+    for k, strip in enumerate(logs):
+        texture = np.clip(strip.astype(np.float32) - flat.log_light - np.float32(exposure[k]), CLIP[0], CLIP[1])
         texture[~flat.usable] = np.nan
         textures[k] = texture.reshape(n_rows, FEED_COLUMNS, -1).mean(axis=2)
     return estimate_feed(

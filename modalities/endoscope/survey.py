@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.annulus import Annulus, Followed, find_annulus, follow, settle_annuli
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field, frame_exposure
+from endoct.modalities.endoscope.flatfield import FlatField, enough_frames, estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.offset import ON_AXIS, bore_axis, probe_offsets
@@ -27,6 +27,7 @@ from endoct.modalities.endoscope.places import (
     turned_by,
 )
 from endoct.modalities.endoscope.unroll import pixel_map, recentred, sample
+from endoct.modalities.kept import Kept
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Mask
@@ -43,10 +44,9 @@ RIM_PX = 2.0
 
 @dataclass(frozen=True, eq=False)
 class _Glimpse:
-    """What the survey keeps of one frame."""
+    """What the survey keeps of one frame, beside its strip."""
 
     followed: Followed
-    strip: NDArray[np.float16]
     saturated_fraction: float
 
 
@@ -59,7 +59,7 @@ class _Look:
     annulus: Annulus
     r_px: Coordinates
 
-    def __call__(self, frame: Frame) -> _Glimpse:
+    def __call__(self, frame: Frame) -> tuple[_Glimpse, NDArray[np.float16]]:
         image = reduced(brightness(frame.samples, self.scale), self.factor)
         followed = follow(image, self.annulus)
         place = settle_annuli([followed], self.annulus, given=True)[0][0]
@@ -68,13 +68,20 @@ class _Look:
         strip, inside = sample(image, columns, rows)
         logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
         clipped = reduced(saturated(frame.samples, self.scale).astype(np.float32), self.factor)
-        return _Glimpse(
-            followed, logs, float(sample(clipped, columns, rows)[0][inside].mean()) if inside.any() else 0.0
-        )
+        fraction = float(sample(clipped, columns, rows)[0][inside].mean()) if inside.any() else 0.0
+        return _Glimpse(followed, fraction), logs
 
 
 def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCalibration:
     """Return the calibration of a recording. Raises :class:`EndoctError` where no annulus or no scale is known."""
+    with Kept[NDArray[np.float16]]() as logs:
+        return _surveyed(stream, parameters, logs)
+
+
+def _surveyed(
+    stream: FrameStream, parameters: EndoscopeParameters, logs: Kept[NDArray[np.float16]]
+) -> EndoscopeCalibration:
+    """Return the calibration of a recording, whose frames' strips in logarithms are put into ``logs``."""
     acquisition = stream.acquisition
     if not isinstance(acquisition, EndoscopeAcquisition):
         raise EndoctError("the sidecar is not an endoscope's", found=type(acquisition).__name__)
@@ -94,7 +101,10 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     n_rows = int(np.clip(round((annulus.outer_px - annulus.inner_px) / factor), 8, MOST_ROWS))
     outward_mm = np.linspace(-half_mm, half_mm, n_rows)
     look = _Look(scale, factor, reference, np.divide(optics.r_px(optics.rim_sign * outward_mm), factor))
-    glimpses = list(map_frames(look, stream))
+    glimpses = []
+    for glimpse, strip in map_frames(look, stream):
+        glimpses.append(glimpse)
+        logs.append(strip)
 
     annuli, found = settle_annuli([g.followed for g in glimpses], reference, given=True)
     if not found.all():
@@ -102,10 +112,10 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
             f"The annulus could not be measured in {np.sum(~found)} of {len(found)} frames; "
             "its place there is that of the frames around."
         )
-    logs = np.stack([g.strip for g in glimpses])
+    some = np.stack([logs[k] for k in enough_frames(len(logs))])
     nominal = nominal_mm(stream, acquisition)
     views = _views(nominal, optics.visible_length_mm, len(logs))
-    flat = estimate_flat_field(logs, views, parameters.least_transmission)
+    flat = estimate_flat_field(some, views, parameters.least_transmission)
     exposure = frame_exposure(logs, flat)
     if not scale_is_stated(acquisition):
         guessed = measured_feed(logs, flat, exposure, outward_mm, None, acquisition, optics, parameters)
@@ -123,8 +133,8 @@ def survey(stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCal
     axis = bore_axis(drift_px, settled[0], optics, radius_mm) if parameters.probe_offset else None
     shift_px = (axis or ON_AXIS).shift_px
     centred = settled[0].with_drift(*drift_px).moved(*shift_px)
-    logs = recentred(logs, (settled[0], look.r_px * factor), (centred, optics.r_px(optics.rim_sign * outward_mm)))
-    flat = estimate_flat_field(logs, views, parameters.least_transmission)
+    some = recentred(some, (settled[0], look.r_px * factor), (centred, optics.r_px(optics.rim_sign * outward_mm)))
+    flat = estimate_flat_field(some, views, parameters.least_transmission)
     optics = optics_with_rim(optics, acquisition, feed, notes)
     doubts = () if (doubt := doubt_of_feed(feed, nominal)) is None else (doubt,)
     z_mm, roll_rad = placed(feed, optics, nominal, acquisition, parameters, notes)
