@@ -1,6 +1,7 @@
 """A single PNG, JPEG or BMP, its size checked in its header before it is decoded."""
 
 import io
+import logging
 import os
 import struct
 import zlib
@@ -14,6 +15,9 @@ from numpy.typing import NDArray
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import open_regular
 from endoct.stitching.limits import check_array_size
+
+# What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
+logging.getLogger("imagecodecs").addHandler(logging.NullHandler())
 
 COPIES = 2
 """What decoding holds at most, in the size of the image: the image and one copy."""
