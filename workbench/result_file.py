@@ -218,6 +218,8 @@ class _Result(_Part):
     def _says_where(self) -> "_Result":
         if self.aligned and self.alignment is None:
             raise ValueError("aligned, but not how")
+        if self.parameters.get("compare", {}) is None:
+            raise ValueError("no parameters of the comparison")
         return self
 
 

@@ -128,8 +128,8 @@ def _members(file: IO[bytes], name: str, shard: Path) -> Iterator[tuple[str, IO[
 def _manifest(path: Path) -> list[dict[str, str]]:
     """Return the rows of the manifest, each with all that is needed of it."""
     with refusing(f"{path} is damaged"):
-        with open_regular(path) as file:
-            every = list(csv.DictReader(TextIOWrapper(file, encoding="utf-8", newline="")))
+        with open_regular(path) as file, TextIOWrapper(file, encoding="utf-8", newline="") as text:
+            every = list(csv.DictReader(text))
         if not every:
             raise EndoctError(f"{path} is empty")
         for row in every:
