@@ -1,0 +1,1 @@
+"""Damaged and hostile files for every reader of endoct: each must end in one ``EndoctError``, or be read."""

@@ -1,0 +1,262 @@
+"""Everything of endoct that reads what somebody gives it, each as a function of a path, with its sound files."""
+
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from benchmarks.fuzz.trees import Seed
+
+
+@dataclass(frozen=True)
+class Reader:
+    """``read`` is called with the path of a case; of many files ``share`` are its, relative to the others'.
+
+    ``seconds``: what it may take at most.
+    """
+
+    name: str
+    read: Callable[[Path], object]
+    seeds: Callable[[], Iterable[Seed]]
+    share: float
+    seconds: float = 5.0
+
+
+def _frames(path: Path) -> None:
+    from endoct.modalities.recording import open_stack
+
+    stack = open_stack(path)
+    for index in range(len(stack)):
+        stack[index]
+
+
+def _recording(path: Path) -> None:
+    from endoct.modalities.registry import manifests, open_recording
+    from endoct.workbench.information import describe
+
+    for manifest in manifests().values():
+        manifest.load().sniff(path)
+    describe(path)
+    _, stream = open_recording(path)
+    for index in range(len(stream)):
+        stream[index]
+
+
+def _sidecar(path: Path) -> None:
+    from endoct.modalities.acquisition import read_keys, validate
+    from endoct.modalities.registry import manifests
+    from endoct.stitching.errors import EndoctError
+    from endoct.workbench.information import write_sidecar_template
+
+    keys = read_keys(path)
+    try:
+        write_sidecar_template(path, None, overwrite=True)
+    except EndoctError as error:  # what it says of its output is not what is asked here
+        check_line(str(error))
+    found = manifests()
+    name = keys.get("modality")
+    for manifest in [found[name]] if isinstance(name, str) and name in found else found.values():
+        validate(manifest.acquisition, keys, "the sidecar")
+
+
+def _settings(path: Path) -> None:
+    from endoct.fusion.comparison import CompareParameters
+    from endoct.modalities.acquisition import validate
+    from endoct.modalities.registry import manifests
+    from endoct.stitching.errors import EndoctError
+    from endoct.workbench.settings import parse, split
+    from endoct.workbench.vary import parse_vary
+
+    if not path.is_file():  # no damage to settings, which come from a command line
+        return
+    lines = tuple(path.read_bytes().decode("utf-8", "surrogateescape").split("\n"))
+    if path.stem == "vary":
+        parse_vary([line for line in lines if line])
+        return
+    for one in (*((line,) for line in lines), tuple(line for line in lines if line)):
+        try:
+            found = parse(one)
+            for manifest in manifests().values():
+                split(found, manifest)
+            validate(CompareParameters, found, "the settings of the comparison")
+        except EndoctError as error:
+            check_line(str(error))
+
+
+def check_line(text: str) -> None:
+    """Raise where a message is not one line."""
+    if "\n" in text or not text:
+        raise AssertionError("a message of several lines")
+
+
+def _drawing(path: Path) -> None:
+    from benchmarks.fuzz.seed_drawings import SHAPE
+    from endoct.fusion.drawings import is_label_store, read_drawing
+
+    if path.is_dir():
+        is_label_store(path)
+    read_drawing(path, SHAPE)
+
+
+def _mask(path: Path) -> None:
+    from endoct.fusion.masks import read_mask
+    from endoct.workbench.comparing import is_mask_image
+
+    is_mask_image(path)
+    read_mask(path, _drawn_on())
+
+
+@cache
+def _drawn_on() -> Any:
+    from benchmarks.fuzz.seed_drawings import SHAPE
+    from benchmarks.fuzz.seed_results import panorama
+    from endoct.stitching.panorama import Panorama
+
+    like, (n_z, n_theta) = panorama(), SHAPE
+    grid = type(like.grid).full_circle(n_z, n_theta, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
+    rows, columns = slice(0, 2 * n_z, 2), slice(0, 2 * n_theta, 2)
+    images = (like.intensity[rows, columns], None, like.valid[rows, columns], like.weight[rows, columns])
+    return Panorama(grid, grid.z_mm, *images, "oct", True, True)
+
+
+def _panorama(path: Path) -> None:
+    from endoct.stitching.store import is_panorama, load_panorama
+
+    is_panorama(path)
+    load_panorama(path)
+
+
+def _comparison(path: Path) -> None:
+    from endoct.fusion.store import load_comparison
+
+    load_comparison(path)
+
+
+def _pictures(path: Path) -> None:
+    from endoct.workbench.pictures import load_pictures
+
+    load_pictures(path)
+
+
+def _report(path: Path) -> None:
+    from endoct.workbench.findings import read_findings
+    from endoct.workbench.report import page_html
+
+    page_html(read_findings(path), [])
+
+
+def _figures(path: Path) -> None:
+    from endoct.workbench.figures.all import draw_on_grid, draw_on_own_rows
+    from endoct.workbench.findings import read_findings
+    from endoct.workbench.report import page_html
+
+    findings = read_findings(path)
+    with tempfile.TemporaryDirectory() as scratch:
+        page_html(findings, [*draw_on_grid(findings, Path(scratch)), *draw_on_own_rows(findings, Path(scratch))])
+
+
+def _describe(path: Path) -> None:
+    from endoct.workbench.information import describe
+
+    describe(path)
+
+
+def _summary(path: Path) -> None:
+    from endoct.stitching.errors import EndoctError
+    from endoct.workbench.summarising import summarise, write_summary
+
+    first, second = (sorted((path / of).glob("*/*")) for of in "ab")
+    refused = None
+    for against, repeats in (([], False), (second, False), ([], True)):
+        try:
+            tables = summarise(first, against, repeats=repeats)
+            with tempfile.TemporaryDirectory() as scratch:
+                write_summary(tables, Path(scratch) / "out")
+        except EndoctError as error:
+            refused = error
+    if refused is not None:
+        raise refused
+
+
+def _truth(path: Path) -> None:
+    from endoct.stitching.store import load_panorama
+    from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
+
+    truth, panorama = load_truth(path), load_panorama(path / "panorama.zarr")
+    true_cells(truth, true_pose(panorama, truth), panorama)
+
+
+def _specimens(path: Path) -> None:
+    from endoct.workbench.dataset.reading import Specimens
+
+    specimens = Specimens(path)
+    for index in range(len(specimens)):
+        specimens[index]
+
+
+def _records(path: Path) -> None:
+    from benchmarks.fuzz.seed_sets import plan_of
+    from endoct.workbench.dataset.identity import check_identity, check_worker
+    from endoct.workbench.dataset.plan import units
+    from endoct.workbench.dataset.records import finished, read_record, sound_record
+
+    plan = plan_of(path)
+    for unit in units(plan):
+        read_record(path, unit)
+        sound_record(path, unit)
+        finished(path, plan, unit)
+    check_worker(path)
+    check_identity(path, plan)
+
+
+def _sample(path: Path) -> None:
+    from endoct.synthetic.specimen import _checked
+    from endoct.workbench.simulating import _read_json
+
+    _checked(_read_json(path))
+
+
+def _seeds(module: str, *names: str) -> Callable[[], Iterator[Seed]]:
+    """Return what yields the seeds of functions by name; modules that make seeds are loaded when they are asked."""
+
+    def seeds() -> Iterator[Seed]:
+        from importlib import import_module
+
+        for name in names:
+            yield from getattr(import_module(f"benchmarks.fuzz.{module}"), name)()
+
+    return seeds
+
+
+_ALL = (
+    Reader("tiff", _frames, _seeds("seed_recordings", "tiff_seeds"), 18),
+    Reader("npy", _frames, _seeds("seed_recordings", "npy_seeds"), 9),
+    Reader("images", _frames, _seeds("seed_recordings", "image_seeds"), 9),
+    Reader("video", _frames, _seeds("seed_recordings", "video_seeds"), 8),
+    Reader("sidecar", _sidecar, _seeds("seed_recordings", "sidecar_seeds"), 7),
+    Reader("recording", _recording, _seeds("seed_recordings", "recording_seeds"), 5),
+    Reader("settings", _settings, _seeds("seed_recordings", "setting_seeds"), 3),
+    Reader("drawings", _drawing, _seeds("seed_drawings", "drawing_seeds"), 12),
+    Reader("masks", _mask, _seeds("seed_drawings", "mask_seeds"), 4),
+    Reader("labels", _drawing, _seeds("seed_drawings", "label_seeds"), 6),
+    Reader("pictures", _pictures, _seeds("seed_drawings", "picture_seeds"), 3),
+    Reader("panorama", _panorama, _seeds("seed_results", "panorama_seeds"), 3),
+    Reader("comparison", _comparison, _seeds("seed_results", "comparison_store_seeds"), 3),
+    Reader("report", _report, _seeds("seed_results", "comparison_seeds"), 3),
+    Reader("figures", _figures, _seeds("seed_results", "comparison_seeds"), 0.03, 120.0),
+    Reader("describe", _describe, _seeds("seed_results", "result_seeds", "panorama_seeds"), 2),
+    Reader("summary", _summary, _seeds("seed_results", "summary_seeds"), 2),
+    Reader("truth", _truth, _seeds("seed_results", "truth_seeds"), 1.5),
+    Reader("specimens", _specimens, _seeds("seed_sets", "set_seeds"), 2),
+    Reader("records", _records, _seeds("seed_sets", "record_seeds"), 2),
+    Reader("sample", _sample, _seeds("seed_sets", "sample_seeds"), 3),
+)
+READERS = {reader.name: reader for reader in _ALL}
+
+
+@cache
+def seeds_of(name: str) -> tuple[Seed, ...]:
+    """Return the sound cases of a reader."""
+    return tuple(READERS[name].seeds())

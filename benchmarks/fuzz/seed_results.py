@@ -1,0 +1,195 @@
+"""Sound results of endoct: panoramas, comparison folders, summaries of them, the truth of simulated specimens."""
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.fuzz.seed_drawings import pictures
+from benchmarks.fuzz.trees import Seed, read_tree
+from endoct.fusion.comparison import CompareParameters, compare_panoramas
+from endoct.fusion.masks import mask_on
+from endoct.fusion.store import save_comparison
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import save_panorama
+from endoct.stitching.zarr_store import Named, write_arrays
+from endoct.workbench.drawn import score_drawings
+
+GRID = SurfaceGrid.full_circle(24, 32, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+N_FRAMES = 6
+
+
+def panorama(modality: str = "oct") -> Panorama:
+    """Return a panorama with two cells, as either plug-in leaves it."""
+    rng = np.random.default_rng(3)
+    theta, z = np.meshgrid(GRID.theta_rad, GRID.z_mm)
+    cells = np.hypot(1.25 * (theta - 2.0), z - 1.2) < 0.5
+    cells |= np.hypot(1.25 * (theta - 4.5), z - 0.7) < 0.35
+    valid = np.ones(GRID.shape, np.bool_)
+    valid[:2] = False
+    is_oct = modality == "oct"
+    dim = "slice" if is_oct else "frame"
+    of_frames = np.linspace(0.0, 2.2, N_FRAMES)
+    own: Mapping[str, Any] = (
+        {"start_angle_rad": 0.1 * of_frames, "bridged": np.arange(N_FRAMES) == 2, "residual_mm": 0.01 + 0 * of_frames}
+        if is_oct
+        else {"roll_rad": 0.1 * of_frames, "pair_trusted": np.ones(N_FRAMES, np.bool_)}
+    )
+    provenance = {
+        "notes": ["Depth rows hold fixed lines."], "doubts": [], "inputs": {"oct/pullback.tif": "cd" * 32},
+        "acquisition": {"handedness": "mirrored", "modality": modality}, "parameters": {"n_theta": 32}, "versions": {},
+    }  # fmt: skip
+    return Panorama(
+        GRID, GRID.z_mm, np.where(cells, 40, 150) + rng.normal(0, 5, GRID.shape).astype(np.float32),
+        (np.where(cells, 0.6, 0.0) + rng.normal(0, 0.01, GRID.shape)).astype(np.float32) if is_oct else None,
+        valid, valid.astype(np.float32), modality, True, True, dim,
+        {f"{dim}_z_mm": of_frames, f"{dim}_index": np.arange(N_FRAMES), **own}, provenance,
+    )  # fmt: skip
+
+
+def panorama_seeds() -> Iterator[Seed]:
+    """Yield panoramas."""
+    for modality in ("oct", "endoscope"):
+        with tempfile.TemporaryDirectory() as folder:
+            save_panorama(panorama(modality), Path(folder) / "x.zarr")
+            yield Seed(f"panorama of {modality}", "x.zarr", read_tree(Path(folder)))
+
+
+@cache
+def comparison_files(*, aligned: bool = True) -> dict[str, bytes]:
+    """Return the files of a comparison folder, all that reports read in it, figures left out."""
+    a, b = panorama("endoscope"), panorama("oct")
+    drawn_cells = a.intensity < 90
+    shifted = mask_on(np.roll(drawn_cells, 1, axis=1), a, Path("oct_1.png"))
+    found = compare_panoramas(a, shifted, CompareParameters(n_theta=64))
+    truth = {
+        f"drawn/{name}.png": mask_on(np.roll(drawn_cells, turn, axis=0), a, Path(f"{name}.png"))
+        for name, turn in (("anna_1", 0), ("anna_2", 1), ("ben_1", 2))
+    }
+    against = score_drawings(found, truth, 0.1)
+    text = json.dumps({**found.result, **against.result}).replace('"mask"', '"oct"')
+    result = json.loads(text) | {
+        "notes": {"endoscope": [], "oct": ["Depth rows 92–93 hold fixed lines & were interpolated."]},
+        "versions": {"endoct": "0.1.0", "numpy": "2.4.0"},
+        "inputs": {"specimen/oct/pullback.tif": "cd" * 32},
+        "parameters": {"compare": {"n_theta": 64, "force": True}, "oct": {"undistort": "sine"}},
+        "seconds": {"align": 1.25, "write": 0.5},
+        "twist": {"jaccard_without": 0.5, "jaccard_with": 0.6},
+    }
+    result = _filled(result, deep=True)
+    if not aligned:
+        result |= {"aligned": False, "reason": "Nothing stood out.", "jaccard": None, "dice": None, "alignment": None}
+        result |= {"best_unbelieved": {"theta_shift_rad": 0.1, "z_shift_mm": 0.2}}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        sides = type(found)(
+            **{name: getattr(found, name) for name in found.__dataclass_fields__} | {"sides": ("endoscope", "oct")}
+        )
+        cells = tuple(type(cell)(**{**vars(cell), **_renamed(cell)}) for cell in found.cells)
+        sides = type(found)(**{**vars(sides), "cells": cells})
+        save_comparison(sides, folder / "comparison.zarr")
+        for side in (a, b):
+            save_panorama(side, folder / "panoramas" / f"{side.modality}.zarr")
+        (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
+        pictured = {f"pictures/{name}": data for side in ("oct", "endoscope") for name, data in pictures(side).items()}
+        return read_tree(folder) | pictured
+
+
+def _filled(told: Any, *, deep: bool = False) -> Any:
+    """Return a result in which everything is known that so few cells do not tell; strata once, not for every truth."""
+    if isinstance(told, list):
+        return [_filled(one) for one in told]
+    if not isinstance(told, dict):
+        return told
+    limits = {"bias": 0.1, "bias_interval": [0.0, 0.2], "low": -0.3, "high": 0.5, "sd": 0.2, "pairs": 6}
+    line = {"per_mm": 0.2, "per_mm_error": 0.01, "at_middle": 0.0}
+    unknown = {
+        "area_mm2": limits, "depth_mm": limits, "drift": {"z_mm": line, "arc_mm": line, "length_mm": 2.0, "cells": 6},
+    }  # fmt: skip
+    found = {}
+    for key, value in told.items():
+        if key == "strata" and not deep:
+            continue
+        if value is None and (key in unknown or "interval" in key):
+            found[key] = unknown.get(key, [0.25, 0.75])
+        else:
+            found[key] = _filled(value, deep=key == "scores")
+    return found
+
+
+def _renamed(cell: Any) -> dict[str, str]:
+    return {name: "oct" for name in ("side", "depth_of", "seen_by") if getattr(cell, name, None) == "mask"}
+
+
+def comparison_seeds() -> Iterator[Seed]:
+    """Yield comparison folders, aligned and not."""
+    for aligned in (True, False):
+        yield Seed(f"comparison, {'aligned' if aligned else 'not aligned'}", "", comparison_files(aligned=aligned))
+
+
+def comparison_store_seeds() -> Iterator[Seed]:
+    """Yield ``comparison.zarr`` alone."""
+    files = {name: data for name, data in comparison_files().items() if name.startswith("comparison.zarr/")}
+    yield Seed("comparison store", "comparison.zarr", files)
+
+
+def summary_seeds() -> Iterator[Seed]:
+    """Yield folders of results as ``endoct summarise`` takes them: two sets, two specimens, two repeats each."""
+    result = json.loads(comparison_files()["result.json"])
+    kept = ("sides", "aligned", "jaccard", "dice", "scores", "budget", "alignment", "valid_fraction", "overlap_mm")
+    result = {key: result[key] for key in kept} | {"truth": {"drawn/anna_1.png": {}}}
+    result["scores"].pop("strata", None)
+    files = {}
+    for k, place in enumerate(f"{of}/{specimen}/{repeat}" for of in "ab" for specimen in "xy" for repeat in "12"):
+        told = result | {"jaccard": 0.5 + 0.01 * k, "inputs": {"oct.tif": f"digest {place[2:]}"}}
+        files[f"{place}/result.json"] = json.dumps(told).encode()
+    yield Seed("summary", "", files)
+
+
+def result_seeds() -> Iterator[Seed]:
+    """Yield comparison folders of which only ``result.json`` is there."""
+    for aligned in (True, False):
+        yield Seed(f"result, {aligned}", "", {"result.json": comparison_files(aligned=aligned)["result.json"]})
+
+
+def truth_seeds() -> Iterator[Seed]:
+    """Yield simulated specimens' truth beside a panorama of one of their recordings."""
+    recording = {
+        "bore_radius_mm": 1.25,
+        "oct": {
+            "z_mm": np.linspace(2.2, 0, N_FRAMES).tolist(), "z_advance_mm": 0.1, "theta_origin_rad": 0.4,
+            "theta_sense": -1,
+            "start_angle_rad": [0.1] * N_FRAMES, "turn_length": [1.0] * N_FRAMES, "handedness": "mirrored",
+            "travel": "out",
+        },
+        "endoscope": {
+            "z_mm": np.linspace(0, 2.2, N_FRAMES).tolist(), "roll_rad": [0.1] * N_FRAMES, "travel": "in",
+            "offset_mm": [[0.0, 0.1]] * N_FRAMES,
+        },
+    }  # fmt: skip
+    for modality in ("oct", "endoscope"):
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch)
+            (folder / "truth").mkdir()
+            write_wall(folder / "truth" / "wall.zarr")
+            save_panorama(panorama(modality), folder / "panorama.zarr")
+            (folder / "truth" / "recording.json").write_text(json.dumps(recording))
+            yield Seed(f"truth of {modality}", "", read_tree(folder))
+
+
+def write_wall(path: Path) -> None:
+    """Write the truth of a wall as the simulator does."""
+    rng, dims = np.random.default_rng(5), ("z", "theta")
+    arrays = {
+        "relief_mm": Named(dims, rng.random((10, 16), np.float32), {"units": "mm"}),
+        "cell": Named(dims, rng.random((10, 16)) < 0.3),
+        "cell_id": Named(dims, rng.integers(0, 3, (10, 16), np.int32)),
+        "z": Named(("z",), 0.25 * np.arange(10.0), {"units": "mm"}),
+        "theta": Named(("theta",), np.arange(16) * 2 * np.pi / 16, {"units": "rad"}),
+    }
+    write_arrays(path, arrays, {})
