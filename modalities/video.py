@@ -71,10 +71,13 @@ class ReadVideo:
         with self._lock:
             try:
                 return _samples(self._frame(index))
-            except (EndoctError, MemoryError):
+            except EndoctError:
                 self._forget()
                 raise
             except Exception as error:  # a decoder may say anything of damaged bytes
+                if _is_shortage(error):
+                    self._forget()
+                    raise
                 raise self._unreadable(index, _cause(error)) from error
 
     def _close(self) -> None:
@@ -167,6 +170,11 @@ def _refuse_to_open(url: str, flags: int, options: object) -> NoReturn:
     raise PermissionError(f"it refers to another file, {url[:80]}, {flags}, {options}")
 
 
+def _is_shortage(error: Exception) -> bool:
+    """Say whether memory ran out; FFmpeg says so too where damaged bytes ask for an absurd amount of it."""
+    return isinstance(error, MemoryError) and not isinstance(error, _av().error.FFmpegError)
+
+
 def _cause(error: Exception) -> str:
     # what FFmpeg says without the number of the error and the name of the file
     return (isinstance(error, _av().error.FFmpegError) and error.strerror) or cause_of(error)
@@ -176,9 +184,11 @@ def _index(path: Path) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
     """Return the time stamps of a video's frames, ascending, which are key frames, and how many to keep decoded."""
     try:
         stamps, last_end, declared, seconds, kept = _walked(path)
-    except (EndoctError, MemoryError):
+    except EndoctError:
         raise
     except Exception as error:  # a demuxer may say anything of damaged bytes
+        if _is_shortage(error):
+            raise
         raise EndoctError(
             f"{path} is no readable video", found=_cause(error), remedy="copy or export it again"
         ) from error

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,7 +93,7 @@ def differences(folder: Path, contents: Contents) -> Differences:
     found = {path.relative_to(folder).as_posix(): path for path in _walk(folder)}
     for name, path in found.items():
         if name in contents.files:
-            if not _is_plain(path) or (path.stat().st_size, sha256_of(path)) != contents.files[name]:
+            if _digest(path) != contents.files[name]:
                 altered.append(name)
         elif name not in contents.parts:
             added.append(name)
@@ -109,25 +109,20 @@ def differences(folder: Path, contents: Contents) -> Differences:
     return Differences(tuple(sorted(altered)), tuple(sorted(missing)), tuple(sorted(added)))
 
 
-def check_intact(folder: Path, *, only: str | None = None) -> None:
-    """Raise :class:`EndoctError` where a file in ``folder`` (or the one named) is not as endoct wrote it.
+def check_intact(folder: Path, which: Callable[[str], bool] = lambda _: True) -> None:
+    """Raise :class:`EndoctError` where a file in ``folder``, of those that are asked for, is not as endoct wrote it.
 
-    A folder that does not say what it holds is not judged; readers check it by other means.
+    ``which`` is given paths below ``folder``. A folder that does not say what it holds is not judged; readers check it
+    by other means. Parts of it that say of themselves are not looked at.
     """
     contents = read_contents(folder)
     if contents is None:
         return
-    if only is not None:
-        path = folder / only
-        if only not in contents.files or not _is_plain(path) or sha256_of(path) != contents.files[only][1]:
-            raise EndoctError(f"{path} is not as endoct wrote it", remedy="make the output again")
-        return
-    found = differences(folder, contents)
-    if found.altered or found.missing:
-        raise EndoctError(
-            f"{folder} is not as endoct wrote it", found=str(Differences(found.altered, found.missing)),
-            remedy="make the output again",
-        )  # fmt: skip
+    wanted = {name: of for name, of in contents.files.items() if which(name)}
+    missing = tuple(name for name in wanted if not os.path.lexists(folder / name))
+    altered = tuple(name for name, of in wanted.items() if name not in missing and _digest(folder / name) != of)
+    if found := str(Differences(altered, missing)):
+        raise EndoctError(f"{folder} is not as endoct wrote it", found=found, remedy="make it again")
 
 
 def marked(page: str) -> str:
@@ -193,6 +188,10 @@ def _walk(folder: Path) -> Iterator[Path]:
 def _is_left_by_system(name: str) -> bool:
     """Say whether file managers leave a file of that name in every folder they show: nobody's work."""
     return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
+
+
+def _digest(path: Path) -> tuple[int, str] | None:
+    return (path.stat().st_size, sha256_of(path)) if _is_plain(path) else None
 
 
 def _is_plain(path: Path) -> bool:

@@ -23,7 +23,7 @@ class EndoctError(Exception):
     def __str__(self) -> str:
         parts = [
             self.what,
-            f"found {self.found}" if self.found else "",
+            f"found {_short(self.found)}" if self.found else "",
             f"expected {self.expected}" if self.expected else "",
             self.remedy,
         ]
@@ -58,6 +58,10 @@ def cause_of(error: BaseException) -> str:
         return "nested too deeply"
     text = " ".join(((isinstance(error, OSError) and error.strerror) or str(error)).split())[:LONGEST_CAUSE]
     return text if isinstance(error, OSError | ValueError) and text else f"{type(error).__name__}: {text}".rstrip(": ")
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST_CAUSE else f"{text[:LONGEST_CAUSE]}…"
 
 
 def visible(text: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.stitching.contents import check_intact
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.json_values import an_object, number, texts
@@ -89,6 +90,7 @@ def load_panorama(path: Path) -> Panorama:
             expected="a store written by `endoct unroll`",
             remedy="unroll the recording first",
         )
+    check_intact(path, lambda name: not name.startswith("volume/"))  # which is large, and not read here
     with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
         return _panorama(path, read_arrays(path), read_attributes(path))
 

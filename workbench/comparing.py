@@ -1,6 +1,5 @@
 """Two sides to one comparison folder."""
 
-import json
 import time
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -26,7 +25,7 @@ from endoct.stitching.store import is_panorama, load_panorama, save_panorama
 from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
 from endoct.workbench.beside import Beside, load, process_beside
 from endoct.workbench.drawn import score_drawings, write_mask
-from endoct.workbench.inputs import digests, versions
+from endoct.workbench.inputs import digests, json_text, path_text, versions
 from endoct.workbench.pictures import save_pictures
 from endoct.workbench.progress import Stages
 from endoct.workbench.side_by_side import unroll_both
@@ -72,7 +71,7 @@ def write_comparison(
         )
         with stages.stage("align, segment, score"):
             comparison = compare_panoramas(a, b, parameters)
-            drawn = {str(path): _truth(path, a) for path in truth}
+            drawn = {path_text(path): _truth(path, a) for path in truth}
             against = score_drawings(comparison, drawn, parameters.tolerance_mm)
         folder.mkdir()
         with stages.stage("write"):
@@ -104,7 +103,7 @@ def write_comparison(
         }
         for path, state in files.items():
             check_unchanged(path, state)
-        (folder / "result.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
         with stages.stage("report"):
             from endoct.workbench.report import write_report  # only who draws loads matplotlib
 

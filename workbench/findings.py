@@ -12,6 +12,7 @@ from endoct.fusion.objects import Cell
 from endoct.fusion.prepare import MASK_MODALITY
 from endoct.modalities.contract import Picture
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.contents import check_intact
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -86,6 +87,7 @@ class Findings:
 
 def read_findings(folder: Path) -> Findings:
     """Read what ``endoct compare`` wrote. Raises :class:`EndoctError` where ``folder`` is no whole comparison."""
+    check_intact(folder)
     result = read_result(folder)
     comparison = load_comparison(folder / "comparison.zarr")
     if tuple(result["sides"]) != comparison.sides:

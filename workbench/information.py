@@ -40,8 +40,10 @@ def describe(path: Path, modality: str | None = None) -> dict[str, Any]:
     """
     if (path / "result.json").is_file():
         result = read_result(path)
-        keys = ("sides", "aligned", "reason", "jaccard", "dice")
-        return {"kind": "comparison", **{key: result.get(key) for key in keys}}
+        return {
+            "kind": "comparison",
+            **{key: result.get(key) for key in ("sides", "aligned", "reason", "jaccard", "dice")},
+        }
     if is_panorama(path):
         panorama = load_panorama(path)
         return {

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from endoct.stitching.contents import check_intact
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.json_values import read_object
 from endoct.stitching.names import plain_name
@@ -230,6 +231,7 @@ def read_result(folder: Path) -> dict[str, Any]:
     in it that a report shows is not of its kind.
     """
     expected = "a folder written by `endoct compare`"
+    check_intact(folder, lambda name: name == "result.json")
     try:
         result = read_object(folder / "result.json", MOST_BYTES)
     except EndoctError as error:

@@ -13,6 +13,7 @@ import numpy as np
 
 from endoct.fusion.intervals import LEVEL, RESAMPLES, SEED, interval_of
 from endoct.fusion.repeatability import repeatability
+from endoct.stitching.contents import check_intact
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
 from endoct.stitching.names import spreadsheet_text
@@ -130,6 +131,7 @@ def _read(folder: Path, set_: str, repeats: bool) -> Told:
     """Read a comparison; whatever in it is not what it should be is told here, before anything is reckoned with it."""
     expected = "a folder written by `endoct compare`"
     try:
+        check_intact(folder, lambda name: name == "result.json")
         data = read_small(folder / "result.json", LARGEST_RESULT_BYTES)
     except EndoctError as error:
         raise EndoctError(f"{folder} is no comparison", found=error.found or error.what, expected=expected) from error

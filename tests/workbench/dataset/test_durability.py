@@ -12,8 +12,8 @@ import pytest
 from cheap_specimens import Cheap, contents, leftovers
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.dataset.building import forecast, make_dataset
 from endoct.stitching.scratch import HeldError, clear_dead_scratch, held, scratch_beside
+from endoct.workbench.dataset.building import forecast, make_dataset
 from endoct.workbench.dataset.plan import Job, Plan
 
 FOLDERS = Plan(5, seed=3)
