@@ -17,6 +17,7 @@ import zarr
 from numcodecs.zstd import Zstd
 
 from endoct.stitching.compressed import expanded_bytes
+from endoct.stitching.contents import seal
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -65,7 +66,8 @@ def test_what_is_written_is_the_same_every_time_and_has_every_chunk_with_its_sum
 
 
 def test_other_files_in_a_store_disturb_nobody(store: Path) -> None:
-    (store / "endoct-output.json").write_text("{}")
+    seal(store, "panorama")
+    (store / "notes.txt").write_text("mine")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert load_panorama(store).modality == "oct"
