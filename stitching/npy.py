@@ -33,7 +33,7 @@ def read_npy(file: IO[bytes], what: str, parts: int = 1) -> NDArray[Any]:
         n_bytes = math.prod(shape) * dtype.itemsize
         if n_bytes > parts * largest_array_bytes():
             check_array_size(shape, dtype.itemsize, what)
-        data = bytearray(n_bytes)
+        data = np.empty(n_bytes, np.uint8)  # takes memory only as it is filled: the file may have less than it says
         got, view = 0, memoryview(data)
         while got < n_bytes and (piece := file.read(min(n_bytes - got, 1 << 24))):
             view[got : got + len(piece)] = piece
