@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import endoct.stitching
 import endoct.synthetic
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
@@ -110,9 +111,10 @@ def check_worker(root: Path) -> None:
 
 @cache
 def made_with() -> dict[str, str]:
-    """Return the versions on which the bytes of a specimen depend, the simulator's own source among them."""
+    """Return the versions on which the bytes of a specimen depend, the source of the simulator and of what writes its stores among them."""
     source = hashlib.sha256()
-    for path in sorted(Path(endoct.synthetic.__path__[0]).glob("*.py")):
+    written_by = Path(endoct.stitching.__path__[0]) / "zarr_store.py"
+    for path in (*sorted(Path(endoct.synthetic.__path__[0]).rglob("*.py")), written_by):
         source.update(path.read_bytes())
     return versions() | {"simulator": source.hexdigest()[:16]}
 
