@@ -16,6 +16,7 @@ from endoct.stitching.zip_files import open_zip
 KINDS = "biufU"
 MOST_AXES = 8
 MOST_MEMBERS = 1000
+_PIECE = 1 << 24
 _MOST_HEADER = 10_000  # NumPy's own limit
 _HEADER_READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
@@ -33,13 +34,11 @@ def read_npy(file: IO[bytes], what: str, parts: int = 1) -> NDArray[Any]:
         n_bytes = math.prod(shape) * dtype.itemsize
         if n_bytes > parts * largest_array_bytes():
             check_array_size(shape, dtype.itemsize, what)
-        data = np.empty(n_bytes, np.uint8)  # takes memory only as it is filled: the file may have less than it says
-        got, view = 0, memoryview(data)
-        while got < n_bytes and (piece := file.read(min(n_bytes - got, 1 << 24))):
-            view[got : got + len(piece)] = piece
-            got += len(piece)
-        if got < n_bytes:
-            raise EndoctError(f"{what} is cut off", found=f"{got} bytes", expected=f"{n_bytes}")
+        data = bytearray()  # grows with what is there: the file may have less than it says
+        while len(data) < n_bytes and (piece := file.read(min(n_bytes - len(data), _PIECE))):
+            data += piece
+        if len(data) < n_bytes:
+            raise EndoctError(f"{what} is cut off", found=f"{len(data)} bytes", expected=f"{n_bytes}")
         if dtype.itemsize == 0:
             return np.zeros(shape, dtype)
         return np.frombuffer(data, dtype).reshape(shape, order="F" if in_columns else "C")

@@ -1,6 +1,7 @@
 """Zarr arrays that are written as they should be, but of other values, another length or another type."""
 
 import json
+import math
 from pathlib import PurePosixPath
 from random import Random
 from typing import Any
@@ -59,7 +60,8 @@ def _array(entry: Entry) -> dict[str, Any] | None:
     """Return the metadata of an array of numbers, None of anything else."""
     try:
         node = json.loads(entry) if isinstance(entry, bytes) else None
-        sound = isinstance(node, dict) and node["data_type"] in _TYPES and all(0 <= n < 10_000 for n in node["shape"])
+        sound = isinstance(node, dict) and node["data_type"] in _TYPES and len(node["shape"]) < 6
+        sound = sound and all(length >= 0 for length in node["shape"]) and math.prod(node["shape"]) < 100_000
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
     return node if sound else None

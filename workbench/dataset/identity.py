@@ -111,7 +111,7 @@ def check_worker(root: Path) -> None:
 
 @cache
 def made_with() -> dict[str, str]:
-    """Return the versions on which the bytes of a specimen depend, the source of the simulator and of what writes its stores among them."""
+    """Return the versions on which the bytes of a specimen depend, the simulator's own source among them."""
     source = hashlib.sha256()
     written_by = Path(endoct.stitching.__path__[0]) / "zarr_store.py"
     for path in (*sorted(Path(endoct.synthetic.__path__[0]).rglob("*.py")), written_by):
