@@ -89,8 +89,11 @@ def check_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
     except (OSError, RuntimeError, ValueError) as error:  # links in a circle, a name that cannot be
         raise EndoctError(f"{path} cannot be written", found=str(error), remedy="choose another output") from error
     itself, above = _identity(place), _identities(place.parents)
-    for source, what in ((Path.cwd(), "the present folder"), (Path.home(), "your home folder")):
-        if itself and itself in _identities([source, *source.resolve().parents]):
+    kept = [(Path.cwd(), "the present folder")]
+    with suppress(RuntimeError):  # a user without a home
+        kept.append((Path.home(), "your home folder"))
+    for folder, what in kept:
+        if itself and itself in _identities([folder, *folder.resolve().parents]):
             raise EndoctError(f"the output {path} is or contains {what}", remedy="name a new folder in it")
     for source in inputs:
         resolved = source.resolve()
