@@ -1,5 +1,7 @@
 """One damage after the other to a sound case, the same ones for the same random numbers."""
 
+import contextlib
+import struct
 from collections.abc import Callable, Sequence
 from pathlib import PurePosixPath
 from random import Random
@@ -16,6 +18,8 @@ from benchmarks.fuzz.trees import Entry, Seed, Special
 from benchmarks.fuzz.values import NAMES
 from benchmarks.fuzz.videos import mutate_video
 
+_CANNOT = (ValueError, TypeError, LookupError, AttributeError, RecursionError, OverflowError, struct.error)
+
 TELLING = ("json", "toml", "csv", "zarray", "zattrs", "zgroup")
 """Ends of the names of files that say what the others are; they are hit more often."""
 
@@ -26,18 +30,23 @@ def mutated(seed: Seed, others: Sequence[Seed], rng: Random) -> dict[str, Entry]
     stored = any(name.endswith("zarr.json") for name in tree)
     narrow = rng.random() < 0.5  # what lies in stores is left alone, so that what reads the rest is reached
     for _ in range(rng.choice((1, 1, 1, 1, 2, 2, 3, 5))):
-        if not tree:
-            break
-        if stored and not narrow and rng.random() < 0.3:
-            change_values(tree, rng)
-        elif rng.random() < (0.12 if len(tree) > 1 else 0.02):
-            _change_tree(tree, rng)
-        elif files := [name for name, entry in tree.items() if isinstance(entry, bytes)]:
-            files = [name for name in files if narrow and ".zarr/" not in name] or files
-            telling = [name for name in files if name.endswith(TELLING)]
-            name = rng.choice(telling if telling and rng.random() < 0.6 else files)
-            tree[name] = _change_file(name, _bytes(tree[name]), others, rng)
+        # what was damaged before may be too odd for a damage that keeps its form
+        with contextlib.suppress(*_CANNOT):
+            _damage(tree, others, rng, in_stores=stored and not narrow)
     return tree
+
+
+def _damage(tree: dict[str, Entry], others: Sequence[Seed], rng: Random, *, in_stores: bool) -> None:
+    files = [name for name, entry in tree.items() if isinstance(entry, bytes)]
+    if in_stores and rng.random() < 0.3:
+        change_values(tree, rng)
+    elif not files or rng.random() < (0.12 if len(tree) > 1 else 0.02):
+        _change_tree(tree, rng)
+    else:
+        files = [name for name in files if not in_stores and ".zarr/" not in name] or files
+        telling = [name for name in files if name.endswith(TELLING)]
+        name = rng.choice(telling if telling and rng.random() < 0.6 else files)
+        tree[name] = _change_file(name, _bytes(tree[name]), others, rng)
 
 
 def mutate_file(name: str, data: bytes, rng: Random) -> bytes:

@@ -4,6 +4,7 @@ import json
 import struct
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,8 @@ def label_seeds() -> Iterator[Seed]:
     yield _store("ome", lambda path: _levels(path, cells, 3, ome=True))
     yield _store("sharded", lambda path: _array(path, cells.astype(np.uint32), shards=(12, 8), chunks=(6, 4)))
     yield _store("truth values", lambda path: _array(path, cells > 0, chunks=(5, 16)))
-    yield _store("with filters", lambda path: _array(path, cells.astype("<i4"), zarr_format=2, filters=_delta()))
+    filtered = _store("with filters", lambda path: _array(path, cells.astype("<i4"), zarr_format=2, filters=_delta()))
+    yield replace(filtered, refused=True)
 
 
 def _delta() -> list[Any]:

@@ -59,12 +59,12 @@ def change_values(tree: dict[str, Entry], rng: Random) -> None:
 def _array(entry: Entry) -> dict[str, Any] | None:
     """Return the metadata of an array of numbers, None of anything else."""
     try:
-        node = json.loads(entry) if isinstance(entry, bytes) else None
-        sound = isinstance(node, dict) and node["data_type"] in _TYPES and len(node["shape"]) < 6
-        sound = sound and all(length >= 0 for length in node["shape"]) and math.prod(node["shape"]) < 100_000
+        node: Any = json.loads(entry if isinstance(entry, bytes) else b"")
+        shape = node["shape"]
+        few = len(shape) < 6 and all(length >= 0 for length in shape) and math.prod(shape) < 100_000
+        return node if few and node["data_type"] in _TYPES else None
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
-    return node if sound else None
 
 
 def _values(shape: list[int], dtype: str, rng: Random) -> NDArray[Any]:
@@ -84,8 +84,8 @@ def _tell_group(tree: dict[str, Entry], folder: PurePosixPath, node: dict[str, A
     """Change what the group above has gathered of the array."""
     place = str(folder.parent / "zarr.json")
     try:
-        group = json.loads(tree[place])  # type: ignore[arg-type]
-        gathered = group["consolidated_metadata"]["metadata"]
+        group: Any = json.loads(tree[place])  # type: ignore[arg-type]
+        gathered: Any = group["consolidated_metadata"]["metadata"]
     except (ValueError, KeyError, TypeError, RecursionError):
         return
     if isinstance(gathered, dict) and folder.name in gathered:

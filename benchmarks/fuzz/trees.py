@@ -22,11 +22,15 @@ Tree = Mapping[str, Entry]
 
 @dataclass(frozen=True)
 class Seed:
-    """A sound file or folder: ``files`` by path below the case's folder, ``target`` what the reader is given."""
+    """A sound file or folder: ``files`` by path below the case's folder, ``target`` what the reader is given.
+
+    ``refused``: it is as it should be, but of a kind that endoct does not read.
+    """
 
     name: str
     target: str
     files: Tree
+    refused: bool = False
 
 
 def write_tree(tree: Tree, folder: Path) -> None:

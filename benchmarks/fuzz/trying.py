@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from multiprocessing import util
 from multiprocessing.connection import Connection
 from pathlib import Path
 from random import Random
@@ -87,6 +88,7 @@ def try_cases(connection: Connection, cases: Sequence[Case], seed: int, scratch:
             write_tree(tree, kept)
         connection.send(Report(case, outcome, said, kept, leave))
         if leave:
+            util._run_finalizers()  # type: ignore[attr-defined]
             os._exit(0)  # threads that never end would hold an orderly end up
     shutil.rmtree(folder, ignore_errors=True)
     connection.close()

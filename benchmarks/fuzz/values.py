@@ -25,8 +25,9 @@ JSON_STRINGS = (
 )  # fmt: skip
 NAMES = (
     "x", "a b", "a\nb", "-rf", "é", "\u202e", "a" * 200, "%00", "$HOME", "..x", ".hidden", "zarr.json", ".zarray",
-    ".zattrs", ".zgroup", "acquisition.toml", "frame_99999999999999999999.png", "frame_٣.png", "²", "0", "c", "c/0/0",
-    "pullback.tif", "x.npy", "x.mkv", "x.tif", "x.png", "X.PNG", "result.json", "manifest.csv", "a.zarr", "0/0",
+    ".zattrs", ".zgroup", "acquisition.toml", "frame_99999999999999999999.png", "frame_٣.png", "frame_².png",
+    "²", "0", "c", "c/0/0", "pullback.tif", "x.npy", "x.mkv", "x.tif", "x.png", "X.PNG", "result.json", "manifest.csv",
+    "a.zarr", "0/0",
 )  # fmt: skip
 
 
