@@ -29,7 +29,7 @@ def read_npy(file: IO[bytes], what: str, parts: int = 1) -> NDArray[Any]:
     """
     with refusing(f"{what} is no array of NumPy"):
         shape, in_columns, dtype = _header(file, what)
-        if dtype.kind not in KINDS or len(shape) > MOST_AXES or any(n < 0 for n in shape):
+        if dtype.kind not in KINDS or dtype.itemsize == 0 or len(shape) > MOST_AXES or any(n < 0 for n in shape):
             raise EndoctError(f"{what} is no array that is read", found=f"{dtype} {shape}", expected="numbers or texts")
         n_bytes = math.prod(shape) * dtype.itemsize
         if n_bytes > parts * largest_array_bytes():
@@ -39,8 +39,6 @@ def read_npy(file: IO[bytes], what: str, parts: int = 1) -> NDArray[Any]:
             data += piece
         if len(data) < n_bytes:
             raise EndoctError(f"{what} is cut off", found=f"{len(data)} bytes", expected=f"{n_bytes}")
-        if dtype.itemsize == 0:
-            return np.zeros(shape, dtype)
         return np.frombuffer(data, dtype).reshape(shape, order="F" if in_columns else "C")
 
 

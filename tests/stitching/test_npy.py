@@ -42,6 +42,7 @@ def test_what_numpy_writes_is_read(values: np.ndarray, tmp_path: Path) -> None:
         (npy("(3,)", descr="'|O'"), "no array"),
         (npy("()", descr="'<U500000000'"), "too much memory"),
         (npy("(3,)", descr="[('a', '<f4')]"), "no array"),
+        (npy("(10000000000,)", descr="'<U0'"), "no array"),
         (npy("(" + "-" * 5000 + "1,)"), "no array"),
         (b"", "no array"),
         (b"\x93NUMPY\x02\x00\xff\xff\xff\x7f" + b"x" * 100, "header of"),
