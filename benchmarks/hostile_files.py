@@ -39,10 +39,10 @@ def _png_chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def png(path: Path, side: int = 65535) -> None:
-    """A PNG that declares side × side pixels and brings some kB."""
+def png(path: Path, side: int = 32767) -> None:
+    """A PNG that declares side × side pixels of four channels and brings some kB."""
     rows = zlib.compress(bytes(6_000_000), 9)
-    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", side, side, 8, 6, 0, 0, 0)
     path.write_bytes(
         b"\x89PNG\r\n\x1a\n" + _png_chunk(b"IHDR", header) + _png_chunk(b"IDAT", rows) + _png_chunk(b"IEND", b"")
     )
@@ -149,7 +149,7 @@ def _frame_pipe(folder: Path) -> list[str]:
 
 
 FILES: dict[str, Callable[[Path], list[str]]] = {
-    "PNG that declares 65535²": _image,
+    "PNG that declares 32767² × RGBA": _image,
     "the same as a mask": _mask,
     "OME-TIFF of 99 999 999 frames": _ome,
     "TIFF of 0.9 GB in 0.9 MB": _tiff_bomb,
