@@ -23,7 +23,6 @@ from endoct.synthetic.presets import PRESETS
 from endoct.workbench.dataset.plan import SPLITS, Split
 
 TRUTH = ("relief_mm", "cell", "cell_id")
-VIDEO_SUFFIXES = (".mp4", ".mkv", ".avi", ".mov")
 AGAIN = "copy the data set again, or make it again"
 WHOLE = 16
 """A whole recording, or all labels of one, may have this many times the largest array."""
@@ -80,6 +79,8 @@ class Specimens:
         arrays = read_specimen(path) if path.is_dir() else read_from_shard(path, row["name"])
         if missing := sorted({*TRUTH, "oct", "endoscope"} - arrays.keys()):
             raise EndoctError(f"{path} is no whole specimen", found=f"no {missing[0]} of {row['name']}", remedy=AGAIN)
+        if any(arrays[name].ndim != 2 for name in TRUTH):
+            raise EndoctError(f"{path} is no whole specimen", found="a truth that is no map of the wall", remedy=AGAIN)
         truth = {name: arrays[name][: self._n_z] for name in TRUTH}
         return {"index": int(row["index"])} | arrays | truth
 
@@ -150,26 +151,8 @@ def _stack(frames: Any, folder: Path) -> NDArray[Any]:
 
 
 def _frames(folder: Path) -> NDArray[np.uint8]:
-    videos = [path for path in folder.iterdir() if path.suffix in VIDEO_SUFFIXES]
-    if videos:
-        return np.stack(list(_decoded(videos[0])))
     frames = _stack(open_stack(folder), folder)
     return frames if frames.ndim == 4 else np.repeat(frames[..., None], 3, axis=3)
-
-
-def _decoded(path: Path) -> Iterator[NDArray[np.uint8]]:
-    """Yield the frames of a video, RGB, as long as they are not too much."""
-    import av
-
-    what, n_bytes = f"the video {path}", 0
-    with open_regular(path) as file, av.open(file, mode="r") as video:
-        stream = video.streams.video[0]
-        check_array_size((stream.height, stream.width, 3), 1, what)
-        for count, frame in enumerate(video.decode(stream), 1):
-            n_bytes += frame.height * frame.width * 3
-            if n_bytes > WHOLE * largest_array_bytes():
-                check_array_size((count, frame.height, frame.width, 3), 1, what)
-            yield np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
 
 
 def _labels(folder: Path) -> Arrays:
