@@ -236,7 +236,7 @@ def _expect(folder: Path, what: str, found: Any, wanted: Sequence[Any]) -> Any:
     # 1 == True: of equal values only those of one type are the same
     if not any(type(found) is type(value) and found == value for value in wanted):
         raise EndoctError(
-            f"{folder} has a {what} that is not read",
+            f"{folder} is not read because of its {what}",
             found=repr(found)[:80],
             expected=", ".join(map(str, wanted)),
             remedy="save it with one of these",

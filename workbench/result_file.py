@@ -11,7 +11,8 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.json_values import read_object
 from endoct.stitching.names import plain_name
 
-MOST_BYTES = 64_000_000
+MOST_BYTES = 16_000_000
+"""They take some twenty times that in memory at worst; a result has some ten kilobytes."""
 DEEPEST = 20
 
 Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
@@ -227,7 +228,7 @@ class _Result(_Part):
 def read_result(folder: Path) -> dict[str, Any]:
     """Return what ``folder/result.json`` holds.
 
-    Raises :class:`EndoctError` where it is missing, larger than 64 MB, no JSON, nested more than 20 deep, or something
+    Raises :class:`EndoctError` where it is missing, larger than 16 MB, no JSON, nested more than 20 deep, or something
     in it that a report shows is not of its kind.
     """
     expected = "a folder written by `endoct compare`"
