@@ -9,6 +9,7 @@ Outlines may run over the seam of θ: columns beyond the last go on at the first
 """
 
 import csv
+import logging
 import io
 import math
 from collections.abc import Iterator
@@ -215,6 +216,8 @@ def _fiji(path: Path) -> Iterator[Coordinates]:
         raise EndoctError(
             f"{path} needs a library that is not installed", found="no roifile", remedy="pip install 'endoct[fiji]'"
         ) from error
+    # what is wrong with a file is said once, by an EndoctError, not also by the library that reads it
+    logging.getLogger("roifile").addHandler(logging.NullHandler())
     kinds = roifile.ROI_TYPE
     for data in _regions(path):
         with refusing(f"{path} holds no regions of ImageJ", remedy="save them again"):

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import open_regular
 from endoct.stitching.limits import check_array_size
-
-MOST_HEADER_BYTES = 10_000
+from endoct.stitching.npy import read_header
 
 
 class ReadBlocks:
@@ -43,11 +42,7 @@ def read_npy(path: Path) -> tuple[int, ReadBlocks]:
     ):
         if file.peek(4)[:4] == b"PK\x03\x04":
             raise EndoctError(f"{path} is no readable .npy", found="an archive of arrays", remedy="save one array")
-        version = np.lib.format.read_magic(file)
-        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
-        if read is None:
-            raise ValueError(f"format {version[0]}.{version[1]}")
-        shape, by_column, dtype = read(file, max_header_size=MOST_HEADER_BYTES)
+        shape, by_column, dtype = read_header(file, str(path))
         offset = file.tell()
         size = file.seek(0, 2)
     if dtype.hasobject or dtype.fields is not None or dtype.subdtype is not None or dtype.kind not in "uif":

@@ -28,7 +28,7 @@ def read_npy(file: IO[bytes], what: str, parts: int = 1) -> NDArray[Any]:
     or cut off.
     """
     with refusing(f"{what} is no array of NumPy"):
-        shape, in_columns, dtype = _header(file, what)
+        shape, in_columns, dtype = read_header(file, what)
         if dtype.kind not in KINDS or dtype.itemsize == 0 or len(shape) > MOST_AXES or any(n < 0 for n in shape):
             raise EndoctError(f"{what} is no array that is read", found=f"{dtype} {shape}", expected="numbers or texts")
         n_bytes = math.prod(shape) * dtype.itemsize
@@ -52,7 +52,11 @@ def read_npz(path: Path) -> Mapping[str, NDArray[Any]]:
     return found
 
 
-def _header(file: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+def read_header(file: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return what the header of a ``.npy`` file says: shape, whether in Fortran order, dtype; read up to its end.
+
+    Raises :class:`EndoctError`, naming ``what``, or what NumPy raises, where it is damaged.
+    """
     start = file.read(8)
     version = np.lib.format.read_magic(io.BytesIO(start))
     if version not in _HEADER_READERS:

@@ -61,7 +61,7 @@ _INTERVALS: Mapping[str, tuple[str, ...]] = {
 
 Row = dict[str, Any]
 
-LARGEST_RESULT_BYTES = 64_000_000
+LARGEST_RESULT_BYTES = 16_000_000
 """That of a comparison has a hundred kB."""
 
 

@@ -13,7 +13,7 @@ from endoct.stitching.scratch import new_file
 from endoct.workbench.dataset.plan import Plan, Unit, job
 
 RECORDS = "records"
-MOST_BYTES = 64_000_000
+MOST_BYTES = 16_000_000
 
 Scalar = bool | int | float | str
 
