@@ -9,8 +9,8 @@ Outlines may run over the seam of θ: columns beyond the last go on at the first
 """
 
 import csv
-import logging
 import io
+import logging
 import math
 from collections.abc import Iterator
 from pathlib import Path
