@@ -11,18 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.chain import robust_chain
-from endoct.stitching.circle import gaussian
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.kept import Kept
 from endoct.stitching.matching import Matcher, Pairs
+from endoct.stitching.textures import FEWEST_FOR_FIXED_PATTERN, Strips, Texture, keep_textures
 
 EDGE_MM = 0.06
 MEASUREMENT_MM = 0.004
 MEASUREMENT_RAD = 0.002
 ROLL_PRIOR_RAD = 0.1
 SWAY_PRIOR_RAD = 0.005
-FEWEST_FOR_FIXED_PATTERN = 8
 UNKNOWN = (0.0, float("inf"))
 MOST_LOST_FRAMES = 2  # in a row, that a recorder dropped without a gap in the numbers
 
@@ -54,7 +54,7 @@ class Feed:
 
 
 def estimate_feed(
-    strips: Image,
+    strips: Strips,
     dz_mm: float,
     radius_mm: float,
     nominal_mm: Coordinates | None,
@@ -69,28 +69,31 @@ def estimate_feed(
     believed to lie within three ``relative_sigma`` of its nominal value, in either direction of the whole, or of up
     to three times that value, where frames were lost.
     Without it the whole overlap is searched. ``radius_mm`` of the wall converts between mm and rad; samples that
-    are NaN or not ``valid`` are left out. Raises :class:`EndoctError` where shapes disagree.
+    are NaN or not ``valid`` are left out. Strips are read one by one, each more than once, and never all
+    held. Raises :class:`EndoctError` where shapes disagree.
     """
-    if strips.ndim != 3 or 0 in strips.shape:
-        raise EndoctError("strips to compare must be a stack", found=f"{strips.shape}", expected="(n, rows, θ)")
-    n = strips.shape[0]
+    n = len(strips)
+    shape = np.shape(strips[0]) if n else ()
+    if len(shape) != 2 or 0 in shape:
+        raise EndoctError("strips to compare must be a stack", found=f"{(n, *shape)}", expected="(n, rows, θ)")
     if nominal_mm is not None and np.shape(nominal_mm) != (n,):
         raise EndoctError("one nominal place a strip is needed", found=f"{np.shape(nominal_mm)}", expected=f"({n},)")
     if n == 1:
         zero, one, two = np.zeros(1), np.ones(1), np.zeros(2)
         return Feed(zero, zero, np.zeros((1, 2)), two, UNKNOWN, one, one, np.ones(1, np.bool_), 1, False)
-    seen = np.isfinite(strips) if valid is None else valid & np.isfinite(strips)
-    textures = _textures(strips, seen, EDGE_MM / dz_mm, EDGE_MM / radius_mm / (2 * np.pi) * strips.shape[2])
-    matcher = Matcher(textures, seen, dz_mm, radius_mm)
     steps = [step for step in (1, 2) if step < n]
-    candidates = []
-    for direction in (1, -1):
-        found = [matcher.search(step, _windows(nominal_mm, step, direction, relative_sigma)) for step in steps]
-        candidates.append((sum(c.correlation for c in found[0] if c.trusted), direction, found))
-        if nominal_mm is None:
-            break
-    _, direction, found = max(candidates, key=lambda candidate: candidate[0])
-    pairs = [matcher.refine(step, places) for step, places in zip(steps, found, strict=True)]
+    directions = (1,) if nominal_mm is None else (1, -1)
+    with Kept[Texture]() as textures:
+        keep_textures(textures, strips, valid, EDGE_MM / dz_mm, EDGE_MM / radius_mm / (2 * np.pi) * shape[1])
+        matcher = Matcher(textures, dz_mm, radius_mm)
+        searched = [
+            matcher.search(step, [_windows(nominal_mm, step, direction, relative_sigma) for direction in directions])
+            for step in steps
+        ]
+        matched = [sum(place.correlation for place in places if place.trusted) for places in searched[0]]
+        best = matched.index(max(matched))
+        pairs = [matcher.refine(step, found[best]) for step, found in zip(steps, searched, strict=True)]
+    direction = directions[best]
     return _solve(n, pairs, None if nominal_mm is None else direction * np.diff(nominal_mm), direction, relative_sigma)
 
 
@@ -104,34 +107,6 @@ def _windows(
     lost = MOST_LOST_FRAMES * feed / step
     least, most = feed + np.minimum(lost, 0) - reach, feed + np.maximum(lost, 0) + reach
     return [(float(low), float(high)) for low, high in zip(least, most, strict=True)]
-
-
-def _textures(strips: Image, seen: Mask, sigma_rows: float, sigma_columns: float) -> Image:
-    """Return the edges in the strips without what every row or every strip shows alike; 0 where not seen.
-
-    Edges, not areas, say where a strip lies: otherwise a trace of the median frame, which the cells themselves
-    leave in it, would pull every feed towards zero.
-    """
-    textures = np.where(seen, strips, np.nan).astype(np.float32)
-    textures -= _nanmedian(textures, axis=2)[:, :, None]
-    if len(textures) >= FEWEST_FOR_FIXED_PATTERN:
-        textures -= _nanmedian(textures, axis=0)[None]
-    textures[~seen] = 0
-    for texture, mask in zip(textures, seen, strict=True):
-        share = gaussian(mask.astype(np.float32), sigma_rows, sigma_columns)
-        texture -= gaussian(texture, sigma_rows, sigma_columns) / np.maximum(share, 0.01)
-    textures[~seen] = 0
-    return textures
-
-
-def _nanmedian(values: Image, axis: int) -> Image:
-    """Median without NaN, and 0 where there is nothing else."""
-    if not np.isnan(values).any():
-        return np.asarray(np.median(values, axis=axis), dtype=np.float32)
-    ordered = np.sort(values, axis=axis)
-    count = np.sum(~np.isnan(values), axis=axis, keepdims=True)
-    middle = np.take_along_axis(ordered, np.maximum((count - 1) // 2, 0), axis=axis)
-    return np.asarray(np.where(count > 0, middle, 0).squeeze(axis), dtype=np.float32)
 
 
 def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: int, relative_sigma: float) -> Feed:

@@ -7,14 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
+from endoct.stitching.kept import Kept
+from endoct.stitching.textures import Texture
 from endoct.stitching.warp import Motion, refine_motion
 
 LEAST_OVERLAP = 0.15
 LEAST_CORRELATION = 0.3
 LEAST_RATIO = 1.3
 PEAK_MM = 0.3
+
+Windows = list[tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,26 +54,31 @@ class _Place:
         return self.correlation >= LEAST_CORRELATION and self.ratio >= LEAST_RATIO
 
 
-class Matcher:
-    """Correlates strips by their spectra."""
+NOWHERE = _Place(np.nan, 0.0, 0.0, 0.0)
 
-    def __init__(self, textures: Image, seen: Mask, dz_mm: float, radius_mm: float) -> None:
-        self.n, self.n_rows, self.n_theta = textures.shape
+
+class Matcher:
+    """Correlates strips by their spectra, pair by pair: of all of them only the energies of their rows are held."""
+
+    def __init__(self, textures: Kept[Texture], dz_mm: float, radius_mm: float) -> None:
+        self.textures, self.n = textures, len(textures)
+        self.energy = np.array([np.sum(np.square(image, dtype=np.float64), axis=1) for image, _ in textures])
+        self.n_rows, self.n_theta = textures[0][0].shape
         self.dz_mm = dz_mm
         self.length = fft.next_fast_len(2 * self.n_rows, real=False)
-        self.textures, self.seen = textures, seen
-        self.energy = np.sum(np.square(textures, dtype=np.float64), axis=2)
         self.reach_rows = max(2, round(PEAK_MM / dz_mm))
         self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
 
-    def search(self, step: int, windows: list[tuple[float, float]] | None) -> list[_Place]:
-        """Return the best place of every strip on the one ``step`` earlier, within the windows."""
+    def search(self, step: int, choices: list[Windows | None]) -> list[list[_Place]]:
+        """Return, for each choice of windows, the best place of every strip on the one ``step`` earlier within them."""
+        n_pairs = self.n - step
+
+        def places(k: int) -> list[_Place]:
+            return self._places(k, k + step, [None if windows is None else windows[k] for windows in choices])
+
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return list(
-                pool.map(
-                    lambda k: self._place(k, k + step, None if windows is None else windows[k]), range(self.n - step)
-                )
-            )
+            found = list(pool.map(places, range(n_pairs)))
+        return [list(of_one) for of_one in zip(*found, strict=True)]
 
     def refine(self, step: int, places: list[_Place]) -> Pairs:
         """Return the places to a fraction of a sample, with their harmonics."""
@@ -78,8 +87,8 @@ class Matcher:
             start = Motion.even(places[k].rows, places[k].columns)
             if not places[k].trusted:
                 return start
-            a, b = k, k + step
-            return refine_motion(self.textures[a], self.textures[b], self.seen[a], self.seen[b], start)
+            (a, seen_a), (b, seen_b) = self.textures[k], self.textures[k + step]
+            return refine_motion(a, b, seen_a, seen_b, start)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             motions = list(pool.map(motion_of, range(len(places))))
@@ -93,19 +102,27 @@ class Matcher:
             stretch=np.array([m.stretch / m.rows[0] if abs(m.rows[0]) >= 1 else 0.0 for m in motions]),
         )
 
-    def _place(self, a: int, b: int, window: tuple[float, float] | None) -> _Place:
+    def _places(self, a: int, b: int, windows: list[tuple[float, float] | None]) -> list[_Place]:
         shifts = np.arange(-(self.n_rows - 1), self.n_rows)
         overlap = (self.n_rows - np.abs(shifts)) / self.n_rows
-        allowed = overlap >= LEAST_OVERLAP
-        if window is not None:
-            allowed &= (shifts * self.dz_mm >= window[0]) & (shifts * self.dz_mm <= window[1])
-        if not allowed.any():
-            return _Place(np.nan, 0.0, 0.0, 0.0)
+        allowed = [overlap >= LEAST_OVERLAP for _ in windows]
+        for within, window in zip(allowed, windows, strict=True):
+            if window is not None:
+                within &= (shifts * self.dz_mm >= window[0]) & (shifts * self.dz_mm <= window[1])
+        if not np.any(allowed):
+            return [NOWHERE] * len(windows)
         product = self._spectrum(a) * np.conj(self._spectrum(b))
-        plane = fft.irfft2(product, s=(self.length, self.n_theta))[shifts[allowed]]
-        plane = plane / np.sqrt(np.maximum(self._energies(a, b, shifts[allowed]), 1e-12))[:, None]
+        planes = fft.irfft2(product, s=(self.length, self.n_theta))
+        return [
+            self._place(planes[shifts[within]], shifts[within], overlap[within], a, b) if within.any() else NOWHERE
+            for within in allowed
+        ]
+
+    def _place(self, plane: np.ndarray, shifts: np.ndarray, overlap: Coordinates, a: int, b: int) -> _Place:
+        """Return the best place by the correlations of ``a`` and ``b``, (n_shifts, n_theta), before normalisation."""
+        plane = plane / np.sqrt(np.maximum(self._energies(a, b, shifts), 1e-12))[:, None]
         # a correlation over little overlap is high by chance more often
-        score = plane * np.sqrt(overlap[allowed])[:, None]
+        score = plane * np.sqrt(overlap)[:, None]
         row, column = np.unravel_index(int(np.argmax(score)), score.shape)
         keep = np.ones(score.shape, np.bool_)
         rows_near = np.abs(np.arange(len(score)) - row) <= self.reach_rows
@@ -114,7 +131,7 @@ class Matcher:
         elsewhere = np.roll(score, -int(column), axis=1)[keep]
         second = max(float(elsewhere.max()) if elsewhere.size else 0.0, 0.02)
         return _Place(
-            rows=float(shifts[allowed][0]) + _vertex(score[:, column], int(row), cyclic=False),
+            rows=float(shifts[0]) + _vertex(score[:, column], int(row), cyclic=False),
             columns=float(wrap_rad(2 * np.pi / self.n_theta * _vertex(score[row], int(column), cyclic=True)))
             * self.n_theta
             / (2 * np.pi),
@@ -123,7 +140,7 @@ class Matcher:
         )
 
     def _spectrum(self, k: int) -> np.ndarray:
-        return np.asarray(fft.rfft2(self.textures[k], s=(self.length, self.n_theta)))
+        return np.asarray(fft.rfft2(self.textures[k][0], s=(self.length, self.n_theta)))
 
     def _energies(self, a: int, b: int, shifts: np.ndarray) -> Coordinates:
         """Energy of both strips' rows that overlap at each shift (row of a minus row of b), multiplied."""

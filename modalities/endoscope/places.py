@@ -9,10 +9,10 @@ from endoct.modalities.endoscope.flatfield import FlatField
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.optics import DISAGREEMENT, ConeOptics, stretched, turned
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.modalities.kept import Kept
-from endoct.stitching.arrays import Coordinates
+from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed, estimate_feed
+from endoct.stitching.kept import Computed, Kept
 
 FEED_COLUMNS = 512
 FEWEST_FOR_DRIFT = 5
@@ -48,13 +48,14 @@ def measured_feed(
 ) -> Feed:
     """Return feed in mm outward in the image (multiply by the rim's sign for z) and roll, from reduced strips."""
     n_rows = flat.log_light.shape[0]
-    textures = np.empty((len(logs), n_rows, FEED_COLUMNS), np.float32)
-    for k, strip in enumerate(logs):
-        texture = np.clip(strip.astype(np.float32) - flat.log_light - np.float32(exposure[k]), CLIP[0], CLIP[1])
-        texture[~flat.usable] = np.nan
-        textures[k] = texture.reshape(n_rows, FEED_COLUMNS, -1).mean(axis=2)
+
+    def texture(k: int) -> Image:
+        even = np.clip(logs[k].astype(np.float32) - flat.log_light - np.float32(exposure[k]), CLIP[0], CLIP[1])
+        even[~flat.usable] = np.nan
+        return np.asarray(even.reshape(n_rows, FEED_COLUMNS, -1).mean(axis=2), np.float32)
+
     return estimate_feed(
-        textures,
+        Computed(len(logs), texture),
         float(outward_mm[1] - outward_mm[0]),
         acquisition.bore_diameter_mm / 2,
         None if nominal is None else optics.rim_sign * nominal,

@@ -27,13 +27,13 @@ from endoct.modalities.endoscope.places import (
     turned_by,
 )
 from endoct.modalities.endoscope.unroll import pixel_map, recentred, sample
-from endoct.modalities.kept import Kept
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.kept import Kept
 
 SURVEY_SIDE_PX = 480
 REFERENCE_FRAMES = 12

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.modalities.kept import Computed, Kept
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
@@ -28,6 +27,7 @@ from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import NotSeen
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.kept import Computed, Kept
 
 SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from tolerances import COORDINATE_ATOL
 
-from endoct.modalities import kept
 from endoct.modalities.contract import Frame
-from endoct.modalities.kept import Computed, Kept
 from endoct.modalities.oct import start_chain, survey
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.stitching import kept
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.kept import Computed, Kept
 from tests.oct.conftest import Phantom
 
 PHANTOM = Phantom(n_slices=4, n_ascans=128)

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from tolerances import FEED_ATOL_MM, ROLL_ATOL_RAD
 
+from endoct.stitching import textures
 from endoct.stitching.chain import robust_chain
 from endoct.stitching.circle import gaussian, wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed, estimate_feed
+from endoct.stitching.kept import Computed, Kept
 from endoct.stitching.warp import Motion, refine_motion
 
 DZ_MM = 0.015
@@ -186,3 +188,50 @@ def test_a_wrong_link_is_overruled_by_the_others() -> None:
     )
     np.testing.assert_allclose(place, np.arange(6), atol=0.01)
     assert agree.tolist() == [True, True, False, True, True]
+
+
+def textures_at_once(strips: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What :func:`textures.keep_textures` keeps, made of all strips at once, blurred by 2 rows and 3 columns."""
+    seen = np.isfinite(strips)
+
+    def median(values: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+        if seen.all():
+            return np.median(values, axis=axis, keepdims=True).astype(np.float32)
+        at = np.maximum((np.sum(~np.isnan(values), axis=axis, keepdims=True) - 1) // 2, 0)
+        return np.nan_to_num(np.take_along_axis(np.sort(values, axis=axis), at, axis=axis))
+
+    edges = np.where(seen, strips, np.nan).astype(np.float32)
+    edges -= median(edges, 2)
+    edges -= median(edges, 0)
+    edges = np.where(seen, edges, np.float32(0))
+    for edge, mask in zip(edges, seen, strict=True):
+        edge -= gaussian(edge, 2.0, 3.0) / np.maximum(gaussian(mask.astype(np.float32), 2.0, 3.0), 0.01)
+    return np.where(seen, edges, np.float32(0))
+
+
+@pytest.mark.parametrize("n", [9, 12])
+@pytest.mark.parametrize("missing", [0.0, 0.1])
+@pytest.mark.parametrize("at_a_time", [1, 3 * 20 * 64 + 1, 2**20])
+def test_strips_made_ready_a_few_at_a_time_are_those_of_all_at_once(
+    n: int, missing: float, at_a_time: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last bit."""
+    monkeypatch.setattr(textures, "AT_A_TIME", at_a_time)
+    rng = np.random.default_rng(n)
+    strips = rng.standard_normal((n, 20, 64)).astype(np.float32)
+    strips[rng.random(strips.shape) < missing] = np.nan
+    if missing:
+        strips[:, 7, 9] = strips[2] = np.nan
+    with Kept[textures.Texture]() as ready:
+        textures.keep_textures(ready, strips, None, 2.0, 3.0)
+        edges, seen = (np.stack(parts) for parts in zip(*ready, strict=True))
+    np.testing.assert_array_equal(edges, textures_at_once(strips))
+    np.testing.assert_array_equal(seen, np.isfinite(strips))
+
+
+def test_strips_may_be_made_one_by_one() -> None:
+    strips = strips_of(wall(), Z_MM, ROLL_RAD)
+    one_by_one = estimate_feed(Computed(len(strips), lambda k: strips[k]), DZ_MM, RADIUS_MM, NOMINAL_MM)
+    at_once = feed_of(strips, NOMINAL_MM)
+    np.testing.assert_array_equal(one_by_one.z_mm, at_once.z_mm)
+    np.testing.assert_array_equal(one_by_one.roll_rad, at_once.roll_rad)

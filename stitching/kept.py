@@ -1,4 +1,4 @@
-"""What a survey keeps of every frame, on disk once it is much: memory then does not grow with the recording."""
+"""What is kept of every frame or strip, on disk once it is much: memory then does not grow with the recording."""
 
 import pickle
 from collections.abc import Callable, Iterator, Sequence

@@ -1,0 +1,89 @@
+"""Edges of strips without what all of them show alike, made a few strips at a time and kept on disk."""
+
+from math import prod
+from typing import Protocol
+
+import numpy as np
+
+from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.circle import gaussian
+from endoct.stitching.kept import Kept
+
+FEWEST_FOR_FIXED_PATTERN = 8
+AT_A_TIME = 2**20  # samples: of a few whole strips, or of one part of all
+LEAST_PART = 256  # samples: with smaller ones than that, reading them takes longer than what is done with them
+
+Texture = tuple[Image, Mask]
+"""Edges in a strip, float32 (n_rows, n_theta), 0 where not seen, and what is seen."""
+
+
+class Strips(Protocol):
+    """Strips, float32 (n_rows, n_theta), all of one shape: an array of them, or what reads or makes each anew."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Image: ...
+
+
+def keep_textures(
+    textures: Kept[Texture], strips: Strips, valid: Mask | None, sigma_rows: float, sigma_columns: float
+) -> None:
+    """Append to ``textures`` the edges in every strip without what every row or every strip shows alike.
+
+    Samples that are NaN or not ``valid``, bool (n, n_rows, n_theta), are not seen. Edges, not areas, say where a
+    strip lies: otherwise a trace of the median frame, which the cells themselves leave in it, would pull every feed
+    towards zero.
+    """
+
+    def seen(k: int) -> Image:
+        sees = np.isfinite(strip := strips[k])
+        return np.where(sees if valid is None else sees & valid[k], strip, np.nan).astype(np.float32)
+
+    n, shape = len(strips), strips[0].shape
+    whole = not any(np.isnan(seen(k)).any() for k in range(n))
+    group, part = max(1, AT_A_TIME // prod(shape)), max(LEAST_PART, AT_A_TIME // n)
+    groups = [range(k, min(k + group, n)) for k in range(0, n, group)]
+    parts = [slice(k, k + part) for k in range(0, prod(shape), part)]
+    with Kept[Image]() as blocks:  # every part of the first strips, then every part of the next
+        for those in groups:
+            images = np.stack([_without_rows(seen(k), whole).ravel() for k in those])
+            for part_of_all in parts:
+                blocks.append(np.ascontiguousarray(images[:, part_of_all]))
+        fixed = None
+        if n >= FEWEST_FOR_FIXED_PATTERN:
+            columns = (
+                np.concatenate([blocks[at] for at in range(k, len(blocks), len(parts))]) for k in range(len(parts))
+            )
+            fixed = np.concatenate([_nanmedian(column, 0, whole) for column in columns])
+        for first in range(0, len(blocks), len(parts)):
+            images = np.concatenate([blocks[first + k] for k in range(len(parts))], axis=1)
+            if fixed is not None:
+                images -= fixed
+            for image in images.reshape(-1, *shape):
+                textures.append(_edges(image, sigma_rows, sigma_columns))
+
+
+def _without_rows(image: Image, whole: bool) -> Image:
+    return image - _nanmedian(image.copy(), 1, whole)[:, None]
+
+
+def _edges(image: Image, sigma_rows: float, sigma_columns: float) -> Texture:
+    seen = ~np.isnan(image)
+    edges = np.where(seen, image, np.float32(0))
+    share = gaussian(seen.astype(np.float32), sigma_rows, sigma_columns)
+    edges -= gaussian(edges, sigma_rows, sigma_columns) / np.maximum(share, 0.01)
+    edges[~seen] = 0
+    return edges, seen
+
+
+def _nanmedian(values: Image, axis: int, whole: bool) -> Image:
+    """Median without NaN, and 0 where there is nothing else; it overwrites ``values``.
+
+    Of two in the middle the mean where the strips are ``whole``, without any NaN, else the lower.
+    """
+    if whole:
+        return np.asarray(np.median(values, axis=axis, overwrite_input=True), dtype=np.float32)
+    count = np.sum(~np.isnan(values), axis=axis, keepdims=True)
+    values.sort(axis=axis)
+    middle = np.take_along_axis(values, np.maximum((count - 1) // 2, 0), axis=axis)
+    return np.asarray(np.where(count > 0, middle, 0).squeeze(axis), dtype=np.float32)
