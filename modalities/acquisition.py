@@ -12,6 +12,7 @@ from endoct.modalities.folders import exists, is_folder
 from endoct.modalities.keys import check_kinds, expectation, shown
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
+from endoct.stitching.names import inside
 
 SIDECAR_NAME = "acquisition.toml"
 
@@ -56,14 +57,14 @@ def sidecar_path(recording: Path) -> Path:
 def read_keys(recording: Path) -> dict[str, Any]:
     """Return the keys of the recording's sidecar, its ``calibration`` file merged in; {} where there is none.
 
-    Raises :class:`EndoctError` where a file is not TOML or the calibration file is missing.
+    Raises :class:`EndoctError` where a file is not TOML, or the calibration file is missing or not in that folder.
     """
     path = sidecar_path(recording)
     if not exists(path):
         return {}
     keys = read_toml(path)
     if isinstance(name := keys.get("calibration"), str):
-        extra = read_toml(path.parent / name)
+        extra = read_toml(inside(path.parent, name, f"'calibration' in {path}"))
         if both := sorted(keys.keys() & extra.keys()):
             raise EndoctError(f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them")
         keys |= extra

@@ -119,6 +119,15 @@ def test_a_calibration_that_is_no_file_is_refused(name: str, tmp_path: Path) -> 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["../probe.toml", "/{}/probe.toml", "a/../../probe.toml"])
+def test_a_sidecar_opens_nothing_outside_its_folder(name: str, tmp_path: Path) -> None:
+    (tmp_path / "probe.toml").write_text("axial_pixel_mm = 0.005\n")
+    (tmp_path / "oct").mkdir()
+    (tmp_path / "oct" / "acquisition.toml").write_text(f'calibration = "{name.format(tmp_path)}"\n')
+    with pytest.raises(EndoctError, match="'calibration' in .* names a place outside"):
+        read_keys(tmp_path / "oct")
+
+
 @pytest.mark.parametrize(
     "content",
     [
