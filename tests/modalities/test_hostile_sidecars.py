@@ -124,7 +124,7 @@ def test_a_sidecar_opens_nothing_outside_its_folder(name: str, tmp_path: Path) -
     (tmp_path / "probe.toml").write_text("axial_pixel_mm = 0.005\n")
     (tmp_path / "oct").mkdir()
     (tmp_path / "oct" / "acquisition.toml").write_text(f'calibration = "{name.format(tmp_path)}"\n')
-    with pytest.raises(EndoctError, match="'calibration' in .* names a place outside"):
+    with pytest.raises(EndoctError, match=r"'calibration' in .* names a place outside"):
         read_keys(tmp_path / "oct")
 
 
