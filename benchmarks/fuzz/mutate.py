@@ -38,7 +38,7 @@ def mutated(seed: Seed, others: Sequence[Seed], rng: Random) -> dict[str, Entry]
 
 def _damage(tree: dict[str, Entry], others: Sequence[Seed], rng: Random, *, in_stores: bool) -> None:
     files = [name for name, entry in tree.items() if isinstance(entry, bytes)]
-    if in_stores and rng.random() < 0.3:
+    if in_stores and rng.random() < 0.45:
         change_values(tree, rng)
     elif not files or rng.random() < (0.12 if len(tree) > 1 else 0.02):
         _change_tree(tree, rng)
@@ -56,9 +56,9 @@ def mutate_file(name: str, data: bytes, rng: Random) -> bytes:
 
 def _change_file(name: str, data: bytes, others: Sequence[Seed], rng: Random) -> bytes:
     kind = rng.random()
-    if kind < 0.68:
+    if kind < (0.88 if name.endswith(TELLING) else 0.68):  # texts with flipped bits are seldom more than no texts
         return mutate_file(name, data, rng)
-    if kind < 0.93:
+    if kind < 0.95:
         return mutate_bytes(data, rng)
     suffix = PurePosixPath(name).suffix
     alike = [
