@@ -18,7 +18,7 @@ from endoct.stitching.files import read_small
 from endoct.stitching.limits import check_array_size, largest_array_bytes
 from endoct.stitching.zarr_metadata import CHECKSUM, Declared
 
-MOST_CHUNKS = 100_000
+MOST_CHUNKS = 20_000
 MOST_TEXT_BYTES = 1_000_000
 _MOST_PADDED = 4
 """Chunks reach beyond the ends of an array; all of them together may have this many times the largest array."""
