@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from benchmarks.fuzz.trees import Seed
 class Reader:
     """``read`` is called with the path of a case; of many files ``share`` are its, relative to the others'.
 
-    ``seconds``: what it may take at most.
+    ``seconds``: what it may take at most; ``needs``: a module without which endoct is too old to have it.
     """
 
     name: str
@@ -22,6 +23,7 @@ class Reader:
     seeds: Callable[[], Iterable[Seed]]
     share: float
     seconds: float = 5.0
+    needs: str = ""
 
 
 def _frames(path: Path) -> None:
@@ -218,6 +220,30 @@ def _sample(path: Path) -> None:
     _checked(_read_json(path))
 
 
+def _output(path: Path) -> None:
+    from benchmarks.fuzz.seed_outputs import KIND
+    from endoct.stitching.errors import EndoctError
+    from endoct.stitching.output import new_output
+    from endoct.workbench.verifying import verify
+
+    refused = None
+    try:
+        verify(path)
+    except EndoctError as error:
+        refused = error
+    with new_output(path, KIND, overwrite=True) as made:  # may only go where it is as it was written
+        made.mkdir()
+    if refused is not None:
+        raise refused
+
+
+def _unfinished(path: Path) -> None:
+    from benchmarks.fuzz.seed_outputs import PLAN
+    from endoct.workbench.bench.keeping import kept_beside
+
+    kept_beside(path / "results", PLAN, overwrite=False).read()
+
+
 def _seeds(module: str, *names: str) -> Callable[[], Iterator[Seed]]:
     """Return what yields the seeds of functions by name; modules that make seeds are loaded when they are asked."""
 
@@ -245,15 +271,19 @@ _ALL = (
     Reader("panorama", _panorama, _seeds("seed_results", "panorama_seeds"), 3),
     Reader("comparison", _comparison, _seeds("seed_results", "comparison_store_seeds"), 3),
     Reader("report", _report, _seeds("seed_results", "comparison_seeds"), 3),
-    Reader("figures", _figures, _seeds("seed_results", "comparison_seeds"), 0.03, 120.0),
+    Reader("figures", _figures, _seeds("seed_results", "comparison_seeds"), 0.1, 120.0),
     Reader("describe", _describe, _seeds("seed_results", "result_seeds", "panorama_seeds"), 2),
     Reader("summary", _summary, _seeds("seed_results", "summary_seeds"), 2),
     Reader("truth", _truth, _seeds("seed_results", "truth_seeds"), 1.5),
     Reader("specimens", _specimens, _seeds("seed_sets", "set_seeds"), 2),
     Reader("records", _records, _seeds("seed_sets", "record_seeds"), 2),
     Reader("sample", _sample, _seeds("seed_sets", "sample_seeds"), 3),
+    Reader("outputs", _output, _seeds("seed_outputs", "output_seeds"), 2, needs="endoct.stitching.contents"),
+    Reader(
+        "unfinished", _unfinished, _seeds("seed_outputs", "unfinished_seeds"), 0.5, needs="endoct.stitching.contents"
+    ),
 )
-READERS = {reader.name: reader for reader in _ALL}
+READERS = {reader.name: reader for reader in _ALL if not reader.needs or find_spec(reader.needs)}
 
 
 @cache

@@ -1,0 +1,45 @@
+"""Sound outputs that say of themselves what they hold, and what a stopped run of the bench leaves."""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.fuzz.seed_results import panorama
+from benchmarks.fuzz.seed_sets import set_seeds
+from benchmarks.fuzz.trees import Seed, read_tree
+from endoct.stitching.output import new_output
+from endoct.stitching.store import save_panorama
+from endoct.workbench.bench.keeping import kept_beside
+from endoct.workbench.bench.runner import Plan, Row
+
+KIND = "panorama"
+PLAN = Plan("segmentation", ("endoct", "otsu"), seeds=(1, 2))
+
+
+def output_seeds() -> Iterator[Seed]:
+    """Yield an output of endoct, one with another in it, and data sets."""
+    for nested in (False, True):
+        with tempfile.TemporaryDirectory() as scratch:
+            root = Path(scratch)
+            with new_output(root / "out", KIND) as made:
+                save_panorama(panorama(), made)
+                if nested:
+                    with new_output(made / "figures", "figures") as inner:
+                        inner.mkdir()
+                        (inner / "a.png").write_bytes(b"a figure")
+            yield Seed(f"output, {'with' if nested else 'without'} a part", "out", read_tree(root))
+    for seed in set_seeds():
+        files = {f"out/{name}": data for name, data in seed.files.items()}
+        yield Seed(seed.name, "out", files, refused=True)  # to be overwritten; to be verified it is fine
+
+
+def unfinished_seeds() -> Iterator[Seed]:
+    """Yield what the bench keeps beside its output."""
+    with tempfile.TemporaryDirectory() as scratch:
+        kept = kept_beside(Path(scratch) / "results", PLAN, overwrite=False)
+        for place in range(2):
+            row = Row(
+                f"case {place}", "otsu", "ok", "", 0.5, 0.4, {"cell_mm": 0.5, "oct.scan": "step"}, {"jaccard": 0.7}
+            )
+            kept.put(place, [row, Row("case", "endoct", "failed", "it raised", 0.1, 0.1, {}, {})])
+        yield Seed("unfinished", "", read_tree(Path(scratch)))
