@@ -85,6 +85,10 @@ class Panorama:
                 raise EndoctError(
                     f"{name} of a panorama cannot be used", found=f"{values.dtype} {values.shape}", expected="numbers"
                 )
+            if name == f"{self.frame_dim}_z_mm" and values.ndim != 1:
+                raise EndoctError(
+                    f"{name} of a panorama cannot be used", found=f"{values.shape}", expected="one a frame"
+                )
         if len(lengths := {len(values) for values in self.per_frame.values()}) > 1:
             found = " and ".join(map(str, sorted(lengths)))
             raise EndoctError("what a panorama has per frame must be of one length", found=found)

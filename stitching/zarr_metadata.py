@@ -86,6 +86,8 @@ class Declared:
 
     def chunk_keys(self) -> Iterator[str]:
         """Yield the names of all chunks, relative to the array's folder."""
+        if 0 in self.n_chunks:  # however many there would be along the other axes
+            return
         prefix, separator = self.key
         for index in itertools.product(*map(range, self.n_chunks)):
             yield separator.join([*([prefix] if prefix else []), *map(str, index)]) or "0"

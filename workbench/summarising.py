@@ -2,8 +2,6 @@
 
 import csv
 import json
-import math
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,6 +59,7 @@ _INTERVALS: Mapping[str, tuple[str, ...]] = {
 
 Row = dict[str, Any]
 
+LARGEST_SCORE = 1e12
 LARGEST_RESULT_BYTES = 16_000_000
 """That of a comparison has a hundred kB."""
 
@@ -180,8 +179,7 @@ def _values(result: Mapping[str, Any]) -> dict[str, tuple[float | None, tuple[fl
 
 
 def _number(name: str, value: object) -> float:
-    # a whole number of hundreds of digits is no float
-    if not isinstance(value, int | float) or not abs(value) <= sys.float_info.max or not math.isfinite(value):
+    if not isinstance(value, int | float) or not abs(value) <= LARGEST_SCORE:
         raise ValueError(f"'{name}' is no number")
     return float(value)
 

@@ -252,3 +252,18 @@ def test_a_store_of_zarr_2_is_no_panorama(tmp_path: Path) -> None:
     zarr.create_group(tmp_path / "p.zarr", zarr_format=2, attributes={"format": "endoct-panorama-1"})
     with pytest.raises(EndoctError, match="is no panorama"):
         load_panorama(tmp_path / "p.zarr")
+
+
+def test_an_array_without_samples_states_no_chunks_however_long_it_is(store: Path) -> None:
+    def empty(told: dict[str, Any]) -> None:
+        told["shape"], told["chunk_grid"]["configuration"]["chunk_shape"] = [2**62, 0], [1, 1]
+
+    edit(store / "intensity" / "zarr.json", empty)
+    with pytest.raises(EndoctError):
+        load_panorama(store)
+
+
+def test_places_of_frames_are_one_number_each(store: Path) -> None:
+    panorama = load_panorama(store)
+    with pytest.raises(EndoctError, match=r"frame_z_mm of a panorama cannot be used; found .*one a frame"):
+        replace(panorama, frame_dim="frame", per_frame={"frame_z_mm": np.zeros((3, 1))})

@@ -132,6 +132,7 @@ def _damaged() -> dict[str, str]:
         "a score that is a list": {"valid_fraction": [1]},
         "a score that is not finite": {"jaccard": float("nan")},
         "a score beyond all": {"jaccard": float("-inf")},
+        "a score whose square is beyond all": {"jaccard": 1e300},
         "a score of 400 digits": {"jaccard": 10**400},
         "scores that are a list": {"scores": [1]},
         "scores that are a number": {"scores": 7},
