@@ -2,13 +2,13 @@
 
 import faulthandler
 import logging
+import multiprocessing
 import os
 import resource
 import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from multiprocessing import util
 from multiprocessing.connection import Connection
 from pathlib import Path
 from random import Random
@@ -67,6 +67,8 @@ def target_of(sound: Seed, tree: dict[str, Entry], case: Path) -> Path:
 
 def try_cases(connection: Connection, cases: Sequence[Case], seed: int, scratch: Path, seconds: float | None) -> None:
     """Try ``cases`` in order; send a :class:`Report` of each. Runs in a process of its own."""
+    # locks that libraries make are then gone with the process, however that ends
+    multiprocessing.set_start_method("fork", force=True)
     scratch.mkdir(parents=True, exist_ok=True)
     errors = _silenced(scratch / "stderr")
     for name in dict.fromkeys(case.reader for case in cases):
@@ -88,7 +90,6 @@ def try_cases(connection: Connection, cases: Sequence[Case], seed: int, scratch:
             write_tree(tree, kept)
         connection.send(Report(case, outcome, said, kept, leave))
         if leave:
-            util._run_finalizers()  # type: ignore[attr-defined]
             os._exit(0)  # threads that never end would hold an orderly end up
     shutil.rmtree(folder, ignore_errors=True)
     connection.close()
