@@ -3,10 +3,13 @@
 A fixed share of what ``python -m benchmarks.fuzz`` tries.
 """
 
+import os
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.fuzz.readers import READERS, seeds_of
@@ -14,13 +17,53 @@ from benchmarks.fuzz.running import plan_cases, run
 from benchmarks.fuzz.telling import groups
 from benchmarks.fuzz.trees import write_tree
 from benchmarks.fuzz.watching import READ, REFUSED, tried
+from endoct.stitching.errors import EndoctError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="watches time and memory as POSIX has it")
 
 QUICK = [name for name in READERS if name not in ("figures", "unfinished")]
 """To draw takes seconds; what a stopped run of the bench leaves is for the benchmark alone."""
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forgets the peak of resident memory")
 PATIENT_S = 120.0
 """Ends a hang; no test depends on how long a reader takes."""
+
+
+class _TwoLines(EndoctError):
+    def __str__(self) -> str:
+        return "two\nlines"
+
+
+def _says_two_lines(_: Path) -> None:
+    raise _TwoLines("x")
+
+
+def _waits_for_ever(path: Path) -> None:
+    os.mkfifo(path / "pipe")
+    (path / "pipe").read_bytes()
+
+
+def _takes_memory(_: Path) -> None:
+    np.ones(10_000_000)
+
+
+@pytest.mark.parametrize(
+    ("read", "kind"),
+    [
+        (lambda path: None, READ),
+        (lambda path: (path / "a\0b").stat(), "ValueError"),
+        (_says_two_lines, "message of several lines"),
+        (lambda path: (path / ".." / "beside").read_bytes(), "reaches outside"),
+        (_waits_for_ever, "too long"),
+        pytest.param(_takes_memory, "much memory", marks=LINUX),
+    ],
+)
+def test_the_watch_sees(
+    read: Callable[[Path], object], kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("benchmarks.fuzz.watching.MOST_BYTES", 40_000_000)
+    (tmp_path / "beside").write_bytes(b"")
+    (tmp_path / "case").mkdir()
+    assert tried(read, tmp_path / "case", case=tmp_path / "case", seconds=0.2).kind == kind
 
 
 @pytest.mark.parametrize("name", QUICK)
