@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 LONGEST_CAUSE = 300
+LONGEST_PATH = 1000
 
 
 class EndoctError(Exception):
@@ -22,7 +23,7 @@ class EndoctError(Exception):
 
     def __str__(self) -> str:
         parts = [
-            self.what,
+            _short(self.what, LONGEST_PATH),  # it may name what a file, or a user, brings
             f"found {_short(self.found)}" if self.found else "",
             f"expected {self.expected}" if self.expected else "",
             self.remedy,
@@ -60,8 +61,8 @@ def cause_of(error: BaseException) -> str:
     return text if isinstance(error, OSError | ValueError) and text else f"{type(error).__name__}: {text}".rstrip(": ")
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= LONGEST_CAUSE else f"{text[:LONGEST_CAUSE]}…"
+def _short(text: str, most: int = LONGEST_CAUSE) -> str:
+    return text if len(text) <= most else f"{text[:most]}…"
 
 
 def visible(text: str) -> str:
