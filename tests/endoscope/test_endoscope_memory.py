@@ -65,7 +65,7 @@ def test_memory_hardly_grows_with_frames(quick_specimen: Path, monkeypatch: pyte
     few, many = (kept_and_peak(Again(quick_specimen / "endoscope", n), monkeypatch) for n in (12, 36))
     held, most = ((more - less) / 24 for less, more in zip(few, many, strict=True))
     assert held < 2500
-    assert most < 7000
+    assert most < 20_000  # a frame more or less in the hands of a thread when the peak comes counts as well
 
 
 def test_a_survey_by_way_of_the_disk_is_the_same(quick_specimen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
