@@ -15,7 +15,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from endoct.stitching.errors import EndoctError
+from pydantic import TypeAdapter
+
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small
+from endoct.stitching.json_values import read_object
 from endoct.stitching.scratch import clear_dead_scratch, new_file
 from endoct.workbench.bench.methods import load_task, module_of, origin
 from endoct.workbench.bench.runner import Plan, Row
@@ -24,6 +28,7 @@ from endoct.workbench.inputs import versions
 
 RUN = "run.json"
 _KEPT = re.compile(r"run\.json|[0-9]{6}\.json")
+MOST_BYTES = 16_000_000
 PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
 
@@ -34,9 +39,9 @@ class Kept:
     folder: Path
 
     def read(self) -> dict[int, list[Row]]:
-        """Return the rows of every source that is finished."""
-        files = sorted(self.folder.glob("[0-9]*.json"))
-        return {int(path.stem): [Row(**row) for row in json.loads(path.read_text("utf-8"))] for path in files}
+        """Return the rows of every source that is finished. Raises :class:`EndoctError` where a file is damaged."""
+        files = sorted(path for path in self.folder.iterdir() if _KEPT.fullmatch(path.name) and path.name != RUN)
+        return {int(path.stem): _rows(path) for path in files}
 
     def put(self, place: int, rows: Sequence[Row]) -> None:
         """Keep the rows of one source."""
@@ -54,12 +59,10 @@ def kept_beside(output: Path, plan: Plan, *, overwrite: bool) -> Kept:
     """
     folder = output.with_name(f"{output.name}.unfinished")
     wanted = json.loads(json.dumps(asked(plan) | {"source": _source(plan)}))
-    try:
-        begun = json.loads((folder / RUN).read_text("utf-8"))
-    except FileNotFoundError:
-        begun = None
-    except (OSError, ValueError) as error:
-        raise EndoctError(f"{folder / RUN} cannot be read", found=str(error), remedy="remove that folder") from error
+    begun = None
+    if os.path.lexists(folder / RUN):
+        with refusing(f"{folder / RUN} cannot be read", remedy="remove that folder"):
+            begun = read_object(folder / RUN, MOST_BYTES)
     if begun == wanted:
         clear_dead_scratch(folder)
         return Kept(folder)
@@ -73,6 +76,11 @@ def kept_beside(output: Path, plan: Plan, *, overwrite: bool) -> Kept:
     _remove(folder)
     _write(folder / RUN, wanted)
     return Kept(folder)
+
+
+def _rows(path: Path) -> list[Row]:
+    with refusing(f"{path} is damaged", remedy="remove it; its cases are run again then"):
+        return TypeAdapter(list[Row]).validate_json(read_small(path, MOST_BYTES))
 
 
 def asked(plan: Plan) -> dict[str, Any]:

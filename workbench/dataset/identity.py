@@ -84,6 +84,8 @@ def read_identity(root: Path) -> dict[str, Any]:
         wishes = stored["arguments"].get("vary", {})
         if not isinstance(wishes, dict) or not all(isinstance(wish, list) for wish in wishes.values()):
             raise ValueError("what it varies is no table of lists")
+        if any(isinstance(value, dict) for name, value in stored["arguments"].items() if name != "vary"):
+            raise ValueError("an argument is a table")
     return dict(stored)
 
 
