@@ -1,6 +1,7 @@
 """Folders for what is not finished: hidden, beside their place, cleared away after whoever died."""
 
 import os
+import re
 import shutil
 import socket
 import sys
@@ -13,9 +14,10 @@ from typing import IO
 
 from endoct.stitching.contents import sync
 from endoct.stitching.exchange import put_new
+from endoct.stitching.files import read_start
 
 PREFIX = ".endoct-"
-GONE = ".endoct.gone-"
+GONE = ".endoct.gone-endoct-"
 """How the name of a scratch folder begins that is being removed."""
 LOCK_NAME = "lock"
 NEW, REPLACED = "new", "replaced"
@@ -84,6 +86,7 @@ class TemporaryFolder(tempfile.TemporaryDirectory[str]):
     def cleanup(self) -> None:
         """Remove the folder."""
         self._lock.close()
+        _remove(Path(self.name))
         super().cleanup()
 
 
@@ -99,7 +102,7 @@ def _lock_in(folder: Path) -> Iterator[None]:
 
 def _remove(folder: Path) -> None:
     """Remove a scratch folder; one that is not all removed when this process dies is known by its name then."""
-    gone = folder.with_name(f"{GONE}{folder.name.lstrip('.')}")
+    gone = folder.with_name(f"{GONE}{folder.name.lstrip('.').removeprefix('endoct-')}")
     with suppress(OSError):
         folder = folder.rename(gone)
     shutil.rmtree(folder, ignore_errors=True)
@@ -122,7 +125,8 @@ def _clear(folder: Path, prefix: str) -> int:
             shutil.rmtree(scratch, ignore_errors=True)
             continue
         try:
-            if not (scratch / LOCK_NAME).exists() and time.time() - scratch.stat().st_mtime < _SURELY_LOCKED_S:
+            if not _is_lock(scratch / LOCK_NAME):  # one of a maker that died at once, or nothing of endoct's
+                _remove_unlocked(scratch)
                 continue
             with held(scratch / LOCK_NAME):
                 _restore(scratch, folder)
@@ -131,6 +135,19 @@ def _clear(folder: Path, prefix: str) -> int:
         _remove(scratch)
         cleared += 1
     return cleared
+
+
+def _is_lock(path: Path) -> bool:
+    return re.match(rb"process \d+ on ", read_start(path, 30)) is not None
+
+
+def _remove_unlocked(scratch: Path) -> None:
+    """Remove a folder in which nothing lies but a lock that was begun, if its maker had the time to take it."""
+    if time.time() - scratch.stat().st_mtime > _SURELY_LOCKED_S:
+        with suppress(OSError):
+            if [path.name for path in scratch.iterdir()] == [f"{LOCK_NAME}.new"]:
+                (scratch / f"{LOCK_NAME}.new").unlink()
+            scratch.rmdir()
 
 
 def keep_aside(made: Path, place: Path) -> Path:

@@ -429,8 +429,15 @@ def test_temporary_folders_of_the_dead_are_removed(tmp_path: Path, monkeypatch: 
     subprocess.run([sys.executable, "-c", code], env={**os.environ, "TMPDIR": str(tmp_path)}, check=False)
     (dead,) = tmp_path.iterdir()
     (tmp_path / "endoct-bench-mine").mkdir()  # no lock, not old: perhaps somebody is about to lock it
+    for name in ("endoct-bench-thesis", ".endoct-bench-thesis", ".endoct.gone-thesis"):  # nothing of endoct's
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "lock").write_text("the front door")
+        os.utime(tmp_path / name, (0, 0))
     with TemporaryFolder("bench") as mine, TemporaryFolder("bench") as other:
         assert not dead.exists()
         assert Path(mine).is_dir()
         assert Path(other).is_dir()
-    assert names(tmp_path) == ["endoct-bench-mine"]
+    write(tmp_path / "bench", "new")
+    assert names(tmp_path) == [
+        ".endoct-bench-thesis", ".endoct.gone-thesis", "bench", "endoct-bench-mine", "endoct-bench-thesis",
+    ]  # fmt: skip
