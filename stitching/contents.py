@@ -153,11 +153,11 @@ def remove_listed(folder: Path, contents: Contents) -> bool:
                 remove_listed(path, of_part)
         elif name in contents.files or name in contents.parts:
             path.unlink()
-    for below, _, names in os.walk(folder, topdown=False):
-        for name in names:
-            if name == NAME or _is_left_by_system(name):
+    for below, _, _ in os.walk(folder, topdown=False):
+        left = os.listdir(below)  # noqa: PTH208 - iterdir would keep the folder open on some systems
+        if all(name == NAME or _is_left_by_system(name) for name in left):  # else the list stays with what is left
+            for name in left:
                 (Path(below) / name).unlink()
-        if not os.listdir(below):  # noqa: PTH208 - iterdir would keep the folder open on some systems
             Path(below).rmdir()
     return not folder.exists()
 

@@ -6,7 +6,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from endoct.stitching.contents import Contents, differences, is_marked, read_contents, remove_listed, seal, sync
+from endoct.stitching.contents import Contents, differences, read_contents, remove_listed, seal, sync
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.exchange import exchange, put_new, uninterrupted
 from endoct.stitching.files import State, state_of
@@ -29,7 +29,7 @@ class _Judged:
 
 @contextmanager
 def new_output(
-    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = is_marked
+    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = lambda _: False
 ) -> Iterator[Path]:
     """Yield a scratch path; what the caller makes there, a file or a folder, becomes ``path`` if all goes well.
 
@@ -67,7 +67,7 @@ def new_output(
 
 
 def check_output(
-    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = is_marked
+    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = lambda _: False
 ) -> Path:
     """Return where ``path`` leads, links resolved, if an output of that ``kind`` may be written there.
 
@@ -109,7 +109,7 @@ def check_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
 def remove_output(path: Path, kind: str) -> None:
     """Remove an output of endoct's that holds nothing else and was not changed; leave anything else as it is."""
     with suppress(EndoctError, OSError):
-        judged = _judged(path, kind, True, is_marked)
+        judged = _judged(path, kind, True, lambda _: False)
         if judged is not None and judged.contents is not None:
             remove_listed(path, judged.contents)
 

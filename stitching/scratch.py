@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import socket
+import stat
 import sys
 import tempfile
 import time
@@ -12,7 +13,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from endoct.stitching.contents import sync
+from endoct.stitching.contents import read_contents, remove_listed, sync
+from endoct.stitching.errors import EndoctError
 from endoct.stitching.exchange import put_new
 from endoct.stitching.files import read_start
 
@@ -22,6 +24,7 @@ GONE = ".endoct.gone-endoct-"
 LOCK_NAME = "lock"
 NEW, REPLACED = "new", "replaced"
 """Folders in a scratch folder: of what is made, and of what had to be moved aside for it."""
+_LOCK = re.compile(r"process \d+ on .*\n")
 _SURELY_LOCKED_S = 5.0
 """A scratch folder that has no lock by then has lost its maker before it was locked."""
 
@@ -34,14 +37,20 @@ class HeldError(Exception):
 def held(path: Path) -> Iterator[None]:
     """Hold the lock ``path``; the operating system lets go of it with the process, however that ends.
 
-    Raises :class:`HeldError` where another process holds it.
+    Raises :class:`HeldError` where another process holds it, and :class:`EndoctError` where something else lies there:
+    a link, or a file with another text, which is left as it is.
     """
-    with path.open("a+", encoding="utf-8") as file:
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o666)
+    with os.fdopen(handle, "r+", encoding="utf-8", errors="replace") as file:
+        of, text = os.fstat(handle), file.read(200)
+        if not stat.S_ISREG(of.st_mode) or of.st_nlink != 1 or (text and not _LOCK.match(text)):
+            raise EndoctError(f"{path} is no lock of endoct's", found=text[:40], remedy="move it away")
         try:
             _lock(file)
         except (BlockingIOError, PermissionError) as error:
             file.seek(0)
             raise HeldError(file.read().strip() or "another process") from error
+        file.seek(0)
         file.truncate(0)
         file.write(f"process {os.getpid()} on {socket.gethostname()}\n")
         file.flush()
@@ -101,7 +110,14 @@ def _lock_in(folder: Path) -> Iterator[None]:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a scratch folder; one that is not all removed when this process dies is known by its name then."""
+    """Remove a scratch folder; one that is not all removed when this process dies is known by its name then.
+
+    Of an output that was replaced only what endoct wrote is removed; what else lies in it is kept beside.
+    """
+    for output in (*_within(folder / NEW), *_within(folder / REPLACED)):
+        contents = read_contents(output) if output.is_dir() and not output.is_symlink() else None
+        if contents is not None and not remove_listed(output, contents):
+            keep_aside(output, folder.parent / output.name)
     gone = folder.with_name(f"{GONE}{folder.name.lstrip('.').removeprefix('endoct-')}")
     with suppress(OSError):
         folder = folder.rename(gone)
@@ -130,7 +146,12 @@ def _clear(folder: Path, prefix: str) -> int:
                 continue
             with held(scratch / LOCK_NAME):
                 _restore(scratch, folder)
-        except (HeldError, FileNotFoundError, PermissionError):  # in use, removed by its maker just now, or not ours
+        except (
+            HeldError,
+            EndoctError,
+            FileNotFoundError,
+            PermissionError,
+        ):  # in use, removed by its maker just now, or not ours
             continue
         _remove(scratch)
         cleared += 1
@@ -138,7 +159,7 @@ def _clear(folder: Path, prefix: str) -> int:
 
 
 def _is_lock(path: Path) -> bool:
-    return re.match(rb"process \d+ on ", read_start(path, 30)) is not None
+    return not path.is_symlink() and _LOCK.match(read_start(path, 200).decode("utf-8", "replace")) is not None
 
 
 def _remove_unlocked(scratch: Path) -> None:
@@ -150,10 +171,15 @@ def _remove_unlocked(scratch: Path) -> None:
             scratch.rmdir()
 
 
+def _within(folder: Path) -> list[Path]:
+    """Return what lies in a folder, nothing where it is a link or none."""
+    return sorted(folder.iterdir()) if folder.is_dir() and not folder.is_symlink() else []
+
+
 def keep_aside(made: Path, place: Path) -> Path:
     """Move ``made`` to a free name beside ``place`` and return that: NAME.kept-1 or the next."""
     for number in range(1, 1000):
-        free = place.with_name(f"{place.name}.kept-{number}")
+        free = place.with_name(f"{place.name.encode()[:200].decode(errors='ignore')}.kept-{number}")
         with suppress(FileExistsError):
             put_new(made, free)
             return free
@@ -161,7 +187,7 @@ def keep_aside(made: Path, place: Path) -> Path:
 
 
 def _restore(scratch: Path, folder: Path) -> None:
-    for old in (scratch / REPLACED).iterdir() if (scratch / REPLACED).is_dir() else ():
+    for old in _within(scratch / REPLACED):
         with suppress(OSError):  # the empty folder by which the place was claimed for the new one
             (folder / old.name).rmdir()
         if not os.path.lexists(folder / old.name):
@@ -176,7 +202,9 @@ def _is_ours(scratch: Path) -> bool:
 
 
 def _short(name: str) -> str:
-    return name[:60]  # a name may be as long as the file system takes; this one has more to hold
+    return os.fsencode(name)[:60].decode(
+        errors="ignore"
+    )  # a name may be as long as the file system takes; this one has more to hold
 
 
 @contextmanager

@@ -1,15 +1,16 @@
 """What a path is, what its sidecar lacks, and which modalities are installed."""
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from endoct.modalities.acquisition import read_keys, sidecar_path, validate
+from endoct.modalities.acquisition import read_keys, read_toml, sidecar_path, validate
 from endoct.modalities.contract import Manifest
 from endoct.modalities.registry import manifest_for, manifests, open_recording
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
 from endoct.stitching.output import new_output
 from endoct.stitching.store import is_panorama, load_panorama
@@ -89,12 +90,23 @@ def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool)
     sidecar = sidecar_path(path)
     if sidecar.exists() and not overwrite:
         raise EndoctError(f"{sidecar} exists already", remedy="edit it, or say --overwrite to lay its keys out anew")
-    kept = read_keys(path) | {"modality": manifest.name}
+    kept = (read_toml(sidecar) if sidecar.exists() else {}) | {"modality": manifest.name}
+    fields = manifest.acquisition.model_fields
+    if unknown := sorted(kept.keys() - fields.keys()):
+        raise EndoctError(
+            f"'{unknown[0]}' in {sidecar} is no key of '{manifest.name}'",
+            expected=", ".join(fields),
+            remedy="correct or remove it first: it would be lost",
+        )
     lines = [f"{_FIRST_LINE[0]}{path.name}{_FIRST_LINE[1]}", ""]
     for key, field in manifest.acquisition.model_fields.items():
         lines += [f"# {_about(field)}", _line(key, field, kept), ""]
+    text = "\n".join(lines)
+    with refusing(f"{sidecar} cannot be laid out anew", remedy="edit it by hand"):
+        if tomllib.loads(text) != kept:
+            raise ValueError("its values would change")
     with new_output(sidecar, SIDECAR, overwrite=overwrite, is_ours=_is_template) as scratch:
-        scratch.write_text("\n".join(lines), encoding="utf-8")
+        scratch.write_text(text, encoding="utf-8")
     return sidecar, _missing(manifest, kept)
 
 
@@ -120,7 +132,7 @@ def _missing(manifest: Manifest, keys: dict[str, Any]) -> dict[str, str]:
 
 def _line(key: str, field: FieldInfo, kept: dict[str, Any]) -> str:
     if key in kept and isinstance(kept[key], str | int | float | bool | list):
-        return f"{key} = {json.dumps(kept[key])}"
+        return f"{key} = {json.dumps(kept[key], ensure_ascii=False)}"
     if key in kept:
         raise EndoctError(f"the sidecar's '{key}' cannot be carried over", remedy="edit the sidecar by hand")
     default = field.get_default()

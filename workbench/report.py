@@ -10,7 +10,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from endoct.stitching.contents import marked
+from endoct.stitching.contents import is_marked, marked
+from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
 from endoct.workbench.beside import Beside, Tell
 from endoct.workbench.doubts import doubts, without_stop
@@ -46,7 +47,10 @@ def write_report(folder: Path, beside: Beside | None = None) -> Path:
     written.
     """
     page = folder / "report.html"
-    check_output(page, REPORT, overwrite=True)
+    for part in (page, folder / "figures"):
+        if part.is_symlink():
+            raise EndoctError(f"{part} is a link", expected="what endoct wrote", remedy="move it away")
+    check_output(page, REPORT, overwrite=True, is_ours=is_marked)
     check_output(folder / "figures", FIGURES, overwrite=True)
     findings = read_findings(folder)
     with new_output(folder / "figures", FIGURES, overwrite=True) as figures:
@@ -55,7 +59,7 @@ def write_report(folder: Path, beside: Beside | None = None) -> Path:
         on_grid = draw_on_grid(findings, figures)
         own = draw_on_own_rows(findings, figures) if there is None else there.result()
         html = page_html(findings, [*on_grid, *own])
-    with new_output(page, REPORT, overwrite=True) as scratch:
+    with new_output(page, REPORT, overwrite=True, is_ours=is_marked) as scratch:
         scratch.write_text(marked(html), encoding="utf-8")
     return page
 

@@ -441,3 +441,45 @@ def test_temporary_folders_of_the_dead_are_removed(tmp_path: Path, monkeypatch: 
     assert names(tmp_path) == [
         ".endoct-bench-thesis", ".endoct.gone-thesis", "bench", "endoct-bench-mine", "endoct-bench-thesis",
     ]  # fmt: skip
+
+
+LOCK = "process 1 on a machine\n"
+
+
+def test_hostile_scratch_leads_nowhere(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    (home / "thesis.tex").write_text("years of work")
+    (home / "lock").write_text(LOCK)
+    for number, (lock, replaced) in enumerate([("file", "link"), ("link", "none"), ("hard link", "none")]):
+        scratch = tmp_path / f".endoct-out-{number}"
+        scratch.mkdir()
+        if lock == "link":
+            (scratch / "lock").symlink_to(home / "thesis.tex")
+        elif lock == "hard link":
+            os.link(home / "lock", scratch / "lock")
+        else:
+            (scratch / "lock").write_text(LOCK)
+        if replaced == "link":
+            (scratch / "replaced").symlink_to(home)
+    write(tmp_path / "out", "new")
+    assert tree(home) == {"thesis.tex": "years of work", "lock": LOCK}
+    assert names(tmp_path / "out") == [NAME, "inside"]
+
+
+def test_what_was_added_to_a_replaced_output_outlives_a_kill(tmp_path: Path) -> None:
+    scratch = tmp_path / ".endoct-out-dead"
+    (scratch / "new").mkdir(parents=True)
+    write(tmp_path / "old", "old")
+    (tmp_path / "old" / ".notes").write_text("mine")
+    (tmp_path / "old").rename(scratch / "new" / "out")  # as exchanged, and killed then
+    (scratch / "lock").write_text(LOCK)
+    write(tmp_path / "out", "new")
+    assert tree(tmp_path / "out.kept-1")[".notes"] == "mine"
+    assert names(tmp_path) == ["out", "out.kept-1"]
+
+
+def test_a_page_is_replaced_by_nothing_but_a_page(tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text(marked("<p>page"))
+    with pytest.raises(EndoctError, match="was not written by endoct"):
+        write(tmp_path / "report.html", "new", overwrite=True)

@@ -44,3 +44,23 @@ def test_comments_of_the_user_are_not_overwritten(mine: str, tmp_path: Path) -> 
     with pytest.raises(EndoctError, match="was not written by endoct, or changed since"):
         write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=True)
     assert sidecar.read_text() == before
+
+
+@pytest.mark.parametrize("mine", ["feed_pich_mm = 0.2\n", "theta_origin_rad = nan\n"])
+def test_a_value_that_would_be_lost_stops_it(mine: str, tmp_path: Path) -> None:
+    sidecar, _ = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    sidecar.write_text(sidecar.read_text() + mine)
+    before = sidecar.read_text()
+    with pytest.raises(EndoctError):
+        write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=True)
+    assert sidecar.read_text() == before
+
+
+def test_keys_of_a_calibration_stay_there(tmp_path: Path) -> None:
+    sidecar, _ = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    (tmp_path / "endo" / "😀.toml").write_text("bore_diameter_mm = 2.5\n", encoding="utf-8")
+    sidecar.write_text(sidecar.read_text(encoding="utf-8") + 'calibration = "😀.toml"\n', encoding="utf-8")
+    write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=True)
+    text = sidecar.read_text(encoding="utf-8")
+    assert '\ncalibration = "😀.toml"\n' in text
+    assert "\nbore_diameter_mm = 2.5" not in text

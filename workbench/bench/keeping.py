@@ -128,6 +128,8 @@ def _remove(folder: Path) -> None:
         raise EndoctError(f"{folder} is no folder that endoct made", remedy="move it away, or choose another output")
     clear_dead_scratch(folder)
     files = sorted(folder.iterdir())
+    if files and not (folder / RUN).is_file():
+        raise EndoctError(f"{folder} is no folder that endoct made", remedy="move it away, or choose another output")
     others = [path.name for path in files if not (path.is_file() and _KEPT.fullmatch(path.name))]
     if others:
         raise EndoctError(

@@ -14,7 +14,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_place
 from endoct.stitching.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
-from endoct.workbench.dataset.files import WRITTEN, count_damaged, disk_errors_told, top_file
+from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, disk_errors_told, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
 from endoct.workbench.dataset.manifest import write_manifest
@@ -153,6 +153,9 @@ def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str
         raise EndoctError("--workers cannot be that", found=str(workers), expected="1 or more")
     root = Path(os.path.abspath(output))  # noqa: PTH100 - where a link leads may differ between machines
     check_place(root)
+    for name in ("specimens", "shards", RECORDS, DAMAGED, LOCK_NAME):
+        if (root / name).is_symlink():
+            raise EndoctError(f"{root / name} is a link", expected="a data set in one place", remedy="move it away")
     check_identity(root, plan)
     first = job(plan, 0)
     draw(plan.preset, first.seed, bore_seed=first.bore_seed, wishes=plan.wishes)
@@ -196,8 +199,10 @@ def _finished_bytes(root: Path, plan: Plan, stages: Stages) -> dict[str, int]:
 
 
 def _clear(root: Path) -> None:
-    for folder in (root, *(path for path in root.iterdir() if path.is_dir() and not path.is_symlink())):
-        clear_dead_scratch(folder)
+    clear_dead_scratch(root)
+    for folder in sorted(root.iterdir()):
+        if folder.is_dir() and not folder.is_symlink() and not folder.name.startswith("."):
+            clear_dead_scratch(folder)
 
 
 def _leave_nothing(root: Path) -> None:
