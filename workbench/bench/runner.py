@@ -105,7 +105,7 @@ def _run_by_processes(
 ) -> Iterator[tuple[int, list[Row]]]:
     from distributed import KilledWorker, as_completed
 
-    with own_cluster(workers) as client:
+    with own_cluster(max(1, min(workers, len(wanted)))) as client:
         places = {client.submit(run_source, plan, source, pure=False): place for place, source in wanted.items()}
         try:
             for done, future in enumerate(as_completed(places), 1):
