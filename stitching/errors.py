@@ -62,6 +62,7 @@ def cause_of(error: BaseException) -> str:
 
 
 def _short(text: str, most: int = LONGEST_CAUSE) -> str:
+    text = visible(" ".join(text.split()))  # what is written out grows
     return text if len(text) <= most else f"{text[:most]}…"
 
 
