@@ -15,7 +15,7 @@ from pathlib import Path
 
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small, sha256_of
-from endoct.stitching.names import inside
+from endoct.stitching.names import inside, is_left_by_system
 
 NAME = "endoct-output.json"
 FORMAT = "endoct-output-1"
@@ -43,8 +43,8 @@ class Differences:
     added: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        said = ((self.altered, "changed"), (self.missing, "missing"), (self.added, "which endoct did not write"))
-        return "; ".join(f"{_few(paths)} {what}".replace(" which", ", which") for paths, what in said if paths)
+        said = ((self.altered, " changed"), (self.missing, " missing"), (self.added, ", which endoct did not write"))
+        return "; ".join(f"{_few(paths)}{what}" for paths, what in said if paths)
 
 
 def seal(folder: Path, kind: str) -> None:
@@ -155,7 +155,7 @@ def remove_listed(folder: Path, contents: Contents) -> bool:
             path.unlink()
     for below, _, _ in os.walk(folder, topdown=False):
         left = os.listdir(below)  # noqa: PTH208 - iterdir would keep the folder open on some systems
-        if all(name == NAME or _is_left_by_system(name) for name in left):  # else the list stays with what is left
+        if all(name == NAME or is_left_by_system(name) for name in left):  # else the list stays with what is left
             for name in left:
                 (Path(below) / name).unlink()
             Path(below).rmdir()
@@ -182,13 +182,8 @@ def _walk(folder: Path) -> Iterator[Path]:
                 yield path
             else:
                 yield from _walk(path)
-        elif path != folder / NAME and not _is_left_by_system(entry.name):
+        elif path != folder / NAME and not is_left_by_system(entry.name):
             yield path
-
-
-def _is_left_by_system(name: str) -> bool:
-    """Say whether file managers leave a file of that name in every folder they show: nobody's work."""
-    return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
 
 
 def _digest(path: Path) -> tuple[int, str] | None:

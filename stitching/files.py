@@ -9,6 +9,7 @@ from io import BufferedReader
 from pathlib import Path
 
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.names import is_left_by_system
 
 SMALL_BYTES = 1_000_000
 """Sidecars and the like have no more."""
@@ -74,13 +75,10 @@ def state_of(path: Path) -> State:
     Hidden files, and what file managers leave, do not count.
     """
     files = [path] if not path.is_dir() else [place for place in path.rglob("*") if not place.is_dir()]
-    counted = (file for file in files if file == path or not is_left_by_system(file.name))
+    counted = (
+        file for file in files if file == path or not (file.name.startswith(".") or is_left_by_system(file.name))
+    )
     return {str(file): found for file in counted if (found := _state(file))}
-
-
-def is_left_by_system(name: str) -> bool:
-    """Say whether a file of that name is hidden, or what file managers leave in every folder: nobody's recording."""
-    return name.startswith(".") or name in ("Thumbs.db", "desktop.ini")
 
 
 def check_unchanged(path: Path, before: State) -> None:

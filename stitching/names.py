@@ -32,6 +32,11 @@ def inside(folder: Path, relative: object, what: str) -> Path:
     return folder.joinpath(*parts)
 
 
+def is_left_by_system(name: str) -> bool:
+    """Say whether file managers leave a file of that name in every folder they show: nobody's work."""
+    return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")
+
+
 def spreadsheet_text(text: str) -> str:
     """Return ``text`` as a cell of a CSV that no spreadsheet takes for a formula."""
     return f"'{text}" if text.startswith(_FORMULA) else text

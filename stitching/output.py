@@ -10,13 +10,18 @@ from endoct.stitching.contents import Contents, differences, read_contents, remo
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.exchange import exchange, put_new, uninterrupted
 from endoct.stitching.files import State, state_of
-from endoct.stitching.scratch import NEW, REPLACED, clear_dead_scratch, keep_aside, scratch_beside
+from endoct.stitching.scratch import NEW, REPLACED, clear_dead_scratch, keep_aside, remove_or_keep, scratch_beside
 
 OVERWRITE = "choose another output, or say --overwrite"
 MOVE_AWAY = "move that away, or choose another output"
 
 IsOurs = Callable[[Path], bool]
 """Says of a file whether endoct wrote it and nobody changed it since."""
+
+
+def never(_: Path) -> bool:
+    """Say that a file is not endoct's: for outputs that are folders."""
+    return False
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,7 @@ class _Judged:
 
 @contextmanager
 def new_output(
-    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = lambda _: False
+    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = never
 ) -> Iterator[Path]:
     """Yield a scratch path; what the caller makes there, a file or a folder, becomes ``path`` if all goes well.
 
@@ -67,7 +72,7 @@ def new_output(
 
 
 def check_output(
-    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = lambda _: False
+    path: Path, kind: str, *, overwrite: bool = False, inputs: Iterable[Path] = (), is_ours: IsOurs = never
 ) -> Path:
     """Return where ``path`` leads, links resolved, if an output of that ``kind`` may be written there.
 
@@ -109,7 +114,7 @@ def check_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
 def remove_output(path: Path, kind: str) -> None:
     """Remove an output of endoct's that holds nothing else and was not changed; leave anything else as it is."""
     with suppress(EndoctError, OSError):
-        judged = _judged(path, kind, True, lambda _: False)
+        judged = _judged(path, kind, True, never)
         if judged is not None and judged.contents is not None:
             remove_listed(path, judged.contents)
 
@@ -135,6 +140,7 @@ def _judged(place: Path, kind: str, overwrite: bool, is_ours: IsOurs) -> _Judged
         raise EndoctError(
             f"{place} holds something else", found=f"a {contents.kind}", expected=f"a {kind}", remedy=MOVE_AWAY
         )
+    clear_dead_scratch(place)  # of a part that was being written anew
     different = differences(place, contents)
     if different.altered or different.added:
         raise EndoctError(
@@ -177,8 +183,13 @@ def _stand(made: Path, place: Path, scratch: Path, judged: _Judged | None) -> No
     except OSError as error:
         raise EndoctError(f"{place} stands, but may not be on the disk yet", found=_cause(error)) from error
     finally:
-        if old is not None and judged is not None:
-            _remove_replaced(old, judged, place)
+        kept_old = None if old is None or judged is None else remove_or_keep(old, place, judged.contents)
+        if kept_old is not None:
+            raise EndoctError(
+                f"{place} was replaced, but not all of the old one could go",
+                found="files that were added meanwhile, or may not be removed",
+                remedy=f"they are kept in {kept_old}",
+            )
 
 
 def _exchanged(made: Path, place: Path, scratch: Path, judged: _Judged) -> Path:
@@ -196,14 +207,6 @@ def _exchanged(made: Path, place: Path, scratch: Path, judged: _Judged) -> Path:
             back.rename(made)
         raise EndoctError(f"{place} was changed meanwhile")
     return old
-
-
-def _remove_replaced(old: Path, judged: _Judged, place: Path) -> None:
-    if judged.contents is None:
-        old.unlink()
-    elif not remove_listed(old, judged.contents):
-        kept = keep_aside(old, place)
-        raise EndoctError(f"files were added to {place} while it was replaced", remedy=f"they are kept in {kept}")
 
 
 def _below(root: Path, state: State) -> State:

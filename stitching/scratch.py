@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from endoct.stitching.contents import read_contents, remove_listed, sync
+from endoct.stitching.contents import Contents, read_contents, remove_listed, sync
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.exchange import put_new
 from endoct.stitching.files import read_start
@@ -41,9 +41,12 @@ def held(path: Path) -> Iterator[None]:
     a link, or a file with another text, which is left as it is.
     """
     handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o666)
+    of = os.fstat(handle)
+    if not stat.S_ISREG(of.st_mode) or of.st_nlink != 1:
+        os.close(handle)
+        raise EndoctError(f"{path} is no lock of endoct's", found="a link, or no file", remedy="move it away")
     with os.fdopen(handle, "r+", encoding="utf-8", errors="replace") as file:
-        of, text = os.fstat(handle), file.read(200)
-        if not stat.S_ISREG(of.st_mode) or of.st_nlink != 1 or (text and not _LOCK.match(text)):
+        if (text := file.read(200)) and not _LOCK.match(text):
             raise EndoctError(f"{path} is no lock of endoct's", found=text[:40], remedy="move it away")
         try:
             _lock(file)
@@ -114,10 +117,12 @@ def _remove(folder: Path) -> None:
 
     Of an output that was replaced only what endoct wrote is removed; what else lies in it is kept beside.
     """
-    for output in (*_within(folder / NEW), *_within(folder / REPLACED)):
-        contents = read_contents(output) if output.is_dir() and not output.is_symlink() else None
-        if contents is not None and not remove_listed(output, contents):
-            keep_aside(output, folder.parent / output.name)
+    try:
+        for output in (*_within(folder / NEW), *_within(folder / REPLACED)):
+            is_folder = output.is_dir() and not output.is_symlink()
+            remove_or_keep(output, folder.parent / output.name, read_contents(output) if is_folder else None)
+    except (EndoctError, OSError):  # it stays where it is, rather than going with the rest
+        return
     gone = folder.with_name(f"{GONE}{folder.name.lstrip('.').removeprefix('endoct-')}")
     with suppress(OSError):
         folder = folder.rename(gone)
@@ -146,12 +151,7 @@ def _clear(folder: Path, prefix: str) -> int:
                 continue
             with held(scratch / LOCK_NAME):
                 _restore(scratch, folder)
-        except (
-            HeldError,
-            EndoctError,
-            FileNotFoundError,
-            PermissionError,
-        ):  # in use, removed by its maker just now, or not ours
+        except (HeldError, EndoctError, OSError):  # in use, removed by its maker just now, or nothing of endoct's
             continue
         _remove(scratch)
         cleared += 1
@@ -179,11 +179,24 @@ def _within(folder: Path) -> list[Path]:
 def keep_aside(made: Path, place: Path) -> Path:
     """Move ``made`` to a free name beside ``place`` and return that: NAME.kept-1 or the next."""
     for number in range(1, 1000):
-        free = place.with_name(f"{place.name.encode()[:200].decode(errors='ignore')}.kept-{number}")
+        free = place.with_name(f"{_short(place.name, 200)}.kept-{number}")
         with suppress(FileExistsError):
             put_new(made, free)
             return free
     raise FileExistsError(f"{place}.kept-1 to .kept-999")
+
+
+def remove_or_keep(output: Path, place: Path, contents: Contents | None) -> Path | None:
+    """Remove what endoct wrote, by its ``contents``, into an ``output`` that was replaced; nothing where they are None.
+
+    What else lies in it, or cannot be removed, is kept beside ``place``; return where, or None where nothing is left.
+    """
+    if contents is None:
+        return None
+    with suppress(OSError):  # a folder that may not be written
+        if remove_listed(output, contents):
+            return None
+    return keep_aside(output, place)
 
 
 def _restore(scratch: Path, folder: Path) -> None:
@@ -201,10 +214,9 @@ def _is_ours(scratch: Path) -> bool:
     return not hasattr(os, "getuid") or scratch.stat().st_uid == os.getuid()
 
 
-def _short(name: str) -> str:
-    return os.fsencode(name)[:60].decode(
-        errors="ignore"
-    )  # a name may be as long as the file system takes; this one has more to hold
+def _short(name: str, most_bytes: int = 60) -> str:
+    """Return the beginning of a name: one may be as long as the file system takes, and more is to be added."""
+    return os.fsencode(name)[:most_bytes].decode(errors="ignore")
 
 
 @contextmanager

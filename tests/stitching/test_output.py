@@ -483,3 +483,27 @@ def test_a_page_is_replaced_by_nothing_but_a_page(tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text(marked("<p>page"))
     with pytest.raises(EndoctError, match="was not written by endoct"):
         write(tmp_path / "report.html", "new", overwrite=True)
+
+
+def test_a_hidden_file_in_an_empty_folder_that_is_replaced_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+
+    def work() -> None:
+        with new_output(tmp_path / "out", KIND, overwrite=True) as scratch:
+            scratch.mkdir()
+            (scratch / "file").write_text("new")
+            (tmp_path / "out" / ".notes").write_text("mine")
+
+    with pytest.raises(EndoctError, match=r"not all of the old one could go.*out\.kept-1"):
+        work()
+    assert tree(tmp_path / "out")["file"] == "new"
+    assert tree(tmp_path / "out.kept-1") == {".notes": "mine"}
+
+
+def test_scratch_of_a_part_that_was_killed_stands_in_nobodys_way(tmp_path: Path) -> None:
+    write(tmp_path / "out", "old")
+    scratch = tmp_path / "out" / ".endoct-figures-dead"
+    (scratch / "new" / "figures").mkdir(parents=True)
+    (scratch / "lock").write_text(LOCK)
+    write(tmp_path / "out", "new", overwrite=True)
+    assert names(tmp_path) == ["out"]
