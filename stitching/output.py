@@ -125,6 +125,8 @@ def _judged(place: Path, kind: str, overwrite: bool, is_ours: IsOurs) -> _Judged
         return None
     if not overwrite:
         raise EndoctError(f"{place} exists already", remedy=OVERWRITE)
+    if place.is_dir():
+        clear_dead_scratch(place)  # of a part that was being written anew
     state = state_of(place)
     if not place.is_dir():
         if not is_ours(place):
@@ -140,7 +142,6 @@ def _judged(place: Path, kind: str, overwrite: bool, is_ours: IsOurs) -> _Judged
         raise EndoctError(
             f"{place} holds something else", found=f"a {contents.kind}", expected=f"a {kind}", remedy=MOVE_AWAY
         )
-    clear_dead_scratch(place)  # of a part that was being written anew
     different = differences(place, contents)
     if different.altered or different.added:
         raise EndoctError(
