@@ -126,7 +126,8 @@ def _judged(place: Path, kind: str, overwrite: bool, is_ours: IsOurs) -> _Judged
     if not overwrite:
         raise EndoctError(f"{place} exists already", remedy=OVERWRITE)
     if place.is_dir():
-        clear_dead_scratch(place)  # of a part that was being written anew
+        with suppress(OSError):  # of a part that was being written anew when its maker was killed
+            clear_dead_scratch(place)
     state = state_of(place)
     if not place.is_dir():
         if not is_ours(place):
