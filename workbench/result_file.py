@@ -14,6 +14,7 @@ from endoct.stitching.names import plain_name
 MOST_BYTES = 16_000_000
 """They take some twenty times that in memory at worst; a result has some ten kilobytes."""
 DEEPEST = 20
+EXPECTED = "a folder written by `endoct compare`"
 
 Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0, le=10**12)]
@@ -225,27 +226,36 @@ class _Result(_Part):
         return self
 
 
+def stored_result(folder: Path) -> dict[str, Any]:
+    """Return what ``folder/result.json`` holds, whatever that is.
+
+    Raises :class:`EndoctError` where it is missing, not as it was written, larger than 16 MB, no JSON object, or nested
+    more than 20 deep.
+    """
+    try:
+        check_intact(folder, lambda name: name == "result.json")
+        result = read_object(folder / "result.json", MOST_BYTES)
+    except EndoctError as error:
+        raise EndoctError(f"{folder} is no comparison", found=error.found or error.what, expected=EXPECTED) from error
+    if any(depth > DEEPEST for depth in _depths(result)):
+        raise EndoctError(f"{folder} is no comparison", found="a result nested too deeply", expected=EXPECTED)
+    return result
+
+
 def read_result(folder: Path) -> dict[str, Any]:
     """Return what ``folder/result.json`` holds.
 
-    Raises :class:`EndoctError` where it is missing, larger than 16 MB, no JSON, nested more than 20 deep, or something
-    in it that a report shows is not of its kind.
+    Raises :class:`EndoctError` as :func:`stored_result`, and where something in it that a report shows is not of its
+    kind.
     """
-    expected = "a folder written by `endoct compare`"
-    check_intact(folder, lambda name: name == "result.json")
-    try:
-        result = read_object(folder / "result.json", MOST_BYTES)
-    except EndoctError as error:
-        raise EndoctError(f"{folder} is no comparison", found=error.found or error.what, expected=expected) from error
-    if any(depth > DEEPEST for depth in _depths(result)):
-        raise EndoctError(f"{folder} is no comparison", found="a result nested too deeply", expected=expected)
+    result = stored_result(folder)
     try:
         _Result.model_validate(result)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "the whole"
         raise EndoctError(
-            f"result.json in {folder} cannot be used", found=f"{where}: {first['msg']}"[:300], expected=expected
+            f"result.json in {folder} cannot be used", found=f"{where}: {first['msg']}"[:300], expected=EXPECTED
         ) from error
     for name in result["sides"]:
         plain_name(name, f"a side in {folder}")

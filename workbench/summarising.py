@@ -1,7 +1,6 @@
 """Many comparisons to one summary: a tidy table, medians, paired differences, repeatability."""
 
 import csv
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,10 @@ import numpy as np
 
 from endoct.fusion.intervals import LEVEL, RESAMPLES, SEED, interval_of
 from endoct.fusion.repeatability import repeatability
-from endoct.stitching.contents import check_intact
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
 from endoct.stitching.names import spreadsheet_text
 from endoct.workbench.inputs import json_text, path_text
+from endoct.workbench.result_file import EXPECTED, stored_result
 
 SCORES: Mapping[str, tuple[str, ...]] = {
     "jaccard": ("jaccard",),
@@ -60,8 +58,6 @@ _INTERVALS: Mapping[str, tuple[str, ...]] = {
 Row = dict[str, Any]
 
 LARGEST_SCORE = 1e12
-LARGEST_RESULT_BYTES = 16_000_000
-"""That of a comparison has a hundred kB."""
 
 
 @dataclass(frozen=True)
@@ -128,15 +124,9 @@ def write_summary(tables: Mapping[str, Sequence[Row]], folder: Path) -> None:
 
 def _read(folder: Path, set_: str, repeats: bool) -> Told:
     """Read a comparison; whatever in it is not what it should be is told here, before anything is reckoned with it."""
-    expected = "a folder written by `endoct compare`"
-    try:
-        check_intact(folder, lambda name: name == "result.json")
-        data = read_small(folder / "result.json", LARGEST_RESULT_BYTES)
-    except EndoctError as error:
-        raise EndoctError(f"{folder} is no comparison", found=error.found or error.what, expected=expected) from error
-    with refusing(f"{folder} is no comparison", expected=expected):
-        result = json.loads(data)
-        if not isinstance(result, dict) or "aligned" not in result:
+    result = stored_result(folder)
+    with refusing(f"{folder} is no comparison", expected=EXPECTED):
+        if "aligned" not in result:
             raise ValueError("no result")
         folder = folder.resolve()
         told = Told(folder, set_, path_text((folder.parent if repeats else folder).name), result)

@@ -172,7 +172,7 @@ def test_a_damaged_result_is_told_in_one_line(tmp_path: Path, what: str) -> None
 
 
 def test_a_result_that_is_no_result_by_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("endoct.workbench.summarising.LARGEST_RESULT_BYTES", 1000)
+    monkeypatch.setattr("endoct.workbench.result_file.MOST_BYTES", 1000)
     damaged = write(tmp_path / "damaged", 0.5, more="x" * 2000)
     with pytest.raises(EndoctError, match=r"damaged is no comparison; found more than 0\.001 MB"):
         summarise([damaged])
