@@ -11,7 +11,6 @@ from endoct.stitching.arrays import Coordinates
 
 ROBUST_STEPS = 5
 MEAN_WEIGHT = 1e3  # of the mark's mean direction, which is taken for 0
-MOST_AS_MATRIX = 400  # slices; beyond, its memory would grow with their square, its time with their cube
 
 
 def separated(
@@ -20,54 +19,19 @@ def separated(
     """Return starts and their standard deviations, float64 (n,).
 
     ``moved_rad``: where the mark is seen, with the standard deviation ``sigma_rad``, which is infinite where it is not
-    seen. Starts are about ``usual_rad``, the mark creeps by about ``creep_rad`` a slice.
+    seen. Starts are about ``usual_rad``, the mark creeps by about ``creep_rad`` a slice. Each start is eliminated,
+    which leaves neighbouring directions, and their mean: memory and time grow with the slices, not with their square.
     """
-    solve = _by_matrix if moved_rad.size <= MOST_AS_MATRIX else _by_bands
-    return solve(moved_rad, sigma_rad, usual_rad, creep_rad)
-
-
-def _by_matrix(
-    moved_rad: Coordinates, sigma_rad: Coordinates, usual_rad: float, creep_rad: float
-) -> tuple[Coordinates, Coordinates]:
-    # unknown: n starts, then n directions of the mark
-    n = moved_rad.size
-    told = np.flatnonzero(np.isfinite(sigma_rad))
-    matrix = np.zeros((n + n + told.size, 2 * n))
-    matrix[:n, n:] = _creep(n, creep_rad)
-    matrix[n : 2 * n, :n] = np.eye(n) / usual_rad
-    matrix[2 * n + np.arange(told.size), n + told] = 1 / sigma_rad[told]
-    matrix[2 * n + np.arange(told.size), told] = -1 / sigma_rad[told]
-    values = np.concatenate([np.zeros(2 * n), moved_rad[told] / sigma_rad[told]])
-    weight = np.ones(values.size)
-    for _ in range(ROBUST_STEPS):  # a turn that was measured wrongly is an outlier to its neighbours too
-        weighted = matrix * weight[:, None]
-        covariance = np.linalg.inv(weighted.T @ weighted)
-        solution = covariance @ (weighted.T @ (weight * values))
-        away = matrix @ solution - values
-        weight[n:] = 1 / np.sqrt(1 + (away[n:] / 2) ** 2)
-    return solution[:n], np.sqrt(np.diag(covariance)[:n])
-
-
-def _creep(n: int, creep_rad: float) -> Coordinates:
-    """Return rows, float64 (n, n), that say that n unknowns hardly change from one to the next, and add up to 0."""
-    rows = (np.eye(n, k=1) - np.eye(n)) / creep_rad
-    rows[-1] = MEAN_WEIGHT / n
-    return np.asarray(rows)
-
-
-def _by_bands(
-    moved_rad: Coordinates, sigma_rad: Coordinates, usual_rad: float, creep_rad: float
-) -> tuple[Coordinates, Coordinates]:
-    """The same but for rounding: each start is eliminated, which leaves neighbouring directions, and their mean."""
     n = moved_rad.size
     of_starts, of_sights = np.full(n, usual_rad**-2.0), sigma_rad**-2.0
     to_next, mean = creep_rad**-2.0, np.full(n, MEAN_WEIGHT / n)
+    neighbours = np.minimum(np.arange(n), 1) + np.minimum(np.arange(n)[::-1], 1)
     start_weight, sight_weight = np.ones(n), np.ones(n)
-    for _ in range(ROBUST_STEPS):
+    for _ in range(ROBUST_STEPS):  # a turn that was measured wrongly is an outlier to its neighbours too
         known, seen = of_starts * start_weight**2, of_sights * sight_weight**2
         held = known * seen / (known + seen)
         bands = np.full((2, n), -to_next)
-        bands[1] = held + to_next * np.r_[1.0, np.full(n - 2, 2.0), 1.0]
+        bands[1] = held + to_next * neighbours
         free, by_mean = solveh_banded(bands, np.stack([held * moved_rad, mean], axis=1)).T
         direction = free - by_mean * (mean @ free) / (1 + mean @ by_mean)
         start = seen / (known + seen) * (direction - moved_rad)

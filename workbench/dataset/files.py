@@ -11,10 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from endoct.stitching.contents import Contents, differences, remove_listed, sync
+from endoct.stitching.contents import Contents, differences, sync
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.exchange import exchange, put_new, uninterrupted
-from endoct.stitching.files import read_small, sha256_of
+from endoct.stitching.files import sha256_of
+from endoct.stitching.json_values import read_object
 from endoct.stitching.names import plain_name
 from endoct.stitching.scratch import REPLACED, keep_aside, new_file, scratch_beside
 
@@ -41,32 +42,27 @@ def digest_of(files: Files) -> str:
 def put_unit(made: Path, place: Path, scratch: Path, root: Path, known: tuple[Files, ...]) -> None:
     """Put a specimen's folder, or a shard, in its place in the set ``root``.
 
-    What is there goes where one of ``known`` lists all its bytes; else it is moved to ``damaged/``.
+    What is there goes where one of ``known`` lists all its bytes; else it is moved to ``damaged/`` first.
     """
     with uninterrupted():
+        if os.path.lexists(place) and not any(_is_known(place, files) for files in known):
+            (root / DAMAGED).mkdir(exist_ok=True)
+            keep_aside(place, root / DAMAGED / place.name)
         try:
             put_new(made, place)
         except FileExistsError:
             aside = scratch / REPLACED / place.name
             aside.parent.mkdir(exist_ok=True)
-            old = exchange(made, place, aside)
-            _remove_or_keep(old, place, root, known)
+            exchange(made, place, aside)  # the old one goes with the scratch folder
         sync(place.parent)
 
 
-def _remove_or_keep(old: Path, place: Path, root: Path, known: tuple[Files, ...]) -> None:
-    for files in known:
-        if not old.is_dir():
-            if (old.stat().st_size, sha256_of(old)) == files.get(place.name):
-                old.unlink()
-                return
-            continue
-        contents = Contents("specimen", files)
-        found = differences(old, contents)
-        if not found.altered and not found.added and remove_listed(old, contents):
-            return
-    (root / DAMAGED).mkdir(exist_ok=True)
-    keep_aside(old, root / DAMAGED / place.name)
+def _is_known(place: Path, files: Files) -> bool:
+    """Say whether all bytes of a specimen's folder, or of a shard, are in ``files``."""
+    if not place.is_dir():
+        return (place.stat().st_size, sha256_of(place)) == files.get(place.name)
+    found = differences(place, Contents("specimen", files))
+    return not found.altered and not found.added
 
 
 def count_damaged(root: Path) -> int:
@@ -103,9 +99,9 @@ def changed_top_files(root: Path) -> list[str]:
 
 def _written(root: Path) -> dict[str, list[str]]:
     try:
-        stored = json.loads(read_small(root / WRITTEN))
-        return {str(name): [str(digest) for digest in digests] for name, digests in stored.items()}
-    except (EndoctError, ValueError, AttributeError, TypeError):
+        stored = read_object(root / WRITTEN)
+        return {name: [str(digest) for digest in digests] for name, digests in stored.items()}
+    except (EndoctError, TypeError):
         return {}  # then every file is kept that differs
 
 

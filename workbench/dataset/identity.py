@@ -9,7 +9,7 @@ from typing import Any
 import endoct.stitching
 import endoct.synthetic
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
+from endoct.stitching.json_values import read_object
 from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.inputs import versions
@@ -75,7 +75,7 @@ def read_identity(root: Path) -> dict[str, Any]:
     """
     path = root / NAME
     with refusing(f"{path} cannot be read", remedy="choose another folder"):
-        stored = json.loads(read_small(path))
+        stored = read_object(path)
         if not isinstance(stored["count"], int):
             raise ValueError("its count is no number")
         for key in ("arguments", "versions"):
