@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import sha256_of
-from endoct.stitching.json_values import read_object
+from endoct.stitching.files import read_small, sha256_of
 from endoct.stitching.names import inside, is_left_by_system
 
 NAME = "endoct-output.json"
@@ -76,7 +75,7 @@ def read_contents(folder: Path) -> Contents | None:
     if not os.path.lexists(path):
         return None
     with refusing(f"{path} is damaged", remedy="make the output again"):
-        stored = read_object(path, MOST_BYTES)
+        stored = json.loads(read_small(path, MOST_BYTES))
         if stored["format"] != FORMAT:
             raise ValueError(f"its format is {stored['format']!r}")
         contents = Contents(
