@@ -10,7 +10,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from endoct.stitching.errors import EndoctError, refusing
@@ -19,6 +19,7 @@ from endoct.stitching.names import inside, is_left_by_system
 
 NAME = "endoct-output.json"
 FORMAT = "endoct-output-1"
+PAGE = "page"
 MOST_BYTES = 16_000_000
 """Of the list, some 100 bytes a file; JSON takes twenty times that in memory."""
 
@@ -27,11 +28,11 @@ _MARK = re.compile(rb"<!-- endoct-output-1 sha256 ([0-9a-f]{64}) -->\n\Z")
 
 @dataclass(frozen=True)
 class Contents:
-    """What a folder holds: ``files``, path below it → (bytes, sha256); ``parts``, which say of themselves."""
+    """What a folder holds: ``files``, path → (bytes, sha256); ``parts``, path → kind, which say of themselves."""
 
     kind: str
     files: Mapping[str, tuple[int, str]]
-    parts: tuple[str, ...] = ()
+    parts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -49,15 +50,15 @@ class Differences:
 
 def seal(folder: Path, kind: str) -> None:
     """Write what ``folder`` holds into it, and see to it that all of it is on the disk."""
-    files, parts = {}, []
+    files, parts = {}, {}
     for path in _walk(folder):
         name = path.relative_to(folder).as_posix()
-        if path.is_dir() or is_marked(path):
-            parts.append(name)
+        if (of_part := kind_of(path)) is not None:
+            parts[name] = of_part
         else:
             files[name] = (path.stat().st_size, sha256_of(path))
         sync(path)
-    text = json.dumps({"format": FORMAT, "kind": kind, "files": dict(sorted(files.items())), "parts": sorted(parts)})
+    text = json.dumps({"format": FORMAT, "kind": kind, "files": files, "parts": parts}, sort_keys=True)
     with (folder / NAME).open("w", encoding="utf-8") as file:
         file.write(text + "\n")
         file.flush()
@@ -81,7 +82,7 @@ def read_contents(folder: Path) -> Contents | None:
         contents = Contents(
             str(stored["kind"]),
             {str(name): (int(size), str(sha)) for name, (size, sha) in stored["files"].items()},
-            tuple(str(name) for name in stored["parts"]),
+            {str(name): str(kind) for name, kind in stored["parts"].items()},
         )
     for name in (*contents.files, *contents.parts):
         inside(folder, name, str(path))
@@ -98,14 +99,13 @@ def differences(folder: Path, contents: Contents) -> Differences:
                 altered.append(name)
         elif name not in contents.parts:
             added.append(name)
-        elif path.is_dir() and not path.is_symlink():
-            of_part = read_contents(path)
-            within = Differences() if of_part is None else differences(path, of_part)
+        elif kind_of(path) != contents.parts[name]:
+            altered.append(name)
+        elif path.is_dir() and (of_part := read_contents(path)) is not None:
+            within = differences(path, of_part)
             altered += [f"{name}/{one}" for one in within.altered]
             missing += [f"{name}/{one}" for one in within.missing]
             added += [f"{name}/{one}" for one in within.added]
-        elif not is_marked(path):
-            altered.append(name)
     missing += [name for name in (*contents.files, *contents.parts) if name not in found]
     return Differences(tuple(sorted(altered)), tuple(sorted(missing)), tuple(sorted(added)))
 
@@ -141,6 +141,15 @@ def is_marked(path: Path) -> bool:
     if mark is None:
         return False
     return hashlib.sha256(data[: len(data) - (mark.end() - mark.start())]).hexdigest().encode() == mark[1]
+
+
+def kind_of(path: Path) -> str | None:
+    """Return the kind of an output as it says itself, None where it does not say."""
+    if path.is_symlink():
+        return None
+    if path.is_dir():
+        return None if (contents := read_contents(path)) is None else contents.kind
+    return PAGE if is_marked(path) else None
 
 
 def remove_listed(folder: Path, contents: Contents) -> bool:

@@ -1,15 +1,18 @@
 """Whether outputs of endoct are as they were written, to the byte."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from endoct.modalities.recording import map_frames
+from endoct.stitching.contents import NAME as LIST_NAME
 from endoct.stitching.contents import Contents, Differences, differences, is_marked, read_contents
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import sha256_of
-from endoct.workbench.dataset.files import changed_top_files, digest_of
+from endoct.stitching.names import is_left_by_system
+from endoct.workbench.dataset.building import LOCK_NAME, TOP_FILES
+from endoct.workbench.dataset.files import DAMAGED, WRITTEN, changed_top_files, digest_of
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import read_identity
 from endoct.workbench.dataset.plan import Unit
@@ -50,9 +53,7 @@ def verify(path: Path | str, stages: Stages | None = None) -> list[Verdict]:
     path, stages = Path(path), stages or SilentStages()
     if path.suffix == ".html" and path.is_file():
         return [_page(path)]
-    found = [one for one in (path, *_folders(path)) if _is_output(one)]
-    if path in found:
-        found = [path]
+    found = [path] if _is_output(path) else [one for one in _folders(path) if _is_output(one) or _looks_like_one(one)]
     if not found and _is_unit(path):
         return [_unit_verdict(path, _record(path))]
     if not found:
@@ -67,8 +68,10 @@ def verify(path: Path | str, stages: Stages | None = None) -> list[Verdict]:
 def _verdict(path: Path, stages: Stages) -> Verdict:
     with stages.stage(f"verify {path.name}") as advance:
         contents = read_contents(path)
-        if contents is None:
+        if contents is None and (path / DATA_SET_NAME).is_file():
             return _data_set(path, advance)
+        if contents is None:
+            return Verdict(path, "output without its list", 0, 0, Differences(missing=(LIST_NAME,)))
         size = sum(n_bytes for n_bytes, _ in contents.files.values())
         return Verdict(path, contents.kind, len(contents.files), size, differences(path, contents))
 
@@ -82,7 +85,8 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
     """Judge a data set by its records: every specimen or shard, and the files at its top."""
     identity = read_identity(root)
     units = [_unit(identity, path) for path in sorted((root / RECORDS).glob("*.json"))]
-    altered, missing, added = list(changed_top_files(root)), [], []
+    altered, missing, added = list(changed_top_files(root)), [], _strangers(root, units)
+    missing += [name for name in (WRITTEN, *TOP_FILES) if not (root / name).is_file()]
     made = files = size = 0
 
     def judged(unit: Unit) -> tuple[Record | None, Verdict | None]:
@@ -108,6 +112,17 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
     return Verdict(root, DATA_SET, files, size, Differences(tuple(altered), tuple(missing), tuple(added)))
 
 
+def _strangers(root: Path, units: Sequence[Unit]) -> list[str]:
+    """Return what lies in a data set, or where its specimens and records are, and is none of them."""
+    places = {unit.place for unit in units} | {Path(RECORDS, f"{unit.name}.json") for unit in units}
+    ours = {*TOP_FILES, WRITTEN, LOCK_NAME, DAMAGED, *(place.parts[0] for place in places)}
+    found = [entry.name for entry in root.iterdir() if entry.name not in ours and not is_left_by_system(entry.name)]
+    for folder in sorted({place.parent for place in places}):
+        inside = (folder / entry.name for entry in (root / folder).iterdir() if not is_left_by_system(entry.name))
+        found += [place.as_posix() for place in inside if place not in places]
+    return sorted(found)
+
+
 def _unit(identity: Mapping[str, Any], record: Path) -> Unit:
     shards = identity["arguments"].get("format") == "webdataset"
     place = Path("shards", f"{record.stem}.tar") if shards else Path("specimens", record.stem)
@@ -130,6 +145,11 @@ def _is_shard(place: Path, record: Record) -> bool:
 
 def _is_output(path: Path) -> bool:
     return path.is_dir() and (read_contents(path) is not None or (path / DATA_SET_NAME).is_file())
+
+
+def _looks_like_one(path: Path) -> bool:
+    """Say whether a folder has what a comparison, a store or a specimen has: one that lost its list is no stranger."""
+    return any((path / name).exists() for name in ("result.json", "zarr.json", "truth"))
 
 
 def _folders(path: Path) -> Iterator[Path]:

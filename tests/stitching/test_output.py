@@ -386,7 +386,7 @@ def test_what_an_output_holds_is_checked(tmp_path: Path) -> None:
     contents = read_contents(tmp_path / "out")
     assert contents is not None
     assert list(contents.files) == ["file"]
-    assert contents.parts == ("figures", "report.html")
+    assert contents.parts == {"figures": KIND, "report.html": "page"}
     write(tmp_path / "out" / "figures", "drawn anew", overwrite=True)  # a part may be written again
     check_intact(tmp_path / "out")
     (tmp_path / "out" / "figures" / "inside" / "file").write_text("forged")

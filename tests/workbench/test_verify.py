@@ -112,6 +112,33 @@ def test_a_data_set_is_checked_by_its_records(plan: Plan, tmp_path: Path) -> Non
     assert any("specimens" in name for name in only(root).differences.missing)
 
 
+def test_strangers_in_a_data_set_are_told(tmp_path: Path) -> None:
+    root = tmp_path / "set"
+    make_dataset(root, SET, workers=1, make=Cheap(tmp_path / "log"))
+    (root / "notes.txt").write_text("mine")
+    (root / "specimens" / "000000x").mkdir()
+    (root / "records" / "loose.txt").write_text("")
+    (root / ".written.json").unlink()
+    (root / "contact_sheet.png").unlink()
+    found = only(root).differences
+    assert found.added == ("notes.txt", "records/loose.txt", "specimens/000000x")
+    assert found.missing == (".written.json", "contact_sheet.png")
+
+
+def test_an_output_that_lost_its_list_is_told(comparison: Path) -> None:
+    (comparison / NAME).unlink()
+    shutil.copytree(comparison / "figures", comparison.parent / "figures")
+    verdicts = {verdict.path.name: verdict for verdict in verify(comparison.parent)}
+    assert verdicts["figures"].intact
+    assert verdicts["result"].differences.missing == (NAME,)
+
+
+def test_another_output_is_no_part(comparison: Path) -> None:
+    (comparison / "report.html").unlink()
+    shutil.copytree(comparison / "figures", comparison / "report.html")
+    assert only(comparison).differences.altered == ("report.html",)
+
+
 def test_what_is_no_output_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("")
     for path in (tmp_path, tmp_path / "thesis.tex", tmp_path / "nowhere"):

@@ -17,15 +17,18 @@ from endoct.synthetic.draw import draw
 from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, disk_errors_told, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
+from endoct.workbench.dataset.manifest import NAME as MANIFEST
 from endoct.workbench.dataset.manifest import write_manifest
 from endoct.workbench.dataset.plan import Plan, Unit, job, units
 from endoct.workbench.dataset.records import RECORDS, finished
+from endoct.workbench.dataset.sheet import NAME as SHEET
 from endoct.workbench.dataset.sheet import write_sheet
 from endoct.workbench.dataset.texts import LICENCE, readme
 from endoct.workbench.dataset.working import existing_cluster, make_here, make_on, own_cluster
 from endoct.workbench.progress import SilentStages, Stages
 
 LOCK_NAME = ".lock"
+TOP_FILES = (NAME, "LICENSE", "README.md", MANIFEST, SHEET)
 
 
 @dataclass(frozen=True)
@@ -208,7 +211,7 @@ def _clear(root: Path) -> None:
 def _leave_nothing(root: Path) -> None:
     """Remove what was begun of a set without a specimen, and nothing else that may lie there."""
     _clear(root)
-    for name in (NAME, "LICENSE", "README.md", WRITTEN, LOCK_NAME):
+    for name in (*TOP_FILES, WRITTEN, LOCK_NAME):
         (root / name).unlink(missing_ok=True)
     for folder in (*(path for path in root.iterdir() if path.is_dir()), root):
         with suppress(OSError):  # something lies in it
