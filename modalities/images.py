@@ -96,7 +96,7 @@ def _jpeg(data: bytes, path: Path) -> NDArray[Any]:
 
     rows, columns, channels = _jpeg_shape(data)
     _check(rows, columns, channels, 1, path)
-    if b"\xff\xd9" not in data[-4096:]:
+    if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):  # cameras write more behind it: previews, depths, films
         raise EndoctError(f"{path} is damaged or truncated", found="a JPEG without its end")
     return np.asarray(imagecodecs.jpeg8_decode(data))
 

@@ -265,3 +265,14 @@ def test_an_archive_named_npy_is_refused(tmp_path: Path) -> None:
         np.savez(file, a=np.zeros(3))
     with pytest.raises(EndoctError, match="an archive of arrays"):
         open_stack(tmp_path / "pullback.npy")
+
+
+def test_a_jpeg_with_a_film_behind_it_is_an_image(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "one.jpg"), COLOUR[0])
+    alone = open_stack(tmp_path / "one.jpg")[0]
+    with (tmp_path / "one.jpg").open("ab") as file:
+        file.write(bytes(10_000))
+    np.testing.assert_array_equal(open_stack(tmp_path / "one.jpg")[0], alone)
+    data = (tmp_path / "one.jpg").read_bytes()
+    (tmp_path / "one.jpg").write_bytes(data[: data.rfind(b"\xff\xd9") - 20])
+    assert "without its end" in refused(tmp_path / "one.jpg")
