@@ -107,10 +107,10 @@ def _jpeg_shape(data: bytes) -> tuple[int, int, int]:
 
     with JpegImagePlugin.JpegImageFile(io.BytesIO(data)) as image:
         columns, rows = image.size
-        channels = len(image.getbands())
+        channels, in_scans = len(image.getbands()), "progressive" in image.info
     if channels not in (1, 3):
         raise ValueError(f"a JPEG of {channels} colours")
-    if data.count(b"\xff\xda") > MOST_SCANS:
+    if in_scans and data.count(b"\xff\xda") > MOST_SCANS:  # others have three at most
         raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
     return rows, columns, channels
 
