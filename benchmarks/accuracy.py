@@ -4,7 +4,7 @@
 
 Seeds 0–99 are for tuning, from 1000 on for reporting. Both recordings are unrolled and compared as `endoct compare`
 does it, without its report. A row a specimen, then for each column the median with its 95 % interval, bootstrapped over
-specimens. :func:`endoct.workbench.bench.truth.held_against` says what the columns mean; ``lost_…`` are the parts of
+specimens. :func:`endoct.workbench.pipeline.truth.held_against` says what the columns mean; ``lost_…`` are the parts of
 the agreement budget, of 1 − Jaccard on the grid.
 """
 
@@ -21,12 +21,12 @@ import numpy as np
 from panoramas import both_unrolled, unrolled
 from scipy.stats import bootstrap
 
-from endoct.fusion.cells import SegmentParameters
 from endoct.fusion.comparison import compare_panoramas
+from endoct.fusion.segmentation.segment import SegmentParameters
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import simulate
-from endoct.workbench.bench.truth import held_against, load_truth
-from endoct.workbench.threads import one_blas_thread
+from endoct.workbench.pipeline.truth import held_against, load_truth
+from endoct.workbench.running.threads import one_blas_thread
 
 EVEN_TURNS = {f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")}
 LITERAL = {"undistort": "sine", "wall": "maximum", **EVEN_TURNS}

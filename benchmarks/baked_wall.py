@@ -12,9 +12,9 @@ import argparse
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates
+from endoct.synthetic.bone.scene import crossings
+from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.scene import crossings
-from endoct.synthetic.wall import Wall, build_wall
 
 SLOPE = 0.25
 STEP_MM = 0.002

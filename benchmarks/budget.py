@@ -27,12 +27,12 @@ import numpy as np
 from panoramas import SIDES, both_unrolled, unrolled
 
 from endoct.fusion.comparison import compare_panoramas
-from endoct.fusion.placement import IN_PLACE, Placement
-from endoct.fusion.pose import Alignment
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import IN_PLACE, Placement
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
 
 
 def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:

@@ -32,14 +32,14 @@ import numpy as np
 from panoramas import both_unrolled, unrolled
 from scipy.stats import binomtest
 
-from endoct.fusion.alignment import BELIEVABLE, LIKELY_CHANCE, Alignment, align, open_orientations
-from endoct.fusion.evidence import Evidence
-from endoct.fusion.prepare import prepare
+from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align, open_orientations
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.truth import Pose, load_truth, true_pose
+from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
 
 SHARES = tuple(tenth / 10 for tenth in range(1, 11))
 RIGHT_RAD, RIGHT_MM = np.deg2rad(5), 0.2

@@ -5,7 +5,7 @@
 Pairs of the task "alignment" (`endoct bench alignment`), 2048 × 1024. Every method starts where the exhaustive search
 ends, and sees the same evidence at the same blurs and samples:
 
-- ``numpy``: :func:`endoct.fusion.refinement.refine`.
+- ``numpy``: :func:`endoct.fusion.registration.refinement.refine`.
 - ``lbfgs``, ``lbfgs64`` (float64), ``adam``: torch. A is padded around the circle and interpolated by ``grid_sample``
   at B's samples; turn, shift, scale, then a shear too, minimise the share of B's variance that a polynomial of A's
   values leaves, of the same degree as ours.
@@ -24,10 +24,10 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from endoct.fusion.evidence import Evidence, blurred, clipped
-from endoct.fusion.pose import ALL_ORIENTATIONS, Alignment
-from endoct.fusion.prepare import brightness, prepare
-from endoct.fusion.refinement import (
+from endoct.fusion.evidence.evidence import Evidence, blurred, clipped
+from endoct.fusion.evidence.prepare import brightness, prepare
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
+from endoct.fusion.registration.refinement import (
     BLURS_MM,
     FINE_TONE,
     FINER_MM,
@@ -36,7 +36,7 @@ from endoct.fusion.refinement import (
     refine,
     sampled,
 )
-from endoct.fusion.search import search
+from endoct.fusion.registration.search import search
 from endoct.stitching.circle import wrap_rad
 from endoct.workbench.bench.alignment import PX_MM, RADIUS_MM, RANGES, cases, judge
 

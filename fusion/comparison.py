@@ -6,19 +6,19 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from endoct.fusion.alignment import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align, open_orientations
-from endoct.fusion.cells import Segmentation, SegmentParameters, find_cells
-from endoct.fusion.evidence import Evidence, Polarity, clipped
-from endoct.fusion.objects import Surface
-from endoct.fusion.outcome import Comparison
-from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore, common_grid
-from endoct.fusion.pose import as_covariance
-from endoct.fusion.prepare import MASK_MODALITY, prepare
-from endoct.fusion.scorecard import BOOTSTRAP, overlap_scores
-from endoct.fusion.scoring import Scored, score
-from endoct.fusion.sites import find_sites
-from endoct.fusion.store import load_comparison, save_comparison
-from endoct.fusion.twist import find_twist, untwisted
+from endoct.fusion.evidence.evidence import Evidence, Polarity, clipped
+from endoct.fusion.evidence.prepare import MASK_MODALITY, prepare
+from endoct.fusion.files.store import load_comparison, save_comparison
+from endoct.fusion.geometry.alignment import as_covariance
+from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore, common_grid
+from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align, open_orientations
+from endoct.fusion.registration.twist import find_twist, untwisted
+from endoct.fusion.scoring.cells import Surface
+from endoct.fusion.scoring.scorecard import BOOTSTRAP, overlap_scores
+from endoct.fusion.scoring.scored import Scored, score
+from endoct.fusion.scoring.sites import find_sites
+from endoct.fusion.segmentation.segment import Segmentation, SegmentParameters, find_cells
+from endoct.fusion.sides import Comparison
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.panorama import Panorama
 

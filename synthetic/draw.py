@@ -9,9 +9,9 @@ from numpy.random import Generator
 
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.cells import draw_cells
-from endoct.synthetic.cone import Cone, focal_length_px
-from endoct.synthetic.parameters import (
+from endoct.synthetic.bone.cells import draw_cells
+from endoct.synthetic.endoscope.cone import Cone, focal_length_px
+from endoct.synthetic.sample.parameters import (
     Bore,
     Debris,
     Droplet,
@@ -25,9 +25,9 @@ from endoct.synthetic.parameters import (
     Speck,
     Travel,
 )
-from endoct.synthetic.presets import PRESETS, Preset, PresetName
-from endoct.synthetic.randomness import Stage, generator
-from endoct.synthetic.ranges import NO_WISHES, Drawer, Wish, check_wishes, default_ranges
+from endoct.synthetic.sample.presets import PRESETS, Preset, PresetName
+from endoct.synthetic.sample.randomness import Stage, generator
+from endoct.synthetic.sample.ranges import NO_WISHES, Drawer, Wish, check_wishes, default_ranges
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06

@@ -18,8 +18,8 @@ from functools import partial
 from typing import IO, Any
 
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.maps import WallMaps
-from endoct.synthetic.parameters import Sample
+from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.sample.parameters import Sample
 
 FrameProcess = subprocess.Popen[bytes]
 
@@ -54,7 +54,7 @@ def begin_wall(processes: Sequence[FrameProcess], sample: Sample) -> None:
 
 
 def part_from(process: FrameProcess) -> Any:
-    """Return :func:`endoct.synthetic.wall.part_of_wall`, made by the process."""
+    """Return :func:`endoct.synthetic.bone.wall.part_of_wall`, made by the process."""
     return _answer(process)
 
 
@@ -64,7 +64,7 @@ def show_wall(process: FrameProcess, wall: WallMaps) -> None:
 
 
 def frame_from(process: FrameProcess, index: int) -> Any:
-    """Return :func:`endoct.synthetic.camera.stored_frame` of a frame, made by the process."""
+    """Return :func:`endoct.synthetic.endoscope.camera.stored_frame` of a frame, made by the process."""
     _send(process, index)
     return _answer(process)
 
@@ -109,8 +109,8 @@ def main() -> None:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
     import cv2
 
-    from endoct.synthetic.camera import stored_frame  # the caller need not load these before it starts this
-    from endoct.synthetic.wall import part_of_wall
+    from endoct.synthetic.bone.wall import part_of_wall
+    from endoct.synthetic.endoscope.camera import stored_frame  # the caller need not load these before it starts this
 
     def tell(make: Callable[[], object]) -> None:
         try:

@@ -11,16 +11,16 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from endoct.synthetic.appearance import Appearance, build_appearance
-from endoct.synthetic.bscan import render_bscans
-from endoct.synthetic.camera import stored_frame
+from endoct.synthetic.bone.wall import Wall, build_wall
+from endoct.synthetic.endoscope.camera import stored_frame
 from endoct.synthetic.frame_process import FrameProcess, frame_from, part_from, show_wall
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
+from endoct.synthetic.oct.appearance import Appearance, build_appearance
+from endoct.synthetic.oct.bscan import render_bscans
+from endoct.synthetic.progress import Progress
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sharing import Shared
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, toml
-from endoct.synthetic.specimen import Progress
-from endoct.synthetic.wall import Wall, build_wall
 
 _Item = TypeVar("_Item")
 Bscans = list[NDArray[np.uint8]]
@@ -51,7 +51,7 @@ def write_specimen(
     tell("wall", 1.0)
     _record(folder, sample, wall, appearance, processes, tell, workers)
     if spectra:
-        from endoct.synthetic.raw import write_spectra  # only who asks for them loads it
+        from endoct.synthetic.oct.raw import write_spectra  # only who asks for them loads it
 
         write_spectra(folder / "oct-spectra", sample, wall, appearance, partial(tell, "spectra"), workers)
     if labels:
@@ -132,10 +132,10 @@ def _write_oct(folder: Path, sample: Sample, groups: Iterable[Bscans]) -> None:
 
 
 def _write_endoscope(folder: Path, sample: Sample, frames: Iterable[Any]) -> None:
-    """Write frames as :func:`endoct.synthetic.camera.stored_frame` gives them."""
+    """Write frames as :func:`endoct.synthetic.endoscope.camera.stored_frame` gives them."""
     folder.mkdir()
     if sample.endoscope.storage == "video":
-        from endoct.synthetic.video import write_video  # only who writes one loads it
+        from endoct.synthetic.endoscope.video import write_video  # only who writes one loads it
 
         write_video(folder / "frames.mkv", frames)
     else:

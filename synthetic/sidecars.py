@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 
 
 def oct_sidecar(sample: Sample) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,12 @@ from pydantic import ValidationError
 from endoct.modalities.keys import shown
 from endoct.stitching.errors import EndoctError, cause_of
 from endoct.synthetic.frame_process import begin_wall, frame_processes
-from endoct.synthetic.parameter_fields import LARGEST_SEED
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS, PresetName
-from endoct.synthetic.ranges import NO_WISHES, Wish
+from endoct.synthetic.progress import Progress
+from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS, PresetName
+from endoct.synthetic.sample.ranges import NO_WISHES, Wish
 
-Progress = Callable[[str, float], None]
 MOST_WORKERS = 4
 
 
@@ -40,7 +40,7 @@ def simulate(
     :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``wishes`` are those of
     :func:`endoct.synthetic.draw.draw`. ``sample``, the content of such a ``sample.json``, replays it; what is drawn
     from does not matter then. ``labels`` adds ``truth/labels`` (:mod:`endoct.synthetic.labels`), ``spectra`` adds
-    ``oct-spectra`` (:mod:`endoct.synthetic.raw`). ``on_progress(stage, fraction)`` is called from this thread.
+    ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`). ``on_progress(stage, fraction)`` is called from this thread.
     ``workers`` processors render (default: all, at most four): threads of this process, and all but one of them
     mostly in a process of its own that traces a part of the wall and renders frames.
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from endoct.stitching.zarr_store import Named, write_arrays
-from endoct.synthetic.camera import band_centre_mm
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.bone.wall import Wall
+from endoct.synthetic.endoscope.camera import band_centre_mm
+from endoct.synthetic.sample.parameters import Sample
 
 THETA_OF_ASCANS = (
     "turn = 2 pi (k + lost) / n_ascans * turn_length[i], where lost is the sum of count over lost_ascans with "

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.beside import Tell
+from endoct.workbench.running.worker import Tell
 
 LONG_S = 600
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.outcome import Comparison
-from endoct.fusion.store import save_comparison
+from endoct.fusion.files.store import save_comparison
+from endoct.fusion.sides import Comparison
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.workbench.pictures import save_pictures
+from endoct.workbench.report.pictures import save_pictures
 
 GRID = SurfaceGrid.full_circle(60, 256, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)
 FRAME_Z_MM = 0.2 * np.arange(15)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from endoct.workbench.api import compare, summarise, unroll
-    from endoct.workbench.simulating import simulate
+    from endoct.workbench.pipeline.simulating import simulate
     from endoct.workbench.verifying import verify
 
 __all__ = ["compare", "simulate", "summarise", "unroll", "verify"]
 
-_MODULES = {"simulate": "simulating", "verify": "verifying"}
+_MODULES = {"simulate": "pipeline.simulating", "verify": "verifying"}
 
 
 def __getattr__(name: str) -> Any:

@@ -6,20 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from endoct.fusion.comparison import CompareParameters
-from endoct.fusion.outcome import Comparison
+from endoct.fusion.sides import Comparison
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, check_place, new_output, remove_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.synthetic.presets import PresetName
-from endoct.workbench.comparing import Side, write_comparison
-from endoct.workbench.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
-from endoct.workbench.progress import SilentStages, Stages
-from endoct.workbench.simulating import simulate
-from endoct.workbench.summarising import summarise as _summarise
-from endoct.workbench.summarising import write_summary
-from endoct.workbench.threads import one_blas_thread
-from endoct.workbench.unrolling import open_side, unroll_recording, write_volume
+from endoct.synthetic.sample.presets import PresetName
+from endoct.workbench.pipeline.comparing import Side, write_comparison
+from endoct.workbench.pipeline.simulating import simulate
+from endoct.workbench.pipeline.summarising import summarise as _summarise
+from endoct.workbench.pipeline.summarising import write_summary
+from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
+from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
+from endoct.workbench.running.progress import SilentStages, Stages
+from endoct.workbench.running.threads import one_blas_thread
 
 __all__ = ["compare", "demo", "simulate", "summarise", "unroll"]
 
@@ -97,8 +97,8 @@ def summarise(
 ) -> dict[str, list[dict[str, Any]]]:
     """Summarise comparison folders, written to the folder ``output`` where one is given.
 
-    See :func:`endoct.workbench.summarising.summarise`. Raises :class:`EndoctError` where a folder is no comparison, no
-    two of two sets can be paired, or ``output`` exists.
+    See :func:`endoct.workbench.pipeline.summarising.summarise`. Raises :class:`EndoctError` where a folder is no
+    comparison, no two of two sets can be paired, or ``output`` exists.
     """
     first, second = [Path(f) for f in folders], [Path(f) for f in against]
     if output is None:

@@ -4,8 +4,8 @@ import os
 import sys
 from io import TextIOWrapper
 
-from endoct.workbench.interruption import watch
-from endoct.workbench.status import DONE, INTERRUPTED, UNUSABLE_INPUT
+from endoct.workbench.running.interruption import watch
+from endoct.workbench.running.status import DONE, INTERRUPTED, UNUSABLE_INPUT
 
 
 def main() -> None:
@@ -34,7 +34,7 @@ def main() -> None:
 
 def _run() -> int:
     # imported here, inside the handlers above, because the imports take a moment that a user may interrupt
-    from endoct.workbench.refusals import in_one_line, tame_libraries
+    from endoct.workbench.running.refusals import in_one_line, tame_libraries
 
     try:
         from endoct.workbench.commands import run

@@ -36,7 +36,7 @@ def _frames(path: Path) -> None:
 
 def _recording(path: Path) -> None:
     from endoct.modalities.registry import manifests, open_recording
-    from endoct.workbench.information import describe
+    from endoct.workbench.pipeline.information import describe
 
     for manifest in manifests().values():
         manifest.load().sniff(path)
@@ -50,7 +50,7 @@ def _sidecar(path: Path) -> None:
     from endoct.modalities.acquisition import read_keys, validate
     from endoct.modalities.registry import manifests
     from endoct.stitching.errors import EndoctError
-    from endoct.workbench.information import write_sidecar_template
+    from endoct.workbench.pipeline.information import write_sidecar_template
 
     keys = read_keys(path)
     try:
@@ -68,8 +68,8 @@ def _settings(path: Path) -> None:
     from endoct.modalities.acquisition import validate
     from endoct.modalities.registry import manifests
     from endoct.stitching.errors import EndoctError
-    from endoct.workbench.settings import parse, split
-    from endoct.workbench.vary import parse_vary
+    from endoct.workbench.pipeline.settings import parse, split
+    from endoct.workbench.pipeline.vary import parse_vary
 
     if not path.is_file():  # no damage to settings, which come from a command line
         return
@@ -95,7 +95,7 @@ def check_line(text: str) -> None:
 
 def _drawing(path: Path) -> None:
     from benchmarks.fuzz.seed_drawings import SHAPE
-    from endoct.fusion.drawings import is_label_store, read_drawing
+    from endoct.fusion.files.drawings import is_label_store, read_drawing
 
     if path.is_dir():
         is_label_store(path)
@@ -103,8 +103,8 @@ def _drawing(path: Path) -> None:
 
 
 def _mask(path: Path) -> None:
-    from endoct.fusion.masks import read_mask
-    from endoct.workbench.comparing import is_mask_image
+    from endoct.fusion.files.masks import read_mask
+    from endoct.workbench.pipeline.comparing import is_mask_image
 
     is_mask_image(path)
     read_mask(path, _drawn_on())
@@ -131,28 +131,28 @@ def _panorama(path: Path) -> None:
 
 
 def _comparison(path: Path) -> None:
-    from endoct.fusion.store import load_comparison
+    from endoct.fusion.files.store import load_comparison
 
     load_comparison(path)
 
 
 def _pictures(path: Path) -> None:
-    from endoct.workbench.pictures import load_pictures
+    from endoct.workbench.report.pictures import load_pictures
 
     load_pictures(path)
 
 
 def _report(path: Path) -> None:
-    from endoct.workbench.findings import read_findings
-    from endoct.workbench.report import page_html
+    from endoct.workbench.report.findings import read_findings
+    from endoct.workbench.report.page import page_html
 
     page_html(read_findings(path), [])
 
 
 def _figures(path: Path) -> None:
-    from endoct.workbench.figures.all import draw_on_grid, draw_on_own_rows
-    from endoct.workbench.findings import read_findings
-    from endoct.workbench.report import page_html
+    from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
+    from endoct.workbench.report.findings import read_findings
+    from endoct.workbench.report.page import page_html
 
     findings = read_findings(path)
     with tempfile.TemporaryDirectory() as scratch:
@@ -160,14 +160,14 @@ def _figures(path: Path) -> None:
 
 
 def _describe(path: Path) -> None:
-    from endoct.workbench.information import describe
+    from endoct.workbench.pipeline.information import describe
 
     describe(path)
 
 
 def _summary(path: Path) -> None:
     from endoct.stitching.errors import EndoctError
-    from endoct.workbench.summarising import summarise, write_summary
+    from endoct.workbench.pipeline.summarising import summarise, write_summary
 
     first, second = (sorted((path / of).glob("*/*")) for of in "ab")
     refused = None
@@ -184,7 +184,7 @@ def _summary(path: Path) -> None:
 
 def _truth(path: Path) -> None:
     from endoct.stitching.store import load_panorama
-    from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
+    from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 
     truth, panorama = load_truth(path), load_panorama(path / "panorama.zarr")
     true_cells(truth, true_pose(panorama, truth), panorama)
@@ -215,7 +215,7 @@ def _records(path: Path) -> None:
 
 def _sample(path: Path) -> None:
     from endoct.synthetic.specimen import _checked
-    from endoct.workbench.simulating import _read_json
+    from endoct.workbench.pipeline.simulating import _read_json
 
     _checked(_read_json(path))
 

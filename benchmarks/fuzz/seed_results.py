@@ -12,13 +12,13 @@ import numpy as np
 from benchmarks.fuzz.seed_drawings import pictures
 from benchmarks.fuzz.trees import Seed, read_tree
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
-from endoct.fusion.masks import mask_on
-from endoct.fusion.store import save_comparison
+from endoct.fusion.files.masks import mask_on
+from endoct.fusion.files.store import save_comparison
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.stitching.zarr_store import Named, write_arrays
-from endoct.workbench.drawn import score_drawings
+from endoct.workbench.pipeline.hand_masks import score_drawings
 
 GRID = SurfaceGrid.full_circle(24, 32, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
 N_FRAMES = 6

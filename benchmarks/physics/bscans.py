@@ -13,13 +13,13 @@ from scipy.optimize import curve_fit
 from scipy.special import erf
 
 from endoct.stitching.arrays import Coordinates
-from endoct.synthetic.appearance import Appearance, build_appearance
-from endoct.synthetic.beams import BONE_INDEX
-from endoct.synthetic.bscan import render_bscan
+from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
-from endoct.synthetic.wall import build_wall
+from endoct.synthetic.oct.appearance import Appearance, build_appearance
+from endoct.synthetic.oct.beams import BONE_INDEX
+from endoct.synthetic.oct.bscan import render_bscan
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 
 RAYLEIGH_SKEW = -1.1395  # of the logarithm of an exponential: −2·ζ(3)/(π²/6)^1.5
 RAYLEIGH_DB = 5.5697  # its standard deviation, (10/ln 10)·π/√6

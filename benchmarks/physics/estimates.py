@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from benchmarks.physics import catheter, probe
 from endoct.stitching.arrays import Coordinates
-from endoct.synthetic.appearance import build_appearance
-from endoct.synthetic.bscan import render_bscan
-from endoct.synthetic.camera import render_frame
+from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PresetName
-from endoct.synthetic.ranges import Wish
+from endoct.synthetic.endoscope.camera import render_frame
+from endoct.synthetic.oct.appearance import build_appearance
+from endoct.synthetic.oct.bscan import render_bscan
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PresetName
+from endoct.synthetic.sample.ranges import Wish
 from endoct.synthetic.truth import recording
-from endoct.synthetic.wall import Wall, build_wall
 
 # enough of a rotation error, and enough of cells, to tell one from the other
 TURNING: Mapping[str, Wish] = {

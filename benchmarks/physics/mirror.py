@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates
-from endoct.synthetic.camera import noise_free, sight
-from endoct.synthetic.cone import band_centre_mm, focal_length_px
+from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
-from endoct.synthetic.wall import Wall, build_wall
+from endoct.synthetic.endoscope.camera import noise_free, sight
+from endoct.synthetic.endoscope.cone import band_centre_mm, focal_length_px
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 
 APEX_MM = 2.0
 GAMMA = 1.8  # of the display, undone

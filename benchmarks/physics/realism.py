@@ -6,11 +6,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from benchmarks.physics.drawing import save
-from endoct.synthetic.appearance import build_appearance
-from endoct.synthetic.bscan import ascan_echoes, render_bscan
-from endoct.synthetic.camera import render_frame
+from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.wall import build_wall
+from endoct.synthetic.endoscope.camera import render_frame
+from endoct.synthetic.oct.appearance import build_appearance
+from endoct.synthetic.oct.bscan import ascan_echoes, render_bscan
 
 SEED = 1000
 

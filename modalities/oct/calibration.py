@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.rotation import Rotation
-from endoct.modalities.oct.sine import Sine
+from endoct.modalities.oct.turning.rotation import Rotation
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 

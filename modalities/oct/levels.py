@@ -7,10 +7,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from endoct.modalities.oct.calibration import Background
-from endoct.modalities.oct.capillary import Faces
-from endoct.modalities.oct.evidence import relative_power
-from endoct.modalities.oct.fixed_lines import bridge_rows
-from endoct.modalities.oct.slice_evidence import SliceEvidence, behind
+from endoct.modalities.oct.face.capillary import Faces
+from endoct.modalities.oct.face.slices import SliceEvidence, behind
+from endoct.modalities.oct.surface.evidence import relative_power
+from endoct.modalities.oct.surface.fixed_lines import bridge_rows
 from endoct.stitching.arrays import Image
 
 MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more

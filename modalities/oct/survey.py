@@ -12,17 +12,17 @@ from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.capillary import Faces, locate_faces, refit_faces
-from endoct.modalities.oct.fixed_lines import fixed_line_excess, points_off
-from endoct.modalities.oct.glass import glass_mm
+from endoct.modalities.oct.face.capillary import Faces, locate_faces, refit_faces, starts_anywhere
+from endoct.modalities.oct.face.glass import glass_mm
+from endoct.modalities.oct.face.lines import Points, find_lines, line_points
+from endoct.modalities.oct.face.slices import SliceEvidence
 from endoct.modalities.oct.levels import measure_levels
-from endoct.modalities.oct.lines import Points, find_lines, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.rotation import Rotation, even_rotation, starts_anywhere
-from endoct.modalities.oct.slice_evidence import SliceEvidence
-from endoct.modalities.oct.start_angle import measure_starts
-from endoct.modalities.oct.uneven_turn import measure_turns, turned
+from endoct.modalities.oct.surface.fixed_lines import fixed_line_excess, points_off
+from endoct.modalities.oct.turning.rotation import Rotation, even_rotation
+from endoct.modalities.oct.turning.start_angle import measure_starts
+from endoct.modalities.oct.turning.uneven_turn import measure_turns, turned
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import NotSeen

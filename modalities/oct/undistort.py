@@ -5,14 +5,15 @@ e + ρ·u(α), turned by what the capillary's glass bends the beam. "sine" is th
 undistortion): every A-scan is shifted by the fitted sine, its angle kept; right for the radius to first order only.
 
 Three angles: θ of the panorama; the direction of a beam in the frame of its slice; and the nominal angle of an A-scan,
-its share of the turn. :mod:`endoct.modalities.oct.rotation` says where frames start and which A-scan looked where.
+its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` says where frames start and which A-scan looked
+where.
 """
 
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.glass import bend_rad
-from endoct.modalities.oct.sine import circle_distance_mm, ripple_basis
+from endoct.modalities.oct.face.glass import bend_rad
+from endoct.modalities.oct.face.sine import circle_distance_mm, ripple_basis
 from endoct.stitching.arrays import Coordinates, Mask
 
 

@@ -7,11 +7,11 @@ import numpy as np
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.fixed_lines import bridge_rows, with_lines_of, without_lines
-from endoct.modalities.oct.projection import maximum_intensity
-from endoct.modalities.oct.trust import trusted, wall_sigmas
+from endoct.modalities.oct.surface.fixed_lines import bridge_rows, with_lines_of, without_lines
+from endoct.modalities.oct.surface.projection import maximum_intensity
+from endoct.modalities.oct.surface.trust import trusted, wall_sigmas
+from endoct.modalities.oct.surface.wall import brightest, first_edge
 from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
-from endoct.modalities.oct.wall import brightest, first_edge
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.strip import Strip
 
@@ -77,7 +77,7 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
 
     Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
     beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth; R is the nominal bore
-    radius, bend up to 2° where ``glass_mm`` is not 0 (:mod:`endoct.modalities.oct.glass`).
+    radius, bend up to 2° where ``glass_mm`` is not 0 (:mod:`endoct.modalities.oct.face.glass`).
     """
     beams = profile_beams(frame, calibration)
     grid = calibration.grid

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Mask
-from endoct.synthetic.appearance import Appearance
-from endoct.synthetic.bscan import artificial
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
-from endoct.synthetic.spectrometer import spectrometer
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.bone.wall import Wall
+from endoct.synthetic.oct.appearance import Appearance
+from endoct.synthetic.oct.bscan import artificial
+from endoct.synthetic.oct.spectrometer import spectrometer
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 
 FLAGS = ("1 capillary face", "2 sheath or catheter", "4 detector line", "8 autocorrelation", "16 saturated A-scan")
 FACE, CATHETER, DETECTOR, AUTOCORRELATION, SATURATED = 1, 2, 4, 8, 16

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.labels.pullback import Pullback
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 
 COLUMNS = (
     "cell_id", "z_mm", "theta_rad", "opening_mm2", "depth_mm", "filling", "oct_ascans", "oct_covered",

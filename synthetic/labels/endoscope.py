@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Image
 from endoct.stitching.zarr_store import consolidate
-from endoct.synthetic.camera import Seen, noise_free, sight
+from endoct.synthetic.bone.wall import Wall
+from endoct.synthetic.endoscope.camera import Seen, noise_free, sight
+from endoct.synthetic.endoscope.png import write_png
 from endoct.synthetic.labels.arrays import create
 from endoct.synthetic.labels.correspondence import ascans_of_places, cartesian_mm, nearest_places
 from endoct.synthetic.labels.pullback import Pullback
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.png import write_png
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.sample.parameters import Sample
 
 PIXEL = ("frame", "row", "column")
 MAPS = {

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from endoct.modalities.recording import map_frames
 from endoct.stitching.zarr_store import consolidate
-from endoct.synthetic.appearance import Appearance
-from endoct.synthetic.bscan import noise_free
+from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.labels.arrays import create
 from endoct.synthetic.labels.artefacts import FLAGS, artefacts
 from endoct.synthetic.labels.pullback import Pullback
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.oct.appearance import Appearance
+from endoct.synthetic.oct.bscan import noise_free
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 
 ASCAN = ("slice", "ascan")
 LAYERS = {

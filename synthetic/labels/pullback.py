@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.synthetic.beams import Echoes
-from endoct.synthetic.bscan import ascan_echoes
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.presets import PRESETS
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.bone.wall import Wall
+from endoct.synthetic.oct.beams import Echoes
+from endoct.synthetic.oct.bscan import ascan_echoes
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
 
 
 @dataclass(frozen=True, eq=False)

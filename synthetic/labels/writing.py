@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from endoct.synthetic.appearance import Appearance
+from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.labels.cells import write_cells
 from endoct.synthetic.labels.endoscope import write_endoscope_labels
 from endoct.synthetic.labels.oct import write_oct_labels
 from endoct.synthetic.labels.pullback import look_along
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.oct.appearance import Appearance
+from endoct.synthetic.sample.parameters import Sample
 
 
 def write_labels(

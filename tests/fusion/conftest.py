@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from endoct.fusion.pose import Alignment
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 

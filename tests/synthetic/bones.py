@@ -4,7 +4,7 @@ from functools import cache
 from typing import Any
 
 from endoct.synthetic.draw import draw
-from endoct.synthetic.parameters import Cell, Sample
+from endoct.synthetic.sample.parameters import Cell, Sample
 
 EVEN = {
     "taper_mm": 0.0,

@@ -5,9 +5,9 @@ import pytest
 
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.draw import draw
-from endoct.synthetic.parameters import Bore, Endoscope, Oct, Sample
-from endoct.synthetic.presets import PRESETS
-from endoct.synthetic.ranges import allowed_range, default_ranges
+from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct, Sample
+from endoct.synthetic.sample.presets import PRESETS
+from endoct.synthetic.sample.ranges import allowed_range, default_ranges
 
 SEEDS = range(8)
 

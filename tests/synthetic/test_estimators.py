@@ -19,8 +19,8 @@ from tolerances import (
 )
 
 from benchmarks.physics.estimates import PAINTED, TURNING, Z_SHIFTS_MM, Frames, Slice, frames, slices, specimen
-from endoct.synthetic.parameters import Sample
-from endoct.synthetic.wall import Wall
+from endoct.synthetic.bone.wall import Wall
+from endoct.synthetic.sample.parameters import Sample
 
 
 @pytest.fixture(scope="module")

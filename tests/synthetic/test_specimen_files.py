@@ -11,7 +11,7 @@ import tifffile
 import xarray as xr
 
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.presets import PRESETS, Preset
+from endoct.synthetic.sample.presets import PRESETS, Preset
 from endoct.synthetic.specimen import simulate
 
 OCT_KEYS = {

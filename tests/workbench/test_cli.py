@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 import zarr
 
-from endoct.fusion.masks import read_mask
+from endoct.fusion.files.masks import read_mask
 from endoct.stitching.store import load_panorama
 from endoct.workbench import cli, compare, unroll
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 
+from endoct.fusion.files.result_file import read_result
 from endoct.modalities.contract import Picture
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.findings import read_findings
-from endoct.workbench.pictures import load_pictures, save_pictures
-from endoct.workbench.report import page_html
-from endoct.workbench.result_file import read_result
+from endoct.workbench.report.findings import read_findings
+from endoct.workbench.report.page import page_html
+from endoct.workbench.report.pictures import load_pictures, save_pictures
 
 HOSTILE: tuple[Any, ...] = (None, 0, -1, 1e308, float("nan"), True, "[/x]", "", [], {}, [1], {"a": 1}, 10**400)
 

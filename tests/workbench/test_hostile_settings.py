@@ -12,9 +12,9 @@ from endoct.stitching.errors import EndoctError
 from endoct.synthetic.draw import draw
 from endoct.synthetic.specimen import simulate as render
 from endoct.workbench.bench.asking import parse_seeds
-from endoct.workbench.settings import parse
-from endoct.workbench.simulating import simulate
-from endoct.workbench.vary import parse_vary
+from endoct.workbench.pipeline.settings import parse
+from endoct.workbench.pipeline.simulating import simulate
+from endoct.workbench.pipeline.vary import parse_vary
 
 SAMPLE: dict[str, Any] = json.loads(draw("learning", 3).model_dump_json())
 

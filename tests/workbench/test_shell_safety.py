@@ -18,8 +18,8 @@ import pytest
 from mock_comparison import GRID
 from rich.console import Console
 
-from endoct.fusion.cell_table import PROPERTIES, write_cells
-from endoct.fusion.objects import Cell
+from endoct.fusion.files.cell_table import PROPERTIES, write_cells
+from endoct.fusion.scoring.cells import Cell
 from endoct.stitching.errors import visible
 from endoct.stitching.names import spreadsheet_text
 from endoct.stitching.panorama import Panorama
@@ -31,9 +31,9 @@ from endoct.workbench.bench.segmentation import TASK
 from endoct.workbench.bench.summary import Spread
 from endoct.workbench.bench.writing import footnotes, table, write_csv
 from endoct.workbench.commands.telling import TextConsole, print_json, say
-from endoct.workbench.inputs import digests, json_text, path_text
-from endoct.workbench.progress import ConsoleStages
-from endoct.workbench.summarising import write_summary
+from endoct.workbench.pipeline.inputs import digests, json_text, path_text
+from endoct.workbench.pipeline.summarising import write_summary
+from endoct.workbench.running.progress import ConsoleStages
 
 HOSTILE = "[/x][red]:smile:\x1b[31m\u202eb\x07\rc \udce9"
 SHOWN = r"[/x][red]:smile:\x1b[31m\u202eb\x07\rc \udce9"
@@ -101,7 +101,7 @@ def _unencodable(*_: Any, **__: Any) -> None:
 def test_what_runs_out_is_told_in_one_line(
     panorama: Path, run: Run, monkeypatch: pytest.MonkeyPatch, fails: Callable[..., None], said: str
 ) -> None:
-    monkeypatch.setattr("endoct.workbench.information.describe", fails)
+    monkeypatch.setattr("endoct.workbench.pipeline.information.describe", fails)
     status, out, err = run("info", panorama)
     assert status == 1
     assert out == ""
@@ -111,7 +111,7 @@ def test_what_runs_out_is_told_in_one_line(
 
 
 def test_a_fault_of_our_own_keeps_its_trace(panorama: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("endoct.workbench.information.describe", lambda *_: {}["key"])
+    monkeypatch.setattr("endoct.workbench.pipeline.information.describe", lambda *_: {}["key"])
     monkeypatch.setattr(sys, "argv", ["endoct", "info", str(panorama)])
     with pytest.raises(KeyError):
         cli.main()

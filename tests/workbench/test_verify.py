@@ -12,8 +12,8 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import new_output
 from endoct.workbench.dataset.building import make_dataset
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.kinds import COMPARISON
-from endoct.workbench.report import write_report
+from endoct.workbench.report.page import write_report
+from endoct.workbench.running.kinds import COMPARISON
 from endoct.workbench.verifying import Verdict, verify
 
 SET = Plan(4, seed=3)

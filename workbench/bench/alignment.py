@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.pose import Alignment, NotAligned
+from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.grid import SurfaceGrid
@@ -159,8 +159,9 @@ TASK = Task(
     title="two panoramas of one bore, 2048 × 1024, at any place on each other",
     signature=(
         "method(a: Panorama, b: Panorama) -> Alignment | NotAligned\n"
-        "Says where B lies in A's frame (endoct.fusion.pose). All four orientations are open unless handedness_known "
-        "and travel_known of the panoramas say otherwise; cells may be dark or bright to either; θ is a circle."
+        "Says where B lies in A's frame (endoct.fusion.geometry.alignment). All four orientations are open unless "
+        "handedness_known and travel_known of the panoramas say otherwise; cells may be dark or bright to either; θ is "
+        "a circle."
     ),
     cases=cases,
     judge=judge,
@@ -174,9 +175,9 @@ TASK = Task(
 
 
 def ours(a: Panorama, b: Panorama) -> Alignment | NotAligned:
-    """Align with :mod:`endoct.fusion.alignment`."""
-    from endoct.fusion.alignment import align, open_orientations
-    from endoct.fusion.prepare import prepare
+    """Align with :mod:`endoct.fusion.registration.align`."""
+    from endoct.fusion.evidence.prepare import prepare
+    from endoct.fusion.registration.align import align, open_orientations
 
     orientations = open_orientations(
         handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known

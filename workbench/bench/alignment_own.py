@@ -10,7 +10,7 @@ from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.task import Case
-from endoct.workbench.bench.truth import Pose, load_truth, true_pose
+from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ def own_cases(specimen: Path) -> list[Case]:
 
     Raises :class:`EndoctError` where there is no pair, or no truth that says where it lies.
     """
-    from endoct.workbench import unroll
+    from endoct.workbench.api import unroll
 
     truth = load_truth(specimen)
     recordings = [specimen / name for name in ("endoscope", "oct")]

@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from skimage.registration import phase_cross_correlation
 
-from endoct.fusion.alignment import open_orientations
-from endoct.fusion.evidence import Evidence, clipped, on_grid, reoriented
-from endoct.fusion.pose import Alignment, NotAligned, Orientation
-from endoct.fusion.prepare import prepare
+from endoct.fusion.evidence.evidence import Evidence, clipped, on_grid, reoriented
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
+from endoct.fusion.registration.align import open_orientations
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama

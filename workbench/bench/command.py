@@ -27,8 +27,8 @@ from endoct.workbench.bench.runner import Plan, Row, run
 from endoct.workbench.bench.summary import score_names
 from endoct.workbench.bench.task import Task
 from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
-from endoct.workbench.kinds import BENCH_RESULTS
-from endoct.workbench.progress import Stages
+from endoct.workbench.running.kinds import BENCH_RESULTS
+from endoct.workbench.running.progress import Stages
 
 MOST_LISTED = 20
 

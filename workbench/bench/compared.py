@@ -7,15 +7,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from endoct.fusion.cells import segment
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
-from endoct.fusion.outcome import Comparison
+from endoct.fusion.segmentation.segment import segment
+from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
 from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.specimens import DIFFICULTIES, PRESET_WORDS, simulated, truths_of
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Case, Declined, Range, draw
-from endoct.workbench.bench.truth import held_against, jaccard, load_truth
+from endoct.workbench.pipeline.truth import held_against, jaccard, load_truth
 
 Part = Literal["oct", "endoscope", "compare"]
 Settings = Mapping[Part, Mapping[str, Any]]
@@ -42,7 +42,7 @@ class Specimen:
 
         Raises :class:`Declined` where it shows no wall: to say so is an answer.
         """
-        from endoct.workbench import unroll
+        from endoct.workbench.api import unroll
 
         key = part, repr(sorted(settings.items()))
         if key not in self._unrolled:

@@ -23,8 +23,8 @@ from endoct.stitching.json_values import read_object
 from endoct.stitching.scratch import clear_dead_scratch, new_file
 from endoct.workbench.bench.methods import load_task, module_of, origin
 from endoct.workbench.bench.runner import Plan, Row
-from endoct.workbench.dataset.files import disk_errors_told
-from endoct.workbench.inputs import versions
+from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.running.files import disk_errors_told
 
 RUN = "run.json"
 _KEPT = re.compile(r"run\.json|[0-9]{6}\.json")

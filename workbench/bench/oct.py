@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.cells import segment
+from endoct.fusion.segmentation.segment import segment
 from endoct.modalities.registry import open_recording
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.synthetic.presets import PRESETS, PresetName
+from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.specimens import simulated
 from endoct.workbench.bench.task import SUCCESS, Case, Range, Task, draw
-from endoct.workbench.bench.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
 
 CAPILLARY_MM = 1.7
 GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves beside the largest sheath drawn

@@ -16,7 +16,7 @@ from skimage.registration import phase_cross_correlation
 from endoct.modalities.registry import open_recording
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
-from endoct.workbench import unroll
+from endoct.workbench.api import unroll
 
 STEPS: tuple[str, ...] = ("rotation", "turn_length", "start_angle", "lost_ascans")
 NONE: Mapping[str, Any] = {f"correct_{step}": False for step in STEPS}

@@ -4,9 +4,9 @@ import math
 
 from numpy.random import Generator
 
-from endoct.synthetic.opening import CutWall
-from endoct.synthetic.parameters import Bore, Cell
-from endoct.synthetic.phantom import draw_holes
+from endoct.synthetic.bone.opening import CutWall
+from endoct.synthetic.bone.phantom import draw_holes
+from endoct.synthetic.sample.parameters import Bore, Cell
 
 LEAST_MM = 0.2
 DEPTHS_MM = (0.05, 1.5)

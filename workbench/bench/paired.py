@@ -17,7 +17,7 @@ from endoct.stitching.names import spreadsheet_text
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.summary import Spread, spread
 from endoct.workbench.bench.task import Task
-from endoct.workbench.figures.drawing import BLUE, DPI, INK, ORANGE, PAGE_WIDTH_IN, journal_style
+from endoct.workbench.report.figures.drawing import BLUE, DPI, INK, ORANGE, PAGE_WIDTH_IN, journal_style
 
 UP, DOWN = " up", " down"
 """Endings of two methods that share a line."""

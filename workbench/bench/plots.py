@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.summary import score_names, share, spread
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Task
-from endoct.workbench.figures.drawing import (
+from endoct.workbench.report.figures.drawing import (
     BLUE,
     DPI,
     GREEN,

@@ -17,8 +17,8 @@ from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.methods import Method, load_method, load_task
 from endoct.workbench.bench.task import Case, Declined, Range, Task
 from endoct.workbench.dataset.working import own_cluster
-from endoct.workbench.progress import Advance
-from endoct.workbench.threads import one_blas_thread
+from endoct.workbench.running.progress import Advance
+from endoct.workbench.running.threads import one_blas_thread
 
 Status = Literal["ok", "declined", "failed"]
 LONGEST_REASON = 300

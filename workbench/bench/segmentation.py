@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.cells import SegmentParameters, find_cells
-from endoct.fusion.prepare import prepare
-from endoct.fusion.regions import label
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.segmentation.regions import label
+from endoct.fusion.segmentation.segment import SegmentParameters, find_cells
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
@@ -54,7 +54,7 @@ def own_cases(specimen: Path) -> list[Case]:
 
 
 def _unrolled(recording: Path) -> Panorama:
-    from endoct.workbench import unroll
+    from endoct.workbench.api import unroll
 
     return unroll(recording)
 

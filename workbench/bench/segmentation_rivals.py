@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage import filters, morphology, segmentation
 
-from endoct.fusion.cells import SegmentParameters, clean
-from endoct.fusion.evidence import Evidence
-from endoct.fusion.prepare import prepare
-from endoct.fusion.threshold import li_threshold
+from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.segmentation.segment import SegmentParameters, clean
+from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import masked_gaussian
 from endoct.stitching.panorama import Panorama
@@ -130,7 +130,7 @@ def _prepared(panorama: Panorama, threshold: Callable[[NDArray[np.float32]], flo
 
 
 def _as_ours_sees_it(evidence: Evidence, p: SegmentParameters) -> Image:
-    """Return the evidence smoothed, floored and capped as :func:`endoct.fusion.cells.find_cells` does."""
+    """Return the evidence smoothed, floored and capped as our own segmentation does."""
     sigmas = p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
     smooth = masked_gaussian(evidence.values, evidence.valid, *sigmas)
     low, high = (p.relief_floor_mm, p.relief_cap_mm) if evidence.kind == "relief" else (0.0, p.contrast_cap)

@@ -7,18 +7,18 @@ from typing import cast
 import numpy as np
 import tifffile
 
-from endoct.fusion.masks import read_mask
-from endoct.fusion.placement import IN_PLACE, Placement, check_same_bore
+from endoct.fusion.files.masks import read_mask
+from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
 from endoct.modalities.recording import IMAGE_SUFFIXES
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.scratch import TemporaryFolder
-from endoct.synthetic.presets import PRESETS, PresetName
-from endoct.synthetic.ranges import PARTS, Wish, choices, default_ranges
+from endoct.synthetic.sample.presets import PRESETS, PresetName
+from endoct.synthetic.sample.ranges import PARTS, Wish, choices, default_ranges
 from endoct.workbench.bench.one_size import cells_of
 from endoct.workbench.bench.task import Range, rng_of
-from endoct.workbench.bench.truth import load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 
 PRESET_WORDS: tuple[str, ...] = tuple(PRESETS)
 MODALITIES: Sequence[str] = ("oct", "endoscope")

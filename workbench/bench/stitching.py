@@ -20,7 +20,7 @@ from endoct.stitching.strip import Strip
 from endoct.workbench.bench import made_strips
 from endoct.workbench.bench.specimens import PRESET_WORDS, simulated
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
-from endoct.workbench.bench.truth import load_truth
+from endoct.workbench.pipeline.truth import load_truth
 
 MADE = "made"
 RIGHT_MM, RIGHT_DEG = 0.03, 1.0
@@ -70,7 +70,7 @@ def own_cases(specimen: Path) -> list[Case]:
 
 def _of_recording(specimen: Path) -> Case:
     """Return the case of a simulated endoscope recording: its strips as unrolled, each in its own frame."""
-    from endoct.workbench.unrolling import open_side
+    from endoct.workbench.pipeline.unrolling import open_side
 
     side = open_side(specimen / "endoscope", modality="endoscope", settings={})
     modality: Any = side.manifest.load()

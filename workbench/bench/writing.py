@@ -16,7 +16,7 @@ from endoct.workbench.bench.methods import load_task
 from endoct.workbench.bench.runner import Plan, Row
 from endoct.workbench.bench.summary import Share, Spread, Summary, score_names, summarise
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Task
-from endoct.workbench.inputs import json_text
+from endoct.workbench.pipeline.inputs import json_text
 
 MOST_COLUMNS = 4
 """Scores shown on the console; the CSV has all."""

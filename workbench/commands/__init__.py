@@ -14,7 +14,7 @@ from endoct.workbench.commands.comparisons import compare, report, summarise
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import dataset, demo, simulate
-from endoct.workbench.refusals import visible_lines
+from endoct.workbench.running.refusals import visible_lines
 
 
 def run(arguments: Sequence[str]) -> int:

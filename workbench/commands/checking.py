@@ -5,7 +5,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from endoct.workbench.commands.telling import print_json, say, stages_for
-from endoct.workbench.status import DONE, UNUSABLE_INPUT
+from endoct.workbench.running.status import DONE, UNUSABLE_INPUT
 
 
 def verify(path: Positional[Path], json: bool = False) -> int:

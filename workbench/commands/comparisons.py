@@ -7,7 +7,7 @@ from tyro.conf import Positional
 
 from endoct.workbench.commands.options import ModalityName, Output, Settings
 from endoct.workbench.commands.telling import TextConsole, print_json, say, stages_for, tell_result
-from endoct.workbench.status import DONE
+from endoct.workbench.running.status import DONE
 
 _IN_FILES_ONLY = ("statistic", "quartile_1", "quartile_3")
 """Columns of a summary that are left out of what is printed."""
@@ -50,7 +50,7 @@ def compare(
     from endoct.fusion.comparison import CompareParameters
     from endoct.modalities.acquisition import validate
     from endoct.workbench import api
-    from endoct.workbench.settings import parse
+    from endoct.workbench.pipeline.settings import parse
 
     api.compare(
         a,
@@ -76,8 +76,8 @@ def report(folder: Positional[Path]) -> int:
     Args:
         folder: what `endoct compare` wrote
     """
-    from endoct.workbench.beside import process_beside
-    from endoct.workbench.report import write_report
+    from endoct.workbench.report.page import write_report
+    from endoct.workbench.running.worker import process_beside
 
     with stages_for(False).stage("report"), process_beside() as beside:
         path = write_report(folder, beside)

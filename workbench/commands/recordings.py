@@ -7,8 +7,8 @@ from tyro.conf import Positional
 
 from endoct.workbench.commands.options import ModalityName, Output, Settings
 from endoct.workbench.commands.telling import TextConsole, print_json, say, stages_for
-from endoct.workbench.inputs import path_text
-from endoct.workbench.status import DONE
+from endoct.workbench.pipeline.inputs import path_text
+from endoct.workbench.running.status import DONE
 
 
 def unroll(
@@ -32,7 +32,7 @@ def unroll(
         json: print what was found as JSON
     """
     from endoct.workbench import api
-    from endoct.workbench.settings import parse
+    from endoct.workbench.pipeline.settings import parse
 
     panorama = api.unroll(
         path,
@@ -80,7 +80,7 @@ def info(
         overwrite: replace the acquisition.toml if it exists
         json: print as JSON
     """
-    from endoct.workbench.information import describe, write_sidecar_template
+    from endoct.workbench.pipeline.information import describe, write_sidecar_template
 
     if write_sidecar:
         sidecar, missing = write_sidecar_template(path, modality, overwrite=overwrite)
@@ -105,7 +105,7 @@ def modalities(json: bool = False) -> int:
     Args:
         json: print as JSON
     """
-    from endoct.workbench.information import installed_modalities
+    from endoct.workbench.pipeline.information import installed_modalities
 
     rows = installed_modalities()
     if json:

@@ -7,7 +7,7 @@ from tyro.conf import Positional, arg
 
 from endoct.stitching.errors import visible
 from endoct.workbench.commands.telling import TextConsole, print_json, stages_for
-from endoct.workbench.status import DONE
+from endoct.workbench.running.status import DONE
 
 WIDE = 200
 

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Literal
 
-from endoct.synthetic.presets import PresetName
+from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.commands.options import Output, Wishes
 from endoct.workbench.commands.telling import print_json, say, stages_for, tell_result
-from endoct.workbench.status import DONE
+from endoct.workbench.running.status import DONE
 
 
 def demo(
@@ -53,8 +53,8 @@ def simulate(
         spectra: add oct-spectra: the spectrometer's raw data, 2 kB an A-scan
         overwrite: replace the folder if it exists
     """
-    from endoct.workbench.simulating import simulate as write_specimen
-    from endoct.workbench.vary import parse_vary
+    from endoct.workbench.pipeline.simulating import simulate as write_specimen
+    from endoct.workbench.pipeline.vary import parse_vary
 
     write_specimen(
         output,
@@ -108,7 +108,7 @@ def dataset(
     """
     from endoct.workbench.dataset.command import run_dataset
     from endoct.workbench.dataset.plan import Plan
-    from endoct.workbench.vary import parse_vary
+    from endoct.workbench.pipeline.vary import parse_vary
 
     plan = Plan(count, preset, seed, parse_vary(vary), format, labels, recordings_per_bore)
     facts, lines = run_dataset(

@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.text import Text
 
 from endoct.stitching.errors import visible
-from endoct.workbench.inputs import json_text
-from endoct.workbench.progress import ConsoleStages, SilentStages, Stages
-from endoct.workbench.refusals import visible_lines
-from endoct.workbench.status import DONE, NOT_ALIGNED
+from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.running.progress import ConsoleStages, SilentStages, Stages
+from endoct.workbench.running.refusals import visible_lines
+from endoct.workbench.running.status import DONE, NOT_ALIGNED
 
 
 class TextConsole(Console):
@@ -43,7 +43,7 @@ def tell_result(folder: Path, *, as_json: bool) -> int:
     else:
         say(f"not aligned: {result['reason']}")
     if not as_json:
-        from endoct.workbench.doubts import on_the_whole  # loads what only a comparison needs
+        from endoct.workbench.report.doubts import on_the_whole  # loads what only a comparison needs
 
         for doubt in on_the_whole(result) if result["aligned"] else ():
             say(f"not trusted: {doubt}")

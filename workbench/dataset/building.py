@@ -14,7 +14,6 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_place
 from endoct.stitching.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
-from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, disk_errors_told, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
@@ -25,7 +24,8 @@ from endoct.workbench.dataset.sheet import NAME as SHEET
 from endoct.workbench.dataset.sheet import write_sheet
 from endoct.workbench.dataset.texts import LICENCE, readme
 from endoct.workbench.dataset.working import existing_cluster, make_here, make_on, own_cluster
-from endoct.workbench.progress import SilentStages, Stages
+from endoct.workbench.running.files import DAMAGED, WRITTEN, count_damaged, disk_errors_told, top_file
+from endoct.workbench.running.progress import SilentStages, Stages
 
 LOCK_NAME = ".lock"
 TOP_FILES = (NAME, "LICENSE", "README.md", MANIFEST, SHEET)

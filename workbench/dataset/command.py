@@ -6,12 +6,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from endoct.synthetic.presets import PRESETS
+from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.building import forecast, make_dataset
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
 from endoct.workbench.dataset.plan import SPLITS, Plan, split_of
-from endoct.workbench.progress import Stages
-from endoct.workbench.vary import shown
+from endoct.workbench.pipeline.vary import shown
+from endoct.workbench.running.progress import Stages
 
 
 def run_dataset(

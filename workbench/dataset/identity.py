@@ -10,10 +10,10 @@ import endoct.stitching
 import endoct.synthetic
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.json_values import read_object
-from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.inputs import versions
-from endoct.workbench.vary import shown
+from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.pipeline.vary import shown
+from endoct.workbench.running.files import top_file
 
 NAME = "dataset.json"
 LICENCE = "CC0-1.0"

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.scratch import scratch_beside
-from endoct.workbench.dataset.files import digest_of, disk_errors_told, put_unit, store_and_digest
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
 from endoct.workbench.dataset.records import (
     MadeSpecimen,
@@ -22,6 +21,7 @@ from endoct.workbench.dataset.records import (
     write_record,
 )
 from endoct.workbench.dataset.shards import add_specimen, copy_specimens, new_shard
+from endoct.workbench.running.files import digest_of, disk_errors_told, put_unit, store_and_digest
 
 Make = Callable[[Path, Plan, Job], None]
 """Makes a specimen in a folder that does not exist yet."""

@@ -8,8 +8,8 @@ from typing import Literal, get_args
 from numpy.random import SeedSequence
 
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.presets import PRESETS, PresetName
-from endoct.synthetic.ranges import Wish, check_wishes
+from endoct.synthetic.sample.presets import PRESETS, PresetName
+from endoct.synthetic.sample.ranges import Wish, check_wishes
 
 Format = Literal["folders", "webdataset"]
 Split = Literal["train", "validation", "test"]

@@ -19,7 +19,7 @@ from endoct.stitching.limits import check_array_size, largest_array_bytes
 from endoct.stitching.names import inside, plain_name
 from endoct.stitching.npy import read_npy
 from endoct.stitching.zarr_store import read_arrays
-from endoct.synthetic.presets import PRESETS
+from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.plan import SPLITS, Split
 
 TRUTH = ("relief_mm", "cell", "cell_id")

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.reading import Specimens
+from endoct.workbench.running.files import top_file
 
 NAME = "contact_sheet.png"
 SHOWN = 8

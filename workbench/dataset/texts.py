@@ -1,7 +1,7 @@
 """The files of words in a data set: its licence and its README."""
 
 from endoct.workbench.dataset.plan import SPLITS, Plan, split_of
-from endoct.workbench.vary import shown
+from endoct.workbench.pipeline.vary import shown
 
 LICENCE = """\
 SPDX-License-Identifier: CC0-1.0

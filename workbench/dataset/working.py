@@ -83,7 +83,7 @@ def own_cluster(workers: int) -> Iterator["Client"]:
     """Yield the client of ``workers`` processes with one thread each, which end with this one and obey it alone."""
     import dask
 
-    from endoct.workbench.dataset.cluster import private_cluster
+    from endoct.workbench.running.cluster import private_cluster
 
     with (
         TemporaryFolder("workers") as scratch,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tolerances import LANDMARK_PX
 
-from endoct.fusion.pose import Alignment, NotAligned
+from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench import alignment_rivals
 from endoct.workbench.bench.alignment import N_THETA, N_Z, PX_MM, RANGES, TASK, ours

@@ -21,7 +21,7 @@ from endoct.workbench.bench.runner import Plan, Row, run, run_method
 from endoct.workbench.bench.summary import share, spread, summarise
 from endoct.workbench.bench.task import Case, Declined, Range, Task, draw
 from endoct.workbench.cli import main
-from endoct.workbench.progress import SilentStages
+from endoct.workbench.running.progress import SilentStages
 
 
 def _right(number: float) -> float:

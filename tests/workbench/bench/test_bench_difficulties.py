@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endoct.fusion.cells import segment
+from endoct.fusion.segmentation.segment import segment
+from endoct.synthetic.bone.opening import CutWall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.opening import CutWall
-from endoct.synthetic.parameters import Sample
+from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.specimen import simulate
 from endoct.workbench import unroll
 from endoct.workbench.bench import compared, specimens
@@ -21,7 +21,7 @@ from endoct.workbench.bench.plots import draw_plots
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.summary import score_names, summarise
 from endoct.workbench.bench.task import Case, rng_of
-from endoct.workbench.bench.truth import jaccard, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import jaccard, load_truth, true_cells, true_pose
 
 
 @pytest.mark.parametrize("opening_mm", [0.2, 0.5, 1.2])

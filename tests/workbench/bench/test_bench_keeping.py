@@ -14,7 +14,7 @@ from endoct.workbench.bench import command, keeping
 from endoct.workbench.bench.methods import load_task
 from endoct.workbench.bench.runner import Plan
 from endoct.workbench.bench.task import Case, Range, Task, draw
-from endoct.workbench.progress import SilentStages
+from endoct.workbench.running.progress import SilentStages
 
 
 class Squaring:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
-from endoct.workbench.vary import parse_vary, shown
+from endoct.workbench.pipeline.vary import parse_vary, shown
 
 
 def plans(**fixed: object) -> st.SearchStrategy[Plan]:

@@ -1,0 +1,1 @@
+"""What speaks for a cell on the samples of one side."""

@@ -1,0 +1,126 @@
+"""Comparisons on disk: ``comparison.zarr``, which ``xarray.open_zarr`` reads."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
+from endoct.fusion.geometry.alignment import Alignment, as_covariance
+from endoct.fusion.sides import Comparison
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.json_values import an_object, number
+from endoct.stitching.names import plain_name
+from endoct.stitching.store import grid_attributes, stored_grid
+from endoct.stitching.zarr_store import Named, read_arrays, read_attributes, write_arrays
+
+FORMAT = "endoct-comparison-1"
+IMAGES = ("intensity", "depth_mm", "mask", "valid")
+_LARGEST = 1e9
+"""No length in mm, ratio or the like is larger."""
+
+
+def save_comparison(comparison: Comparison, path: Path) -> None:
+    """Write ``comparison`` to ``path``, which must not exist (see :func:`endoct.stitching.output.new_output`).
+
+    Dims (side, z, theta) with coordinates in mm and rad; variables ``intensity``, ``depth_mm``, ``mask``, ``valid``;
+    and ``cells`` on dims (cell, property).
+    """
+    grid, dims = comparison.grid, ("side", "z", "theta")
+    chunks = (1, min(grid.n_z, 512), grid.n_theta)
+    cells = "cells as objects; sides by their place among the sides, both = 2"
+    arrays = {
+        "intensity": Named(dims, comparison.intensity, chunks=chunks),
+        "depth_mm": Named(dims, comparison.depth_mm, {"units": "mm"}, chunks),
+        "mask": Named(dims, comparison.mask, {"long_name": "cells"}, chunks),
+        "valid": Named(dims, comparison.valid, {"long_name": "observed by this side"}, chunks),
+        "cells": Named(("cell", "property"), as_numbers(comparison.cells, comparison.sides), {"long_name": cells}),
+        "side": Named(("side",), np.array(comparison.sides, object)),
+        "property": Named(("property",), np.array(PROPERTIES, object)),
+        "z": Named(("z",), grid.z_mm, {"units": "mm"}),
+        "theta": Named(("theta",), grid.theta_rad, {"units": "rad"}),
+    }
+    attributes = {
+        "format": FORMAT,
+        **grid_attributes(grid),
+        "alignment": json.dumps(None if comparison.alignment is None else asdict(comparison.alignment)),
+        "reason": json.dumps(comparison.reason),
+        "result": json.dumps(comparison.result),
+    }
+    write_arrays(path, arrays, attributes)
+
+
+def load_comparison(path: Path) -> Comparison:
+    """Read what :func:`save_comparison` wrote. Raises :class:`EndoctError` where it is something else, or damaged."""
+    with refusing(f"{path} is no comparison", expected="a store written by `endoct compare`"):
+        attributes = read_attributes(path) if path.is_dir() else {}
+        if attributes.get("format") != FORMAT:
+            raise EndoctError(f"{path} is no comparison", expected="a store written by `endoct compare`")
+        return _comparison(path, read_arrays(path, (*IMAGES, "cells", "side")), attributes)
+
+
+def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Comparison:
+    what = f"the comparison {path}"
+    if missing := [name for name in (*IMAGES, "side") if name not in arrays]:
+        raise EndoctError(f"{what} is not whole", found=f"no {missing[0]}", remedy="run the comparison again")
+    shape = arrays["mask"].shape
+    for name in IMAGES:
+        found = arrays[name]
+        if found.shape != shape or len(shape) != 3 or shape[0] != 2 or found.dtype.kind not in "biuf":
+            raise EndoctError(f"{name} of {what} cannot be used", found=f"{found.dtype} {found.shape}")
+    told = {name: _stored(attributes, name, what) for name in ("alignment", "reason", "result")}
+    if not isinstance(told["reason"], str | None):
+        raise EndoctError(f"'reason' of {what} cannot be used", expected="a text or null")
+    sides = _sides(arrays["side"], what)
+    return Comparison(
+        grid=stored_grid(attributes, shape, what),
+        sides=sides,
+        intensity=arrays["intensity"],
+        depth_mm=arrays["depth_mm"],
+        mask=arrays["mask"].astype(np.bool_),
+        valid=arrays["valid"].astype(np.bool_),
+        alignment=None if told["alignment"] is None else _alignment(told["alignment"], what),
+        reason=told["reason"],
+        result=an_object(told["result"], f"'result' of {what}"),
+        cells=from_numbers(arrays["cells"], sides) if "cells" in arrays else (),
+    )
+
+
+def _stored(attributes: Mapping[str, Any], name: str, what: str) -> Any:
+    text = attributes.get(name)
+    if not isinstance(text, str):
+        raise EndoctError(f"{what} is not whole", found=f"no '{name}' in its attributes")
+    return json.loads(text)
+
+
+def _sides(stored: NDArray[Any], what: str) -> tuple[str, str]:
+    """Return the names of the sides, which become names of files."""
+    names = [plain_name(name, f"a side of {what}") for name in stored.ravel().tolist()]
+    if len(names) != 2 or names[0] == names[1] or "both" in names:
+        raise EndoctError(f"{what} cannot be used", found=f"the sides {', '.join(names)}", expected="two that differ")
+    return names[0], names[1]
+
+
+def _alignment(stored: object, what: str) -> Alignment:
+    """Return the alignment that ``stored`` tells of, every number finite."""
+    what = f"the alignment of {what}"
+    told = dict(an_object(stored, what))
+    covariance = told.pop("covariance", None)
+    for field in fields(Alignment):
+        if field.name not in told:
+            continue
+        if field.type is bool:
+            if not isinstance(told[field.name], bool):
+                raise EndoctError(f"'{field.name}' of {what} cannot be used", expected="true or false")
+        else:
+            told[field.name] = number(told, field.name, -_LARGEST, _LARGEST, what)
+    if covariance is not None:
+        matrix = np.asarray(covariance, dtype=np.float64)
+        if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+            raise EndoctError(f"'covariance' of {what} cannot be used", expected="3 × 3 finite numbers")
+        covariance = as_covariance(matrix)
+    return Alignment(**told, covariance=covariance)

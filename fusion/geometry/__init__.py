@@ -1,0 +1,1 @@
+"""Where the sides lie in each other's frame, and how images are brought there."""

@@ -1,0 +1,1 @@
+"""Where one side's wall lies in the other side's frame."""

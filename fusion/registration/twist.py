@@ -1,0 +1,95 @@
+"""A twist of one side along z, found against the other side.
+
+Both are brought to B's rows; every row of B is turned to where it correlates best with A's, held together along z by
+what a catheter may twist. This fits one side to the other, cells and noise alike, and so raises whatever score is taken
+of the two afterwards: who corrects by it must say so and give both figures.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from endoct.fusion.evidence.evidence import Evidence, clipped
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import Placement
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.panorama import Panorama
+
+FARTHEST_RAD = 0.15
+STEP_RAD = 0.002
+TWIST_RAD = 0.0175  # typical change over a millimetre, growing with the root of the distance: 1°
+TRUST = 20.0  # logarithm of the odds for which a correlation of 1 stands
+
+
+@dataclass(frozen=True, eq=False)
+class Twist:
+    """By how much every row of B is turned against where the alignment has it, rad in B's own θ, with its ``z_mm``.
+
+    float64 (n_z,); ``known``, bool (n_z,), where both sides saw something that tells.
+    """
+
+    z_mm: Coordinates
+    twist_rad: Coordinates
+    known: Mask
+
+
+def find_twist(a: Panorama, b: Panorama, evidence: tuple[Evidence, Evidence], alignment: Alignment) -> Twist:
+    """Return the twist of B's rows against A, its mean over known rows 0: that is the alignment's."""
+    of_a, of_b = (clipped(one) for one in evidence)
+    placement = Placement(a, alignment.inverse(), b.grid, b.z_mm, b.grid.dz_mm)
+    there, seen = placement.image(of_a.values, of_a.valid)
+    both = seen & of_b.valid
+    count = np.maximum(both.sum(axis=1, keepdims=True), 1)
+    one, two = (
+        np.where(both, v - np.sum(np.where(both, v, 0), axis=1, keepdims=True) / count, 0) for v in (there, of_b.values)
+    )
+    n = one.shape[1]
+    spectrum = np.fft.rfft(two, axis=1) * np.conj(np.fft.rfft(one, axis=1))
+    alike = np.fft.irfft(spectrum, n=n, axis=1) * (1.0 if alignment.correlation >= 0 else -1.0)
+    shift_rad = np.arange(-FARTHEST_RAD, FARTHEST_RAD + STEP_RAD / 2, STEP_RAD)
+    column = np.mod(shift_rad / b.grid.dtheta_rad, n)
+    low, part = np.floor(column).astype(int), column - np.floor(column)
+    near = (1 - part) * alike[:, low % n] + part * alike[:, (low + 1) % n]
+    # rows with little to tell say little: against the contrast that rows have in common
+    scale = np.sqrt(np.sum(one**2, axis=1) * np.sum(two**2, axis=1))
+    known = (scale > 0.1 * np.max(scale, initial=0.0)) & (2 * both.sum(axis=1) > n)
+    weight = np.where(known, 1 / np.maximum(np.median(scale[known]) if known.any() else 1.0, 1e-12), 0)
+    twist = _best_course(TRUST * near * weight[:, None], shift_rad, b.z_mm)
+    if known.any():
+        twist = twist - twist[known].mean()
+    return Twist(b.z_mm, twist, known)
+
+
+def untwisted(panorama: Panorama, twist: Twist) -> Panorama:
+    """Return ``panorama`` with its rows turned back, each by the nearest whole sample."""
+    n = panorama.grid.n_theta
+    turn = np.round(twist.twist_rad / panorama.grid.dtheta_rad).astype(int)
+    column = (np.arange(n)[None, :] + turn[:, None]) % n
+    row = np.arange(panorama.grid.n_z)[:, None]
+    depth = None if panorama.depth_mm is None else panorama.depth_mm[row, column]
+    return replace(
+        panorama,
+        intensity=panorama.intensity[row, column],
+        depth_mm=depth,
+        valid=panorama.valid[row, column],
+        weight=panorama.weight[row, column],
+    )
+
+
+def _best_course(evidence: Coordinates, shift_rad: Coordinates, z_mm: Coordinates) -> Coordinates:
+    """Return the shift of every row, of all courses the one with the most evidence less the cost of its changes."""
+    n_rows = evidence.shape[0]
+    apart = (shift_rad[:, None] - shift_rad[None, :]) ** 2
+    gathered = np.empty_like(evidence)
+    gathered[0] = evidence[0]
+    came_from = np.zeros(evidence.shape, int)
+    for row in range(1, n_rows):
+        usual = TWIST_RAD**2 * max(float(z_mm[row] - z_mm[row - 1]), 1e-3)
+        options = gathered[row - 1][None, :] - apart / (2 * usual)
+        came_from[row] = np.argmax(options, axis=1)
+        gathered[row] = evidence[row] + np.max(options, axis=1)
+    course = np.empty(n_rows, int)
+    course[-1] = int(np.argmax(gathered[-1]))
+    for row in range(n_rows - 1, 0, -1):
+        course[row - 1] = came_from[row, course[row]]
+    return np.asarray(shift_rad[course])

@@ -1,0 +1,265 @@
+"""Where the disagreement of two sides comes from: 1 − J parted into alignment, sampling, visibility, segmentation.
+
+Ideal masks are sent through what is known to lie between them, one cause after the other, and lose overlap:
+
+1. The wall as both would see it if nothing went wrong: the cells of the side with the finer rows, and those cells of
+   the other of which it shows nothing. J₀ = 1.
+2. **Alignment**: B really lies where a draw from the alignment's covariance says, but is placed where the alignment
+   says. J₁; the part is 1 − J₁.
+3. **Sampling**: each side sees the wall only at its own rows and columns (at a phase of the rows that is drawn as
+   well), and is brought from there to the common grid as real masks are. J₂; the part is J₁ − J₂.
+4. **Visibility**: each side loses the cells of the other of which it has no sign: not a sample of a cell in its mask
+   worth mentioning, and evidence over the cell no stronger than over 95 % of its bare wall on patches of that size.
+   J₃; the part is J₂ − J₃. A hand-drawn mask has no evidence: nothing is called invisible to it.
+5. **Segmentation**: the rest, J₃ − J. All that no cause above predicts: cells missed or drawn differently though there
+   was a sign of them, and departures from a rigid alignment. It is negative where more loss is predicted than there is.
+
+Every J is over the samples that both sides observed, and the mean over draws; so the parts sum to 1 − J exactly.
+What one side did not cover at all is in no J and stands beside, as a share of the cells' area. Intervals are
+bootstrapped over patches of wall and draws together.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtri
+
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import IN_PLACE, Placement, Samples, signed_distance
+from endoct.fusion.scoring.cells import Cell, Labels, Surface
+from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weights
+from endoct.fusion.scoring.overlap import agreement
+from endoct.fusion.scoring.visibility import invisible_cells
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.grid import SurfaceGrid
+
+PARTS = ("alignment", "sampling", "visibility", "segmentation")
+DRAWS = 12
+FINEST_DZ_MM = 0.04
+MOST_COLUMNS = 512
+"""Outlines are moved by fractions of a sample, as distances; so samples may be this wide."""
+PATCH_MM = 1.0
+UNSEEN = 0.1
+"""A cell of which the other side's mask covers less than this is one that it does not show."""
+
+Count = tuple[Coordinates, Coordinates]
+"""Samples per patch in both masks, and in either."""
+
+
+def agreement_budget(
+    surfaces: tuple[Surface, Surface],
+    labels: tuple[Labels, Labels],
+    cells: Sequence[Cell],
+    grid: SurfaceGrid,
+    samples: tuple[Samples, Samples],
+    placing: Alignment,
+) -> dict[str, Any] | None:
+    """Return the budget as ``result.json`` holds it, see the module; None where neither side shows a cell.
+
+    ``surfaces``, ``labels`` and ``cells`` are what both sides show on ``grid``, ``samples`` where their own rows and
+    columns lie, ``placing`` where B lies in A's frame.
+    """
+    coarse = _thin(grid)
+    a, b = (_thinned(side, coarse) for side in surfaces)
+    both = a.valid & b.valid
+    if not ((a.mask | b.mask) & both).any():
+        return None
+    thin_labels = [each[coarse.rows, coarse.columns] for each in labels]
+    alone = [_listed(cells, side.name) for side in surfaces]
+    fine = 0 if samples[0].grid.dz_mm <= placing.z_scale * samples[1].grid.dz_mm else 1
+    wall = (a.mask, b.mask)[fine] | np.isin(thin_labels[1 - fine], alone[1 - fine])
+    unseen = [
+        invisible_cells(side, of, ids, coarse.grid)
+        for side, of, ids in ((a, thin_labels[1], alone[1]), (b, thin_labels[0], alone[0]))
+    ]
+    ideal = _Ideal(signed_distance(wall, (coarse.grid.dz_mm, coarse.grid.dtheta_mm)), coarse.grid, samples, placing)
+    hidden = [_zone(wall, np.isin(of, ids), coarse.grid) for of, ids in zip(thin_labels[::-1], unseen, strict=True)]
+    patches = _patches(coarse.grid)
+    stages: list[list[Count]] = [[], [], []]
+    for drawn, phase_mm in _draws(placing, max(s.grid.dz_mm for s in samples)):
+        placed = ideal.seen(0, IN_PLACE, phase_mm, sampled=False), ideal.seen(1, drawn, phase_mm, sampled=False)
+        stages[0].append(_count(*placed, both, patches))
+        sampled = ideal.seen(0, IN_PLACE, phase_mm, sampled=True), ideal.seen(1, drawn, phase_mm, sampled=True)
+        stages[1].append(_count(*sampled, both, patches))
+        visible = [mask & ~zone for mask, zone in zip(sampled, hidden, strict=True)]
+        stages[2].append(_count(visible[0], visible[1], both, patches))
+    observed = _count(a.mask, b.mask, both, patches)
+    seen_by_both = surfaces[0].valid & surfaces[1].valid
+    counted = agreement(surfaces[0].mask, surfaces[1].mask, seen_by_both, grid.dz_mm * grid.dtheta_mm)
+    return _as_json(surfaces, cells, stages, observed, counted.jaccard or 0.0, placing, unseen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Thin:
+    """A coarser grid, and which rows and columns of the finer one it has."""
+
+    grid: SurfaceGrid
+    rows: slice
+    columns: slice
+
+
+class _Ideal:
+    """What each side would show of a wall with clean edges."""
+
+    def __init__(
+        self, distance_mm: Image, grid: SurfaceGrid, samples: tuple[Samples, Samples], placing: Alignment
+    ) -> None:
+        self._distance_mm = distance_mm
+        self._everywhere = np.ones(grid.shape, np.bool_)
+        self._grid, self._samples, self._found = grid, samples, (IN_PLACE, placing)
+
+    def seen(self, k: int, truly: Alignment, phase_mm: float, *, sampled: bool) -> Mask:
+        """Return what side ``k``, which lies ``truly`` there, shows of the wall shifted by ``phase_mm``."""
+        grid, found, own = self._grid, self._found[k], self._samples[k]
+        wall = Samples(grid, grid.z_mm + phase_mm)
+        fine = found.z_scale * own.grid.dz_mm < 1.5 * grid.dz_mm and own.grid.n_theta >= grid.n_theta
+        if fine or not sampled:
+            distance, _ = Placement(wall, _between(found, truly), grid, grid.z_mm, 0.0).image(
+                self._distance_mm, self._everywhere
+            )
+            return distance > 0
+        distance, _ = Placement(wall, truly.inverse(), own.grid, own.z_mm, 0.0).image(
+            self._distance_mm, self._everywhere
+        )
+        placement = Placement(own, found, grid, grid.z_mm, grid.dz_mm)
+        return placement.mask(distance > 0, np.ones(distance.shape, np.bool_))[0]
+
+
+def _between(found: Alignment, truly: Alignment) -> Alignment:
+    """Return what takes a place of A's frame that is truly there to where ``found`` puts it."""
+    scale = found.z_scale / truly.z_scale
+    sense = found.theta_shift_rad - truly.theta_shift_rad
+    return Alignment(float(np.mod(sense, 2 * np.pi)), found.z_shift_mm - scale * truly.z_shift_mm, scale)
+
+
+def _draws(placing: Alignment, pitch_mm: float) -> list[tuple[Alignment, float]]:
+    """Return where B may truly lie, and a phase of the rows each; a Latin hypercube, always the same."""
+    rng = np.random.default_rng(SEED)
+    strata = (np.stack([rng.permutation(DRAWS) for _ in range(4)], axis=1) + 0.5) / DRAWS
+    covariance = np.zeros((3, 3)) if placing.covariance is None else np.array(placing.covariance)
+    size, axes = np.linalg.eigh(covariance)
+    errors = ndtri(strata[:, :3]) * np.sqrt(np.maximum(size, 0)) @ axes.T
+    return [
+        (
+            replace(
+                placing,
+                theta_shift_rad=placing.theta_shift_rad + float(turn),
+                z_shift_mm=placing.z_shift_mm + float(shift),
+                z_scale=placing.z_scale + float(scale),
+            ),
+            float(phase - 0.5) * pitch_mm,
+        )
+        for (turn, shift, scale), phase in zip(errors, strata[:, 3], strict=True)
+    ]
+
+
+def _listed(cells: Sequence[Cell], side: str) -> list[int]:
+    """Return the ids of the side's cells of which the other shows nothing though it looked."""
+    return [c.id for c in cells if c.side == side and c.covered is not None and c.covered < UNSEEN]
+
+
+def _zone(wall: Mask, cells: Mask, grid: SurfaceGrid) -> Mask:
+    """Return the surroundings of ``cells``, nearer to them than to the rest of the cells of ``wall``."""
+    if not cells.any():
+        return cells
+    sample_mm = grid.dz_mm, grid.dtheta_mm
+    return np.asarray(signed_distance(cells, sample_mm) > signed_distance(wall & ~cells, sample_mm))
+
+
+def _thin(grid: SurfaceGrid) -> _Thin:
+    down = max(1, int(FINEST_DZ_MM / grid.dz_mm + 1e-6))
+    across = max(1, grid.n_theta // MOST_COLUMNS)
+    while grid.n_theta % across:
+        across -= 1
+    rows, columns = slice(None, None, down), slice(None, None, across)
+    thin = SurfaceGrid.full_circle(
+        len(range(grid.n_z)[rows]),
+        grid.n_theta // across,
+        z0_mm=grid.z0_mm,
+        dz_mm=down * grid.dz_mm,
+        theta0_rad=grid.theta0_rad,
+        radius_mm=grid.radius_mm,
+    )
+    return _Thin(thin, rows, columns)
+
+
+def _thinned(side: Surface, thin: _Thin) -> Surface:
+    def less(image: Any) -> Any:
+        return None if image is None else np.ascontiguousarray(image[thin.rows, thin.columns])
+
+    return Surface(side.name, less(side.mask), less(side.valid), less(side.relief_mm), less(side.contrast))
+
+
+def _patches(grid: SurfaceGrid) -> Labels:
+    """Return the number of the patch of wall that every sample lies in, from 0."""
+    around = max(1, round(grid.n_theta * grid.dtheta_mm / PATCH_MM))
+    row = (np.arange(grid.n_z) * grid.dz_mm / PATCH_MM).astype(np.int32)
+    column = (np.arange(grid.n_theta) * around // grid.n_theta).astype(np.int32)
+    return row[:, np.newaxis] * np.int32(around) + column
+
+
+def _count(a: Mask, b: Mask, both: Mask, patches: Labels) -> Count:
+    n = int(patches[-1, -1]) + 1
+    shared, either = (np.bincount(patches[mask & both], minlength=n) for mask in (a & b, a | b))
+    return shared.astype(np.float64), either.astype(np.float64)
+
+
+def _as_json(
+    surfaces: tuple[Surface, Surface],
+    cells: Sequence[Cell],
+    stages: list[list[Count]],
+    observed: Count,
+    jaccard: float,
+    placing: Alignment,
+    unseen: list[list[int]],
+) -> dict[str, Any]:
+    levels = [1.0, *(float(np.mean([_jaccard(*c) for c in stage])) for stage in stages), jaccard]
+    shares = -np.diff(levels)
+    intervals = _intervals(stages, observed, jaccard)
+    names = [side.name for side in surfaces]
+    missed = [[c for c in cells if c.side == names[1 - k] and c.id in set(unseen[k])] for k in (0, 1)]
+    return {
+        "one_minus_jaccard": 1 - levels[-1],
+        "parts": {
+            part: {"share": float(share), "interval": interval}
+            for part, share, interval in zip(PARTS, shares, intervals, strict=True)
+        },
+        "alignment_known": placing.covariance is not None,
+        "not_visible": {
+            name: {"cells": len(those), "area_mm2": sum(c.area_mm2 for c in those)}
+            for name, those in zip(names, missed, strict=True)
+        },
+        "not_covered": {
+            name: sum(c.area_mm2 * (1 - c.observed_by_other) for c in cells if c.side != name) for name in names
+        },
+        "draws": DRAWS,
+    }
+
+
+def _intervals(stages: list[list[Count]], observed: Count, jaccard: float) -> list[tuple[float, float] | None]:
+    """Return the interval of every part, over patches and draws together."""
+    holding = observed[1] + stages[0][0][1] > 0
+    if holding.sum() < 2:
+        return [None] * len(PARTS)
+    drawn = weights(int(holding.sum())).astype(np.float64)
+    which = np.random.default_rng(SEED).integers(DRAWS, size=RESAMPLES)
+    rows = np.arange(RESAMPLES)
+
+    def resampled(counts: Sequence[Count]) -> Coordinates:
+        shared, either = (np.stack([c[k][holding] for c in counts], axis=1) for k in (0, 1))
+        pick = which % len(counts)
+        below = (drawn @ either)[rows, pick]
+        return np.divide((drawn @ shared)[rows, pick], below, out=np.zeros(RESAMPLES), where=below > 0)
+
+    # the last is that of the grid itself, which the coarser samples here miss by a little
+    last = resampled([observed]) + (jaccard - _jaccard(*observed))
+    levels = [np.ones(RESAMPLES), *(resampled(stage) for stage in stages), last]
+    return [percentiles(before - after) for before, after in pairwise(levels)]
+
+
+def _jaccard(shared: Coordinates, either: Coordinates) -> float:
+    total = float(either.sum())
+    return float(shared.sum()) / total if total else 0.0

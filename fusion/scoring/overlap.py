@@ -1,0 +1,74 @@
+"""How far two masks of one wall agree, where both sides observed it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.fusion.scoring.intervals import interval_of
+from endoct.stitching.arrays import Coordinates, Mask
+
+FEWEST_PAIRS = 3
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Samples of two masks, counted where both are valid, and what a sample measures on the wall in mm²."""
+
+    both: int
+    only_a: int
+    only_b: int
+    neither: int
+    sample_mm2: float
+
+    @property
+    def jaccard(self) -> float | None:
+        """|A ∩ B| / |A ∪ B| (Laves 2019, Results), or None where neither shows a cell."""
+        union = self.both + self.only_a + self.only_b
+        return self.both / union if union else None
+
+    @property
+    def dice(self) -> float | None:
+        """2 |A ∩ B| / (|A| + |B|), or None where neither shows a cell."""
+        total = 2 * self.both + self.only_a + self.only_b
+        return 2 * self.both / total if total else None
+
+    def as_json(self) -> dict[str, float | None]:
+        """Return the scores and the four areas in mm²."""
+        areas = {name: getattr(self, name) * self.sample_mm2 for name in ("both", "only_a", "only_b", "neither")}
+        return {"jaccard": self.jaccard, "dice": self.dice} | {f"{name}_mm2": area for name, area in areas.items()}
+
+
+def agreement(a: Mask, b: Mask, valid: Mask, sample_mm2: float) -> Agreement:
+    """Count how the masks ``a`` and ``b`` agree over ``valid``; all bool and of one shape."""
+    both = int(np.count_nonzero(a & b & valid))
+    only_a = int(np.count_nonzero(a & ~b & valid))
+    only_b = int(np.count_nonzero(~a & b & valid))
+    return Agreement(both, only_a, only_b, int(np.count_nonzero(valid)) - both - only_a - only_b, sample_mm2)
+
+
+def difference(a: Mask, b: Mask, valid: Mask) -> NDArray[np.int8]:
+    """Return the difference image, int8: 0 neither, 1 both, 2 only ``a``, 3 only ``b``, −1 not seen by both."""
+    codes = np.select([a & b, a & ~b, ~a & b], [1, 2, 3], default=0)
+    return np.where(valid, codes, -1).astype(np.int8)
+
+
+def bland_altman(a: Coordinates, b: Coordinates) -> dict[str, Any] | None:
+    """Return how far ``b`` differs from ``a``, pairs of measurements (n,) each; None for fewer than three.
+
+    Bland and Altman 1986 (doi:10.1016/S0140-6736(86)90837-8): ``bias`` the mean of b − a, ``low`` and ``high`` the
+    limits bias ± 1.96 SD within which 95 % of differences lie if they are normal; ``bias_interval`` bootstrapped over
+    pairs.
+    """
+    if a.size < FEWEST_PAIRS:
+        return None
+    differs = b - a
+    bias, spread = float(differs.mean()), 1.96 * float(differs.std(ddof=1))
+    return {
+        "pairs": int(a.size),
+        "bias": bias,
+        "low": bias - spread,
+        "high": bias + spread,
+        "bias_interval": interval_of(differs, np.mean),
+    }

@@ -1,0 +1,125 @@
+"""How far people who draw cells agree with themselves and with each other, and what they agree on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.fusion.scoring.boundary import boundary_distances, outline
+from endoct.fusion.scoring.overlap import agreement
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.grid import SurfaceGrid
+
+STAPLE_ROUNDS = 200
+STAPLE_STOP = 1e-9
+MOST_DRAWINGS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Cells that ``rater`` drew in ``session``: ``mask`` where ``valid``, bool (n_z, n_theta)."""
+
+    rater: str
+    session: str
+    mask: Mask
+    valid: Mask
+
+
+def rater_agreement(drawings: Sequence[Drawing], grid: SurfaceGrid, tolerance_mm: float) -> dict[str, Any]:
+    """Return how two and more ``drawings`` on ``grid`` agree, JSON-serialisable.
+
+    ``pairs``: for any two, whether of one rater (``within``), Jaccard index, Dice, and the distance of their outlines;
+    ``within`` and ``between``: number of pairs and the median of each score over them, None where there is none.
+    """
+    pairs = [
+        {
+            "first": [one.rater, one.session],
+            "second": [two.rater, two.session],
+            "within": one.rater == two.rater,
+            **_scores(one, two, grid, tolerance_mm),
+        }
+        for one, two in combinations(drawings, 2)
+    ]
+    return {
+        "pairs": pairs,
+        "within": _medians([pair for pair in pairs if pair["within"]]),
+        "between": _medians([pair for pair in pairs if not pair["within"]]),
+    }
+
+
+def majority(drawings: Sequence[Drawing]) -> Mask:
+    """Return what more than half of the raters drew, each by the mean over the sessions; bool (n_z, n_theta)."""
+    raters = list(dict.fromkeys(drawing.rater for drawing in drawings))
+    shares = [np.mean([d.mask for d in drawings if d.rater == rater], axis=0, dtype=np.float32) for rater in raters]
+    return np.asarray(np.mean(shares, axis=0) > 0.5 + 1e-6)
+
+
+def staple(drawings: Sequence[Drawing], valid: Mask) -> tuple[Mask, list[dict[str, Any]]]:
+    """Return (the consensus, bool (n_z, n_theta), within ``valid``; each drawing's sensitivity and specificity).
+
+    Simultaneous truth and performance level estimation (Warfield, Zou and Wells 2004, doi:10.1109/TMI.2004.828354),
+    every drawing a rater of its own, the prior the mean share of cells, no spatial prior; a sample is cell where its
+    posterior is one half and more. Raises ValueError for more than ``MOST_DRAWINGS``.
+    """
+    if len(drawings) > MOST_DRAWINGS:
+        raise ValueError(f"{len(drawings)} drawings are more than {MOST_DRAWINGS}")
+    # samples that were judged alike by all are one: there are few ways to be judged
+    code = np.zeros(valid.shape, np.int64)
+    for k, drawing in enumerate(drawings):
+        code |= drawing.mask.astype(np.int64) << k
+    patterns, inverse, count = np.unique(code[valid], return_inverse=True, return_counts=True)
+    says = (patterns[:, np.newaxis] >> np.arange(len(drawings)) & 1).astype(np.float64)
+    posterior, sensitivity, specificity = _expectation_maximisation(says, count)
+    consensus = np.zeros(valid.shape, np.bool_)
+    consensus[valid] = (posterior >= 0.5)[inverse]
+    rows = zip(drawings, sensitivity, specificity, strict=True)
+    return consensus, [
+        {"rater": d.rater, "session": d.session, "sensitivity": float(p), "specificity": float(q)} for d, p, q in rows
+    ]
+
+
+def _expectation_maximisation(
+    says: Coordinates, count: NDArray[np.int64]
+) -> tuple[Coordinates, Coordinates, Coordinates]:
+    """Return (posterior (n_patterns,), sensitivity, specificity (n_drawings,)) of patterns seen ``count`` times."""
+    prior = float(count @ says.mean(axis=1) / count.sum())
+    sensitivity, specificity = np.full(says.shape[1], 0.99), np.full(says.shape[1], 0.99)
+    posterior = np.zeros(count.size)
+    for _ in range(STAPLE_ROUNDS):
+        before = posterior
+        if_cell = prior * np.prod(np.where(says > 0, sensitivity, 1 - sensitivity), axis=1)
+        if_wall = (1 - prior) * np.prod(np.where(says > 0, 1 - specificity, specificity), axis=1)
+        posterior = if_cell / np.maximum(if_cell + if_wall, np.finfo(np.float64).tiny)
+        cell, wall = count * posterior, count * (1 - posterior)
+        sensitivity = cell @ says / max(float(cell.sum()), 1e-12)
+        specificity = wall @ (1 - says) / max(float(wall.sum()), 1e-12)
+        if np.abs(posterior - before).max() < STAPLE_STOP:
+            break
+    return posterior, sensitivity, specificity
+
+
+def _scores(one: Drawing, two: Drawing, grid: SurfaceGrid, tolerance_mm: float) -> dict[str, float | None]:
+    both = one.valid & two.valid
+    counted = agreement(one.mask, two.mask, both, grid.dz_mm * grid.dtheta_mm)
+    of_one, of_two = (outline(drawing.mask, both, grid.dz_mm, grid.dtheta_mm) for drawing in (one, two))
+    found = boundary_distances(of_one, of_two, grid.n_theta * grid.dtheta_mm)
+    return {
+        "jaccard": counted.jaccard,
+        "dice": counted.dice,
+        "boundary_mean_mm": found.mean_mm if found else None,
+        "boundary_p95_mm": found.p95_mm if found else None,
+        "boundary_within_share": found.within(tolerance_mm) if found else None,
+    }
+
+
+def _medians(pairs: Sequence[dict[str, Any]]) -> dict[str, float | int | None] | None:
+    if not pairs:
+        return None
+    medians: dict[str, float | int | None] = {"pairs": len(pairs)}
+    for name in ("jaccard", "dice", "boundary_mean_mm", "boundary_p95_mm", "boundary_within_share"):
+        known = [pair[name] for pair in pairs if pair[name] is not None]
+        medians[name] = float(np.median(known)) if known else None
+    return medians

@@ -1,0 +1,1 @@
+"""The capillary's faces in single B-scans."""

@@ -1,0 +1,1 @@
+"""The bore's wall behind the capillary."""

@@ -1,0 +1,99 @@
+"""Which A-scans show the wall: not an opaque thing before it, not its shadow, and not noise."""
+
+import math
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.surface.evidence import relative_power, spread_of_noise
+from endoct.modalities.oct.surface.wall import Rows
+from endoct.stitching.arrays import Coordinates, Image, Mask
+
+SURFACE_MM = 0.1
+TAIL_MM = (0.3, 0.6)
+NEAR_MM = 0.1
+SHADOW_EDGE_MM = 0.3
+OPAQUE_SHARE = 0.25
+BRIGHT_SHARE = 0.5
+TAIL_SIGMAS = 1.5
+PATCH_MM = 0.1
+MOST_POWER = 30.0  # times the noise's: a glint says no more than this
+POWER_OF_A_PATH = 1.5  # times the noise's: what is brightest of it, which a path through noise alone takes
+
+
+def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, mm_per_column: float) -> Mask:
+    """Return for every A-scan of a logarithmic B-scan (θ, depth) whether its surface at ``row`` is the wall's.
+
+    Not so where a bright surface has nothing behind it while the wall elsewhere in the slice has: something opaque,
+    a guide wire or a clot, stands before the wall; nor beside that, where its shadow shows no surface (``row`` =
+    n_depth). Elsewhere no surface means a cell whose floor is out of reach, which is trusted.
+    """
+    n_theta, n_depth = level.shape
+    surface = row < n_depth
+    if not surface.any() or np.ptp(level) == 0:
+        return np.zeros(n_theta, bool)
+    contrast = max(background.wall - background.noise, 1e-6)
+    total = np.concatenate([np.zeros((n_theta, 1)), np.cumsum(level, axis=1, dtype=np.float64)], axis=1)
+    near = max(1, round(NEAR_MM / mm_per_column))
+    bright = _mean(total, row, row + round(SURFACE_MM / mm_per_px)) - background.noise
+    tail = _mean(total, row + round(TAIL_MM[0] / mm_per_px), row + round(TAIL_MM[1] / mm_per_px)) - background.noise
+    opaque = np.zeros(n_theta, bool)
+    measured = surface & np.isfinite(tail)
+    usual = float(np.median(tail[measured])) if measured.any() else 0.0
+    if usual > TAIL_SIGMAS * background.noise_sigma:
+        dark = measured & (tail < OPAQUE_SHARE * usual) & (bright > BRIGHT_SHARE * contrast)
+        # a narrow one is a gap in the speckle
+        share = uniform_filter1d(dark.astype(np.float32), 2 * near + 1, mode="wrap")
+        opaque = dark & (maximum_filter1d(share, 2 * near + 1, mode="wrap") > 0.8)
+    good = ~opaque
+    reach = max(1, round(SHADOW_EDGE_MM / mm_per_column))
+    for first, length in _runs(~surface):
+        beside = np.arange(first - reach, first + length + reach) % n_theta
+        if opaque[beside].any():
+            good[np.arange(first, first + length) % n_theta] = False
+    return good
+
+
+def wall_sigmas(
+    level: Image, row: Rows, trusted: Mask, background: Background, mm_per_px: float, mm_per_column: float
+) -> float:
+    """Return by how many standard errors the wall stands out of the noise, over 0.1 × 0.1 mm of it.
+
+    That is the power just behind the surface at ``row``, over what a path through noise alone finds there, median over
+    such patches all around in which ``trusted`` A-scans show a surface. 0 where they show none, or less than noise.
+    """
+    n_depth = level.shape[1]
+    depth, width = max(1, round(PATCH_MM / mm_per_px)), max(1, round(PATCH_MM / mm_per_column))
+    behind = row[:, None] + np.arange(depth)
+    seen = trusted[:, None] & (behind < n_depth)
+    levels = np.take_along_axis(level, np.minimum(behind, n_depth - 1), axis=1)
+    power = relative_power(levels, background.noise, spread_of_noise(background)) / background.noise_power
+    power = np.where(seen, np.minimum(power, MOST_POWER), 0).sum(axis=1, dtype=np.float64)
+    looks, total = (uniform_filter1d(each, width, mode="wrap") for each in (seen.sum(axis=1, dtype=np.float64), power))
+    full = looks > depth / 2
+    if not full.any():
+        return 0.0
+    excess = float(np.median(total[full] / looks[full])) - POWER_OF_A_PATH
+    return max(0.0, excess * math.sqrt(depth * width))
+
+
+def _mean(total: Coordinates, first: Rows, last: Rows) -> Coordinates:
+    """Mean over rows ``first`` to ``last`` of every A-scan, NaN where these leave the depth range."""
+    n_depth = total.shape[1] - 1
+    inside = (last <= n_depth) & (last > first)
+    low, high = np.clip(first, 0, n_depth), np.clip(last, 0, n_depth)
+    each = np.arange(total.shape[0])
+    mean = (total[each, high] - total[each, low]) / np.maximum(high - low, 1)
+    return np.asarray(np.where(inside, mean, np.nan))
+
+
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """First index and length of every run of True in a cyclic mask."""
+    if mask.all():
+        return [(0, mask.size)]
+    starts = np.flatnonzero(mask & ~np.roll(mask, 1))
+    ends = np.flatnonzero(mask & ~np.roll(mask, -1))
+    if ends.size and starts.size and ends[0] < starts[0]:
+        ends = np.roll(ends, -1)
+    return [(int(start), int((end - start) % mask.size) + 1) for start, end in zip(starts, ends, strict=True)]

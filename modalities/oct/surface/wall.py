@@ -1,0 +1,110 @@
+"""Where the bore wall lies in one B-scan."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.surface.bore import BLOCK_MM, favour_bore, gap_rows
+from endoct.modalities.oct.surface.evidence import surface_evidence
+from endoct.modalities.oct.surface.fixed_lines import hidden_rows
+from endoct.stitching.arrays import Image
+
+Rows = NDArray[np.intp]
+
+COLUMN_MM = 0.008  # a third of the beam's width: finer columns are taken together
+STIFFER = 5.0
+
+
+def brightest(image: Image, first_row: Rows) -> Rows:
+    """Return the index of the maximum from ``first_row`` (n,) on of every A-scan of ``image`` (n, depth).
+
+    Laves 2019, Extracting mastoid pattern, taken literally.
+    """
+    beyond = np.arange(image.shape[1]) >= first_row[:, None]
+    return np.asarray(np.argmax(np.where(beyond, image, -np.inf), axis=1))
+
+
+def first_edge(
+    image: Image,
+    first_row: Rows,
+    background: Background,
+    mm_per_px: float,
+    mm_per_column: float,
+    parameters: OctParameters,
+) -> Rows:
+    """Return the row of the wall's surface in every A-scan of ``image`` (θ, depth); n_depth where there is none.
+
+    A surface has darkness before it, from ``first_row`` (n_theta,) on, and bone behind it
+    (:mod:`endoct.modalities.oct.surface.evidence`). The path through θ with the most evidence is found by dynamic
+    programming; changing depth costs evidence in proportion, but a jump (the rim of a cell) costs no more than
+    ``jump_cost``. The path closes over the turn. A stiff path over blocks of columns first tells where the bore's own
+    wall runs, which then is the likelier surface (:mod:`endoct.modalities.oct.surface.bore`).
+    """
+    nearest = int(first_row.min())
+    # columns are taken together from a place of the specimen's on, so that it does not matter where the turn starts
+    start = int(np.argmax(image.sum(axis=1)))
+    beyond = np.roll(image[:, nearest:], -start, axis=0)
+    together = _divisor(image.shape[0], round(COLUMN_MM / mm_per_column))
+    first = np.roll(first_row, -start).reshape(-1, together).max(axis=1) - nearest
+    hidden = hidden_rows(background)[nearest:]
+    evidence = surface_evidence(beyond, first, background, hidden, mm_per_px, mm_per_column, parameters, together)
+    mm_per_column *= together
+    slope_cost, jump_cost = parameters.slope_cost_per_mm * mm_per_px, parameters.jump_cost
+    block = _divisor(first.size, round(BLOCK_MM / mm_per_column))
+    blocks = evidence.reshape(-1, block, evidence.shape[1]).sum(axis=1)
+    from_row = first.reshape(-1, block).mean(axis=1).round().astype(np.intp)
+    stiff = _best_path(blocks, STIFFER * slope_cost, STIFFER * jump_cost)
+    gap = gap_rows(stiff, from_row, blocks, mm_per_px)
+    if np.isfinite(gap).all():
+        middle = (np.arange(gap.size) + 0.5) * block - 0.5
+        wall_row = first + np.interp(np.arange(first.size), middle, gap, period=first.size)
+        favour_bore(evidence, wall_row, mm_per_px, mm_per_column)
+    return np.roll(nearest + np.repeat(_best_path(evidence, slope_cost, jump_cost), together), start)
+
+
+def _divisor(n: int, wanted: int) -> int:
+    """The largest divisor of ``n`` up to ``wanted``, at least 1."""
+    return max(k for k in range(1, max(wanted, 1) + 1) if n % k == 0)
+
+
+def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> Rows:
+    """The closed path of states (columns of ``evidence``) over all rows that gathers the most evidence.
+
+    One turn is extended at both ends by a quarter, so that where the path starts and ends does not matter.
+    """
+    n_theta, n_states = evidence.shape
+    lead = n_theta // 4
+    order = np.arange(-lead, n_theta + lead) % n_theta
+    ramp = (slope_cost * np.arange(n_states)).astype(np.float32)
+    gathered = np.empty((order.size, n_states), np.float32)
+    best = evidence[order[0]].copy()
+    jump = np.maximum.reduce(best) - jump_cost
+    rising, falling = np.empty(n_states, np.float32), np.empty(n_states, np.float32)
+    for step, theta in enumerate(order):
+        if step:
+            np.add(best, ramp, out=rising)
+            np.maximum.accumulate(rising, out=rising)
+            rising -= ramp
+            np.subtract(best, ramp, out=falling)
+            np.maximum.accumulate(falling[::-1], out=falling[::-1])
+            falling += ramp
+            np.maximum(rising, falling, out=rising)
+            np.maximum(rising, jump, out=best)
+            best += evidence[theta]
+            best -= np.maximum.reduce(best)
+            jump = -jump_cost
+        gathered[step] = best
+    path = np.empty(order.size, np.intp)
+    highest = gathered.argmax(axis=1)
+    path[-1] = state = int(highest[-1])
+    near = int(min(jump_cost / slope_cost, n_states)) + 1 if slope_cost else n_states  # farther off, a jump costs less
+    cost = (np.abs(np.arange(-near, near + 1)) * np.float32(slope_cost)).astype(np.float32)
+    np.minimum(cost, np.float32(jump_cost), out=cost)
+    for step in range(order.size - 2, -1, -1):
+        first = max(state - near, 0)
+        reached = gathered[step, first : state + near + 1] - cost[first - state + near :][: n_states - first]
+        nearest = int(reached.argmax())
+        state = first + nearest if reached[nearest] >= gathered[step, highest[step]] - jump_cost else int(highest[step])
+        path[step] = state
+    return path[lead : lead + n_theta]

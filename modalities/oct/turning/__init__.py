@@ -1,0 +1,1 @@
+"""How the catheter turned: start angles, uneven turns, the sheath."""

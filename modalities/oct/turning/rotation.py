@@ -1,0 +1,121 @@
+"""How the catheter really turned while a B-scan was recorded.
+
+A-scans are counted evenly, the optics do not turn evenly. A beam recorded at the nominal angle a = 2πk/n points, in
+the frame of its slice, at
+
+    α(a) = a + stretch·(a − π) + Σ_h [c_h cos(h a) + s_h sin(h a)] + lost·(a ≥ lost_at)
+
+and at start + α(a) in the frame that all slices share: ``start``, where the turn begins; ``stretch``, the turn's length
+less one; the sum, what friction does in every turn; ``lost``, the angle of a block of A-scans that was never written.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates, Mask
+
+HARMONICS = 4
+N_SMOOTH = 2 * HARMONICS
+TABLE = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Rotation:
+    """The rotation of every slice, in recording order; n = number of slices, angles in rad.
+
+    Attributes
+    ----------
+    start_rad: float64 (n,), where turns begin, up to one angle common to all.
+    stretch: float64 (n,), length of the recorded turn over 2π, less one.
+    smooth_rad: float64 (n, 2·HARMONICS), c_1, s_1, c_2, s_2, …
+    lost_at_rad, lost_rad: float64 (n,), nominal angle at which A-scans are missing (NaN where none are) and how many.
+    shape_known, start_known: bool (n,), whether the recording told; where not, the correction is 0.
+    shape_sigma_rad: float64 (n,), standard deviation of α(a), root mean square over the turn; NaN where not known.
+    start_sigma_rad: float64 (n,), standard deviation of the start against the other slices': grows along z where
+        nothing but neighbours tells it. NaN where not known.
+    """
+
+    start_rad: Coordinates
+    stretch: Coordinates
+    smooth_rad: Coordinates
+    lost_at_rad: Coordinates
+    lost_rad: Coordinates
+    shape_known: Mask
+    start_known: Mask
+    shape_sigma_rad: Coordinates
+    start_sigma_rad: Coordinates
+
+    def beam_rad(self, index: int, nominal_rad: Coordinates) -> Coordinates:
+        """Return α at nominal angles within the turn, rad; ascending with them but for errors of the estimate."""
+        error = self.error_rad(index, nominal_rad)
+        return np.asarray(nominal_rad + error)
+
+    def error_rad(self, index: int, nominal_rad: Coordinates) -> Coordinates:
+        """Return α(a) − a at nominal angles, rad, of their shape."""
+        error = self.stretch[index] * (nominal_rad - np.pi)
+        for h in range(1, HARMONICS + 1):
+            cosine, sine = self.smooth_rad[index, 2 * h - 2 : 2 * h]
+            error = error + cosine * np.cos(h * nominal_rad) + sine * np.sin(h * nominal_rad)
+        if np.isfinite(self.lost_at_rad[index]):
+            error = error + self.lost_rad[index] * (nominal_rad >= self.lost_at_rad[index])
+        return np.asarray(error)
+
+    def nominal_rad(self, index: int, beam_rad: Coordinates, n_ascans: int) -> tuple[Coordinates, Mask]:
+        """Return the nominal angle in [−π/n, 2π − π/n) at which beams α were recorded, and whether they were.
+
+        A direction seen twice, at the start of a long turn and at its end, is taken from where it lies less near to
+        the turn's ends. One never seen, in the gap of a short turn or of a lost block, gets the nearest angle and
+        ``False``; a gap counts from one A-scan's width on.
+        """
+        if self._even(index):
+            return np.mod(beam_rad, 2 * np.pi), np.ones(beam_rad.shape, bool)
+        half = np.pi / n_ascans
+        at = np.linspace(-half, 2 * np.pi - half, TABLE + 1)
+        if np.isfinite(self.lost_at_rad[index]):
+            at = np.sort(np.append(at, [self.lost_at_rad[index] - 1e-9, self.lost_at_rad[index]]))
+        reached = np.maximum.accumulate(self.beam_rad(index, at))
+        wanted = np.mod(beam_rad - reached[0], 2 * np.pi) + reached[0]
+        nominal = np.interp(wanted, reached, at)
+        again = wanted + 2 * np.pi <= reached[-1]
+        second = np.interp(wanted + 2 * np.pi, reached, at)
+        nominal = np.where(again & (np.abs(second - np.pi) < np.abs(nominal - np.pi)), second, nominal)
+        missing = wanted - reached[-1]
+        seen = missing < 2 * half
+        before_start = (reached[0] + 2 * np.pi - wanted) < missing
+        nominal = np.where(~seen & before_start, at[0], nominal)
+        if np.isfinite(self.lost_at_rad[index]):
+            beyond = float(self.beam_rad(index, np.array([self.lost_at_rad[index]]))[0])
+            gap = beyond - wanted
+            seen &= ~((gap > 2 * half) & (gap < self.lost_rad[index]))
+        return nominal, seen
+
+    def reordered(self, order: NDArray[np.intp]) -> "Rotation":
+        """Return the same rotation with slice ``order[i]`` in place i."""
+        return Rotation(**{name: values[order] for name, values in vars(self).items()})
+
+    def peak_rad(self) -> Coordinates:
+        """Return the largest departure of α(a) from a over each slice's turn, its mean taken off, float64 (n,)."""
+        at = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+        errors = np.array([self.error_rad(i, at) for i in range(self.stretch.size)])
+        return np.asarray(np.abs(errors - errors.mean(axis=1, keepdims=True)).max(axis=1))
+
+    def _even(self, index: int) -> bool:
+        return (
+            self.stretch[index] == 0 and not self.smooth_rad[index].any() and not np.isfinite(self.lost_at_rad[index])
+        )
+
+
+def even_rotation(n_slices: int) -> Rotation:
+    """Return the rotation that corrects nothing: turns that are even, whole and begin at one angle."""
+    zeros, unknown, nan = np.zeros(n_slices), np.zeros(n_slices, bool), np.full(n_slices, np.nan)
+    return Rotation(zeros, zeros, np.zeros((n_slices, N_SMOOTH)), nan, zeros, unknown, unknown, nan, nan)
+
+
+def smooth_basis(nominal_rad: Coordinates) -> Coordinates:
+    """Return what ``stretch`` and then ``smooth_rad`` are the factors of, float64 (n, 1 + N_SMOOTH)."""
+    columns = [nominal_rad - np.pi]
+    for h in range(1, HARMONICS + 1):
+        columns += [np.cos(h * nominal_rad), np.sin(h * nominal_rad)]
+    return np.stack(columns, axis=1)

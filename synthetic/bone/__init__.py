@@ -1,0 +1,1 @@
+"""The bone: a bore, its cells, and its wall."""

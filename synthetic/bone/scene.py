@@ -1,0 +1,227 @@
+"""The bone: air in a bore and in its cells, as clearances from which rays can be traced.
+
+The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r;
+that of a cell is :mod:`endoct.synthetic.bone.cavity`'s; :mod:`endoct.synthetic.bone.tracing` joins them and follows
+the rays.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.synthetic.bone.cavities import Cavities, cavities
+from endoct.synthetic.bone.cavity import OWN_SIDE, Indices, Near, clearance, near
+from endoct.synthetic.bone.relief import BoreRelief, WallGrid, bore_relief, wall_grid
+from endoct.synthetic.bone.tracing import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
+from endoct.synthetic.elementary import Numbers, azimuth
+from endoct.synthetic.sample.parameters import Sample
+
+SEPTUM_MM = 0.4
+NORMAL_MM = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The bone of one sample.
+
+    ``relief``: of the bore without cells, on ``grid``; ``cells``: the cavities; ``displacement`` (n_z, n_theta + 2):
+    that relief its first columns once more at the end; ``steepest``: the largest of its slopes;
+    ``least_mm``: the least of its values.
+    """
+
+    grid: WallGrid
+    relief: BoreRelief
+    cells: Cavities
+    displacement: Image
+    steepest: float
+    least_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """What n rays meet, all along the ray in mm from its origin, float64 (n,), NaN where there is nothing.
+
+    ``entry_mm``: the first solid surface, bone or dust; ``exit_mm``, ``reentry_mm``: where a septum thinner than
+    0.4 mm is left and bone met again; ``fluid_mm``: where the ray enters fluid before the entry; ``cell`` int32: 1 +
+    index of the cavity whose surface the entry is on, 0 on the bore's own wall; ``dust``: the entry is on bone dust;
+    ``normal`` (n, 3): unit, from bone into air at the entry.
+    """
+
+    entry_mm: Coordinates
+    exit_mm: Coordinates
+    reentry_mm: Coordinates
+    fluid_mm: Coordinates
+    cell: NDArray[np.int32]
+    dust: Mask
+    normal: Coordinates
+
+
+def build_scene(sample: Sample, workers: int = 1) -> Scene:
+    """Return the bone that ``sample`` describes, made by ``workers`` threads."""
+    grid, relief = wall_grid(sample), bore_relief(sample, workers)
+    along = np.abs(np.diff(relief.displacement_mm, axis=0)).max(initial=0) / grid.dz_mm
+    around = np.abs(np.diff(relief.displacement_mm, axis=1)).max(initial=0) / grid.dtheta_mm
+    return Scene(
+        grid=grid,
+        relief=relief,
+        cells=cavities(sample.bore.cells, grid.radius_mm),
+        displacement=np.pad(relief.displacement_mm, ((0, 0), (0, 2)), mode="wrap"),
+        steepest=float(np.hypot(along, around)),
+        least_mm=float(relief.displacement_mm.min()),
+    )
+
+
+def crossings(
+    scene: Scene, origin_mm: Coordinates, direction: Coordinates, start_mm: Coordinates, reach_mm: Coordinates
+) -> Crossings:
+    """Return what rays meet between ``start_mm`` (n,), where they are in air, and ``reach_mm`` (n,).
+
+    ``origin_mm`` (n, 3) and ``direction`` (n, 3), unit, in the bore frame. Surfaces are found to 1e-4 mm; bone or air
+    thinner than 4 µm along the ray may be missed.
+    """
+    cell, count = _candidates(scene, origin_mm, direction)
+    entry, leaves, again, wet = (np.full(start_mm.shape, math.nan) for _ in range(4))
+    owner, dust = np.zeros(start_mm.shape, np.int32), np.zeros(start_mm.shape, np.bool_)
+    normal = np.full(origin_mm.shape, math.nan)
+    # within the least radius of the bore there is only air
+    inmost = _at_radius(scene.grid.radius_mm + scene.least_mm, origin_mm, direction)
+    start, reach = np.maximum(start_mm, inmost).astype(np.float32), reach_mm.astype(np.float32)
+    for block, k in _blocks(count):
+        rays = near(scene.cells, cell[block, :k], origin_mm[block], direction[block], np.float32)
+        bore = _BoreAlong.through(scene, origin_mm[block], direction[block])
+        hit = first_solid(scene.cells, rays, bore, start[block], reach[block])
+        met = np.flatnonzero(np.isfinite(hit))
+        which, hit, rays, bore = block[met], hit[met], rays.of(met), bore.of(met)
+        entry[which] = hit
+        owner[which], dust[which] = owner_of(scene.cells, rays, bore, hit)
+        normal[which] = _normal(scene, rays, bore, hit)
+        if k:
+            limit = reach[which]
+            wet[which] = first_fluid(scene.cells, rays, start[which], hit)
+            out = first_air(scene.cells, rays, bore, hit, np.minimum(hit + np.float32(SEPTUM_MM), limit))
+            back = first_solid(scene.cells, rays, bore, out + np.float32(STEP_MM / 2), limit)
+            leaves[which] = np.where(np.isfinite(back), out, math.nan)
+            again[which] = back
+    return Crossings(entry, leaves, again, wet, owner, dust, normal)
+
+
+def _candidates(scene: Scene, origin: Numbers, heading: Numbers) -> tuple[Indices, Indices]:
+    """Return the cells that rays may meet, (n, k) ending in the empty one, and how many, (n,)."""
+    cells, nothing, n = scene.cells, len(scene.cells) - 1, len(origin)
+    wall = _at_radius(scene.grid.radius_mm, origin, heading)
+    x, y = (origin[:, axis] + wall * heading[:, axis] for axis in range(2))
+    margin = cells.reach + cells.edge + 1e-3
+    may = np.zeros((n, nothing), np.bool_)
+    some = max(1, BLOCK // max(1, nothing))
+    for first in range(0, n, some):
+        part = slice(first, first + some)
+        start, towards = origin[part].astype(np.float32), heading[part].astype(np.float32)
+        centre, outward, widest = (values[:-1].astype(np.float32) for values in (cells.centre, cells.outward, margin))
+        away = [centre[None, :, axis] - start[:, axis, None] for axis in range(3)]
+        along = sum(away[axis] * towards[:, axis, None] for axis in range(3))
+        apart = sum((away[axis] - along * towards[:, axis, None]) ** 2 for axis in range(3))
+        own_side = (
+            x[part, None].astype(np.float32) * outward[None, :, 0]
+            + y[part, None].astype(np.float32) * outward[None, :, 1]
+        )
+        may[part] = (apart < widest * widest) & (own_side > OWN_SIDE * scene.grid.radius_mm)
+    ray, number = np.nonzero(may)
+    count = np.bincount(ray, minlength=n)
+    rank = np.arange(len(ray)) - (np.cumsum(count) - count)[ray]
+    some_cells = np.full((n, int(count.max()) if n else 0), nothing)
+    some_cells[ray, rank] = number
+    return some_cells, count
+
+
+def _at_radius(radius_mm: float, origin: Numbers, heading: Numbers) -> Numbers:
+    """Return how far along the ray it is ``radius_mm`` from the axis, going out; 0 where it never is."""
+    x, y, dx, dy = origin[:, 0], origin[:, 1], heading[:, 0], heading[:, 1]
+    a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - radius_mm**2
+    return np.where(b * b > a * c, (np.sqrt(np.maximum(b * b - a * c, 0)) - b) / np.maximum(a, 1e-12), 0)
+
+
+def _blocks(count: Indices) -> list[tuple[Indices, int]]:
+    """Return the rays in blocks of one number of cells each."""
+    blocks = []
+    for k in range(int(count.max(initial=-1)) + 1):
+        which, size = np.flatnonzero(count == k), BLOCK // max(1, k)
+        blocks += [(which[first : first + size], k) for first in range(0, which.size, size)]
+    return blocks
+
+
+@dataclass(frozen=True, eq=False)
+class _BoreAlong:
+    """The bore along scattered rays, float32: where they start, and their direction."""
+
+    scene: Scene
+    x: Numbers
+    y: Numbers
+    z: Numbers
+    dx: Numbers
+    dy: Numbers
+    dz: Numbers
+
+    @classmethod
+    def through(cls, scene: Scene, origin: Numbers, heading: Numbers) -> "_BoreAlong":
+        return cls(scene, *np.ascontiguousarray(origin.T, np.float32), *np.ascontiguousarray(heading.T, np.float32))
+
+    def of(self, which: Indices) -> "_BoreAlong":
+        parts = self.x, self.y, self.z, self.dx, self.dy, self.dz
+        return _BoreAlong(self.scene, *(values.take(which) for values in parts))
+
+    def at(self, t: Numbers) -> tuple[Numbers, Numbers]:
+        x, y, z = self.x + t * self.dx, self.y + t * self.dy, self.z + t * self.dz
+        r = np.maximum(np.sqrt(x * x + y * y), 1e-9)
+        outwards = (x * self.dx + y * self.dy) / r
+        aside = np.sqrt(np.maximum(1 - outwards * outwards, 0))
+        clear = _displacement(self.scene, z, azimuth(x / r, y / r)) + (self.scene.grid.radius_mm - r)
+        return clear, 1 + self.scene.steepest * aside
+
+    def beside(self, axis: int, way_mm: float) -> "_BoreAlong":
+        name = "xyz"[axis]
+        return replace(self, **{name: getattr(self, name) + way_mm})
+
+
+def _displacement(scene: Scene, z: Numbers, theta: Numbers) -> Numbers:
+    """Return the bore's displacement, bilinear, cyclic in θ, continued beyond the ends of z."""
+    n_z, n_columns = scene.displacement.shape
+    n_theta = n_columns - 2
+    row = np.clip(z * (1 / scene.grid.dz_mm), 0, n_z - 1)
+    column = theta * (n_theta / (2 * math.pi))
+    column += n_theta * (column < 0)
+    top, left = np.minimum(np.floor(row), max(0, n_z - 2)), np.floor(column)
+    down, right = row - top, column - left
+    above = top.astype(np.intp) * n_columns + left.astype(np.intp)
+    below = above + (n_columns if n_z > 1 else 0)
+    upper, lower = (
+        (first := scene.displacement.take(place)) + right * (scene.displacement.take(place + 1) - first)
+        for place in (above, below)
+    )
+    displacement: Numbers = upper + down * (lower - upper)
+    return displacement
+
+
+def _normal(scene: Scene, rays: Near, bore: _BoreAlong, t: Numbers) -> Numbers:
+    """Return the unit normal (n, 3), from bone into air, of the surface at ``t`` (n,)."""
+    slopes = []
+    for axis in range(3):
+        moved = []
+        for way in (NORMAL_MM, -NORMAL_MM):
+            clear = bore.beside(axis, way).at(t)[0]
+            if rays.cell.shape[1]:
+                cells = clearance(scene.cells.inverse, _beside(scene, rays, axis, way), t).air_mm
+                clear = joined(clear, cells, rays.edge)
+            moved.append(clear)
+        slopes.append(moved[0] - moved[1])
+    gradient = np.stack(slopes, axis=1)
+    normal: Numbers = gradient / np.maximum(np.sqrt(np.sum(gradient * gradient, axis=1)), 1e-12)[:, None]
+    return normal
+
+
+def _beside(scene: Scene, rays: Near, axis: int, way_mm: float) -> Near:
+    """Return the rays moved along one of the axes."""
+    u, v, w = (way_mm * scene.cells.axes[:, row, axis].astype(rays.power.dtype)[rays.cell] for row in range(3))
+    return replace(rays, u=rays.u + u, v=rays.v + v, w=rays.w + w)

@@ -1,0 +1,1 @@
+"""What the cone-mirror endoscope records of the wall."""

@@ -1,0 +1,181 @@
+"""What the cone-mirror endoscope's camera records of the wall: one frame."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Image, Mask
+from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.endoscope.cone import band_centre_mm
+from endoct.synthetic.endoscope.light import light, obscured, surface
+from endoct.synthetic.endoscope.png import png
+from endoct.synthetic.endoscope.sensor import compressed, displayed, noisy
+from endoct.synthetic.endoscope.sight import bands, follow, view, visible
+from endoct.synthetic.sample.parameters import Endoscope, Sample
+from endoct.synthetic.sample.randomness import Stage, generator
+
+__all__ = ["Seen", "band_centre_mm", "noise_free", "render_frame", "sight", "stored_frame"]
+
+LEAST_BLUR_PX = 0.1
+BLEND_ROWS = 16
+SURROUND_STEPS = 8
+"""Steps of a pixel in which the light around the annulus is tabulated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What every pixel of a frame sees of the wall, maps (row, column) of the image.
+
+    ``z_mm`` from the mouth, ``theta_rad`` in [0, 2π) and ``depth_mm`` below the nominal radius, float32 in the
+    bore frame, NaN outside the annulus; ``cell``: int32, 1 + the cell's index in the sample, 0 for the bore's own
+    wall and outside; ``obscured``: dirt, a droplet or a crumb hides the wall there; ``valid``: the pixel sees the
+    wall.
+    """
+
+    z_mm: Image
+    theta_rad: Image
+    depth_mm: Image
+    cell: NDArray[np.int32]
+    obscured: Mask
+    valid: Mask
+
+
+def render_frame(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np.uint8]:
+    """Return frame ``frame_index``, u8 (row, column) or (row, column, RGB)."""
+    camera = sample.endoscope
+    rng = generator(sample.seed, Stage.ENDOSCOPE, 1 + frame_index)
+    signal = _signal(sample, wall, frame_index)
+    frame = np.empty(signal.shape, np.uint8)
+    for rows in bands(camera):
+        frame[rows] = displayed(noisy(camera, signal[rows], rng))
+    return compressed(camera, frame)
+
+
+def stored_frame(sample: Sample, wall: WallMaps, frame_index: int) -> bytes | NDArray[np.uint8]:
+    """Return :func:`render_frame` as it is stored: the bytes of a PNG file, or for a video the frame itself."""
+    frame = render_frame(sample, wall, frame_index)
+    return frame if sample.endoscope.storage == "video" else png(frame)
+
+
+def noise_free(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np.uint8]:
+    """Return the twin of a frame without noise and compression, u8 as :func:`render_frame`."""
+    return displayed(_signal(sample, wall, frame_index))
+
+
+def sight(sample: Sample, wall: WallMaps, frame_index: int) -> Seen:
+    """Return what every pixel of a frame sees of the wall."""
+    camera = sample.endoscope
+    shape = camera.height_px, camera.width_px
+    z_mm, theta_rad, depth_mm = (np.full(shape, np.nan, np.float32) for _ in range(3))
+    cell, hidden, valid = np.zeros(shape, np.int32), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+    n_z, n_theta = wall.relief_mm.shape
+    reached = visible(wall, camera, frame_index)
+    for rows in bands(camera):
+        seen = view(camera, frame_index, rows)
+        if not seen.pixel.size:
+            continue
+        hits = follow(reached, camera, frame_index, seen)
+        z_mm.flat[seen.pixel] = (hits.row + hits.first_row) * wall.dz_mm
+        theta_rad.flat[seen.pixel] = np.mod(hits.column * wall.dtheta_rad, 2 * np.pi)
+        depth_mm.flat[seen.pixel] = hits.radius_mm - wall.radius_mm
+        row = np.clip(np.rint(hits.row).astype(np.intp) + hits.first_row, 0, n_z - 1)
+        cell.flat[seen.pixel] = wall.cell_id[row, np.mod(np.rint(hits.column).astype(np.intp), n_theta)]
+        hidden.flat[seen.pixel] = obscured(camera, wall, seen, hits)
+        valid.flat[seen.pixel] = True
+    return Seen(z_mm, theta_rad, depth_mm, cell, hidden, valid)
+
+
+def _signal(sample: Sample, wall: WallMaps, frame_index: int) -> Image:
+    """Return the light on the sensor, float32 (row, column) or (row, column, RGB), 1 is saturation."""
+    camera = sample.endoscope
+    reached = visible(wall, camera, frame_index)
+    lit, around = surface(camera, wall, reached), _Surround(sample, frame_index)
+    colours = 3 if camera.colour else 1
+    image = np.empty((camera.height_px, camera.width_px, colours), np.float32)
+    for rows in bands(camera):
+        seen = view(camera, frame_index, rows)
+        planes = np.repeat(around.light(rows)[None], colours, axis=0)
+        if seen.pixel.size:
+            arrived = light(sample, lit, seen, follow(reached, camera, frame_index, seen))
+            for plane, colour in zip(planes, arrived, strict=True):
+                plane.ravel()[seen.place] += colour
+        image[rows] = cv2.merge(list(planes)).reshape(image[rows].shape)
+    _defocus(camera, image, frame_index)
+    return image if camera.colour else image[..., 0]
+
+
+def _defocus(camera: Endoscope, image: Image, frame_index: int) -> None:
+    """Blur an image in place by ``defocus_px`` at the rim in focus, and by more towards the other."""
+    cx, cy = camera.centre_px[frame_index]
+    reach = camera.outer_px + 4 * (camera.defocus_px + camera.defocus_slope_px) + 1
+    left, top = max(0, int(cx - reach)), max(0, int(cy - reach))
+    box = image[top : int(cy + reach) + 2, left : int(cx + reach) + 2]
+    sharp = _blurred(box, camera.defocus_px)
+    if camera.defocus_slope_px < LEAST_BLUR_PX:
+        box[:] = sharp
+        return
+    soft = _blurred(box, camera.defocus_px + camera.defocus_slope_px)
+    in_focus, out_of_focus = camera.inner_px, camera.outer_px
+    if camera.focus_at_outer:
+        in_focus, out_of_focus = out_of_focus, in_focus
+    for first in range(0, box.shape[0], BLEND_ROWS):
+        rows = slice(first, min(first + BLEND_ROWS, box.shape[0]))
+        share = _distance_px(camera, frame_index, range(top + first, top + rows.stop), range(left, left + box.shape[1]))
+        share -= in_focus
+        share *= 1 / (out_of_focus - in_focus)
+        np.clip(share, 0, 1, out=share)
+        part = soft[rows]
+        part -= sharp[rows]
+        part *= cv2.merge([share] * part.shape[2]).reshape(part.shape)
+        np.add(part, sharp[rows], out=box[rows])
+
+
+def _blurred(image: Image, sigma_px: float) -> Image:
+    if sigma_px < LEAST_BLUR_PX:
+        return image.copy()
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), dtype=np.float32).reshape(image.shape)
+
+
+def _distance_px(
+    camera: Endoscope, frame_index: int, rows: range, columns: range, shift: tuple[float, float] = (0.0, 0.0)
+) -> Image:
+    """Return the distance of pixels from the annulus' centre, or from a place beside it."""
+    cx, cy = camera.centre_px[frame_index]
+    x = (np.arange(columns.start, columns.stop) - cx - shift[0]).astype(np.float32)[None, :]
+    y = (np.arange(rows.start, rows.stop) - cy - shift[1]).astype(np.float32)[:, None]
+    square = x * x + y * y
+    return np.asarray(np.sqrt(square, out=square))
+
+
+class _Surround:
+    """What the camera sees besides the wall: the black level, a glow about the outer rim, and the cone's tip with
+    the camera in it.
+    """
+
+    def __init__(self, sample: Sample, frame_index: int) -> None:
+        self._camera, self._frame_index = sample.endoscope, frame_index
+        camera, rng = sample.endoscope, generator(sample.seed, Stage.ENDOSCOPE, 0)
+        tip_gain, glow_gain, lens_gain, lens_size = (
+            0.05 * rng.random(), rng.uniform(0.01, 0.03), rng.uniform(0.2, 0.9), rng.uniform(0.05, 0.15)
+        )  # fmt: skip
+        radii = np.arange(2 * SURROUND_STEPS * int(camera.outer_px + 1)) / SURROUND_STEPS
+        glow = 0.015 + glow_gain * np.exp(-(((radii / camera.outer_px - 1) / 0.05) ** 2))
+        inner = radii / camera.inner_px
+        tip = 0.05 + tip_gain * np.cos(5 * inner) ** 2 + lens_gain * np.exp(-0.5 * (inner / lens_size) ** 2)
+        self._glow, self._tip = glow.astype(np.float32), tip.astype(np.float32)
+
+    def light(self, rows: slice) -> Image:
+        """Return that in some rows of the image, float32."""
+        camera = self._camera
+        places = range(rows.start, rows.stop), range(camera.width_px)
+        surround = _tabulated(self._glow, _distance_px(camera, self._frame_index, *places))
+        r_inner = _distance_px(camera, self._frame_index, *places, camera.inner_shift_px)
+        within = r_inner < 0.97 * camera.inner_px
+        surround[within] = _tabulated(self._tip, r_inner[within])
+        return surround
+
+
+def _tabulated(values: Image, r_px: Image) -> Image:
+    return values.take((r_px * SURROUND_STEPS).astype(np.intp), mode="clip")

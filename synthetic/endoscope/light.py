@@ -1,0 +1,205 @@
+"""How much light comes back from what the endoscope's pixels see.
+
+The source sits at the pinhole, so light reaches the wall along the very rays that are seen: no shadows are, and the
+glossy part is brightest where the wall faces the ray. A cone mirror spreads light as a plane one does along the
+bore, but around the bore it spreads it over the whole circle: a bundle of rays at ψ from the axis is, after a path
+L and at ρ from the axis, L·dψ wide and ρ·dθ, so that the irradiance falls as cos i·sin ψ/(L·ρ). Before a plane
+mirror ρ would be L·sin ψ, and this the inverse square of the path.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from endoct.stitching.arrays import Image, Mask
+from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.elementary import exp
+from endoct.synthetic.endoscope.cone import cone_of
+from endoct.synthetic.endoscope.sight import Hits, View, Visible, lookup
+from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample
+
+BONE_RGB = (1.0, 0.88, 0.72)
+LINING_RGB = (1.0, 0.70, 0.60)
+STEEPEST_SLOPE = 8.0
+LINED_MM = 0.1
+"""Depth below the nominal wall from which a cell's inside has the colour of its lining."""
+FLUID_LOSS = 0.35
+FLUID_GLOSS = 0.6
+RING_SIGMA_PX = 1.5
+CONTACT_SHADE = 0.5
+CONTACT_REACH = 1.3
+"""How far the shade around a crumb goes, in radii of the crumb."""
+OBSCURED = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What the light of one frame falls on.
+
+    ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are seen, crumbs included;
+    ``wet`` (row, column), None where all is dry; ``irradiance`` of the nominal wall in the middle of the annulus, up
+    to the source's strength; ``radius_mm`` of the bore.
+    """
+
+    maps: Image
+    wet: Image | None
+    irradiance: float
+    radius_mm: float
+
+
+def surface(camera: Endoscope, wall: WallMaps, seen: Visible) -> Surface:
+    """Return what the light falls on in a frame that sees these rows of the wall."""
+    rows = slice(seen.first_row, seen.first_row + seen.relief_mm.shape[0])
+    slopes = [np.clip(slope[rows], -STEEPEST_SLOPE, STEEPEST_SLOPE) for slope in (wall.slope_z, wall.slope_theta)]
+    maps = np.asarray(cv2.merge([wall.albedo[rows], wall.rim[rows], *slopes]), dtype=np.float32)
+    for crumb in camera.debris:
+        _put(crumb, maps, wall, seen.first_row)
+    wet = wall.wet[rows]
+    return Surface(maps, wet if wet.any() else None, _reference(camera, wall.radius_mm), wall.radius_mm)
+
+
+def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
+    """Return the light that arrives at each pixel of a view, float32 (1 or 3, n), 1 is saturation.
+
+    Bone seen squarely by a probe on the bore's axis has ``exposure`` in the middle of the annulus.
+    """
+    camera = sample.endoscope
+    albedo, rim, slope_z, slope_theta = (
+        np.asarray(one).ravel() for one in cv2.split(lookup(lit.maps, hits.row, hits.column)[None])
+    )
+    wet = None if lit.wet is None else lookup(lit.wet, hits.row, hits.column)
+    deep_mm = np.maximum(hits.radius_mm - np.float32(lit.radius_mm), 0)
+    arriving = hits.sine / (hits.path_mm * hits.rho_mm)
+    arriving *= exp(deep_mm * np.float32(-1 / camera.fall_off_mm))
+    arriving *= np.float32(1 / lit.irradiance)
+    leaning = slope_theta * hits.around
+    leaning += slope_z * hits.inward
+    steepness = slope_z * slope_z
+    steepness += slope_theta * slope_theta
+    cosine = np.maximum(hits.outward - leaning, 0)
+    cosine /= np.sqrt(1 + steepness)
+    diffuse = (1 - camera.stray) * arriving
+    diffuse *= cosine
+    diffuse += camera.stray
+    diffuse *= albedo
+    gloss: float | Image = camera.gloss
+    if wet is not None:
+        diffuse *= 1 - FLUID_LOSS * wet
+        gloss = gloss + FLUID_GLOSS * wet
+        # a fluid's surface is smooth: what lies below it does not tilt it
+        leaning *= 1 - wet
+        steepness *= 1 - wet
+    diffuse += rim
+
+    facing = np.maximum(hits.outward - leaning, 1e-3)
+    facing *= facing
+    facing /= 1 + steepness
+    lobe = 1 - 1 / np.minimum(facing, 1)
+    lobe *= np.float32(0.5 / camera.gloss_rad**2)
+    glossy = gloss * arriving * exp(lobe)
+
+    through = camera.exposure * _probe_light(camera, seen)
+    beside_ring = (seen.r_px - np.float32(camera.ring_px)) * np.float32(1 / RING_SIGMA_PX)
+    added = np.float32(camera.ring_gain) * exp(np.float32(-0.5) * beside_ring * beside_ring)
+    added += _droplet_shine(camera, seen)
+    kept = transmission(camera, seen)
+    white = (through * glossy + added) * kept
+    diffuse *= through * kept
+    if not camera.colour:
+        return np.asarray((diffuse + white)[None], dtype=np.float32)
+    lined = np.minimum(deep_mm / LINED_MM, 1) if sample.bore.bone == "mastoid" else None
+    arrived = np.empty((3, diffuse.size), np.float32)
+    for plane, bone, lining in zip(arrived, BONE_RGB, LINING_RGB, strict=True):
+        np.multiply(diffuse, bone if lined is None else bone + lined * (lining - bone), out=plane)
+        plane += white
+    return arrived
+
+
+def transmission(camera: Endoscope, seen: View) -> Image:
+    """Return which part of the light the dirt on the optics lets through, float32 (n,).
+
+    A speck is a product of its courses across and down, so that these are enough to be worked out.
+    """
+    kept = np.ones(seen.shape, np.float32)
+    for speck in camera.dirt:
+        reach = 5 * speck.sigma_px
+        if not seen.down_px[0] - reach <= speck.y_px <= seen.down_px[-1] + reach:
+            continue
+        columns, rows = (
+            slice(*np.searchsorted(axis, np.array([at - reach, at + reach], np.float32)))
+            for axis, at in ((seen.across_px, speck.x_px), (seen.down_px, speck.y_px))
+        )
+        across, down = (
+            np.exp((axis - np.float32(at)) ** 2 * np.float32(-0.5 / speck.sigma_px**2))
+            for axis, at in ((seen.across_px[columns], speck.x_px), (seen.down_px[rows], speck.y_px))
+        )
+        kept[rows, columns] *= 1 - np.float32(speck.loss) * down[:, None] * across
+    return kept.ravel().take(seen.place)
+
+
+def _reference(camera: Endoscope, radius_mm: float) -> float:
+    """Return the irradiance, up to the source's strength, of the nominal wall in the middle of the annulus."""
+    rays = cone_of(camera).rays(np.array([(camera.inner_px + camera.outer_px) / 2]))
+    path_mm = rays.path_mm + (radius_mm - rays.rho_mm) / rays.outward
+    return float((rays.sine / (path_mm * radius_mm))[0])
+
+
+def _probe_light(camera: Endoscope, seen: View) -> Image:
+    """Return vignetting and the light's first harmonic around the probe."""
+    middle, half = (camera.inner_px + camera.outer_px) / 2, (camera.outer_px - camera.inner_px) / 2
+    vignette = 1 - camera.vignetting * ((seen.r_px - middle) / half) ** 2
+    cos, sin = np.cos(camera.bright_side_rad), np.sin(camera.bright_side_rad)
+    along = (seen.x_px * np.float32(cos) + seen.y_px * np.float32(sin)) / seen.r_px
+    return np.asarray(vignette * (1 + camera.bright_side * along), dtype=np.float32)
+
+
+def _droplet_shine(camera: Endoscope, seen: View) -> Image:
+    """Return the highlight of every droplet, towards the probe's axis from its middle."""
+    shine = np.zeros_like(seen.r_px)
+    for drop in camera.droplets:
+        away = 1 - 0.45 * drop.radius_px / max(1.0, float(np.hypot(drop.x_px, drop.y_px)))
+        near = seen.near(drop.x_px, drop.y_px, 2 * drop.radius_px)
+        square = (seen.x_px[near] - away * drop.x_px) ** 2 + (seen.y_px[near] - away * drop.y_px) ** 2
+        shine[near] += np.float32(drop.shine) * np.exp(-0.5 * square / np.float32(0.2 * drop.radius_px) ** 2)
+    return shine
+
+
+def _put(crumb: Debris, maps: Image, wall: WallMaps, first_row: int) -> None:
+    """Lay a crumb on the wall's ``maps``: a rounded grain, and the dark line where it touches."""
+    size, dz_mm, dtheta_mm = crumb.size_mm, wall.dz_mm, wall.dtheta_rad * wall.radius_mm
+    middle = crumb.z_mm / dz_mm - first_row
+    low, high = max(0, int(middle - 2 * size / dz_mm)), min(maps.shape[0], int(middle + 2 * size / dz_mm) + 2)
+    if low >= high:
+        return
+    z = (dz_mm * (np.arange(low, high) - middle))[:, None]
+    reach = int(2 * size / dtheta_mm) + 1
+    column = crumb.theta_rad / wall.dtheta_rad
+    columns = int(column) + np.arange(-reach, reach + 1)
+    along = (dtheta_mm * (columns - column))[None, :]
+    q = np.hypot(z, along) / size
+    columns = np.mod(columns, maps.shape[1])
+    part = maps[low:high, columns]
+    grain = np.clip((1.05 - q) / 0.2, 0, 1)
+    part[..., 0] *= 1 - CONTACT_SHADE * np.exp(-0.5 * ((q - 1.1) / 0.2) ** 2)
+    part[..., 0] += grain * (crumb.gain - part[..., 0])
+    for k, lean in ((2, z), (3, along)):
+        part[..., k] += grain * (lean / size - part[..., k])
+    maps[low:high, columns] = part
+
+
+def obscured(camera: Endoscope, wall: WallMaps, seen: View, hits: Hits) -> Mask:
+    """Say for each pixel of a view whether dirt, a droplet or a crumb keeps it from showing the wall, bool (n,)."""
+    hidden: Mask = transmission(camera, seen) < 1 - OBSCURED
+    for drop in camera.droplets:
+        near = seen.near(drop.x_px, drop.y_px, drop.radius_px)
+        away = (seen.x_px[near] - drop.x_px) ** 2 + (seen.y_px[near] - drop.y_px) ** 2
+        hidden[near] |= away < drop.radius_px**2
+    theta = hits.column * wall.dtheta_rad
+    z_mm = (hits.row + hits.first_row) * wall.dz_mm
+    for crumb in camera.debris:
+        size_mm = CONTACT_REACH * crumb.size_mm
+        near = np.flatnonzero(np.abs(z_mm - crumb.z_mm) < size_mm)
+        around = wall.radius_mm * (np.mod(theta[near] - crumb.theta_rad + np.pi, 2 * np.pi) - np.pi)
+        hidden[near] |= (z_mm[near] - crumb.z_mm) ** 2 + around**2 < size_mm**2
+    return hidden

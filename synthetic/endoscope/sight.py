@@ -1,0 +1,285 @@
+"""Where the endoscope's pixels look, and where on the wall that ends.
+
+Every pixel of the annulus is one ray: off the cone, turned with the probe into the bore's frame, and followed to
+the first place at which it is behind the wall's relief. float32 throughout: coordinates along the bore count from
+the frame, so that rounding stays below 1e-6 mm. Frames are worked on in bands of rows, whose arrays fit a cache.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Image
+from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.endoscope.cone import band_centre_mm
+from endoct.synthetic.endoscope.rays import Rays, rays_of
+from endoct.synthetic.sample.parameters import Endoscope
+
+STEP_ACROSS_MM = 0.01
+"""How far a ray goes along the wall between two looks: no farther than the wall's maps are fine."""
+LONGEST_STEP_MM = 0.25
+CLEARANCE_MM = 0.002
+LOOKUP_COLUMNS = 2**14
+"""Places that are looked up at once; an image may not be wider than 2¹⁵."""
+BAND_PX = 80_000
+RIM_PLACES = 64
+"""Places around a rim at which its rays are followed to find how much of the wall a frame can see."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Pixels of the annulus in a band of rows, row by row, float32 (n,) each but the indices.
+
+    ``pixel``: index into the flattened image, ``place``: into the flattened band, whose columns lie at ``across_px``
+    and whose rows at ``down_px`` from the annulus' centre; ``x_px``, ``y_px``: columns and rows from that centre,
+    ``r_px`` from it; ``look_x_px``, ``look_y_px``: where the pixel looks, which a droplet displaces.
+    """
+
+    pixel: NDArray[np.intp]
+    place: NDArray[np.intp]
+    across_px: Image
+    down_px: Image
+    x_px: Image
+    y_px: Image
+    r_px: Image
+    look_x_px: Image
+    look_y_px: Image
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the band."""
+        return self.down_px.size, self.across_px.size
+
+    def near(self, x_px: float, y_px: float, reach_px: float) -> NDArray[np.intp]:
+        """Return which of the pixels are in the square of ``reach_px`` about a place."""
+        first, stop = np.searchsorted(self.y_px, np.array([y_px - reach_px, y_px + reach_px], np.float32))
+        near = np.flatnonzero(np.abs(self.x_px[first:stop] - np.float32(x_px)) < reach_px)
+        return np.asarray(near + first, dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Where the rays of a view end, float32 (n,) each.
+
+    ``row``, ``column``: on the wall's maps, fractional, rows counted from ``first_row``. ``radius_mm`` from the
+    bore's axis. The ray's unit direction there: ``outward``, ``around`` (with θ) and ``inward`` (along z).
+    ``path_mm``: from the pinhole over the mirror; ``rho_mm``: from the probe's axis; ``sine`` of the ray's angle at
+    the pinhole.
+    """
+
+    first_row: int
+    row: Image
+    column: Image
+    radius_mm: Image
+    outward: Image
+    around: Image
+    inward: Image
+    path_mm: Image
+    rho_mm: Image
+    sine: Image
+
+
+@dataclass(frozen=True, eq=False)
+class Visible:
+    """The rows of a wall that a frame can see, from ``first_row``; ``apex_row`` is the apex' place among them.
+
+    ``relief_mm`` is that of the wall, between ``least_mm`` and beyond.
+    """
+
+    relief_mm: Image
+    least_mm: float
+    first_row: int
+    apex_row: float
+    rows_per_mm: float
+    columns_per_rad: float
+    radius_mm: float
+
+    def behind(self, rays: Rays, t_mm: Image) -> Image:
+        """Return how far behind the wall the rays are at ``t_mm``."""
+        behind, row, column = self.place(rays, t_mm)
+        behind -= np.float32(self.radius_mm)
+        behind -= lookup(self.relief_mm, row, column)
+        return behind
+
+    def place(self, rays: Rays, t_mm: Image) -> tuple[Image, Image, Image]:
+        """Return the radius of the rays' places at ``t_mm``, and their row and column."""
+        v = t_mm * rays.v1
+        v += rays.v0
+        radius = t_mm * rays.u1
+        radius += rays.u0
+        radius *= radius
+        radius += v * v
+        np.sqrt(radius, out=radius)
+        v /= radius
+        column = _arcsine(v)
+        column += rays.theta_rad
+        column *= np.float32(self.columns_per_rad)
+        row = t_mm * rays.z1
+        row += rays.z0
+        row *= np.float32(self.rows_per_mm)
+        row += np.float32(self.apex_row)
+        np.maximum(row, 0, out=row)
+        np.minimum(row, self.relief_mm.shape[0] - 1, out=row)
+        return radius, row, column
+
+
+def _arcsine(x: Image) -> Image:
+    """Return the arcsine, to 1e-6 up to 0.3: probes are hardly off the axis, and this is fast."""
+    square = x * x
+    series = square * np.float32(15 / 336)
+    series += np.float32(3 / 40)
+    series *= square
+    series += np.float32(1 / 6)
+    series *= square
+    series += 1
+    series *= x
+    return series
+
+
+def lookup(maps: Image, row: Image, column: Image) -> Image:
+    """Return maps (row, column) or (row, column, 2–4) at fractional places (n,), bilinear, cyclic in columns."""
+    found = np.empty((row.size, *maps.shape[2:]), np.float32)
+    for first in range(0, row.size, LOOKUP_COLUMNS):
+        part = slice(first, first + LOOKUP_COLUMNS)
+        found[part] = cv2.remap(
+            maps, column[None, part], row[None, part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+        )[0]
+    return found
+
+
+def bands(camera: Endoscope) -> Iterator[slice]:
+    """Yield the rows of an image, band by band."""
+    rows = max(1, BAND_PX // camera.width_px)
+    for first in range(0, camera.height_px, rows):
+        yield slice(first, min(first + rows, camera.height_px))
+
+
+def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View:
+    """Return the pixels between the annulus' boundaries, of which the inner has a centre of its own, in some rows."""
+    cx, cy = camera.centre_px[frame_index]
+    shift_x, shift_y = camera.inner_shift_px
+    top = rows.indices(camera.height_px)[0]
+    across = (np.arange(camera.width_px) - cx).astype(np.float32)
+    down = (np.arange(camera.height_px)[rows] - cy).astype(np.float32)
+    square = down[:, None] ** 2 + across**2
+    inside = (down[:, None] - np.float32(shift_y)) ** 2 + (across - np.float32(shift_x)) ** 2 >= camera.inner_px**2
+    inside &= square <= camera.outer_px**2
+    place = np.flatnonzero(inside)
+    row, column = np.divmod(place, camera.width_px)
+    x, y = across[column], down[row]
+    r = np.sqrt(square.ravel()[place])
+    seen = View(place + top * camera.width_px, place, across, down, x, y, r, x.copy(), y.copy())
+    for drop in camera.droplets:
+        near = seen.near(drop.x_px, drop.y_px, drop.radius_px)
+        dx, dy = x[near] - np.float32(drop.x_px), y[near] - np.float32(drop.y_px)
+        q = np.minimum((dx * dx + dy * dy) / np.float32(drop.radius_px**2), 1)
+        # a lens that is flat at its middle and its rim: q(1 − q²) is at most 2/√27
+        bend = np.float32(drop.bend_px / drop.radius_px * math.sqrt(27) / 2) * (1 - q)
+        seen.look_x_px[near] -= bend * dx
+        seen.look_y_px[near] -= bend * dy
+    return seen
+
+
+def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
+    """Return the rows of the wall that a frame's rays can reach before they are behind all of it.
+
+    That is found from the rays at the annulus' rims: between these, they end between.
+    """
+    least, most = wall.relief_range_mm
+    bend_px = max((drop.bend_px for drop in camera.droplets), default=0.0)
+    inner_px = max(0.5 * camera.inner_px, camera.inner_px - math.hypot(*camera.inner_shift_px) - bend_px)
+    around = np.arange(RIM_PLACES) * (2 * np.pi / RIM_PLACES)
+    rims = np.array([[inner_px], [camera.outer_px + bend_px]])
+    x, y = ((rims * turned).astype(np.float32).ravel() for turned in (np.cos(around), np.sin(around)))
+    rays, _ = rays_of(camera, frame_index, x, y)
+    ends = [rays.z0 + rays.to_radius_mm(wall.radius_mm + relief) * rays.z1 for relief in (least - CLEARANCE_MM, most)]
+    apex_mm = camera.z_mm[frame_index] - band_centre_mm(camera, wall.radius_mm)
+    apex_row, last = apex_mm / wall.dz_mm, wall.relief_mm.shape[0] - 1
+    first_row = math.floor(apex_row + float(min(z.min() for z in ends)) / wall.dz_mm) - 3
+    first_row = min(max(first_row, 0), last)
+    stop = math.ceil(apex_row + float(max(z.max() for z in ends)) / wall.dz_mm) + 4
+    relief_mm = wall.relief_mm[first_row : max(stop, first_row + 1)]
+    return Visible(
+        relief_mm=relief_mm,
+        least_mm=float(relief_mm.min()),
+        first_row=first_row,
+        apex_row=apex_row - first_row,
+        rows_per_mm=1 / wall.dz_mm,
+        columns_per_rad=1 / wall.dtheta_rad,
+        radius_mm=wall.radius_mm,
+    )
+
+
+def follow(wall: Visible, camera: Endoscope, frame_index: int, seen: View) -> Hits:
+    """Return where the pixels' rays meet the wall."""
+    rays, off_cone = rays_of(camera, frame_index, seen.look_x_px, seen.look_y_px)
+    t = _march(wall, rays)
+    radius, row, column = wall.place(rays, t)
+    u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1
+    return Hits(
+        first_row=wall.first_row,
+        row=row,
+        column=column,
+        radius_mm=radius,
+        outward=np.asarray((u * rays.u1 + v * rays.v1) / radius, dtype=np.float32),
+        around=np.asarray((u * rays.v1 - v * rays.u1) / radius, dtype=np.float32),
+        inward=rays.z1,
+        path_mm=np.asarray(off_cone.path_mm, dtype=np.float32) + t,
+        rho_mm=np.asarray(off_cone.rho_mm + t * off_cone.outward, dtype=np.float32),
+        sine=np.asarray(off_cone.sine, dtype=np.float32),
+    )
+
+
+def _march(wall: Visible, rays: Rays) -> Image:
+    """Return t where each ray falls behind the relief.
+
+    A step goes as far as the ray stays over one place of the maps, so that no septum is stepped over; the place
+    itself is then found between the last two looks by the rule of false position.
+    """
+    before = rays.to_radius_mm(wall.radius_mm + wall.least_mm - CLEARANCE_MM)
+    around = np.abs(rays.v1) + np.abs(rays.v0) / np.float32(wall.radius_mm)
+    across = np.sqrt(rays.z1 * rays.z1 + around * around)
+    step = np.minimum(STEP_ACROSS_MM / np.maximum(across, 1e-6), LONGEST_STEP_MM)
+    ahead = before + step
+    excess = wall.behind(rays, before)
+    excess_ahead = wall.behind(rays, ahead)
+    on = np.flatnonzero(excess_ahead < 0)
+    part, there, found, stride = rays.of(on), ahead[on], excess_ahead[on], step[on]
+    while on.size:
+        further = there + stride
+        level = wall.behind(part, further)
+        short = level < 0
+        met, kept = np.flatnonzero(~short), np.flatnonzero(short)
+        at = on.take(met)
+        before[at], excess[at], ahead[at], excess_ahead[at] = (a.take(met) for a in (there, found, further, level))
+        on, there, found, stride = on.take(kept), further.take(kept), level.take(kept), stride.take(kept)
+        part = part.of(kept)
+    for _ in range(2):
+        middle = _crossing(before, excess, ahead, excess_ahead)
+        found = wall.behind(rays, middle)
+        share = (found < 0).astype(np.float32)
+        _moved(before, middle, share)
+        _moved(excess, found, share)
+        np.subtract(1, share, out=share)
+        _moved(ahead, middle, share)
+        _moved(excess_ahead, found, share)
+    return _crossing(before, excess, ahead, excess_ahead)
+
+
+def _moved(values: Image, to: Image, share: Image) -> None:
+    """Move values by a share of 0 or 1: what a mask does, which takes six times as long where it changes often."""
+    way = to - values
+    way *= share
+    values += way
+
+
+def _crossing(before: Image, excess: Image, ahead: Image, excess_ahead: Image) -> Image:
+    """Return where a straight line between two looks is level with the wall."""
+    share: Image = excess / np.minimum(excess - excess_ahead, np.float32(-1e-12))
+    share *= ahead - before
+    share += before
+    return share

@@ -1,0 +1,1 @@
+"""What the catheter OCT records of the wall."""

@@ -1,0 +1,188 @@
+"""B-scans and raw spectra of the OCT: beams, what they bring back, and the spectrometer that records it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.synthetic.bone.wall import Wall
+from endoct.synthetic.oct.appearance import Appearance
+from endoct.synthetic.oct.beams import Echoes, stream_position, trace, trace_slices
+from endoct.synthetic.oct.field import Scattered, lateral_taps, scattered
+from endoct.synthetic.oct.spectrometer import (
+    FULL_SCALE,
+    Spectrometer,
+    chirp,
+    counts,
+    dark_counts,
+    digitised,
+    logarithmic,
+    reconstruct,
+    spectrometer,
+)
+from endoct.synthetic.oct.turn import Turn
+from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.presets import PRESETS
+from endoct.synthetic.sample.randomness import Stage, generator
+
+FINER = 4  # samples of the field between two of the spectrum, to be read between them
+BEYOND = 3  # columns beyond a block that the interpolation reads
+
+
+def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
+    """Return slice ``slice_index``, u8 (depth, A-scan), logarithmic."""
+    return next(render_bscans(sample, wall, appearance, [slice_index]))
+
+
+def render_bscans(
+    sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[int]
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield several slices, u8 (depth, A-scan), the same as one by one, in less time."""
+    for turn in _turns(sample, wall, appearance, slices):
+        m = np.arange(turn.one.window.size, dtype=np.float64)
+        yield reconstruct(sample.oct, turn.one, turn.recorded(m, turn.at_even_samples()))
+
+
+def spectra(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint16]:
+    """Return the raw spectra of slice ``slice_index``, u16 (A-scan, 2·depth), 12 bits.
+
+    Pixel p was recorded at sample :func:`endoct.synthetic.oct.spectrometer.chirp` [p] of even wavenumbers. The same
+    noise falls on it as on that sample of :func:`render_bscan`.
+    """
+    turn = next(_turns(sample, wall, appearance, [slice_index]))
+    m = chirp(turn.one.window.size)
+    return turn.recorded(m, turn.at(m))
+
+
+def offset(sample: Sample) -> Coordinates:
+    """Return what each pixel of the detector gives in the dark, electrons, float64 (2·depth,)."""
+    return sample.oct.electrons_per_count * _dark(sample)
+
+
+def noise_free(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
+    """Return :func:`render_bscan` without what the detector adds, u8 (depth, A-scan).
+
+    Speckle, sheath, faces, mirror image and roll-off are the same; off are its noise, rounding and clipping, its
+    fixed line, the autocorrelation and the loss of what does not change from A-scan to A-scan.
+    """
+    turn = next(_turns(sample, wall, appearance, [slice_index]))
+    reference = turn.one.reference(np.arange(turn.one.window.size, dtype=np.float64)).astype(np.float32)
+    linear = np.empty((turn.n_columns, reference.size), np.float32)
+    for columns, field in turn.light.field(0, 1, reference.size, with_line=False):
+        np.multiply(field.real, 2 * reference, out=linear[columns])
+    ascans = np.concatenate([block for _, block in turn.interpolated(linear)])
+    return logarithmic(sample.oct, turn.one, ascans, np.zeros(reference.size, np.float32))
+
+
+def _dark(sample: Sample) -> Coordinates:
+    size = PRESETS[sample.preset]
+    return dark_counts(generator(sample.seed, Stage.OCT, 1 + size.n_slices), 2 * size.n_depth)
+
+
+def artificial(
+    sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
+) -> tuple[Scattered, NDArray[np.intp], Mask]:
+    """Return what a slice returns, for every recorded A-scan the column of it, and whether the detector clipped it."""
+    turn = next(_turns(sample, wall, appearance, [slice_index]))
+    column = turn.margin + turn.position // turn.every
+    brightest = turn.at_even_samples().max(axis=1) + float(_dark(sample).max())
+    return turn.light, column, (brightest > FULL_SCALE)[column]
+
+
+@dataclass(frozen=True, eq=False)
+class _Slice:
+    """One slice being rendered. Columns lie ``every`` A-scans apart, the first ``margin`` of them before A-scan 0."""
+
+    sample: Sample
+    one: Spectrometer
+    light: Scattered
+    rng: Generator
+    position: NDArray[np.intp]
+    every: int
+    margin: int
+
+    @property
+    def n_columns(self) -> int:
+        return int(self.light.bone.shape[0])
+
+    def at_even_samples(self) -> Image:
+        n = self.one.window.size
+        m = np.arange(n, dtype=np.float64)
+        mean = np.empty((self.n_columns, n), np.float32)
+        for columns, field in self.light.field(0, 1, n, with_line=True):
+            mean[columns] = counts(self.one, m, field)
+        return mean
+
+    def at(self, m: Coordinates) -> Image:
+        """Return mean counts at any samples −0.5 < m < n − 0.5, by cubic interpolation between finer ones."""
+        n = self.one.window.size
+        finer = (m + 1) * FINER
+        whole = np.floor(finer).astype(np.intp)
+        part = (finer - whole).astype(np.float32)
+        weights = (
+            -part * (1 - part) * (2 - part) / 6,
+            (1 + part) * (1 - part) * (2 - part) / 2,
+            (1 + part) * part * (2 - part) / 2,
+            -(1 + part) * part * (1 - part) / 6,
+        )
+        mean = np.empty((self.n_columns, n), np.float32)
+        for columns, field in self.light.field(-1, FINER, (n + 2) * FINER, with_line=True):
+            read = sum(field[:, whole + k - 1] * weight for k, weight in enumerate(weights))
+            mean[columns] = counts(self.one, m, np.asarray(read, dtype=np.complex64))
+        return mean
+
+    def interpolated(self, columns: Image) -> Iterator[tuple[NDArray[np.intp], Image]]:
+        """Yield indices of recorded A-scans and those A-scans, block by block."""
+        a_block = 64
+        n_taken = self.n_columns - 2 * self.margin
+        for first in range(0, n_taken, a_block):
+            last = min(n_taken, first + a_block)
+            low, high = first * self.every, last * self.every
+            block: NDArray[np.generic] = columns[self.margin + first : self.margin + last]
+            if self.every > 1:
+                around = columns[self.margin + first - BEYOND : self.margin + last + BEYOND]
+                size = around.shape[1], around.shape[0] * self.every
+                wide = cv2.resize(around, size, interpolation=cv2.INTER_CUBIC)
+                block = wide[BEYOND * self.every : -BEYOND * self.every]
+            recorded = np.arange(*np.searchsorted(self.position, [low, high]))
+            kept = self.position[recorded] - low
+            yield recorded, np.asarray(block if kept.size == block.shape[0] else block[kept], dtype=np.float32)
+
+    def recorded(self, m: Coordinates, mean: Image) -> NDArray[np.uint16]:
+        dark = _dark(self.sample)
+        ascans = np.empty((self.position.size, m.size), np.uint16)
+        for recorded, block in self.interpolated(mean):
+            ascans[recorded] = digitised(self.rng, self.one, m, block, dark)
+        return ascans
+
+
+def _turns(sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[int]) -> Iterator[_Slice]:
+    """Yield slices, ready to be recorded."""
+    oct_, size = sample.oct, PRESETS[sample.preset]
+    every, one = size.ascans_per_column, spectrometer(oct_, 2 * size.n_depth)
+    taken = [stream_position(oct_, i, size.n_ascans) for i in slices]
+    rings = [round(size.n_ascans / every / oct_.turn_length[i]) for i in slices]
+    margins = [lateral_taps(oct_, wall.radius_mm, n_ring).size // 2 + BEYOND for n_ring in rings]
+    columns = [
+        np.arange(-margin, -(-int(position[-1] + 1) // every) + margin, dtype=np.float64)
+        for position, margin in zip(taken, margins, strict=True)
+    ]
+    # a column is seen at the middle of its A-scans
+    traced = trace_slices(sample, wall.scene, slices, [(k + 0.5) * every - 0.5 for k in columns])
+    for i, position, n_ring, margin, echoes in zip(slices, taken, rings, margins, traced, strict=True):
+        n = echoes.alpha_rad.size
+        # one turn on, a helical scan is a pitch away
+        turn = Turn(n if oct_.scan == "helical" else n_ring, -margin, n)
+        rng = generator(sample.seed, Stage.OCT, 1 + i)
+        light = scattered(oct_, one, echoes, appearance, wall.radius_mm, turn, rng)
+        yield _Slice(sample, one, light, rng, position, every, margin)
+
+
+def ascan_echoes(sample: Sample, wall: Wall, slice_index: int) -> Echoes:
+    """Return what the beam of every A-scan recorded of a slice meets."""
+    position = stream_position(sample.oct, slice_index, PRESETS[sample.preset].n_ascans)
+    return trace(sample, wall.scene, slice_index, position.astype(np.float64))

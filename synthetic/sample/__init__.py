@@ -1,0 +1,1 @@
+"""What a specimen is drawn from: parameters, presets, ranges, random numbers."""

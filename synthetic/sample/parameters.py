@@ -1,0 +1,187 @@
+"""Every parameter of a specimen, with its unit, what it is drawn from and where that comes from.
+
+A :class:`Sample` is all that the renderer reads: the same sample gives the same bytes. A field made by
+``drawn`` is drawn uniformly between its first two numbers by :mod:`endoct.synthetic.draw`, unless its text
+says otherwise; a wish may take it as far as ``allowed``. Sources: "§9" and "§6" are those of the project's
+design, "rig" is the measured OCT rig, "chosen" has no source but plausibility.
+"""
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from endoct.synthetic.sample.bone_parameters import Bore, Cell
+from endoct.synthetic.sample.oct_parameters import LostAscans, Oct, Shadow, SheathLine
+from endoct.synthetic.sample.parameter_fields import (
+    LARGEST_SEED,
+    MOST_LISTED,
+    Angle,
+    Harmonic,
+    Parameters,
+    Pixel,
+    Place,
+    Shift,
+    Stated,
+    Travel,
+    drawn,
+)
+from endoct.synthetic.sample.presets import PRESETS, PresetName
+
+__all__ = [
+    "Bore",
+    "Cell",
+    "Debris",
+    "Droplet",
+    "Endoscope",
+    "Harmonic",
+    "LostAscans",
+    "Oct",
+    "Sample",
+    "Shadow",
+    "SheathLine",
+    "Speck",
+    "Travel",
+]
+
+
+class Speck(Parameters):
+    """A dark spot fixed to the endoscope."""
+
+    x_px: Pixel = Field(description="columns from the annulus' centre, pixels")
+    y_px: Pixel = Field(description="rows from the annulus' centre, pixels")
+    sigma_px: float = drawn(1.5, 5, "pixels (chosen)", (0.5, 50))
+    loss: float = drawn(0.2, 0.8, "of the light, relative (chosen)", (0, 1))
+
+
+class Droplet(Parameters):
+    """A drop of fluid on the mirror: it bends the view, as a weak lens does, and shines."""
+
+    x_px: Pixel = Field(description="columns from the annulus' centre, pixels")
+    y_px: Pixel = Field(description="rows from the annulus' centre, pixels")
+    radius_px: float = drawn(4, 14, "pixels (chosen)", (1, 100))
+    bend_px: float = drawn(1, 5, "largest displacement of what is seen through it, pixels (chosen)", (0, 50))
+    shine: float = drawn(0.1, 0.5, "light of its highlight, 1 is saturation (chosen)", (0, 3))
+
+
+class Debris(Parameters):
+    """A crumb of bone on the wall while the endoscope looked; washed away before the OCT came."""
+
+    z_mm: Place = Field(description="centre, mm from the mouth")
+    theta_rad: float = drawn(0, 6.2832, "centre, rad")
+    size_mm: float = drawn(0.03, 0.12, "radius, mm (chosen)", (0.005, 1))
+    gain: float = drawn(0.6, 1.5, "albedo over that of bone (chosen)", (0, 3))
+
+
+class Endoscope(Parameters):
+    """The pinhole camera with the cone before it, its light, and how they moved."""
+
+    # optics
+    width_px: int = Field(gt=0, le=4096, description="of the image, pixels")
+    height_px: int = Field(gt=0, le=4096, description="of the image, pixels")
+    colour: bool = Field(description="RGB, or grey")
+    half_angle_deg: float = drawn(42, 48, "of the cone, degrees (§6: 45)", (30, 60))
+    mirror_distance_mm: float = drawn(
+        1.0, 2.0, "pinhole to the cone's apex, mm; so that the mirror fits the bore (chosen)", (0.5, 50)
+    )
+    focal_px: float = Field(gt=0, le=1e6, description="such that the annulus spans visible_length_mm, pixels")
+    distortion: float = drawn(
+        -0.02, 0.02, "shift of the outer rim, relative, r_d = r(1 + k1·(r/f)²) (chosen)", (-0.2, 0.2)
+    )
+    visible_length_mm: float = drawn(
+        0.75, 0.90, "of the nominal bore in the annulus, mm; so that the mirror fits (§6: 1.0)", (0.2, 5)
+    )
+    inner_px: float = Field(gt=0, le=1e4, description="inner radius of the annulus, pixels")
+    outer_px: float = Field(gt=0, le=1e4, description="outer radius of the annulus, pixels")
+    inner_shift_px: tuple[Pixel, Pixel] = Field(description="centre of the inner boundary off the annulus', pixels")
+    defocus_px: float = drawn(0.6, 1.2, "σ of the blur where the focus is, pixels (chosen)", (0, 10))
+    defocus_slope_px: float = drawn(
+        0.0, 0.6, "added to σ at the rim that is farther from focus, pixels (chosen)", (0, 10)
+    )
+    focus_at_outer: bool = Field(description="whether the outer rim of the annulus is in focus, or the inner")
+    # light, as a fraction of saturation
+    exposure: float = drawn(0.6, 0.9, "of bone seen squarely (chosen)", (0.02, 3))
+    bright_side: float = drawn(0.15, 0.4, "first harmonic of the light around the probe, relative (§9)", (0, 0.9))
+    bright_side_rad: float = drawn(0, 6.2832, "where it is brightest, image angle, rad")
+    vignetting: float = drawn(0.2, 0.5, "loss from the middle of the annulus to its rims (§9)", (0, 1))
+    fall_off_mm: float = drawn(0.25, 0.5, "depth in a cell at which the light falls to 1/e, mm (chosen)", (0.05, 10))
+    stray: float = drawn(0.02, 0.05, "light scattered into dark places (chosen)", (0, 0.5))
+    gloss: float = drawn(0.0, 0.25, "specular light of the wet wall, against the diffuse (chosen)", (0, 3))
+    gloss_rad: float = drawn(0.10, 0.25, "width of the specular lobe, rad (chosen)", (0.01, 1))
+    ring_px: float = Field(gt=0, le=1e4, description="radius of the probe's specular ring, pixels")
+    ring_gain: float = drawn(0.1, 0.35, "of that ring, added (chosen)", (0, 3))
+    dirt: tuple[Speck, ...] = Field(max_length=MOST_LISTED, description="8–25 specks on the optics")
+    droplets: tuple[Droplet, ...] = Field(max_length=MOST_LISTED, description="0–3 on the mirror")
+    debris: tuple[Debris, ...] = Field(max_length=MOST_LISTED, description="on the wall, one for each 1 mm of bore")
+    full_well: float = drawn(4000, 12000, "electrons at saturation, for shot noise (chosen)", (100, 100000))
+    read_noise: float = drawn(8, 25, "electrons rms (chosen)", (0, 500))
+    jpeg_quality: float = drawn(80, 98, "of the compression the frames have been through, of 100 (chosen)", (5, 100))
+    storage: Literal["png", "video"] = Field(description="a folder of PNG, or one video")
+    # motion
+    travel: Travel = Field(description="of the endoscope during the recording")
+    feed_jitter: float = drawn(0.10, 0.10, "rms of the feed between frames, relative (§9)", (0, 0.4))
+    dropped: float = drawn(0.0, 0.03, "share of frames that were lost, each leaves a double step (chosen)", (0, 0.5))
+    roll_wander_rad: float = drawn(
+        0.017, 0.14, "largest slow change of roll over the scan, 1–8°, rad (chosen)", (0, 3.2)
+    )
+    roll_jitter_rad: float = drawn(0.0122, 0.0122, "rms of the roll from frame to frame, 0.7°, rad (chosen)", (0, 0.5))
+    centre_wander_px: float = drawn(1, 5, "of the annulus over the scan, pixels (chosen)", (0, 50))
+    z_mm: tuple[Place, ...] = Field(
+        max_length=MOST_LISTED, description="of the visible band's centre in every frame, mm from the mouth"
+    )
+    roll_rad: tuple[Angle, ...] = Field(max_length=MOST_LISTED, description="every frame, θ_wall = θ_image + roll, rad")
+    centre_px: tuple[tuple[Pixel, Pixel], ...] = Field(
+        max_length=MOST_LISTED, description="of the annulus in every frame, column and row"
+    )
+    offset_mm: tuple[tuple[Shift, Shift], ...] = Field(
+        max_length=MOST_LISTED, description="of the cone's apex off the bore's axis, x and y, mm"
+    )
+    probe_tilt_rad: float = drawn(0, 0.006, "of the probe's axis against the bore's, to 0.35° (chosen)", (0, 0.1))
+    probe_tilt_direction_rad: float = drawn(0, 6.2832, "towards which the probe leans going inward, θ, rad")
+    # what the sidecar says
+    states_optics: bool = Field(description="whether the sidecar gives the cone, the focal length and the distortion")
+    states_annulus: bool = Field(description="whether the sidecar gives the annulus of the first frame")
+    stated_travel: Stated = Field(description="travel in the sidecar: right, or unknown")
+
+    @property
+    def distortion_k1(self) -> float:
+        """k1 of r_image = r·(1 + k1·(r/f)²) that shifts the outer rim by ``distortion``."""
+        return self.distortion * (self.focal_px * (1 + self.distortion) / self.outer_px) ** 2
+
+
+class Sample(Parameters):
+    """Everything drawn for one specimen. ``seed`` also keys the noise of every slice and frame.
+
+    ``bore_seed`` keys the wall's texture, so that two specimens can show one and the same bore.
+    """
+
+    preset: PresetName
+    seed: int = Field(ge=0, le=LARGEST_SEED)
+    bore_seed: int = Field(ge=0, le=LARGEST_SEED)
+    bore: Bore
+    oct: Oct
+    endoscope: Endoscope
+
+    @model_validator(mode="after")
+    def _holds_together(self) -> Self:
+        size = PRESETS[self.preset]
+        every_slice = (
+            "z_mm",
+            "offset_mm",
+            "offset_direction_rad",
+            "start_angle_rad",
+            "turn_length",
+            "rotation_error_rad",
+        )
+        for part, names, expected in (
+            (self.oct, every_slice, size.n_slices),
+            (self.endoscope, ("z_mm", "roll_rad", "centre_px", "offset_mm"), size.n_frames),
+        ):
+            for name in names:
+                if (found := len(getattr(part, name))) != expected:
+                    raise ValueError(f"{name} for each of the {expected} frames of '{self.preset}', not {found}")
+            if not all(0 <= z <= self.bore.length_mm for z in part.z_mm):
+                raise ValueError("every z_mm to lie within the bore")
+        for lost in self.oct.lost_ascans:
+            if lost.slice_index >= size.n_slices or lost.ascan >= size.n_ascans:
+                raise ValueError("every block of lost_ascans to lie within the recording")
+        return self

@@ -1,0 +1,122 @@
+"""Comparisons on disk that were damaged or made up are refused in one line."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
+from endoct.fusion.files.store import load_comparison, save_comparison
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.scoring.cells import Cell
+from endoct.fusion.sides import Comparison
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.zarr_store import Named, write_arrays
+
+GRID = SurfaceGrid.full_circle(5, 8, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+SIDES = ("endoscope", "oct")
+CELL = Cell("oct", 1, 0.5, 0.1, 0.2, None, None, None, None, None, False, 1.0, 0.9, "both", 2, 0.7)
+OTHER = replace(CELL, side="endoscope", id=2, partner=1, depth_of="oct", depth_median_mm=0.1)
+
+
+def comparison() -> Comparison:
+    shape = (2, *GRID.shape)
+    flags = np.zeros(shape, np.bool_)
+    return Comparison(
+        GRID, SIDES, np.zeros(shape), np.full(shape, np.nan), flags, flags, Alignment(0.1, 0.2), None, {"a": 1},
+        (CELL, OTHER),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    save_comparison(comparison(), tmp_path / "c.zarr")
+    return tmp_path / "c.zarr"
+
+
+def test_a_comparison_survives_the_disk(store: Path) -> None:
+    found = load_comparison(store)
+    assert (found.sides, found.alignment, found.reason) == (SIDES, Alignment(0.1, 0.2), None)
+    assert found.cells == (CELL, OTHER)
+    assert found.grid == GRID
+
+
+@pytest.mark.parametrize("name", ["intensity", "depth_mm", "mask", "valid", "cells", "side"])
+def test_every_chunk_is_needed(name: str, store: Path) -> None:
+    shutil.rmtree(store / name / "c")
+    with pytest.raises(EndoctError, match="is not whole"):
+        load_comparison(store)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("alignment", "5"), ("alignment", '{"theta_shift_rad": "x", "z_shift_mm": 0}'), ("alignment", "{}"),
+        ("alignment", '{"theta_shift_rad": NaN, "z_shift_mm": 0}'), ("alignment", "{"), ("alignment", None),
+        ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "other": 1}'), ("reason", "5"), ("result", "[]"),
+        ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "mirrored": 1}'), ("dz_mm", "0.1"), ("dz_mm", 0),
+        ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "covariance": [[1]]}'), ("format", "x"),
+        ("alignment", '{"theta_shift_rad": ' + "9" * 5000 + "}"), ("result", "[" * 100_000),
+    ],
+)  # fmt: skip
+def test_attributes_that_cannot_be(name: str, value: object, store: Path) -> None:
+    told = json.loads((store / "zarr.json").read_text())
+    told["attributes"][name] = value
+    (store / "zarr.json").write_text(json.dumps(told))
+    with pytest.raises(EndoctError) as refused:
+        load_comparison(store)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "names", [["../x", "oct"], ["oct", "oct"], ["oct"], ["oct", "both"], ["a", "b", "c"], ["/etc/passwd", "b"]]
+)
+def test_sides_become_names_of_files(names: list[str], store: Path) -> None:
+    told = json.loads((store / "zarr.json").read_text())["attributes"]
+    shutil.rmtree(store)
+    shape = (2, *GRID.shape)
+    arrays = {
+        name: Named(("side", "z", "theta"), np.zeros(shape)) for name in ("intensity", "depth_mm", "mask", "valid")
+    }
+    write_arrays(store, {**arrays, "side": Named(("side",), np.array(names, object))}, told)
+    with pytest.raises(EndoctError):
+        load_comparison(store)
+
+
+def column(name: str) -> int:
+    return PROPERTIES.index(name)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.__setitem__((0, column("side")), -1),
+        lambda t: t.__setitem__((0, column("side")), 2),
+        lambda t: t.__setitem__((0, column("seen_by")), 3),
+        lambda t: t.__setitem__((0, column("id")), 1.5),
+        lambda t: t.__setitem__((0, column("id")), 1e308),
+        lambda t: t.__setitem__((0, column("area_mm2")), np.nan),
+        lambda t: t.__setitem__((0, column("overlap")), np.inf),
+        lambda t: t.__setitem__((0, column("partner")), 9),
+        lambda t: t.__setitem__((0, column("touches_edge")), 2),
+        lambda t: t.__setitem__(slice(None), t[0].copy()),
+    ],
+)
+def test_tables_of_cells_that_cannot_be(change: Callable[[Any], object]) -> None:
+    table = as_numbers((CELL, OTHER), SIDES)
+    assert from_numbers(table, SIDES) == (CELL, OTHER)
+    change(table)
+    with pytest.raises(EndoctError):
+        from_numbers(table, SIDES)
+
+
+@pytest.mark.parametrize("table", [np.zeros((2, 3)), np.zeros(16), np.zeros((1, 16), np.int64)])
+def test_what_is_no_table_of_cells(table: np.ndarray) -> None:
+    with pytest.raises(EndoctError):
+        from_numbers(table, SIDES)

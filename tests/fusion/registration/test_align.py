@@ -1,0 +1,124 @@
+"""Where one side lies on the other: found over the whole circle, in every orientation, or refused."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM, COORDINATE_ATOL
+
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS
+from endoct.fusion.registration.align import Alignment, NotAligned, align, open_orientations
+from endoct.stitching.circle import wrap_rad
+from endoct.stitching.panorama import Panorama
+
+alignments = st.builds(
+    Alignment,
+    theta_shift_rad=st.floats(0, 6.28),
+    z_shift_mm=st.floats(-50, 50),
+    z_scale=st.floats(0.9, 1.1),
+    mirrored=st.booleans(),
+    z_reversed=st.booleans(),
+)
+
+
+@given(alignment=alignments, theta=st.floats(0, 6.28), z=st.floats(-50, 50))
+def test_mapping_there_and_back(alignment: Alignment, theta: float, z: float) -> None:
+    assert alignment.z_to_b(alignment.z_to_a(z)) == pytest.approx(z, abs=1e-9)
+    assert abs(wrap_rad(alignment.theta_to_b(alignment.theta_to_a(theta)) - theta)) < COORDINATE_ATOL
+    inverse = alignment.inverse()
+    assert inverse.z_to_a(z) == pytest.approx(alignment.z_to_b(z), abs=1e-9)
+    assert abs(wrap_rad(inverse.theta_to_a(theta) - alignment.theta_to_b(theta))) < COORDINATE_ATOL
+
+
+def test_the_mapping_by_hand() -> None:
+    there = Alignment(theta_shift_rad=1.0, z_shift_mm=10.0, z_scale=0.5, mirrored=True, z_reversed=True)
+    assert there.theta_to_a(0.25) == pytest.approx(0.75)
+    assert there.z_to_a(4.0) == pytest.approx(8.0)
+
+
+def test_what_is_known_is_not_searched() -> None:
+    assert open_orientations(handedness_known=True, travel_known=True) == ((False, False),)
+    assert set(open_orientations(handedness_known=False, travel_known=True)) == {(False, False), (True, False)}
+    assert len(open_orientations(handedness_known=True, travel_known=False)) == 4
+
+
+def assert_found(pair, found: Alignment | NotAligned) -> None:  # type: ignore[no-untyped-def]
+    assert isinstance(found, Alignment), found.reason
+    truth: Alignment = pair.truth
+    assert (found.mirrored, found.z_reversed) == (truth.mirrored, truth.z_reversed)
+    assert abs(wrap_rad(found.theta_shift_rad - truth.theta_shift_rad)) < ALIGNMENT_THETA_RAD / 4
+    shared = pair.b.z_mm[(truth.z_to_a(pair.b.z_mm) >= 0) & (truth.z_to_a(pair.b.z_mm) <= pair.a.z_mm[-1])]
+    assert np.abs(found.z_to_a(shared) - truth.z_to_a(shared)).max() < ALIGNMENT_Z_MM
+
+
+@pytest.mark.parametrize(("mirrored", "z_reversed"), ALL_ORIENTATIONS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_every_orientation_is_recovered(pair_of: Callable, mirrored: bool, z_reversed: bool, seed: int) -> None:
+    turn = 6.1 if seed else 2.0
+    pair = pair_of(seed, mirrored=mirrored, z_reversed=z_reversed, theta_shift_rad=turn, z_scale=1.03 - 0.04 * seed)
+    assert_found(pair, align(prepare(pair.a), prepare(pair.b)))
+    # and the other way round
+    back = align(prepare(pair.b), prepare(pair.a))
+    assert isinstance(back, Alignment)
+    assert_found(pair, back.inverse())
+
+
+@pytest.mark.parametrize("overlap", [0.6, 1.0])
+def test_partial_overlap(pair_of: Callable, overlap: float) -> None:
+    pair = pair_of(3, overlap=overlap, theta_shift_rad=0.01)
+    assert_found(pair, align(prepare(pair.a), prepare(pair.b)))
+
+
+def test_either_polarity_is_found(pair_of: Callable) -> None:
+    pair = pair_of(4, bright_cells=True)
+    found = align(prepare(pair.a), prepare(pair.b))
+    assert_found(pair, found)
+    assert isinstance(found, Alignment)
+    assert found.correlation < 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_another_bore_is_refused(pair_of: Callable, seed: int) -> None:
+    pair = pair_of(seed, other_bore=True)
+    found = align(prepare(pair.a), prepare(pair.b))
+    assert isinstance(found, NotAligned)
+    assert "stands out" in found.reason
+    assert isinstance(align(prepare(pair.a), prepare(pair.b), force=True), Alignment)
+
+
+def test_a_wrong_sidecar_is_named(pair_of: Callable) -> None:
+    pair = pair_of(1, mirrored=True)
+    found = align(prepare(pair.a), prepare(pair.b), orientations=((False, False),))
+    assert isinstance(found, NotAligned)
+    assert "Mirrored they would align: check handedness" in found.reason
+
+
+def test_true_pairs_stand_out_far(pair) -> None:  # type: ignore[no-untyped-def]
+    found = align(prepare(pair.a), prepare(pair.b))
+    assert isinstance(found, Alignment)
+    assert found.correlation > 0.8
+    assert found.ratio > 2
+    assert found.confidence > 0.4
+
+
+@pytest.mark.parametrize(("slant", "z_reversed"), [(0.3, False), (-0.3, True)])
+def test_what_an_oblique_view_hides_of_cells_does_not_move_the_other_side(
+    pair_of: Callable, slant: float, z_reversed: bool
+) -> None:
+    pair = pair_of(5, slant=slant, z_reversed=z_reversed)
+    told = replace(pair.a, per_frame={"view_slant": np.full(4, slant)})
+
+    def off_mm(a: Panorama, *, turned: bool = False) -> float:
+        one, two = prepare(a), prepare(pair.b)
+        found = align(two, one) if turned else align(one, two)
+        assert isinstance(found, Alignment)
+        middle_mm = pair.b.z_mm.mean()
+        return float((found.inverse() if turned else found).z_to_a(middle_mm) - pair.truth.z_to_a(middle_mm))
+
+    assert np.sign(off_mm(pair.a)) == -np.sign(slant)
+    assert abs(off_mm(told)) < 0.5 * abs(off_mm(pair.a))
+    assert off_mm(told, turned=True) == pytest.approx(off_mm(told), abs=1e-3)

@@ -1,0 +1,61 @@
+"""Cells up to their clearest outline: stains, bright floors, blurred rims, the seam of θ."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.segmentation.segment import SegmentParameters, find_cells
+from endoct.stitching.circle import gaussian
+
+N_ROWS, N_THETA, STEP_MM = 150, 400, 0.02
+ROWS, COLUMNS = np.mgrid[:N_ROWS, :N_THETA]
+
+
+def disc(row: float, column: float, radius_mm: float) -> np.ndarray:
+    across = np.mod(COLUMNS - column + N_THETA / 2, N_THETA) - N_THETA / 2
+    return np.hypot(ROWS - row, across) * STEP_MM <= radius_mm
+
+
+def darkness(values: np.ndarray) -> Evidence:
+    noise = np.random.default_rng(5).normal(0, 0.05, values.shape).astype(np.float32)
+    values = gaussian(values.astype(np.float32), 1.5, 1.5) + gaussian(noise, 1, 1)
+    radius_mm = N_THETA * STEP_MM / (2 * np.pi)
+    z_mm = STEP_MM * np.arange(N_ROWS)
+    return Evidence(values, np.ones(values.shape, np.bool_), z_mm, STEP_MM, 0.0, radius_mm, "darkness")
+
+
+DEEP, SHALLOW = disc(50, 4, 0.4), disc(90, 200, 0.4)
+RIM = SHALLOW & ~disc(90, 200, 0.3)
+STAIN = np.exp(-0.5 * ((ROWS - 40) ** 2 + (COLUMNS - 120) ** 2) * (STEP_MM / 0.25) ** 2)
+SCENE = np.where(DEEP, 1.2, np.where(RIM, 0.35, np.where(SHALLOW, 0.05, 0.3 * STAIN)))
+
+
+def test_deep_and_shallow_cells_are_as_large_as_they_are_and_a_stain_is_none() -> None:
+    mask = find_cells(darkness(SCENE), SegmentParameters()).mask
+    truth = DEEP | SHALLOW
+    assert (mask & truth).sum() / (mask | truth).sum() > 0.93
+    assert not mask[disc(40, 120, 0.3)].any()
+    assert mask[SHALLOW & ~RIM].all()
+
+
+def test_lis_threshold_alone_takes_the_stain() -> None:
+    alone = find_cells(darkness(SCENE), SegmentParameters(outlines=False))
+    both = find_cells(darkness(SCENE), SegmentParameters())
+    assert alone.threshold == both.threshold
+    assert alone.mask[disc(40, 120, 0.1)].any()
+    assert "outline" in both.of
+    assert "outline" not in alone.of
+
+
+def test_cells_turn_with_the_wall() -> None:
+    evidence = darkness(SCENE)
+    turned = replace(evidence, values=np.roll(evidence.values, 137, axis=1))
+    cells = [find_cells(one, SegmentParameters()).mask for one in (evidence, turned)]
+    np.testing.assert_array_equal(np.roll(cells[0], 137, axis=1), cells[1])
+
+
+def test_rows_too_far_apart_for_outlines_are_left_to_lis_threshold() -> None:
+    evidence = darkness(SCENE)
+    far = replace(evidence, values=evidence.values[::8], valid=evidence.valid[::8], z_mm=evidence.z_mm[::8], dz_mm=0.16)
+    assert "outline" not in find_cells(far, SegmentParameters()).of

@@ -1,0 +1,110 @@
+"""Morphology, labels and cells on the circle."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.segmentation.regions import label, morphology, remove_small
+from endoct.fusion.segmentation.segment import Segmentation, SegmentParameters, find_cells, segment
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+
+masks = hnp.arrays(np.bool_, st.tuples(st.integers(2, 9), st.integers(8, 24)))
+
+
+def test_a_wall_that_is_all_cells_is_doubted_however_little_was_observed() -> None:
+    for mask_share, told in ((0.5, False), (0.7, True)):
+        found = Segmentation(np.zeros((4, 8), np.bool_), 0.1, "mm", "relief", None, cells_share=mask_share)
+        assert (found.doubt is not None) == told
+
+
+def test_a_cell_on_the_seam_is_one_cell() -> None:
+    mask = np.zeros((5, 12), np.bool_)
+    mask[1:3, [0, 1, 10, 11]] = True
+    mask[4, 5] = True
+    labels, n = label(mask)
+    assert n == 2
+    assert len(set(labels[1:3, [0, 1, 10, 11]].ravel())) == 1
+    assert labels[4, 5] not in (0, labels[1, 0])
+    assert np.array_equal(labels > 0, mask)
+
+
+def test_cells_that_touch_over_the_seam_at_a_corner_only_are_one() -> None:
+    mask = np.zeros((4, 8), np.bool_)
+    mask[0, 7] = mask[1, 0] = True
+    assert label(mask)[1] == 1
+
+
+@given(mask=masks, shift=st.integers(0, 23))
+def test_labels_do_not_know_the_seam(mask: np.ndarray, shift: int) -> None:
+    labels, n = label(mask)
+    rolled, n_rolled = label(np.roll(mask, shift, axis=1))
+    assert n == n_rolled
+    sizes = np.sort(np.bincount(labels.ravel(), minlength=n + 1)[1:])
+    assert np.array_equal(sizes, np.sort(np.bincount(rolled.ravel(), minlength=n + 1)[1:]))
+
+
+@pytest.mark.parametrize("operation", ["open", "close"])
+@given(mask=masks, shift=st.integers(0, 23), rows=st.floats(0, 2), columns=st.floats(0, 4))
+def test_morphology_does_not_know_the_seam(
+    operation: str, mask: np.ndarray, shift: int, rows: float, columns: float
+) -> None:
+    once = morphology(mask, operation, rows, columns)  # type: ignore[arg-type]
+    rolled = morphology(np.roll(mask, shift, axis=1), operation, rows, columns)  # type: ignore[arg-type]
+    assert np.array_equal(np.roll(once, shift, axis=1), rolled)
+    assert np.array_equal(morphology(once, operation, rows, columns), once)  # type: ignore[arg-type]
+    assert np.all(once <= mask) if operation == "open" else np.all(once >= mask)
+
+
+def test_opening_removes_what_is_narrower_than_twice_the_radius() -> None:
+    mask = np.zeros((9, 40), np.bool_)
+    mask[2:7, 3:5] = True
+    mask[2:7, 20:27] = True
+    opened = morphology(mask, "open", 0, 2)
+    assert not opened[:, :10].any()
+    assert np.array_equal(opened[:, 20:27], mask[:, 20:27])
+
+
+def test_small_cells_go_and_a_cell_split_by_the_seam_counts_whole() -> None:
+    mask = np.zeros((6, 20), np.bool_)
+    mask[1:3, [19, 0]] = True
+    mask[4, 9:12] = True
+    kept = remove_small(mask, 4)
+    assert np.array_equal(kept[1:3], mask[1:3])
+    assert not kept[4].any()
+
+
+def test_cells_of_depth_and_of_brightness_are_found(pair) -> None:  # type: ignore[no-untyped-def]
+    for panorama, truth in ((pair.a, pair.cells_a), (pair.b, pair.cells_b)):
+        found = segment(panorama)
+        assert (found & truth).sum() / (found | truth).sum() > 0.85
+
+
+def test_bright_cells_are_found_when_they_are_said_to_be_bright(pair_of: Callable) -> None:
+    pair = pair_of(bright_cells=True)
+    found = segment(pair.a, polarity="bright")
+    assert (found & pair.cells_a).sum() / (found | pair.cells_a).sum() > 0.8
+
+
+def test_invalid_samples_are_no_cells_and_do_not_move_the_threshold(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
+    a: Panorama = pair.a
+    valid = np.ones(a.grid.shape, np.bool_)
+    valid[:, 200:240] = False
+    spoilt = a.intensity.copy()
+    spoilt[~valid] = 1e4
+    one = find_cells(prepare(panorama_of(spoilt, dz_mm=0.05, valid=valid)), SegmentParameters())
+    two = find_cells(prepare(panorama_of(a.intensity, dz_mm=0.05, valid=valid)), SegmentParameters())
+    assert one.threshold == two.threshold
+    assert not one.mask[~valid].any()
+
+
+def test_a_blank_side_has_no_cells_to_threshold(panorama_of: Callable) -> None:
+    with pytest.raises(EndoctError, match="constant"):
+        segment(panorama_of(np.ones((20, 64)), dz_mm=0.1))
+    with pytest.raises(EndoctError, match="no cells"):
+        segment(panorama_of(np.ones((20, 64)), depth_mm=np.zeros((20, 64)), dz_mm=0.1))

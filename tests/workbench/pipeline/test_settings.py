@@ -1,0 +1,65 @@
+"""KEY=VALUE settings reach the sidecar or the parameters, and nothing else."""
+
+import hashlib
+import runpy
+from pathlib import Path
+
+import pytest
+
+from endoct.modalities.registry import manifests
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.pipeline.inputs import LISTED_FILES, digests
+from endoct.workbench.pipeline.settings import parse, split
+
+
+def test_values_are_toml_or_else_words() -> None:
+    assert parse(("a=1", "b = 0.5", "c=sine", "d=[1, 2]", "e=true", 'f="7"')) == {
+        "a": 1,
+        "b": 0.5,
+        "c": "sine",
+        "d": [1, 2],
+        "e": True,
+        "f": "7",
+    }
+
+
+@pytest.mark.parametrize("setting", ["undistort", "=sine", " =1"])
+def test_what_is_no_setting_is_said(setting: str) -> None:
+    with pytest.raises(EndoctError, match="KEY=VALUE"):
+        parse((setting,))
+
+
+def test_keys_go_where_they_are_known() -> None:
+    overrides, parameters = split({"axial_pixel_mm": 0.004, "undistort": "sine"}, manifests()["oct"])
+    assert overrides == {"axial_pixel_mm": 0.004}
+    assert parameters.undistort == "sine"
+
+
+def test_a_misspelt_key_is_answered_with_the_nearest_of_both() -> None:
+    with pytest.raises(EndoctError, match="'axial_pixel_mm'"):
+        split({"axial_pixel": 0.004}, manifests()["oct"])
+    with pytest.raises(EndoctError, match="'undistort'"):
+        split({"undistrot": "sine"}, manifests()["oct"])
+
+
+def test_digests_are_those_of_sha256sum(tmp_path: Path) -> None:
+    file = tmp_path / "a.bin"
+    file.write_bytes(b"abc")
+    expected = hashlib.sha256(b"abc").hexdigest()
+    assert digests(file) == {str(file): expected}
+    assert digests(tmp_path) == {str(file): expected}
+
+
+def test_many_files_share_one_digest_that_each_of_them_changes(tmp_path: Path) -> None:
+    for k in range(LISTED_FILES + 1):
+        (tmp_path / f"{k}.bin").write_bytes(bytes([k]))
+    before = digests(tmp_path)
+    assert list(before) == [str(tmp_path / "*")]
+    (tmp_path / "0.bin").write_bytes(b"other")
+    assert digests(tmp_path) != before
+
+
+def test_the_page_of_settings_is_up_to_date() -> None:
+    docs = Path(__file__).parents[3] / "docs"
+    made = runpy.run_path(str(docs / "settings.py"))["table"]()
+    assert (docs / "settings.md").read_text(encoding="utf-8") == made, "run python docs/settings.py"

@@ -1,0 +1,184 @@
+"""Many comparisons to one summary."""
+
+import csv
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench import cli, summarise
+
+
+def write(folder: Path, jaccard: float | None, digest: str = "", **changed: Any) -> Path:
+    folder.mkdir(parents=True)
+    result = {
+        "aligned": jaccard is not None,
+        "jaccard": jaccard,
+        "scores": None if jaccard is None else {"grid": {"jaccard_interval": [jaccard - 0.1, jaccard + 0.1]}},
+        "budget": {"parts": {"sampling": {"share": 0.1, "interval": [0.05, 0.2]}}},
+        "inputs": {str(folder / "x"): digest} if digest else {},
+        **changed,
+    }
+    (folder / "result.json").write_text(json.dumps(result))
+    return folder
+
+
+def rows(tables: dict[str, list[dict[str, Any]]], name: str, score: str) -> list[dict[str, Any]]:
+    return [row for row in tables[name] if row["score"] == score]
+
+
+def test_a_tidy_table_and_medians(tmp_path: Path) -> None:
+    values = [0.5, 0.6, 0.7, 0.8, 0.9, None]
+    tables = summarise([write(tmp_path / f"s{k}", v) for k, v in enumerate(values)], tmp_path / "out")
+    with (tmp_path / "out" / "scores.csv").open() as file:
+        stored = [row for row in csv.DictReader(file) if row["score"] == "jaccard"]
+    assert [row["value"] for row in stored] == ["0.5", "0.6", "0.7", "0.8", "0.9", ""]
+    assert float(stored[0]["low"]) == pytest.approx(0.4)
+    (of_jaccard,) = rows(tables, "summary", "jaccard")
+    assert of_jaccard["specimens"] == 5
+    assert of_jaccard["value"] == pytest.approx(0.7)
+    assert 0.5 <= of_jaccard["low"] < 0.7 < of_jaccard["high"] <= 0.9
+    (aligned,) = rows(tables, "summary", "aligned")
+    assert aligned["value"] == pytest.approx(5 / 6)
+    assert rows(tables, "summary", "lost_to_sampling")[0]["specimens"] == 6
+    assert tables["paired"] == tables["repeatability"] == []
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"scores.csv", "summary.csv", "summary.json"}
+
+
+def test_pairs_by_recording_whatever_the_folder_is_called(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    values = rng.uniform(0.4, 0.8, 12)
+    first = [write(tmp_path / "a" / f"{k}", v, f"d{k}") for k, v in enumerate(values)]
+    second = [write(tmp_path / "b" / f"other{11 - k}", v + 0.05, f"d{k}") for k, v in enumerate(values)]
+    (paired,) = rows(summarise(first, against=second[::-1]), "paired", "jaccard")
+    assert paired["pairs"] == paired["second_higher"] == 12
+    assert paired["median_difference"] == pytest.approx(0.05)
+    assert (paired["low"], paired["high"]) == pytest.approx((0.05, 0.05))
+
+
+def test_masks_given_as_truth_part_no_pairs(tmp_path: Path) -> None:
+    inputs = {"bore/oct/pullback.tif": "d0", "bore/truth/*": "t0", "drawn/anna_1.png": "t1"}
+    truth = {"bore/truth": {}, "drawn/anna_1.png": {}}
+    first = write(tmp_path / "judged", 0.5, inputs=inputs, truth=truth)
+    second = write(tmp_path / "plain", 0.4, inputs={"bore/oct/pullback.tif": "d0"})
+    (paired,) = rows(summarise([first], against=[second]), "paired", "jaccard")
+    assert paired["pairs"] == 1
+
+
+def test_pairs_by_name_where_digests_do_not_tell(tmp_path: Path) -> None:
+    first = [write(tmp_path / "a" / str(k), 0.5) for k in range(3)]
+    second = [write(tmp_path / "b" / str(k), 0.4) for k in (1, 2, 7)]
+    (paired,) = rows(summarise(first, against=second), "paired", "jaccard")
+    assert (paired["pairs"], paired["second_lower"]) == (2, 2)
+    with pytest.raises(EndoctError, match="has its like in the other"):
+        summarise(first, against=second[2:])
+
+
+def test_repeats_are_of_the_folder_they_lie_in(tmp_path: Path) -> None:
+    folders = [write(tmp_path / s / r, j) for s, r, j in (("s1", "a", 0.5), ("s1", "b", 0.6), ("s2", "a", 0.9))]
+    tables = summarise(folders, repeats=True)
+    (found,) = rows(tables, "repeatability", "jaccard")
+    assert (found["specimens"], found["comparisons"]) == (2, 3)
+    assert found["within_sd"] == pytest.approx(0.1 / np.sqrt(2))
+    assert rows(tables, "summary", "jaccard")[0]["value"] == pytest.approx(np.median([0.55, 0.9]))
+
+
+def test_on_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [write(tmp_path / f"s{k}", 0.5 + 0.01 * k) for k in range(6)]
+    monkeypatch.setattr(sys, "argv", ["endoct", "summarise", *map(str, folders), "-o", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as leave:
+        cli.main()
+    assert leave.value.code == 0
+    assert "jaccard" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as leave:
+        cli.main()
+    assert leave.value.code == 1
+    assert "exists" in capsys.readouterr().err
+
+
+def test_what_is_no_comparison(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    for content in (None, "[]", "{", "{}"):
+        if content is not None:
+            (tmp_path / "x" / "result.json").write_text(content)
+        with pytest.raises(EndoctError, match="is no comparison"):
+            summarise([tmp_path / "x"], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "x" / "result.json").unlink()
+    os.mkfifo(tmp_path / "x" / "result.json")
+    with pytest.raises(EndoctError, match="a pipe"):
+        summarise([tmp_path / "x"])
+    with pytest.raises(EndoctError, match="nothing to summarise"):
+        summarise([])
+
+
+def _damaged() -> dict[str, str]:
+    """Return texts of a ``result.json`` that is no result, by what is wrong with them."""
+    sound = {"aligned": True, "jaccard": 0.5, "inputs": {"x": "d"}}
+    put = {
+        "aligned that is a word": {"aligned": "yes"},
+        "aligned that is null": {"aligned": None},
+        "a score that is a text": {"jaccard": "0.5"},
+        "a score that is a formula": {"jaccard": "=1+1"},
+        "a score that is a truth value": {"dice": True},
+        "a score that is an object": {"dice": {}},
+        "a score that is a list": {"valid_fraction": [1]},
+        "a score that is not finite": {"jaccard": float("nan")},
+        "a score beyond all": {"jaccard": float("-inf")},
+        "a score whose square is beyond all": {"jaccard": 1e300},
+        "a score of 400 digits": {"jaccard": 10**400},
+        "scores that are a list": {"scores": [1]},
+        "scores that are a number": {"scores": 7},
+        "scores of rows that are a text": {"scores": {"own_rows": "x"}},
+        "a budget that is a text": {"budget": {"parts": "x"}},
+        "an interval that is a number": {"scores": {"grid": {"jaccard_interval": 1}}},
+        "an interval that is an object": {"scores": {"grid": {"jaccard_interval": {"0": 1}}}},
+        "an interval of one": {"scores": {"grid": {"jaccard_interval": [1]}}},
+        "an interval of texts": {"scores": {"grid": {"jaccard_interval": ["a", "b"]}}},
+        "an empty interval": {"scores": {"grid": {"jaccard_interval": []}}},
+        "an alignment that is a text": {"alignment": "x"},
+        "inputs that are a list": {"inputs": ["d"]},
+        "digests that are lists": {"inputs": {"x": ["d"]}},
+        "digests that are numbers": {"inputs": {"x": 1}},
+        "truth that is a list": {"truth": [1]},
+        "truth that is a number": {"truth": 3},
+    }
+    return {
+        "nesting": "[" * 100_000 + "]" * 100_000,
+        "nesting of objects": '{"aligned":' * 100_000,
+        "a number of 5000 digits": '{"aligned": true, "jaccard": ' + "1" * 5000 + "}",
+        "no text": "\x00\x01",
+        "a number": "1",
+        **{what: json.dumps(sound | changed) for what, changed in put.items()},
+    }
+
+
+@pytest.mark.parametrize("what", _damaged())
+def test_a_damaged_result_is_told_in_one_line(tmp_path: Path, what: str) -> None:
+    sound = write(tmp_path / "sound", 0.5, "d")
+    damaged = write(tmp_path / "damaged", 0.5, "d")
+    (damaged / "result.json").write_text(_damaged()[what])
+    for first, second in (([sound, damaged], []), ([sound], [damaged])):
+        with pytest.raises(EndoctError, match=r"damaged is no comparison; found [^\n]+$") as told:
+            summarise(first, against=second)
+        assert len(str(told.value)) < 700
+
+
+def test_a_result_that_is_no_result_by_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("endoct.fusion.files.result_file.MOST_BYTES", 1000)
+    damaged = write(tmp_path / "damaged", 0.5, more="x" * 2000)
+    with pytest.raises(EndoctError, match=r"damaged is no comparison; found more than 0\.001 MB"):
+        summarise([damaged])
+
+
+def test_what_was_not_scored_may_be_missing_or_null(tmp_path: Path) -> None:
+    null = {"scores": {"grid": None, "own_rows": {"jaccard": None}}, "budget": None, "alignment": None, "truth": None}
+    tables = summarise([write(tmp_path / "a", 0.5, **null), write(tmp_path / "b", None, inputs=None)])
+    assert rows(tables, "summary", "jaccard")[0]["specimens"] == 1

@@ -1,0 +1,283 @@
+"""The report says what result.json says, shows what there is, and needs nothing but itself."""
+
+import base64
+import hashlib
+import html
+import io
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mock_comparison import Kind, mock_pictures, write_comparison
+from PIL import Image
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.report.doubts import doubts, flag_text
+from endoct.workbench.report.findings import read_findings
+from endoct.workbench.report.page import write_report
+from endoct.workbench.report.pictures import load_pictures, save_pictures
+from endoct.workbench.running.worker import process_beside
+
+LARGEST_PAGE_BYTES = 8_000_000
+
+
+class _Page(HTMLParser):
+    """Collects what a page loads and what it says."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.source = page.read_text(encoding="utf-8")
+        self.tags: list[str] = []
+        self.images: list[str] = []
+        self.links: list[str] = []
+        self.said: list[str] = []
+        self.inline: list[str] = []
+        self.feed(self.source)
+        self.text = re.sub(r"\s+", " ", " ".join(self.said))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        values = dict(attrs)
+        if tag == "img":
+            self.images.append(values["src"] or "")
+        self.inline += [key for key, _ in attrs if key == "style" or key.startswith("on")]
+        self.links += [value for key, value in attrs if key in ("href", "src", "srcset", "data") and value]
+
+    def handle_data(self, data: str) -> None:
+        if self.tags[-1:] != ["style"]:
+            self.said.append(data)
+
+
+Made = tuple[Path, dict[str, Any], _Page]
+
+
+@pytest.fixture(scope="module")
+def make(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
+    def made(*sides: Kind, **changed: Any) -> Made:
+        folder = tmp_path_factory.mktemp("report") / "comparison"
+        result = write_comparison(folder, *sides, **changed)
+        return folder, result, _Page(write_report(folder))
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def aligned(make: Callable[..., Made]) -> Made:
+    return make(Kind("endoscope", depth=False), Kind("oct"))
+
+
+@pytest.fixture(scope="module")
+def unaligned(make: Callable[..., Made]) -> Made:
+    return make(Kind("endoscope", depth=False), Kind("oct"), aligned=False)
+
+
+def test_the_headline_says_what_the_result_says(aligned: Made) -> None:
+    _, result, page = aligned
+    headline = page.text[: page.text.index("Panoramas")]
+    assert f"{result['jaccard']:.3f}" in headline
+    assert f"{result['dice']:.3f}" in headline
+    assert f"{0.8765:.3f} cells of endoscope and oct, on the own rows of oct, not interpolated" in headline
+    assert "Aligned with confidence 0.63 (correlation 0.93, 3.1 times the runner-up)" in headline
+    assert "turned by 85.94° and shifted by −0.432 mm" in headline
+    assert "scaled by 1.0123; mirrored in θ." in headline
+    assert "94.3%" in headline
+    assert "60 × 256 samples (z × θ), 50 µm along the bore" in headline
+    assert "Cells of endoscope: darkness <capped>, above 0.412." in headline
+
+
+def test_an_unaligned_comparison_says_so_and_shows_no_score(unaligned: Made) -> None:
+    folder, _, page = unaligned
+    assert "Not aligned: the two sides could not be brought onto each other." in page.text
+    assert "The best place is only 1.1 times as good as the runner-up. Without an alignment" in page.text
+    assert "Jaccard" not in page.text
+    assert "Dice" not in page.text
+    shown = {path.stem for path in (folder / "figures").iterdir()}
+    assert shown >= {"panoramas", "masks", "depth-oct", "frames-oct", "frames-endoscope", "cylinder-oct", "quality-oct"}
+    assert "alignment" not in shown
+
+
+def test_the_page_needs_no_network_and_no_script(aligned: Made) -> None:
+    _, _, page = aligned
+    assert {"script", "link", "iframe", "object", "base"}.isdisjoint(page.tags)
+    assert all(link.startswith(("data:image/webp;base64,", "#")) for link in page.links)
+    style = page.source[page.source.index("<style>") : page.source.index("</style>")]
+    assert "url(" not in style
+    assert "@import" not in style
+    assert len(page.source.encode()) < LARGEST_PAGE_BYTES
+
+
+def test_every_figure_is_embedded_and_lies_beside_the_page(aligned: Made) -> None:
+    folder, _, page = aligned
+    files = list((folder / "figures").glob("*.png"))
+    assert {path.stem for path in files} == {
+        "panoramas", "masks", "alignment", "depth-oct", "frames-endoscope", "frames-oct", "cylinder-oct",
+        "quality-endoscope", "quality-oct",
+    }  # fmt: skip
+    assert len(page.images) == len(files)
+    for source in page.images:
+        image = Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2])))
+        image.load()
+        assert np.asarray(image).std() > 1
+    for path in files:
+        with Image.open(path) as image:
+            assert image.size[0] > 800
+            assert image.info["dpi"] == pytest.approx((250, 250), abs=0.1)
+            pixels = np.asarray(image)
+        for edge in (pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]):
+            assert (edge == 255).all(), f"{path.name} is cut off"
+
+
+def test_the_report_says_what_was_not_trusted(aligned: Made) -> None:
+    _, _, page = aligned
+    said = page.text[page.text.index("What was not trusted") :]
+    assert "oct: 3 of 15 slices (3, 8–9; z = 0.60, 1.60–1.80 mm): bridged." in said
+    assert "oct: Depth rows 92–93 hold fixed lines & were interpolated." in said
+    assert "pair" not in said[: said.index("How it was made")]
+    assert "3 things were not trusted" in page.text
+
+
+def test_little_observed_wall_is_not_trusted(make: Callable[..., Made]) -> None:
+    _, _, page = make(Kind("oct-1"), Kind("oct-2"), valid_fraction=0.41, jaccard=None, dice=None, scores=None)
+    assert "Both sides observed only 41.0% of the wall" in page.text
+    assert "Neither side shows a cell" in page.text
+    assert "cylinder-oct-1.png" in page.text
+    assert "cylinder-oct-2.png" in page.text
+
+
+@pytest.mark.parametrize(("per_mm", "error", "doubted"), [(0.04, 0.01, True), (0.04, 0.03, False), (0.005, 0.0, False)])
+def test_cells_that_drift_apart_cast_doubt(tmp_path: Path, per_mm: float, error: float, doubted: bool) -> None:
+    still = {"mean": 0.0, "per_mm": 0.0, "per_mm_error": 0.01}
+    moving = {"mean": 0.0, "per_mm": per_mm, "per_mm_error": error}
+    drift = {"pairs": 12, "length_mm": 8.0, "z_mm": moving, "arc_mm": still}
+    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), scores={"grid": {}, "drift": drift})
+    said = [sentence for sentence in doubts(read_findings(tmp_path / "c")) if "drift apart" in sentence]
+    assert len(said) == doubted
+    if doubted:
+        assert said[0].startswith("Cells that both sides show drift apart along the bore, by 0.32 mm over 8.0 mm of it")
+
+
+def test_a_twist_corrected_against_the_other_side_is_said_with_both_figures(tmp_path: Path) -> None:
+    twist = {"jaccard_without": 0.71, "jaccard_with": 0.78}
+    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), twist=twist)
+    assert any("0.710 without it, 0.780 with it" in said for said in doubts(read_findings(tmp_path / "c")))
+
+
+def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made]) -> None:
+    folder, result, page = make(
+        Kind("mask", depth=False, drawn=True),
+        Kind("endoscope", depth=False),
+        truth={"truth/cells.png": {"endoscope": {"jaccard": 0.8125, "dice": 0.8965, "both_mm2": 1.0}}},
+    )
+    shown = {path.stem for path in (folder / "figures").iterdir()}
+    assert {"panoramas", "masks", "alignment", "cylinder-endoscope"} <= shown
+    assert not any(name.startswith("depth") or name.endswith("-mask") for name in shown)
+    assert "endoscope and given truth, against cells.png" in page.text
+    assert "0.812" in page.text
+    assert f"{result['jaccard']:.3f}" in page.text
+
+
+def test_texts_are_escaped(aligned: Made) -> None:
+    _, _, page = aligned
+    assert "<script>alert(1)</script>" in page.text
+    assert html.escape("<script>alert(1)</script>") in page.source
+
+
+def test_the_page_may_load_and_run_nothing(aligned: Made) -> None:
+    _, _, page = aligned
+    policy, referrer = (re.search(rf'<meta {name}" content="([^"]*)">', page.source) for name in (
+        'http-equiv="Content-Security-Policy', 'name="referrer'
+    ))  # fmt: skip
+    assert policy is not None
+    assert referrer is not None
+    assert referrer[1] == "no-referrer"
+    style = re.search(r"<style>(.*?)</style>", page.source, re.DOTALL)
+    assert style is not None
+    digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()
+    assert policy[1].split("; ") == [
+        "default-src 'none'",
+        "img-src data:",
+        f"style-src 'sha256-{digest}'",
+        "base-uri 'none'",
+        "form-action 'none'",
+    ]
+    assert page.source.index("Content-Security-Policy") < page.source.index("<title>")
+    assert not page.inline
+
+
+def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
+    hostile = "</style></title>\"'><img src=x onerror=alert(1)><script>alert(1)</script>&\x1b[31m\u202e\udce9"
+    _, _, page = make(
+        Kind("endoscope", depth=False),
+        Kind("oct"),
+        notes={"endoscope": [hostile], "oct": []},
+        inputs={hostile: hostile},
+        versions={hostile: hostile, "endoct": hostile},
+        seconds={hostile: 1.0},
+        parameters={hostile: {hostile: hostile}},
+        threshold={"endoscope": {"value": 0.5, "unit": hostile, "of": hostile}},
+        polarity={"oct": hostile},
+        truth={f"truth/{hostile}.png": {"oct": {"jaccard": 0.8, "dice": 0.9}}},
+    )
+    assert {"script", "link", "iframe", "object", "base"}.isdisjoint(page.tags)
+    assert all(image.startswith("data:image/webp;base64,") for image in page.images)
+    assert not page.inline
+    assert page.text.count("<script>alert(1)</script>") >= 9
+    assert page.source.replace("\n", "").isprintable()
+    assert r"\x1b[31m\u202e\udce9" in page.text
+
+
+def test_only_figures_and_page_are_written_and_again_the_same(aligned: Made) -> None:
+    folder, _, _ = aligned
+
+    def digests() -> dict[str, str]:
+        return {
+            str(path.relative_to(folder.parent)): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in folder.parent.rglob("*")
+            if path.is_file()
+        }
+
+    first = digests()
+    with process_beside() as beside:  # that draws half of the figures
+        write_report(folder, beside)
+    assert digests() == first
+    written = {name.split("/")[1] for name in first}
+    assert written == {"comparison.zarr", "panoramas", "pictures", "result.json", "figures", "report.html"}
+
+
+def test_what_is_no_comparison_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match="no comparison"):
+        write_report(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_are_read_as_they_were_written(tmp_path: Path) -> None:
+    written = mock_pictures()
+    save_pictures(tmp_path, "oct-1", "0012", written)
+    save_pictures(tmp_path, "oct-1", "0003", written[:1])
+    read = load_pictures(tmp_path)
+    assert list(read) == ["oct-1"]
+    assert list(read["oct-1"]) == [3, 12]
+    for before, after in zip(written, read["oct-1"][12], strict=True):
+        assert (after.name, after.title, after.x_label, after.y_label) == (
+            before.name,
+            before.title,
+            before.x_label,
+            before.y_label,
+        )
+        assert (after.x_extent, after.y_extent) == (before.x_extent, before.y_extent)
+        np.testing.assert_array_equal(after.image, before.image)
+        assert list(after.curves) == list(before.curves)
+        for label, curve in before.curves.items():
+            np.testing.assert_array_equal(after.curves[label], curve)
+
+
+def test_flags_that_speak_for_a_frame_are_told_from_those_against_it() -> None:
+    assert [flag_text(name) for name in ("bridged", "pair_trusted", "rotation_known")] == [
+        "bridged",
+        "pair not trusted",
+        "rotation not known",
+    ]

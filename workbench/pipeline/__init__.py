@@ -1,0 +1,1 @@
+"""From files to files: unrolling, comparing, simulating, summarising."""

@@ -1,0 +1,92 @@
+"""Masks given as truth: each side scored against every one, and, of several, raters against each other."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from endoct.fusion.files.masks import on_comparison, score_surface
+from endoct.fusion.scoring.cells import Surface
+from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
+from endoct.fusion.sides import Comparison
+from endoct.stitching.arrays import Mask
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+
+METHODS = {
+    "majority": "cell where more than half of the raters drew one, each by the mean over the sessions",
+    "staple": "STAPLE (Warfield 2004), every drawing a rater of its own",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Against:
+    """What masks given as truth add to ``result.json``, and the majority's mask where there are several."""
+
+    result: Mapping[str, Any]
+    consensus: Mask | None
+
+
+def score_drawings(comparison: Comparison, drawn: Mapping[str, Panorama], tolerance_mm: float) -> Against:
+    """Score each side against the masks ``drawn``, by path; of two and more, how raters agree too.
+
+    Raises :class:`EndoctError` where two masks are of one rater and session, or there are too many.
+    """
+    if not drawn:
+        return Against({}, None)
+    surfaces = {path: on_comparison(comparison, mask) for path, mask in drawn.items()}
+    truth = {path: score_surface(comparison, surface, tolerance_mm) for path, surface in surfaces.items()}
+    if len(drawn) == 1:
+        return Against({"truth": truth}, None)
+    drawings = [
+        Drawing(mask.provenance["rater"], mask.provenance["session"], surfaces[path].mask, surfaces[path].valid)
+        for path, mask in drawn.items()
+    ]
+    _check(drawings)
+    seen = np.logical_and.reduce([drawing.valid for drawing in drawings])
+    by_staple, performance = staple(drawings, seen)
+    consensus = {"majority": majority(drawings) & seen, "staple": by_staple}
+    raters = {
+        "drawings": [
+            {"path": path, "rater": d.rater, "session": d.session} for path, d in zip(drawn, drawings, strict=True)
+        ],
+        **rater_agreement(drawings, comparison.grid, tolerance_mm),
+        "consensus": {
+            name: {
+                "method": METHODS[name],
+                "sides": score_surface(comparison, Surface("consensus", mask, seen), tolerance_mm),
+            }
+            for name, mask in consensus.items()
+        },
+        "performance": performance,
+    }
+    return Against({"truth": truth, "raters": raters}, consensus["majority"])
+
+
+def write_mask(mask: Mask, grid: SurfaceGrid, path: Path) -> None:
+    """Write ``mask`` on ``grid`` as an image with the sidecar that lets it be a side or a truth again."""
+    turned = np.roll(mask, round(float(grid.column_of(0.0))) * -1, axis=1)
+    path.write_bytes(cv2.imencode(".png", turned.astype(np.uint8) * 255)[1].tobytes())
+    path.with_suffix(".toml").write_text(
+        f'modality = "mask"\nbore_diameter_mm = {2 * grid.radius_mm}\nz0_mm = {grid.z0_mm}\ndz_mm = {grid.dz_mm}\n'
+        'rater = "consensus"\n',
+        encoding="utf-8",
+    )
+
+
+def _check(drawings: list[Drawing]) -> None:
+    named = [(drawing.rater, drawing.session) for drawing in drawings]
+    twice = next((name for name in named if named.count(name) > 1), None)
+    if twice is not None:
+        raise EndoctError(
+            "two masks are of one rater and session",
+            found=f"rater {twice[0]}, session {twice[1]}",
+            expected="each once",
+            remedy="name the files RATER_SESSION.png, or say rater and session in their sidecars",
+        )
+    if len(drawings) > MOST_DRAWINGS:
+        raise EndoctError("too many masks", found=str(len(drawings)), expected=f"{MOST_DRAWINGS} at most")

@@ -1,0 +1,124 @@
+"""One recording to one panorama, whatever its modality."""
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+from endoct.modalities.acquisition import Acquisition
+from endoct.modalities.assembly import assemble
+from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, VolumetricModality
+from endoct.modalities.recording import map_frames
+from endoct.modalities.registry import manifest_for, open_recording
+from endoct.stitching.errors import EndoctError, NotSeen
+from endoct.stitching.files import State, check_unchanged, state_of
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.pipeline.inputs import digests, versions
+from endoct.workbench.pipeline.settings import split
+from endoct.workbench.running.progress import Advance, Stages
+
+
+@dataclass(frozen=True)
+class Unrolled:
+    """A panorama with what it was made from, for pictures of single frames and for volumes."""
+
+    panorama: Panorama
+    manifest: Manifest
+    stream: FrameStream
+    calibration: Calibration
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A recording that is known to be readable, with the parameters to process it with, and its files as they were."""
+
+    path: Path
+    files: State
+    manifest: Manifest
+    stream: FrameStream
+    parameters: Any
+
+
+class _Watched:
+    """A stream that reports how much of it has been read."""
+
+    def __init__(self, stream: FrameStream, advance: Advance) -> None:
+        self._stream, self._advance, self._read = stream, advance, 0
+
+    @property
+    def acquisition(self) -> Acquisition:
+        return self._stream.acquisition
+
+    def __len__(self) -> int:
+        return len(self._stream)
+
+    def __getitem__(self, index: int) -> Frame:
+        frame = self._stream[index]
+        self._read += 1
+        self._advance(min(1.0, self._read / len(self._stream)))
+        return frame
+
+
+def open_side(path: Path, *, modality: str | None, settings: Mapping[str, Any]) -> Opened:
+    """Open the recording at ``path`` without unrolling it.
+
+    ``settings`` holds keys of its sidecar and of its plug-in's parameters. Raises :class:`EndoctError` where the
+    recording, its sidecar or a setting cannot be used.
+    """
+    files = state_of(path)
+    overrides, parameters = split(settings, manifest_for(path, modality))
+    manifest, stream = open_recording(path, modality=modality, overrides=overrides)
+    return Opened(path, files, manifest, stream, parameters)
+
+
+def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolled:
+    """Survey, unroll and settle an opened recording.
+
+    ``label`` tells apart the stages of two recordings. Raises :class:`EndoctError` where it shows no bore wall, or its
+    files were changed since it was opened.
+    """
+    manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
+    implementation = manifest.load()
+    title = f"{label} {manifest.name}".strip()
+    with ThreadPoolExecutor(1) as pool:
+        inputs = pool.submit(digests, opened.path)
+        with stages.stage(f"survey {title}") as advance:
+            calibration = implementation.survey(_Watched(stream, advance), parameters)
+        with stages.stage(f"unroll {title}") as advance:
+            strips = map_frames(partial(implementation.unroll, calibration=calibration), _Watched(stream, advance))
+            blended = assemble(
+                strips,
+                calibration,
+                manifest,
+                provenance={
+                    "notes": list(calibration.notes),
+                    "parameters": parameters.model_dump(mode="json"),
+                    "acquisition": stream.acquisition.model_dump(mode="json", exclude_none=True),
+                    "versions": versions(),
+                },
+            )
+        with stages.stage(f"settle {title}"):
+            settled = implementation.settle(blended, calibration)
+        panorama = replace(settled, provenance={**settled.provenance, "inputs": inputs.result()})
+    check_unchanged(opened.path, opened.files)
+    if not panorama.valid.any():
+        raise NotSeen(
+            f"nothing of the wall could be seen in {opened.path}",
+            found=" ".join(panorama.provenance.get("notes", ())).rstrip(".") or "no valid sample in the panorama",
+            expected="a recording of a bore wall",
+            remedy=f"look at the {manifest.frame_dim}s",
+        )
+    return Unrolled(panorama, manifest, stream, calibration)
+
+
+def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
+    """Write the group ``volume`` into ``store``. Raises :class:`EndoctError` where the modality has none."""
+    if "volume" not in unrolled.manifest.provides:
+        raise EndoctError(
+            f"the modality '{unrolled.manifest.name}' has no volume", remedy="leave out --volume for this recording"
+        )
+    implementation = cast(VolumetricModality, unrolled.manifest.load())
+    with stages.stage("volume") as advance:
+        implementation.write_volume(_Watched(unrolled.stream, advance), unrolled.calibration, store)

@@ -1,0 +1,121 @@
+"""What a reader of a comparison should not rely on, in full sentences."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from endoct.stitching.arrays import Mask
+from endoct.workbench.report.findings import Findings, SideFindings
+
+LEAST_VALID_SHARE = 0.9
+"""Where less of the wall was observed, the report says so."""
+
+LEAST_DRIFT_MM = 0.1
+"""Cells that drift apart by less are no reason to doubt the alignment,"""
+SURE_OF_DRIFT = 2.5
+"""nor by less than so many standard errors."""
+
+SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "known", "ok")
+"""Flags whose names end so speak for a frame; every other flag, "bridged" say, speaks against it."""
+
+
+def doubts(findings: Findings) -> list[str]:
+    """Return everything that was not trusted: the alignment, what was not seen, frames, and the sides' own notes."""
+    return [
+        *on_the_whole(findings.result),
+        *(sentence for side in findings.sides for sentence in _on_side(findings, side)),
+    ]
+
+
+def doubted_frames(side: SideFindings) -> Mapping[str, Mask]:
+    """Return per flag that a modality reports the frames, bool (n_frames,), for which it speaks against them."""
+    flags = {name: v for name, v in sorted(side.panorama.per_frame.items()) if v.dtype == np.bool_ and v.ndim == 1}
+    return {name: ~values if _speaks_for(name) else values for name, values in flags.items()}
+
+
+def flag_text(name: str) -> str:
+    """Return what it means that the flag ``name`` speaks against a frame: "bridged", "pair not trusted"."""
+    words = name.split("_")
+    return " ".join([*words[:-1], "not", words[-1]] if _speaks_for(name) else words)
+
+
+def on_the_whole(result: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what speaks against the comparison as a whole, by what ``result.json`` holds."""
+    if not result["aligned"]:
+        yield f"The two sides were not aligned: {without_stop(result.get('reason'))}."
+        return
+    if (result.get("parameters") or {}).get("compare", {}).get("force"):
+        yield "The alignment was believed because that was asked for, however little it stood out."
+    if twist := result.get("twist"):
+        without, corrected = (_jaccard_text(twist.get(f"jaccard_{key}")) for key in ("without", "with"))
+        yield (
+            f"The rows of {result['sides'][1]} were turned to where they fit {result['sides'][0]} best, as was asked "
+            f"for. That raises the score by itself: the Jaccard index is {without} without it, {corrected} with it."
+        )
+    share = result.get("valid_fraction")
+    if share is not None and share < LEAST_VALID_SHARE:
+        yield f"Both sides observed only {share:.1%} of the wall over the length that they share."
+    for what, key in (("along the bore", "z_mm"), ("around the bore", "arc_mm")):
+        if drift := _drift_mm(result, key):
+            length_mm = result["scores"]["drift"]["length_mm"]
+            yield (
+                f"Cells that both sides show drift apart {what}, by {abs(drift):.2f} mm over {length_mm:.1f} mm of "
+                "it: the alignment may be wrong, or not rigid."
+            )
+    if result["jaccard"] is None:
+        yield "Neither side shows a cell where both observed the wall, so there is nothing to score."
+
+
+def _jaccard_text(jaccard: float | None) -> str:
+    return "not known" if jaccard is None else f"{jaccard:.3f}"
+
+
+def _drift_mm(result: Mapping[str, Any], key: str) -> float | None:
+    """Return by how much matched cells drift apart over the length on which there are any; None where they do not."""
+    drift = (result.get("scores") or {}).get("drift")
+    if not drift:
+        return None
+    line, grown_mm = drift[key], drift[key]["per_mm"] * drift["length_mm"]
+    sure = abs(line["per_mm"]) > SURE_OF_DRIFT * line["per_mm_error"]
+    return float(grown_mm) if sure and abs(grown_mm) > LEAST_DRIFT_MM else None
+
+
+def _on_side(findings: Findings, side: SideFindings) -> Iterator[str]:
+    share = float(side.panorama.valid.mean())
+    if share < LEAST_VALID_SHARE:
+        yield f"{side.name}: only {share:.1%} of its own panorama is observed wall."
+    for name, frames in doubted_frames(side).items():
+        if frames.any():
+            yield f"{side.name}: {_sentence(side, flag_text(name), frames)}"
+    for note in findings.result.get("notes", {}).get(side.name, ()):
+        yield f"{side.name}: {note}"
+
+
+def without_stop(text: object) -> str:
+    """Return a sentence without its full stop, to be put into another."""
+    return str(text or "").strip().rstrip(".")
+
+
+def _sentence(side: SideFindings, what: str, frames: Mask) -> str:
+    """Return "3 of 40 slices (3, 17–18; z = 0.60, 3.40–3.60 mm): bridged."."""
+    dim = side.panorama.frame_dim
+    where = [(int(run[0]), int(run[-1])) for run in _runs(frames)]
+    said = ", ".join(_span(str(first), str(last)) for first, last in where)
+    z_mm = side.frame_z_mm
+    if z_mm.size == frames.size:
+        said += f"; z = {', '.join(_span(f'{z_mm[a]:.2f}', f'{z_mm[b]:.2f}') for a, b in where)} mm"
+    return f"{np.count_nonzero(frames)} of {frames.size} {dim}s ({said}): {what}."
+
+
+def _runs(frames: Mask) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
+    indices = np.flatnonzero(frames)
+    return np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
+
+
+def _span(first: str, last: str) -> str:
+    return first if first == last else f"{first}–{last}"
+
+
+def _speaks_for(name: str) -> bool:
+    return name.split("_")[-1] in SPEAKS_FOR

@@ -1,0 +1,58 @@
+"""All figures of a comparison."""
+
+import gc
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from endoct.workbench.report.figures.agreement import draw_budget, draw_scores
+from endoct.workbench.report.figures.cylinder import draw_cylinder
+from endoct.workbench.report.figures.drawing import Drawn
+from endoct.workbench.report.figures.frames import draw_depth, draw_frames
+from endoct.workbench.report.figures.quality import draw_quality
+from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panoramas
+from endoct.workbench.report.findings import Findings
+
+Drawing = Callable[[], Drawn | None]
+
+
+def draw_on_grid(findings: Findings, folder: Path) -> list[Drawn]:
+    """Draw every figure on the common grid that ``findings`` have matter for into ``folder``, which must exist."""
+    return _drawn(_on_grid(findings, folder))
+
+
+def draw_on_own_rows(findings: Findings, folder: Path) -> list[Drawn]:
+    """Draw every figure of what a side saw in its own frame: about half of the work."""
+    return _drawn(_on_own_rows(findings, folder))
+
+
+def _on_grid(findings: Findings, folder: Path) -> Iterator[Drawing]:
+    yield lambda: draw_panoramas(findings, folder)
+    yield lambda: draw_masks(findings, folder)
+    yield lambda: draw_budget(findings, folder)
+    yield lambda: draw_scores(findings, folder)
+    yield lambda: draw_alignment(findings, folder)
+    for side in findings.sides:
+        if side.depth_mm is not None or all(s.depth_mm is None for s in findings.sides):
+            yield lambda side=side: draw_cylinder(side, findings.grid, folder)  # type: ignore[misc]
+
+
+def _on_own_rows(findings: Findings, folder: Path) -> Iterator[Drawing]:
+    for side in findings.sides:
+        yield lambda side=side: draw_depth(side, folder)  # type: ignore[misc]
+        yield lambda side=side: draw_frames(side, folder)  # type: ignore[misc]
+        yield lambda side=side: draw_quality(side, folder)  # type: ignore[misc]
+
+
+def _drawn(drawings: Iterable[Drawing]) -> list[Drawn]:
+    drawn = []
+    gc.collect()
+    gc.freeze()  # what there was before need not be looked through after every figure
+    try:
+        for draw in drawings:
+            figure = draw()
+            gc.collect()  # a figure refers to itself in circles, and holds megabytes
+            if figure is not None:
+                drawn.append(figure)
+    finally:
+        gc.unfreeze()
+    return drawn

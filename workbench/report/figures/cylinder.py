@@ -1,0 +1,193 @@
+"""The bore as a solid, cut open lengthwise and seen into, cast ray by ray in NumPy.
+
+The bone is what lies between the wall, r = R + depth(θ, z), and an outer radius. Its axis lies in the cut; one
+half shell is seen at a time, the mouth to the left, θ growing upwards, from a little beyond the mouth, so that
+the mouth's end face shows::
+
+      v ↑   ┌ end face
+        │  ╱▒▒▒▒▒▒▒▒▒▒▒▒▒▒▒   cut face
+        │  ██████ wall █████
+        │  ╲▒▒▒▒▒▒▒▒▒▒▒▒▒▒▒   cut face
+        └────────────────────→ z          w: into the shell, away from the reader
+
+A ray through (z₀, v) of the cut is z = z₀ + w·tan(tilt): along it r = √(v² + w²) only grows, so what it meets
+first is where r exceeds the wall's.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgb
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Mask
+from endoct.stitching.grid import SurfaceGrid
+from endoct.workbench.report.figures.drawing import (
+    DEPTH_COLOURS,
+    INTENSITY_COLOURS,
+    PAGE_WIDTH_IN,
+    Drawn,
+    bar_under,
+    journal_style,
+    new_figure,
+    place,
+    robust_limits,
+    save,
+)
+from endoct.workbench.report.figures.wall_panels import thinned
+from endoct.workbench.report.findings import SideFindings
+
+TILT_RAD = math.radians(25)
+REST_MM = 0.25
+"""Bone shown beyond the deepest place, mm."""
+PIXELS_ALONG, PIXELS_ACROSS = 1500, 700
+STEP_MM = 0.015
+SLOPE_CAP = 3.0
+"""Steeper walls are shaded as if so steep: the flank of a cell rises within one sample."""
+
+CUT_FACE, END_FACE, UNSEEN = (np.array(to_rgb(c), np.float32) for c in ("#e2d6bd", "#c4b595", "#b4bfd6"))
+Floats = NDArray[np.float32]
+
+
+def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn | None:
+    """Draw both half shells of the bore as ``side`` saw it on ``grid``, coloured by depth, else by intensity."""
+    if side.is_drawn_mask:
+        return None
+    by_depth = side.depth_mm is not None
+    values = np.where(side.valid, side.depth_mm if side.depth_mm is not None else side.intensity, np.nan)
+    coarse, seen_values = thinned(grid, values)
+    seen = np.isfinite(seen_values)
+    low, high = robust_limits(seen_values, seen)
+    mapping = ScalarMappable(Normalize(low, high), DEPTH_COLOURS if by_depth else INTENSITY_COLOURS)
+    depth_mm = np.where(seen, seen_values, 0).astype(np.float32) if by_depth else np.zeros(seen.shape, np.float32)
+    length_mm = grid.n_z * grid.dz_mm
+    outer_mm = grid.radius_mm + float(np.percentile(depth_mm, 99.9)) + REST_MM
+    beside = length_mm < 6 * outer_mm
+    width_in = PAGE_WIDTH_IN / 2 - 0.65 if beside else PAGE_WIDTH_IN - 0.7
+    # across and along are drawn to one scale
+    height_in = width_in * 2 * outer_mm / (length_mm * math.cos(TILT_RAD) + outer_mm * math.sin(TILT_RAD))
+    with journal_style():
+        figure = new_figure(PAGE_WIDTH_IN, height_in if beside else 2 * height_in + 0.5)
+        for k, middle_deg in enumerate((90, 270)):
+            left_in, top_in = (k * (width_in + 0.7), 0.0) if beside else (0.0, k * (height_in + 0.5))
+            axes = place(figure, 0.4 + left_in, top_in, width_in, height_in)
+            middle_rad = math.radians(middle_deg)
+            image, extent = cast_half(coarse, depth_mm, seen_values, seen, mapping, outer_mm, middle_rad, by_depth)
+            axes.imshow(image, extent=extent, aspect=1 / math.cos(TILT_RAD), interpolation="auto")
+            axes.set_title(f"({'ab'[k]}) θ from {middle_deg - 90}° to {middle_deg + 90}°", pad=2)
+            axes.set_yticks([-grid.radius_mm, 0, grid.radius_mm], [f"{middle_deg + d}°" for d in (-90, 0, 90)])
+            if k == 1 or beside:
+                axes.set_xlabel("z at the cut (mm)")
+            for spine in axes.spines.values():
+                spine.set_visible(False)
+            _scale_bar(axes, extent[1], -outer_mm)
+        below_in = (height_in if beside else 2 * height_in + 0.5) + 0.5
+        bar = place(figure, PAGE_WIDTH_IN / 2 - 1.3, below_in, 2.6, 0.08)
+        bar_under(bar, mapping, "wall radius − bore radius (mm)" if by_depth else "intensity (a.u.)")
+        saved = save(figure, folder / f"cylinder-{side.name}.png")
+    shape = "the wall as measured" if by_depth else "the side has no depth, so the wall is drawn at the bore's radius"
+    return Drawn(
+        saved,
+        "cylinder",
+        f"The bore cut open, {side.name}",
+        f"Both half shells, seen from inside and {math.degrees(TILT_RAD):.0f}° from the mouth, in parallel projection; "
+        f"{shape}. Grey-blue: not observed. Sand: cut through the bone, {REST_MM:g} mm beyond the deepest places.",
+    )
+
+
+def cast_half(
+    grid: SurfaceGrid,
+    depth_mm: Floats,
+    values: NDArray[np.float64],
+    seen: Mask,
+    mapping: ScalarMappable,
+    outer_mm: float,
+    middle_rad: float,
+    by_depth: bool,
+) -> tuple[Floats, tuple[float, float, float, float]]:
+    """Return RGBA float32 (v, z) of the half shell around θ = ``middle_rad``, and its extent in mm of the cut.
+
+    ``depth_mm``, ``values`` and ``seen`` lie on ``grid``. Flanks of cells take the colour of the depth at which a
+    ray meets them where ``by_depth``, every other wall the colour of its ``values``.
+    """
+    slope = math.tan(TILT_RAD)
+    near_mm, far_mm = grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm
+    start_mm = near_mm - outer_mm * slope
+    pixel_mm = max((far_mm - start_mm) * math.cos(TILT_RAD) / PIXELS_ALONG, 2 * outer_mm / PIXELS_ACROSS)
+    n_along = math.ceil((far_mm - start_mm) * math.cos(TILT_RAD) / pixel_mm)
+    n_across = math.ceil(2 * outer_mm / pixel_mm)
+    z0 = np.linspace(start_mm, far_mm, n_along, dtype=np.float32)[np.newaxis, :]
+    v = np.linspace(outer_mm, -outer_mm, n_across, dtype=np.float32)[:, np.newaxis]
+    z0, v = (plane.ravel() for plane in np.broadcast_arrays(z0, v))
+    entry: Floats = np.maximum(0, (near_mm - z0) / slope).astype(np.float32)
+    image = np.zeros((z0.size, 4), np.float32)
+
+    def place(index: NDArray[np.intp], w: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+        theta = np.arctan2(v[index], w) + np.float32(middle_rad)
+        row = np.rint((z0[index] + w * slope - np.float32(grid.z0_mm)) / np.float32(grid.dz_mm)).astype(np.intp)
+        column = np.rint((theta - np.float32(grid.theta0_rad)) / np.float32(grid.dtheta_rad)).astype(np.intp)
+        return np.clip(row, 0, grid.n_z - 1), column % grid.n_theta, np.hypot(v[index], w)
+
+    active = np.flatnonzero(np.hypot(v, entry) < outer_mm)
+    row, column, r = place(active, entry[active])
+    in_bone = r >= grid.radius_mm + depth_mm[row, column]
+    face = active[in_bone]
+    image[face, :3] = np.where((entry[face] > 0)[:, np.newaxis], END_FACE, CUT_FACE)
+    image[face, 3] = 1
+    active = active[~in_bone]
+    # nothing can be met before the shallowest place of the wall
+    inner_mm = max(0.0, grid.radius_mm + float(depth_mm.min()))
+    w = np.maximum(entry[active], np.sqrt(np.maximum(0, np.float32(inner_mm) ** 2 - v[active] ** 2)))
+    normal = _normals(grid, depth_mm)
+    while active.size:
+        beyond = z0[active] + w * slope > far_mm  # out through the far end
+        active, w = active[~beyond], w[~beyond]
+        row, column, r = place(active, w)
+        hit = (r >= grid.radius_mm + depth_mm[row, column]) | (r >= outer_mm)
+        if hit.any():
+            pixels, rows, columns = active[hit], row[hit], column[hit]
+            shown = np.minimum(r[hit] - grid.radius_mm, depth_mm[rows, columns]) if by_depth else values[rows, columns]
+            colour = mapping.to_rgba(shown)[:, :3].astype(np.float32)
+            colour[~seen[rows, columns]] = UNSEEN
+            image[pixels, :3] = colour * _light(normal, rows, columns, np.arctan2(v[pixels], w[hit]))[:, np.newaxis]
+            image[pixels, 3] = 1
+            active, w = active[~hit], w[~hit]
+        w = w + np.float32(STEP_MM)
+    extent = (start_mm, far_mm, -outer_mm, outer_mm)
+    return np.clip(image, 0, 1).reshape(n_across, n_along, 4), extent
+
+
+def _scale_bar(axes: Axes, x_mm: float, bottom_mm: float, length_mm: float = 1.0) -> None:
+    """Draw an upright scale bar: along z the picture is foreshortened."""
+    axes.plot([x_mm, x_mm], [bottom_mm, bottom_mm + length_mm], color="black", linewidth=2, solid_capstyle="butt")
+    axes.annotate(
+        f"{length_mm:g} mm", (x_mm, bottom_mm + length_mm / 2), xytext=(3, 0), textcoords="offset points",
+        fontsize=6.5, rotation=90, va="center", annotation_clip=False,
+    )  # fmt: skip
+
+
+def _normals(grid: SurfaceGrid, depth_mm: Floats) -> tuple[Floats, Floats]:
+    """Return the wall's slopes dr/(r dθ) and dr/dz, each (n_z, n_theta), over about 0.06 mm, capped."""
+    across = max(1, round(0.03 / grid.dtheta_mm))
+    around = (np.roll(depth_mm, -across, axis=1) - np.roll(depth_mm, across, axis=1)) / (2 * across * grid.dtheta_mm)
+    along: Floats = np.gradient(depth_mm, grid.dz_mm, axis=0) if grid.n_z > 1 else np.zeros_like(depth_mm)
+    return (
+        np.clip(around, -SLOPE_CAP, SLOPE_CAP).astype(np.float32),
+        np.clip(along, -SLOPE_CAP, SLOPE_CAP).astype(np.float32),
+    )
+
+
+def _light(normal: tuple[Floats, Floats], rows: NDArray[np.intp], columns: NDArray[np.intp], angle: Floats) -> Floats:
+    """Return the brightness of wall samples at ``angle`` from the shell's middle, lit from the reader's upper left."""
+    around, along = normal[0][rows, columns], normal[1][rows, columns]
+    # the inward normal −e_r + r_θ/r e_θ + r_z e_z in (v, w, z); e_r = (sin, cos), e_θ = (cos, −sin)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    towards_v = -sine + around * cosine
+    towards_w = -cosine - around * sine
+    length = np.sqrt(1 + around**2 + along**2)
+    light_v, light_w, light_z = 0.45, -0.80, -0.40
+    facing = (light_v * towards_v + light_w * towards_w + light_z * along) / length
+    return np.asarray(0.42 + 0.62 * np.clip(facing, 0, 1), np.float32)

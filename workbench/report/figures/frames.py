@@ -1,0 +1,206 @@
+"""Single frames: as recorded with what was found in them, unrolled, and where on the wall they lie."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Picture
+from endoct.workbench.report.figures.drawing import (
+    CURVES,
+    DEPTH_COLOURS,
+    PAGE_WIDTH_IN,
+    PLACES,
+    Drawn,
+    hatch_unseen,
+    journal_style,
+    new_figure,
+    place,
+    robust_limits,
+    save,
+    unit_of,
+    wrapped,
+)
+from endoct.workbench.report.figures.wall_panels import (
+    LEFT_IN,
+    MAX_PANEL_HEIGHT_IN,
+    colour_bar,
+    show_surface,
+    thinned,
+    wall_panel,
+    z_stretch,
+)
+from endoct.workbench.report.findings import SideFindings
+
+DASHES: tuple[Any, ...] = ("-", (0, (4, 4)))
+"""Every other curve is dashed, so that two that coincide are both seen."""
+TITLE_LINE_IN = 0.15
+
+
+def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
+    """Draw every picture of a side: a row for each frame, as recorded and then as it was understood."""
+    if not side.pictures:
+        return None
+    frames = list(side.pictures.items())
+    most = max(len(pictures) for _, pictures in frames)
+    # B-scans are wide: a row for each frame. Images of a camera are not: a column for each.
+    down = not _is_image(frames[0][1][0])
+    rows, columns = (len(frames), most) if down else (most, len(frames))
+    pitch_in = PAGE_WIDTH_IN / columns
+    width_in = pitch_in - 0.58
+    shown = {
+        (k, n) if down else (n, k): (place_of, picture)
+        for k, (place_of, pictures) in enumerate(frames)
+        for n, picture in enumerate(pictures)
+    }
+    last = frames[-1][0]
+    titles = {at: wrapped(_title(side, *what), width_in) for at, what in shown.items()}
+    heights_in, tops_in, below_in = [], [], 0.0
+    for row in range(rows):
+        of_row = {at: what for at, what in shown.items() if at[0] == row}
+        lines = max(titles[at].count("\n") + 1 for at in of_row)
+        entries = max((len(picture.curves) for place_of, picture in of_row.values() if place_of == last), default=0)
+        tops_in.append(below_in + TITLE_LINE_IN * lines)
+        heights_in.append(max(_height_in(picture, width_in) for _, picture in of_row.values()))
+        below_in = tops_in[row] + heights_in[row] + 0.45 + TITLE_LINE_IN * math.ceil(entries / 2)
+    with journal_style():
+        figure = new_figure(PAGE_WIDTH_IN, below_in)
+        for (row, column), (place_of, picture) in shown.items():
+            axes = place(figure, column * pitch_in + 0.5, tops_in[row], width_in, heights_in[row])
+            show_picture(axes, picture, legend=place_of == last, y_label=down or column == 0)
+            axes.set_title(titles[row, column], pad=3)
+        saved = save(figure, folder / f"frames-{side.name}.png")
+    names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
+    drawn = f" Drawn in: {', '.join(names)}." if names else ""
+    unseen = any(np.isnan(p.image).any() for ps in side.pictures.values() for p in ps if p.image.dtype.kind == "f")
+    hatched = " Hatched: not valid." if unseen else ""
+    return Drawn(
+        saved,
+        "frames",
+        f"Single frames, {side.name}",
+        f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after."
+        f"{drawn}{hatched}",
+    )
+
+
+def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
+    """Draw the colour-coded depth of a side on its own rows, with its pictured frames beside (Laves 2019, Fig. 4)."""
+    panorama = side.panorama
+    if panorama.depth_mm is None or not (panorama.valid & np.isfinite(panorama.depth_mm)).any():
+        return None
+    grid = panorama.grid
+    length_mm, around_mm = grid.n_z * grid.dz_mm * z_stretch(grid), 2 * np.pi * grid.radius_mm
+    wall_in = float(np.clip(MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 1.2, 3.4))
+    wall_height_in = wall_in * length_mm / around_mm
+    beside_in = LEFT_IN + wall_in + 0.65
+    pitch_in = max(wall_height_in / max(1, len(side.pictures)), 1.2)
+    with journal_style():
+        figure = new_figure(PAGE_WIDTH_IN, max(wall_height_in, pitch_in * len(side.pictures)))
+        axes = place(figure, LEFT_IN, 0.0, wall_in, wall_height_in)
+        wall_panel(axes, grid, f"(a) {side.name}, depth")
+        coarse, depth_mm, valid = thinned(grid, panorama.depth_mm, panorama.valid)
+        low, high = robust_limits(depth_mm, valid)
+        image = show_surface(axes, coarse, depth_mm, valid & np.isfinite(depth_mm), DEPTH_COLOURS, low, high)
+        colour_bar(axes, image, "wall radius − bore radius (mm)")
+        for k, (place_of, pictures) in enumerate(side.pictures.items()):
+            colour = PLACES[k % len(PLACES)]
+            if place_of < side.frame_z_mm.size:
+                _mark_place(axes, float(side.frame_z_mm[place_of]), colour)
+            part = place(figure, beside_in, k * pitch_in, PAGE_WIDTH_IN - beside_in - 0.1, min(pitch_in - 0.3, 2.2))
+            last = k == len(side.pictures) - 1
+            show_picture(part, pictures[-1], legend=last, x_label=last, y_label=k == len(side.pictures) // 2)
+            part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place_of)}", pad=3)
+            for spine in part.spines.values():
+                spine.set(color=colour, linewidth=1.6)
+        saved = save(figure, folder / f"depth-{side.name}.png")
+    return Drawn(
+        saved,
+        "depth",
+        f"Colour-coded depth, {side.name}",
+        "(a) Depth of the wall on the side's own rows and in its own frame, before any alignment: no interpolation. "
+        "Hatched: not observed." + (" Beside: the frames at the lines of their colour." if side.pictures else ""),
+    )
+
+
+def show_picture(
+    axes: Axes, picture: Picture, *, legend: bool = True, x_label: bool = True, y_label: bool = True
+) -> None:
+    """Draw one picture with its curves; with equal scales where both axes have one unit of length or pixels."""
+    image: NDArray[Any] = picture.image
+    x_scale, x_name = _degrees_for_radians(picture.x_label)
+    left, right = (x_scale * x for x in picture.x_extent)
+    top, bottom = picture.y_extent
+    half_x = (right - left) / max(1, image.shape[1] - 1) / 2
+    half_y = (bottom - top) / max(1, image.shape[0] - 1) / 2
+    options: dict[str, Any] = {
+        "extent": (left - half_x, right + half_x, bottom + half_y, top - half_y),
+        "aspect": "equal" if _is_image(picture) else "auto",
+        "interpolation": "auto",
+    }
+    if image.ndim == 2:
+        low, high = robust_limits(image, np.isfinite(image), 1, 99.7)
+        hatch_unseen(axes)  # NaN is left out
+        axes.imshow(image, cmap="gray", vmin=low, vmax=high, **options)
+    else:
+        axes.imshow(image, **options)
+    for k, (label, curve) in enumerate(picture.curves.items()):
+        axes.plot(
+            x_scale * curve[:, 0],
+            curve[:, 1],
+            color=CURVES[k % len(CURVES)],
+            linewidth=0.9,
+            linestyle=DASHES[k % 2],
+            label=label,
+        )
+    axes.set_xlim(left - half_x, right + half_x)
+    axes.set_ylim(bottom + half_y, top - half_y)
+    if y_label:
+        axes.set_ylabel(picture.y_label)
+    if x_label:
+        axes.set_xlabel(x_name)
+    else:
+        axes.tick_params(labelbottom=False)
+    if unit_of(x_name) in ("°", "deg") and right - left > 180:
+        axes.set_xticks([0, 90, 180, 270, 360])
+    if legend and picture.curves:
+        axes.legend(
+            loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.2, frameon=False, ncols=2, handlelength=1.4
+        )
+
+
+def place_label(side: SideFindings, place_of: int) -> str:
+    """Return "slice 12, z = 2.40 mm": where a pictured frame lies, in the order of ascending z from 0."""
+    label = f"{side.panorama.frame_dim} {place_of}"
+    return label + (f", z = {side.frame_z_mm[place_of]:.2f} mm" if place_of < side.frame_z_mm.size else "")
+
+
+def _title(side: SideFindings, place_of: int, picture: Picture) -> str:
+    """Return what stands over a picture; most plug-ins say in it which frame it is, or else it is said here."""
+    return picture.title if re.search(r"\d", picture.title) else f"{place_label(side, place_of)}: {picture.title}"
+
+
+def _degrees_for_radians(label: str) -> tuple[float, str]:
+    if unit_of(label) == "rad":
+        return math.degrees(1), label[: label.rindex("(")] + "(°)"
+    return 1.0, label
+
+
+def _is_image(picture: Picture) -> bool:
+    unit = unit_of(picture.x_label)
+    return unit in ("px", "mm") and unit == unit_of(picture.y_label)
+
+
+def _height_in(picture: Picture, width_in: float) -> float:
+    if _is_image(picture):
+        (left, right), (top, bottom) = picture.x_extent, picture.y_extent
+        return float(np.clip(width_in * abs((bottom - top) / (right - left)), 0.5, 2.6))
+    return 0.47 * width_in
+
+
+def _mark_place(axes: Axes, z_mm: float, colour: str) -> None:
+    axes.axhline(z_mm, color="white", linewidth=2.0)
+    axes.axhline(z_mm, color=colour, linewidth=1.1)

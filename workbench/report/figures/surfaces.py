@@ -1,0 +1,229 @@
+"""The wall as each side saw it, the cells, where they differ, and how well the two lie on each other."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.grid import SurfaceGrid
+from endoct.workbench.report.figures.drawing import (
+    BLUE,
+    DEPTH_COLOURS,
+    INK,
+    INTENSITY_COLOURS,
+    MASK_COLOURS,
+    ORANGE,
+    PAPER,
+    Drawn,
+    journal_style,
+    letters,
+    robust_limits,
+    save,
+    width_of,
+)
+from endoct.workbench.report.figures.wall_panels import (
+    ABOVE_PT,
+    colour_bar,
+    not_observed_patch,
+    panel_figure,
+    scale_text,
+    show_surface,
+    thinned,
+    wall_panel,
+)
+from endoct.workbench.report.findings import Findings, SideFindings
+
+NEITHER, BOTH, ONLY_A, ONLY_B = range(4)
+DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
+
+
+def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
+    """Draw intensity, and depth where there is depth, of each side on the common grid."""
+    panels: list[tuple[str, SideFindings, Image, str, str]] = []
+    for side in findings.sides:
+        if not side.is_drawn_mask:
+            panels.append((side.name, side, side.intensity, INTENSITY_COLOURS, "intensity (a.u.)"))
+        if side.depth_mm is not None:
+            panels.append((f"{side.name}, depth", side, side.depth_mm, DEPTH_COLOURS, "wall radius − bore radius (mm)"))
+    if not panels:
+        return None
+    with journal_style():
+        figure, axes = panel_figure(findings.grid, len(panels))
+        for k, (name, side, values, colours, unit) in enumerate(panels):
+            coarse, thin, valid = thinned(findings.grid, np.where(side.valid, values, np.nan), side.valid)
+            wall_panel(axes[k], findings.grid, f"{letters(len(panels))[k]} {name}", first=k == 0)
+            low, high = robust_limits(thin, valid)
+            image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
+            colour_bar(axes[k], image, unit)
+        saved = save(figure, folder / "panoramas.png")
+    frame = (
+        f"Both lie on one grid in the frame of {findings.sides[0].name}"
+        if findings.aligned
+        else "Each lies in its own frame: the two could not be aligned, so places do not correspond"
+    )
+    return Drawn(
+        saved,
+        "panoramas",
+        "The unrolled wall",
+        f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(findings.grid)}. "
+        "Hatched: not observed by that side. Colour bars end at the 0.5th and 99.5th percentile.",
+    )
+
+
+def draw_masks(findings: Findings, folder: Path) -> Drawn:
+    """Draw the cells of each side and, where the sides are aligned, the difference image."""
+    a, b = findings.sides
+    observed = a.valid & b.valid
+    with journal_style():
+        figure, axes = panel_figure(findings.grid, 3 if findings.aligned else 2)
+        for k, (letter, side) in enumerate(zip(letters(2), (a, b), strict=True)):
+            wall_panel(axes[k], findings.grid, f"{letter} cells, {side.name}", first=k == 0)
+            coarse, mask, valid = thinned(findings.grid, side.mask, side.valid)
+            show_surface(axes[k], coarse, mask, valid, MASK_COLOURS)
+            bone = Patch(facecolor=PAPER, edgecolor=INK, linewidth=0.4, label="bone")
+            _legend(axes[k], [Patch(facecolor=INK, label="cell"), bone])
+        title, caption = "Cells", "Air cells found by each side. "
+        if findings.aligned:
+            wall_panel(axes[2], findings.grid, "(c) difference", first=False)
+            coarse, mask_a, mask_b, seen = thinned(findings.grid, a.mask, b.mask, observed)
+            show_surface(
+                axes[2], coarse, difference_image(mask_a, mask_b), seen, ListedColormap(DIFFERENCE_COLOURS), 0, 3
+            )
+            difference = difference_image(a.mask, b.mask)
+            area_mm2 = findings.grid.dz_mm * findings.grid.dtheta_mm
+            counts = {kind: int(((difference == kind) & observed).sum()) for kind in (BOTH, ONLY_A, ONLY_B)}
+            names = {BOTH: "both", ONLY_A: f"only {a.name}", ONLY_B: f"only {b.name}"}
+            handles = [
+                Patch(facecolor=DIFFERENCE_COLOURS[kind], label=f"{names[kind]}, {count * area_mm2:.2f} mm²")
+                for kind, count in counts.items()
+            ]
+            _legend(axes[2], [*handles, not_observed_patch()], columns=1)
+            title = "Cells, and where the two differ"
+            caption += (
+                f"(c) A cell for both, for one only, or for neither (light); scored only where both sides observed "
+                f"the wall, {observed.mean():.1%} of the grid."
+            )
+        else:
+            caption += "No difference image: the two sides could not be aligned."
+        saved = save(figure, folder / "masks.png")
+    return Drawn(saved, "masks", title, caption)
+
+
+def difference_image(a: Mask, b: Mask) -> NDArray[np.uint8]:
+    """Return per sample one of NEITHER, BOTH, ONLY_A, ONLY_B; same shape as the masks."""
+    difference = np.full(a.shape, NEITHER, np.uint8)
+    difference[a & b] = BOTH
+    difference[a & ~b] = ONLY_A
+    difference[~a & b] = ONLY_B
+    return difference
+
+
+def draw_alignment(findings: Findings, folder: Path) -> Drawn | None:
+    """Draw how the two sides lie on each other: checkerboard, outlines, and agreement along the bore."""
+    if not findings.aligned:
+        return None
+    a, b = findings.sides
+    grid = findings.grid
+    observed = a.valid & b.valid
+    coarse, left, right, seen = thinned(grid, _features(a), _features(b), observed)
+    left, right = _scaled(left, seen), _scaled(right, seen)
+    both = left[seen], right[seen]
+    flipped = seen.any() and float(np.mean((both[0] - both[0].mean()) * (both[1] - both[1].mean()))) < 0
+    right = 1 - right if flipped else right
+    with journal_style():
+        figure, axes = panel_figure(grid, 3)
+        wall_panel(axes[0], grid, f"(a) {a.name} | {b.name}")
+        show_surface(axes[0], coarse, np.where(_tiles(coarse), left, right), seen, "gray")
+        wall_panel(axes[1], grid, f"(b) outlines on {a.name}", first=False)
+        show_surface(axes[1], coarse, left, seen, "gray", -0.3, 1)
+        _outline(axes[1], grid, a.mask & observed, ORANGE)
+        _outline(axes[1], grid, b.mask & observed, BLUE)
+        _legend(axes[1], [Line2D([], [], color=ORANGE, label=a.name), Line2D([], [], color=BLUE, label=b.name)])
+        _agreement(axes[2], grid, a.mask, b.mask, observed)
+        saved = save(figure, folder / "alignment.png")
+    tile = _tile_mm(grid)
+    return Drawn(
+        saved,
+        "alignment",
+        "How well the two lie on each other",
+        f"(a) Tiles of {tile:g} mm from either side by turns, showing {_feature_name(a)} and "
+        f"{_feature_name(b)}{', the latter inverted' if flipped else ''}: edges should run on across tiles. "
+        "(b) Outlines of both masks. (c) Jaccard index over windows of 0.5 mm along the bore, and the share of the "
+        "circle that both sides observed.",
+    )
+
+
+def _agreement(axes: Axes, grid: SurfaceGrid, a: Mask, b: Mask, observed: Mask) -> None:
+    window = max(1, round(0.5 / grid.dz_mm))
+    both, either = (a & b & observed).sum(axis=1), ((a | b) & observed).sum(axis=1)
+    kernel = np.ones(min(window, grid.n_z))
+    both, either = np.convolve(both, kernel, "same"), np.convolve(either, kernel, "same")
+    there = (either > 0) & observed.any(axis=1)
+    jaccard = np.divide(both, either, out=np.full(grid.n_z, np.nan), where=there)
+    z_mm: Coordinates = grid.z_mm
+    axes.fill_betweenx(z_mm, observed.mean(axis=1), color="#e6e4dc", label="observed by both", linewidth=0)
+    axes.plot(jaccard, z_mm, color=INK, linewidth=1.0, label="Jaccard index")
+    axes.set_xlim(0, 1)
+    axes.set_ylim(grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm, grid.z0_mm - grid.dz_mm / 2)
+    axes.tick_params(labelleft=False)
+    axes.grid(color="#e3e3e3", linewidth=0.4)
+    axes.set_title("(c) along the bore", pad=ABOVE_PT)
+    axes.set_xlabel("share (1)")
+    _legend(axes, None)
+
+
+def _outline(axes: Axes, grid: SurfaceGrid, mask: Mask, colour: str) -> None:
+    coarse, share = thinned(grid, mask.astype(np.float32))
+    # one column more on either side, so that outlines run on over the seam
+    degrees = np.degrees(coarse.theta0_rad + coarse.dtheta_rad * np.arange(-1, coarse.n_theta + 1))
+    padded = np.pad(share, ((0, 0), (1, 1)), mode="wrap")
+    if padded.max() > 0.5 > padded.min():
+        axes.contour(degrees, coarse.z_mm, padded, levels=[0.5], colors=[colour], linewidths=0.7)
+
+
+def _features(side: SideFindings) -> Image:
+    """Return what shows a side's cells best: its depth, else its mask drawn by hand, else its intensity."""
+    if side.depth_mm is not None:
+        return np.where(side.valid, side.depth_mm, np.nan)
+    if side.is_drawn_mask:
+        return np.where(side.valid, side.mask, np.nan).astype(np.float32)
+    return np.where(side.valid, side.intensity, np.nan)
+
+
+def _feature_name(side: SideFindings) -> str:
+    return f"{side.name}'s " + ("depth" if side.depth_mm is not None else "mask" if side.is_drawn_mask else "intensity")
+
+
+def _scaled(values: NDArray[Any], seen: Mask) -> NDArray[Any]:
+    """Return ``values`` scaled so that most of what was seen lies within 0 and 1, whatever the unit."""
+    low, high = robust_limits(values, seen, 2, 98)
+    return np.clip((values - low) / (high - low), 0, 1)
+
+
+def _tile_mm(grid: SurfaceGrid) -> float:
+    return 1.0 if grid.n_z * grid.dz_mm > 3 else 0.5
+
+
+def _tiles(grid: SurfaceGrid) -> Mask:
+    around = max(2, 2 * round(np.pi * grid.radius_mm / _tile_mm(grid)))  # an even number: the board closes
+    columns = np.floor(np.arange(grid.n_theta) * around / grid.n_theta).astype(int)
+    rows = np.floor(np.arange(grid.n_z) * grid.dz_mm / _tile_mm(grid)).astype(int)
+    return np.asarray((rows[:, np.newaxis] + columns[np.newaxis]) % 2 == 0)
+
+
+def _legend(axes: Axes, handles: list[Any] | None, *, columns: int = 2) -> None:
+    options: dict[str, Any] = {
+        "loc": "upper center", "bbox_to_anchor": (0.5, -0.02), "bbox_transform": axes.transAxes,
+        "ncols": columns if width_of(axes) > 1.9 else 1, "frameon": False, "borderaxespad": 4.2,
+        "handlelength": 1.2, "columnspacing": 1.0,
+    }  # fmt: skip
+    if handles is None:
+        axes.legend(**options)
+    else:
+        axes.legend(handles=handles, **options)

@@ -1,0 +1,209 @@
+"""The report of a comparison: figures as files, and one page that holds everything and opens offline."""
+
+import base64
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from endoct.stitching.contents import is_marked, marked
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import check_output, new_output
+from endoct.workbench.report.doubts import doubts, without_stop
+from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
+from endoct.workbench.report.figures.drawing import Drawn
+from endoct.workbench.report.findings import Findings, read_findings
+from endoct.workbench.report.scores import score_tables
+from endoct.workbench.report.tables import numbers, provenance, threshold_text
+from endoct.workbench.report.wording import bullets, interval_text, value_text
+from endoct.workbench.running.kinds import FIGURES, REPORT
+from endoct.workbench.running.refusals import visible_lines
+from endoct.workbench.running.worker import Beside, Tell
+
+CSS_PIXELS_PER_INCH = 148
+LEAST_UNEVEN_DEG = 1.0
+"""Unevenness below this is not worth a sentence."""
+
+FIGURE_SECTIONS = {
+    "panoramas": "Panoramas",
+    "masks": "Cells and difference",
+    "agreement": "How far they agree, and what stands in the way",
+    "alignment": "Alignment",
+    "depth": "Depth",
+    "frames": "Single frames, as recorded and as understood",
+    "cylinder": "The bore in three dimensions",
+}
+
+
+def write_report(folder: Path, beside: Beside | None = None) -> Path:
+    """Write ``figures/*.png`` and ``report.html`` into ``folder``, replacing older ones; return the page's path.
+
+    Half of the figures are drawn in the process ``beside`` where there is one. ``folder`` is what ``endoct compare``
+    wrote; nothing else in it is changed. Raises :class:`EndoctError` where it is no whole comparison or cannot be
+    written.
+    """
+    page = folder / "report.html"
+    for part in (page, folder / "figures"):
+        if part.is_symlink():
+            raise EndoctError(f"{part} is a link", expected="what endoct wrote", remedy="move it away")
+    check_output(page, REPORT, overwrite=True, is_ours=is_marked)
+    check_output(folder / "figures", FIGURES, overwrite=True)
+    findings = read_findings(folder)
+    with new_output(folder / "figures", FIGURES, overwrite=True) as figures:
+        figures.mkdir()
+        there = None if beside is None else beside.call(_draw_there, folder, figures)
+        on_grid = draw_on_grid(findings, figures)
+        own = draw_on_own_rows(findings, figures) if there is None else there.result()
+        html = page_html(findings, [*on_grid, *own])
+    with new_output(page, REPORT, overwrite=True, is_ours=is_marked) as scratch:
+        scratch.write_text(marked(html), encoding="utf-8")
+    return page
+
+
+def _draw_there(tell: Tell, folder: Path, figures: Path) -> list[Drawn]:
+    del tell
+    return draw_on_own_rows(read_findings(folder), figures)
+
+
+def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
+    """Return the whole page, figures and style embedded; figures by section, in the order given."""
+    shown = dict.fromkeys((*FIGURE_SECTIONS, "quality"), "")
+    for number, figure in enumerate(sorted(drawn, key=lambda one: list(shown).index(one.section)), 1):
+        shown[figure.section] += _figure(number, figure)
+    shown["agreement"] += "".join(score_tables(findings))
+    sections = [
+        *(_section(name, title, shown[name]) for name, title in FIGURE_SECTIONS.items()),
+        _section("numbers", "Numbers", "".join(numbers(findings))),
+        _section("quality", "Quality along the bore", shown["quality"]),
+        _section("doubts", "What was not trusted", _doubts(findings)),
+        _section("provenance", "How it was made", "".join(provenance(findings.result))),
+    ]
+    a, b = findings.sides
+    heading = f"{a.name} and {b.name}: one bore, compared"
+    version = findings.result.get("versions", {}).get("endoct", "")
+    style = files("endoct.workbench.report").joinpath("report.css").read_text(encoding="utf-8")
+    template = Template(files("endoct.workbench.report").joinpath("report.html").read_text(encoding="utf-8"))
+    page = template.substitute(
+        title=escape(f"endoct: {heading}"),
+        style=style,
+        style_digest=_digest(style),
+        heading=escape(heading),
+        headline="".join(_headline(findings)),
+        sections="\n".join(sections),
+        footer=escape(f"Written by endoct {version}. The figures lie beside this page, lossless, in figures/."),
+    )
+    return visible_lines(page)  # a text from a file turns nothing around, and can be encoded
+
+
+def _digest(style: str) -> str:
+    """Return how a content security policy names the one style that a page may have."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(style.encode()).digest()).decode('ascii')}'"
+
+
+def _headline(findings: Findings) -> Iterator[str]:
+    result = findings.result
+    a, b = (side.name for side in findings.sides)
+    if findings.aligned:
+        alignment = result["alignment"]
+        yield f'<p class="verdict aligned">{escape(_verdict(alignment))}</p>\n'
+        yield f"<p>{escape(_placement(a, b, alignment))}</p>\n"
+    else:
+        yield '<p class="verdict unaligned">Not aligned: the two sides could not be brought onto each other.</p>\n'
+        yield (
+            f"<p>Reason: {escape(without_stop(result.get('reason')))}. Without an alignment no place on one side "
+            "corresponds to a place on the other, so the two are not scored against each other and there is no "
+            "difference image. Everything below shows each side by itself.</p>\n"
+        )
+    if cards := "".join(_cards(findings)):
+        yield f'<ul class="cards">{cards}</ul>\n'
+    yield f"<p>{escape(_conditions(findings))}</p>\n"
+    count = len(doubts(findings))
+    if count:
+        said = "1 thing was not trusted" if count == 1 else f"{count} things were not trusted"
+        yield f'<p class="warn"><a href="#doubts">{said}</a>, listed below.</p>\n'
+    else:
+        yield "<p>Nothing was reported as not trusted.</p>\n"
+
+
+def _verdict(alignment: Mapping[str, Any]) -> str:
+    said = f"Aligned with confidence {alignment['confidence']:.2f}"
+    if alignment.get("correlation") and alignment.get("ratio"):
+        correlation = f"{alignment['correlation']:.2f}".replace("-", "−")
+        said += f" (correlation {correlation}, {alignment['ratio']:.1f} times the runner-up)"
+    return said + "."
+
+
+def _placement(a: str, b: str, alignment: Mapping[str, Any]) -> str:
+    turns = [text for key, text in (("mirrored", "mirrored in θ"), ("z_reversed", "reversed in z")) if alignment[key]]
+    return (
+        f"{b} lies in the frame of {a} turned by {math.degrees(alignment['theta_shift_rad']):.2f}° and shifted by "
+        f"{value_text('z_mm', alignment['z_shift_mm'])} along the bore, its z scaled by {alignment['z_scale']:.4f}; "
+        f"{' and '.join(turns) if turns else 'neither mirrored nor reversed'}.{_unevenness(alignment)}"
+    )
+
+
+def _unevenness(alignment: Mapping[str, Any]) -> str:
+    """Say what the alignment found of uneven rotation and left as it is."""
+    uneven_deg = math.degrees(alignment.get("uneven_rad") or 0.0)
+    if uneven_deg < LEAST_UNEVEN_DEG:
+        return ""
+    return (
+        f" Around θ the two depart smoothly from that turn, by up to {uneven_deg:.1f}°, as uneven rotation of a "
+        "catheter or a probe off the axis make them; this is not corrected and costs overlap."
+    )
+
+
+def _cards(findings: Findings) -> Iterator[str]:
+    def card(title: str, value: str, of: str) -> str:
+        return f"<li><span>{escape(title)}</span><b>{escape(value)}</b><span>{escape(of)}</span></li>"
+
+    for overlap in findings.overlaps:
+        if overlap.is_detail:
+            continue
+        of = f"cells of {overlap.of[0]} and {overlap.of[1]}, {overlap.where}"
+        if overlap.interval:
+            of += f"; {interval_text(overlap.interval)}"
+        yield card("Jaccard index", value_text("jaccard", overlap.scores["jaccard"]), of)
+    if findings.aligned:
+        yield card("Dice", value_text("dice", findings.result["dice"]), "on the common grid")
+        length = findings.result.get("overlap_mm")
+        over = f" over the {length:.1f} mm that they share" if length is not None else ""
+        yield card("Observed", f"{findings.result['valid_fraction']:.1%}", f"of the wall, by both sides{over}")
+
+
+def _conditions(findings: Findings) -> str:
+    grid, thresholds = findings.grid, findings.result.get("threshold") or {}
+    parts = [
+        f"Common grid: {grid.n_z} × {grid.n_theta} samples (z × θ), {grid.dz_mm * 1000:.3g} µm along the bore and "
+        f"{grid.dtheta_mm * 1000:.3g} µm around it at a bore radius of {grid.radius_mm:.3f} mm."
+    ]
+    parts += [
+        f"Cells of {s.name}: {threshold_text(thresholds[s.name])}." for s in findings.sides if s.name in thresholds
+    ]
+    return " ".join(parts)
+
+
+def _doubts(findings: Findings) -> str:
+    sentences = doubts(findings)
+    if not sentences:
+        return "<p>Nothing was reported as not trusted.</p>\n"
+    return f'<div class="doubts">{bullets(sentences)}</div>\n'
+
+
+def _section(name: str, title: str, body: str) -> str:
+    return f'<section id="{name}"><h2>{escape(title)}</h2>\n{body}</section>\n' if body else ""
+
+
+def _figure(number: int, figure: Drawn) -> str:
+    saved = figure.saved
+    data = base64.b64encode(saved.webp).decode("ascii")
+    return (
+        f'<figure id="{escape(saved.path.stem)}"><img src="data:image/webp;base64,{data}" '
+        f'alt="{escape(figure.title)}" width="{round(saved.width_in * CSS_PIXELS_PER_INCH)}">\n'
+        f"<figcaption><b>Figure {number}. {escape(figure.title)}.</b> {escape(figure.caption)} "
+        f'<span class="code">figures/{escape(saved.path.name)}</span></figcaption></figure>\n'
+    )
