@@ -11,8 +11,9 @@ import pytest
 from tolerances import COORDINATE_ATOL
 
 from endoct.modalities.contract import Frame
+from endoct.modalities.oct import survey
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.turning import start_chain, survey
+from endoct.modalities.oct.turning import start_chain
 from endoct.stitching import kept
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.kept import Computed, Kept
