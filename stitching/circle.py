@@ -1,15 +1,46 @@
 """Arithmetic and filters on the bore wall, where axis −1 (θ) is a circle and axis −2 (z) ends."""
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 def wrap_rad(angle_rad: ArrayLike) -> Coordinates:
     """Return ``angle_rad`` (any shape) wrapped to [−π, π)."""
     return np.mod(np.asarray(angle_rad, dtype=np.float64) + np.pi, 2 * np.pi) - np.pi
+
+
+def mean_angle_rad(angle_rad: ArrayLike, axis: int | None = None) -> Coordinates:
+    """Return the mean direction of ``angle_rad`` along ``axis`` (all of it for None), in (−π, π]; NaN are left out."""
+    return np.asarray(np.angle(np.nansum(np.exp(1j * np.asarray(angle_rad, dtype=np.float64)), axis=axis)))
+
+
+def harmonics(angle_rad: ArrayLike, orders: Sequence[int]) -> Coordinates:
+    """Return cosine and sine of multiples of the angles (n,), float64 (n, 2·len(orders)): cos k, sin k, for each k."""
+    multiples = np.asarray(angle_rad, dtype=np.float64)[:, None] * np.asarray(orders)
+    return np.stack([np.cos(multiples), np.sin(multiples)], axis=2).reshape(len(multiples), -1)
+
+
+def pad_circle(samples: NDArray[Scalar], n: int, axis: int = -1) -> NDArray[Scalar]:
+    """Return ``samples`` with the ``n`` nearest of the other end repeated at both ends of ``axis``, a full circle."""
+    widths = [(0, 0)] * samples.ndim
+    widths[axis] = n, n
+    return np.pad(samples, widths, mode="wrap")
+
+
+def largest_divisor(n: int, at_most: int) -> int:
+    """Return the largest divisor of ``n`` that does not exceed ``at_most``; 1 where ``at_most`` is below 1.
+
+    So many columns of a circle of ``n`` can be taken together without a remainder at its seam.
+    """
+    return max(k for k in range(1, max(at_most, 1) + 1) if n % k == 0)
 
 
 def gaussian(image: Image, sigma_rows_px: float, sigma_columns_px: float) -> Image:
@@ -18,7 +49,7 @@ def gaussian(image: Image, sigma_rows_px: float, sigma_columns_px: float) -> Ima
     A sigma of 0 leaves its axis alone. Callers convert from mm or rad with their grid.
     """
     pad = int(np.ceil(4 * sigma_columns_px))  # more than one turn where the blur is wider than the circle
-    padded = np.pad(image, ((0, 0), (pad, pad)), mode="wrap")
+    padded = pad_circle(image, pad)
     blurred = cv2.sepFilter2D(
         padded, cv2.CV_32F, _kernel(sigma_columns_px), _kernel(sigma_rows_px), borderType=cv2.BORDER_REPLICATE
     )

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL, IMAGE_ATOL
 
-from endoct.stitching.circle import gaussian, wrap_rad
+from endoct.stitching.circle import gaussian, harmonics, largest_divisor, mean_angle_rad, pad_circle, wrap_rad
 
 
 def noise(rows: int = 12, columns: int = 64) -> np.ndarray:
@@ -56,3 +56,26 @@ def test_the_input_is_not_changed_and_zero_sigma_changes_nothing() -> None:
     np.testing.assert_array_equal(gaussian(image, 0, 0), before)
     gaussian(image, 2, 2)
     np.testing.assert_array_equal(image, before)
+
+
+def test_the_mean_of_angles_does_not_mind_the_seam() -> None:
+    assert mean_angle_rad([6.2, 0.1, np.nan]) == pytest.approx((6.2 + 0.1) / 2 - np.pi, abs=COORDINATE_ATOL)
+    np.testing.assert_allclose(mean_angle_rad([[1.0, 2.0], [3.0, 3.0]], axis=1), [1.5, 3.0], atol=COORDINATE_ATOL)
+
+
+def test_harmonics_come_as_cosine_and_sine_of_each_order() -> None:
+    angle = np.array([0.0, 0.3, 4.0])
+    columns = [np.cos(2 * angle), np.sin(2 * angle), np.cos(5 * angle), np.sin(5 * angle)]
+    np.testing.assert_array_equal(harmonics(angle, (2, 5)), np.stack(columns, axis=1))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_padded_circle_runs_on(axis: int) -> None:
+    samples = np.arange(12).reshape(3, 4)
+    expected = np.take(samples, np.arange(-7, samples.shape[axis] + 7) % samples.shape[axis], axis=axis)
+    np.testing.assert_array_equal(pad_circle(samples, 7, axis=axis), expected)
+
+
+@pytest.mark.parametrize(("n", "at_most", "divisor"), [(12, 5, 4), (12, 0, 1), (7, 6, 1), (6, 6, 6)])
+def test_the_largest_divisor(n: int, at_most: int, divisor: int) -> None:
+    assert largest_divisor(n, at_most) == divisor
