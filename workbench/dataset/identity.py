@@ -12,7 +12,7 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.json_values import read_object
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.pipeline.inputs import versions
-from endoct.workbench.pipeline.vary import shown
+from endoct.workbench.pipeline.vary import ranges_text
 from endoct.workbench.running.files import top_file
 
 NAME = "dataset.json"
@@ -136,4 +136,4 @@ def _arguments(plan: Plan) -> dict[str, Any]:
 def _shown(value: Any) -> str:
     if not isinstance(value, dict):
         return str(value).lower() if isinstance(value, bool) else str(value)
-    return shown({key: tuple(wish) for key, wish in value.items()})
+    return ranges_text({key: tuple(wish) for key, wish in value.items()})

@@ -1,7 +1,7 @@
 """The files of words in a data set: its licence and its README."""
 
 from endoct.workbench.dataset.plan import SPLITS, Plan, split_of
-from endoct.workbench.pipeline.vary import shown
+from endoct.workbench.pipeline.vary import ranges_text
 
 LICENCE = """\
 SPDX-License-Identifier: CC0-1.0
@@ -61,6 +61,6 @@ def readme(plan: Plan) -> str:
         seed=plan.seed,
         splits=", ".join(f"{split} {count}" for split, count in counts.items()).capitalize(),
         bores=f", and each bore has {plan.recordings_per_bore} recordings" if plan.recordings_per_bore > 1 else "",
-        vary=shown(plan.wishes),
+        vary=ranges_text(plan.wishes),
         layout=SHARDS.format(per_shard=plan.specimens_per_shard) if plan.format == "webdataset" else FOLDERS,
     )

@@ -1,46 +1,67 @@
-"""Reads what the user wants parameters to be drawn from."""
+"""Ranges that a user states on the command line: what parameters of a specimen, or a task's conditions, are drawn from.
+
+The grammar, of every command: ``name=low..high``, ``name=number`` or ``name=word|word``.
+"""
 
 from collections.abc import Mapping, Sequence
 
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.ranges import Wish, check_wishes
 
+Range = tuple[float, float] | tuple[str, ...]
+"""What a value is drawn from: (low, high), uniformly, or one of some words."""
+
 
 def parse_vary(entries: Sequence[str]) -> dict[str, Wish]:
-    """Return "part.name" → (low, high) or words from entries as ``oct.wall_db=6..14`` or ``oct.scan=step|helical``.
+    """Return the ranges of ``entries`` as ``oct.wall_db=6..14`` or ``oct.scan=step|helical`` by "part.name".
 
-    One number stands for a range without width. Raises :class:`EndoctError` for an entry of another form, a
-    parameter named twice, and whatever cannot be drawn.
+    Raises :class:`EndoctError` for an entry of another form, a parameter named twice, and whatever the simulator
+    cannot draw.
     """
-    wishes: dict[str, Wish] = {}
+    texts = range_texts(entries, "parameter", "part.name=low..high or part.name=word|word, as oct.wall_db=6..14")
+    ranges = {name: numbers(text) or words(text) for name, text in texts.items()}
+    check_wishes(ranges)
+    return ranges
+
+
+def range_texts(
+    entries: Sequence[str], what: str, expected: str = "name=low..high or name=word|word"
+) -> dict[str, str]:
+    """Return by name the texts that stand for ranges, of entries "name=text", for :func:`numbers` or :func:`words`.
+
+    ``what`` the names are, as "parameter", and the form ``expected`` of an entry are for messages. Raises
+    :class:`EndoctError` for an entry of another form, and a name given twice.
+    """
+    texts: dict[str, str] = {}
     for entry in entries:
-        key, equals, value = (piece.strip() for piece in entry.partition("="))
-        words = [word.strip() for word in value.split("|")]
-        if not (key and equals and all(words)):
-            raise EndoctError(
-                "a parameter to vary cannot be read",
-                found=f"'{entry}'",
-                expected="part.name=low..high or part.name=word|word, as oct.wall_db=6..14",
-            )
-        if key in wishes:
-            raise EndoctError(f"'{key}' is varied twice", found=f"'{entry}'", expected="each parameter once")
-        wishes[key] = _numbers(value) or tuple(words)
-    check_wishes(wishes)
-    return wishes
+        name, equals, text = (piece.strip() for piece in entry.partition("="))
+        if not (name and equals and all(words(text))):
+            raise EndoctError(f"the range of a {what} cannot be read", found=f"'{entry}'", expected=expected)
+        if name in texts:
+            raise EndoctError(f"the {what} '{name}' is given twice", found=f"'{entry}'", expected="each once")
+        texts[name] = text
+    return texts
 
 
-def _numbers(value: str) -> tuple[float, float] | None:
-    low, dots, high = value.partition("..")
+def numbers(text: str) -> tuple[float, float] | None:
+    """Return (low, high) of "low..high", or of a single number, which stands for both; None for anything else."""
+    low, dots, high = text.partition("..")
     try:
         return float(low), float(high if dots else low)
     except ValueError:
         return None
 
 
-def shown(wishes: Mapping[str, Wish]) -> str:
-    """Return what was wished as the user would write it."""
-    return " ".join(f"{key}={_wish(wishes[key])}" for key in sorted(wishes)) or "nothing"
+def words(text: str) -> tuple[str, ...]:
+    """Return the words of "word|word"."""
+    return tuple(word.strip() for word in text.split("|"))
 
 
-def _wish(wish: Wish) -> str:
-    return "..".join(f"{value:g}" for value in wish if isinstance(value, float)) or "|".join(map(str, wish))
+def range_text(range_: Range) -> str:
+    """Return a range as the user would state it."""
+    return "..".join(f"{value:g}" for value in range_ if isinstance(value, int | float)) or "|".join(map(str, range_))
+
+
+def ranges_text(ranges: Mapping[str, Range]) -> str:
+    """Return ranges by name as the user would state them, in the order of their names."""
+    return " ".join(f"{name}={range_text(ranges[name])}" for name in sorted(ranges)) or "nothing"

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
-from endoct.workbench.pipeline.vary import parse_vary, shown
+from endoct.workbench.pipeline.vary import parse_vary, ranges_text
 
 
 def plans(**fixed: object) -> st.SearchStrategy[Plan]:
@@ -90,7 +90,7 @@ def test_vary_reads_ranges_numbers_and_words() -> None:
         "oct.scan": ("step", "helical"),
         "bore.taper_mm": (0.01, 0.01),
     }
-    assert shown(wishes) == (
+    assert ranges_text(wishes) == (
         "bore.taper_mm=0.01..0.01 oct.first_sample_mm=-0.2..-0.1 oct.scan=step|helical oct.wall_db=6..14"
     )
 
