@@ -1,12 +1,9 @@
 """Stacks of equal frames, read one at a time: TIFF and BigTIFF, ``.npy``, a video, or a folder of images."""
 
-import os
 import re
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import islice
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +17,6 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import open_regular
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
-
-In_co = TypeVar("In_co", covariant=True)
-Out = TypeVar("Out")
-
-
-class Stream(Protocol[In_co]):
-    """Anything sized and indexable from 0."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, index: int, /) -> In_co: ...
 
 
 class ImageStack:
@@ -116,26 +102,6 @@ def image_files(folder: Path) -> list[Path]:
     """Return the images in ``folder`` in the order of the numbers in their names."""
     files = [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]
     return sorted(files, key=_by_number)
-
-
-def map_frames(function: Callable[[In_co], Out], frames: Stream[In_co], workers: int | None = None) -> Iterator[Out]:
-    """Yield ``function(frame)`` in order, computed by threads, with at most ``workers`` + 1 frames in memory.
-
-    The result does not depend on ``workers`` (default: one for each processor).
-    """
-    workers = workers or os.cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
-        indices = iter(range(len(frames)))
-        pending: list[Future[Out]] = [
-            pool.submit(lambda i: function(frames[i]), i) for i in islice(indices, workers + 1)
-        ]
-        try:
-            while pending:
-                done = pending.pop(0).result()
-                pending.extend(pool.submit(lambda i: function(frames[i]), i) for i in islice(indices, 1))
-                yield done
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
 
 
 class _ReadImages:

@@ -3,19 +3,25 @@
 import json
 import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
 from endoct.modalities.keys import shown
 from endoct.stitching.errors import EndoctError, cause_of
-from endoct.synthetic.frame_process import begin_wall, frame_processes
+from endoct.stitching.worker_process import worker_process
 from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import NO_WISHES, Wish
+
+if TYPE_CHECKING:
+    from endoct.synthetic.model import Model
 
 MOST_WORKERS = 4
 
@@ -27,7 +33,7 @@ def simulate(
     seed: int = 0,
     bore_seed: int | None = None,
     wishes: Mapping[str, Wish] = NO_WISHES,
-    sample: Mapping[str, Any] | None = None,
+    sample: Mapping[str, object] | None = None,
     labels: bool = False,
     spectra: bool = False,
     on_progress: Progress | None = None,
@@ -38,27 +44,65 @@ def simulate(
     Files: ``oct/pullback.tif`` u8 (slice, depth, A-scan) and ``endoscope/frame_0000.png`` … (or ``frames.mkv``), each
     with its ``acquisition.toml``; ``truth/wall.zarr``, ``truth/recording.json`` (see
     :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``wishes`` are those of
-    :func:`endoct.synthetic.draw.draw`. ``sample``, the content of such a ``sample.json``, replays it; what is drawn
-    from does not matter then. ``labels`` adds ``truth/labels`` (:mod:`endoct.synthetic.labels`), ``spectra`` adds
+    :func:`endoct.synthetic.draw.draw`. ``sample``, the content of such a ``sample.json``, replays it; preset, seeds
+    and wishes do not matter then. ``labels`` adds ``truth/labels`` (:mod:`endoct.synthetic.labels`), ``spectra`` adds
     ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`). ``on_progress(stage, fraction)`` is called from this thread.
-    ``workers`` processors render (default: all, at most four): threads of this process, and all but one of them
-    mostly in a process of its own that traces a part of the wall and renders frames.
+    ``workers`` processors render (default: all, at most four): a thread of this process, and worker processes that
+    trace parts of the wall and render frames.
 
     Raises :class:`EndoctError` for an unknown preset, a bad seed or a sample that does not hold together.
     """
-    checked = _checked(sample) if sample is not None else None
+    replayed = _checked(sample) if sample is not None else None
     _check(preset, seed, bore_seed)
+    progress = on_progress or (lambda _stage, _fraction: None)
     workers = workers or min(MOST_WORKERS, os.cpu_count() or 1)
-    with frame_processes(workers - 1) as processes:
-        # what is imported here takes a while to load: meanwhile the processes get ready, and then trace
+    with ExitStack() as stack:
+        processes = [stack.enter_context(worker_process()) for _ in range(workers - 1)]
+        for process in processes:
+            process.call(_prepare)
+        # what is imported from here on takes a while to load: meanwhile the processes get ready, and then trace
         from endoct.synthetic.draw import draw
 
-        drawn = checked or draw(preset, seed, bore_seed=bore_seed, wishes=wishes)
-        begin_wall(processes, drawn)
-        from endoct.synthetic.recordings import write_specimen
+        drawn = replayed or draw(preset, seed, bore_seed=bore_seed, wishes=wishes)
+        from endoct.synthetic.bone.wall import part_of_wall
 
-        tell = on_progress or (lambda _stage, _fraction: None)
-        write_specimen(folder, drawn, processes, tell, workers=workers, labels=labels, spectra=spectra)
+        parts = [process.call(part_of_wall, drawn, k, len(processes)) for k, process in enumerate(processes)]
+        from endoct.synthetic.model import build_model
+        from endoct.synthetic.recordings import write_recordings
+
+        progress("wall", 0.0)
+        model = build_model(drawn, [part.result for part in parts])
+        progress("wall", 1.0)
+        folder.mkdir()
+        with ThreadPoolExecutor(1) as pool:
+            truth = pool.submit(_write_truth, folder / "truth", model)
+            write_recordings(folder, model, processes, progress)
+            truth.result()
+    if spectra:
+        from endoct.synthetic.oct.raw import write_spectra
+
+        advance = partial(progress, "spectra")
+        write_spectra(folder / "oct-spectra", drawn, model.wall, model.appearance, advance, workers)
+    if labels:
+        from endoct.synthetic.labels.writing import write_labels
+
+        write_labels(folder / "truth" / "labels", model, partial(progress, "labels"), workers)
+
+
+def _prepare() -> None:
+    """Load what it takes to trace the wall and to render frames; for a process of its own, which keeps to a thread."""
+    import cv2
+
+    import endoct.synthetic.bone.wall
+    import endoct.synthetic.endoscope.camera  # noqa: F401
+
+    cv2.setNumThreads(1)
+
+
+def _write_truth(folder: Path, model: "Model") -> None:
+    from endoct.synthetic.truth import write_truth  # takes a while to load: meanwhile others render
+
+    write_truth(folder, model.sample, model.wall)
 
 
 def _check(preset: PresetName, seed: int, bore_seed: int | None) -> None:
@@ -70,7 +114,7 @@ def _check(preset: PresetName, seed: int, bore_seed: int | None) -> None:
         raise EndoctError("a seed is too large", found=shown(largest), expected=f"{LARGEST_SEED} at most")
 
 
-def _checked(sample: Mapping[str, Any]) -> Sample:
+def _checked(sample: Mapping[str, object]) -> Sample:
     try:
         # as JSON, checking does not take true for 1, nor "2" for 2, and what is no JSON is no sample
         return Sample.model_validate_json(json.dumps(sample), strict=True)

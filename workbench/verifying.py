@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from endoct.modalities.recording import map_frames
 from endoct.stitching.contents import NAME as LIST_NAME
 from endoct.stitching.contents import Contents, Differences, differences, is_marked, read_contents
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import sha256_of
 from endoct.stitching.names import is_left_by_system
+from endoct.stitching.parallel import thread_map
 from endoct.workbench.dataset.building import LOCK_NAME, TOP_FILES
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import read_identity
@@ -93,7 +93,7 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
         record = read_record(root, unit)
         return record, None if record is None else _unit_verdict(root / unit.place, record)
 
-    for done, (unit, (record, verdict)) in enumerate(zip(units, map_frames(judged, units), strict=True), 1):
+    for done, (unit, (record, verdict)) in enumerate(zip(units, thread_map(judged, units), strict=True), 1):
         advance(done / len(units))
         if record is None or verdict is None:
             altered.append(f"{RECORDS}/{unit.name}.json")

@@ -28,12 +28,12 @@ from endoct.modalities.endoscope.places import (
 )
 from endoct.modalities.endoscope.unroll import pixel_map, recentred, sample
 from endoct.modalities.numbering import notes_on_gaps
-from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.kept import Kept
+from endoct.stitching.parallel import thread_map
 
 SURVEY_SIDE_PX = 480
 REFERENCE_FRAMES = 12
@@ -102,7 +102,7 @@ def _surveyed(
     outward_mm = np.linspace(-half_mm, half_mm, n_rows)
     look = _Look(scale, factor, reference, np.divide(optics.r_px(optics.rim_sign * outward_mm), factor))
     glimpses = []
-    for glimpse, strip in map_frames(look, stream):
+    for glimpse, strip in thread_map(look, stream):
         glimpses.append(glimpse)
         logs.append(strip)
 

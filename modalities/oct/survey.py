@@ -23,11 +23,11 @@ from endoct.modalities.oct.surface.fixed_lines import fixed_line_excess, points_
 from endoct.modalities.oct.turning.rotation import Rotation, even_rotation
 from endoct.modalities.oct.turning.start_angle import measure_starts
 from endoct.modalities.oct.turning.uneven_turn import measure_turns, turned
-from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.errors import NotSeen
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.kept import Computed, Kept
+from endoct.stitching.parallel import thread_map
 
 SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96
@@ -44,7 +44,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     examine = partial(_examine, acquisition=acquisition, parameters=parameters, n_theta=n_theta)
     with Kept[SliceEvidence]() as kept:
         places = []
-        for place, evidence in map_frames(examine, stream):
+        for place, evidence in thread_map(examine, stream):
             places.append(place)
             kept.append(evidence)
         return _calibrated(np.array(places), kept, acquisition, parameters, n_theta, (n_ascans, n_depth))

@@ -13,8 +13,8 @@ from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.undistort import beam_of
-from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.zarr_store import Named, consolidate, new_array, write_arrays
 
 INSIDE_MM = 0.05
@@ -67,7 +67,7 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
     shape = grid.n_z, grid.n_theta, radii.size
     array = new_array(group, "intensity", shape, dtype, ("z", "theta", "depth"), chunks=(1, *shape[1:]))
     rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
-    slices: Iterable[Image] = map_frames(partial(resample, calibration=calibration, radii_mm=radii), stream)
+    slices: Iterable[Image] = thread_map(partial(resample, calibration=calibration, radii_mm=radii), stream)
     for row, samples in zip(rows, slices, strict=True):
         array[int(row)] = _as_recorded(samples, dtype)
     for place in (store / "volume", store):  # a reader may begin at either

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.random import Generator
 
-from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Image
 from endoct.stitching.circle import gaussian
+from endoct.stitching.parallel import thread_map
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator, smooth_field
@@ -79,7 +79,7 @@ def texture(rng: Generator, grid: WallGrid, scale_mm: float) -> Image:
 def textures(sample: Sample, grid: WallGrid, first: int, scales_mm: Sequence[float], workers: int) -> list[Image]:
     """Return a :func:`texture` for each scale, drawn from the wall's generators ``first``, ``first`` + 1, …"""
     each = [(generator(sample.bore_seed, Stage.WALL, k), scale) for k, scale in enumerate(scales_mm, first)]
-    return list(map_frames(lambda one: texture(one[0], grid, one[1]), each, workers))
+    return list(thread_map(lambda one: texture(one[0], grid, one[1]), each, workers))
 
 
 def bore_relief(sample: Sample, workers: int = 1) -> BoreRelief:

@@ -7,7 +7,7 @@ may bake parts of it: a node's place does not depend on which others are baked w
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import chain
 
@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.parallel import thread_map
 from endoct.synthetic.bone.cavity import Indices, Near, air_mm, covers
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.opening import fan, patch, radial
@@ -35,6 +35,8 @@ Job = tuple[NDArray[np.intp], NDArray[np.int64]]
 """Nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
 Traced = tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]
 """The nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
+TracedElsewhere = Sequence[Callable[[], list[Traced]]]
+"""Each returns what :func:`part_of_wall` makes of part 0, 1, … of as many, once another process has made it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,10 @@ class Wall(WallMaps):
     """The maps, and the ``scene`` they were baked from."""
 
     scene: Scene
+
+    def maps(self) -> WallMaps:
+        """Return the maps alone, without the scene, which takes long to send to another process."""
+        return WallMaps(**{field.name: getattr(self, field.name) for field in fields(WallMaps)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +60,10 @@ class _Baked:
     wet: Image
 
 
-def build_wall(sample: Sample, workers: int = 1, elsewhere: Sequence[Callable[[], list[Traced]]] = ()) -> Wall:
-    """Return the wall that ``sample`` describes, made by ``workers`` threads, whose number changes nothing.
+def build_wall(sample: Sample, workers: int = 1, elsewhere: TracedElsewhere = ()) -> Wall:
+    """Return the wall that ``sample`` describes, made by ``workers`` threads, and in part ``elsewhere``.
 
-    ``elsewhere`` return what :func:`part_of_wall` makes, each in a process of its own, of part 0, 1, … of as many.
+    Neither changes the wall.
     """
     scene = build_scene(sample, workers=workers)
     grid, bore = scene.grid, sample.bore
@@ -84,7 +90,7 @@ def build_wall(sample: Sample, workers: int = 1, elsewhere: Sequence[Callable[[]
 
 
 def part_of_wall(sample: Sample, part: int, parts: int) -> list[Traced]:
-    """Return what one of ``parts`` processes beside the one that builds the wall traces of it."""
+    """Return what one of ``parts`` processes that help the one that builds the wall traces of it."""
     scene = build_scene(sample)
     return [_traced(scene, job) for job in _part(_jobs(scene, sample.bore.cells, 1), part, parts)]
 
@@ -139,7 +145,7 @@ class _AlongRadius:
         return self.wall_mm - t, np.ones_like(t)
 
 
-def _bake(scene: Scene, cells: Sequence[Cell], workers: int, elsewhere: Sequence[Callable[[], list[Traced]]]) -> _Baked:
+def _bake(scene: Scene, cells: Sequence[Cell], workers: int, elsewhere: TracedElsewhere) -> _Baked:
     """Trace radial rays through the nodes of the wall that cells reach."""
     n_nodes = scene.grid.n_z * scene.grid.n_theta
     relief = scene.relief.displacement_mm.ravel().copy()
@@ -147,7 +153,7 @@ def _bake(scene: Scene, cells: Sequence[Cell], workers: int, elsewhere: Sequence
     cell_id, wet = np.zeros(n_nodes, np.int32), np.zeros(n_nodes, np.float32)
     own = _part(_jobs(scene, cells, workers), len(elsewhere), len(elsewhere))
     by_others = chain.from_iterable(part() for part in elsewhere)
-    for nodes, traced in chain(map_frames(partial(_traced, scene), own, workers), by_others):
+    for nodes, traced in chain(thread_map(partial(_traced, scene), own, workers), by_others):
         relief[nodes], cell[nodes], cell_id[nodes], wet[nodes] = traced
     shape = scene.grid.n_z, scene.grid.n_theta
     return _Baked(relief.reshape(shape), cell.reshape(shape), cell_id.reshape(shape), wet.reshape(shape))
@@ -155,7 +161,7 @@ def _bake(scene: Scene, cells: Sequence[Cell], workers: int, elsewhere: Sequence
 
 def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[Job]:
     """Return all nodes to trace."""
-    reached = list(map_frames(partial(_reached, scene, cells), range(len(cells)), workers))
+    reached = list(thread_map(partial(_reached, scene, cells), range(len(cells)), workers))
     count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
     for nodes in reached:
         count[nodes] += 1

@@ -16,7 +16,10 @@ from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
 from endoct.synthetic.sample.randomness import Stage, generator
 
-__all__ = ["Seen", "band_centre_mm", "noise_free", "render_frame", "sight", "stored_frame"]
+__all__ = ["Seen", "StoredFrame", "band_centre_mm", "noise_free", "render_frame", "sight", "stored_frame"]
+
+StoredFrame = bytes | NDArray[np.uint8]
+"""A frame as it is stored: the bytes of a PNG file, or for a video the frame itself."""
 
 LEAST_BLUR_PX = 0.1
 BLEND_ROWS = 16
@@ -53,8 +56,8 @@ def render_frame(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np
     return compressed(camera, frame)
 
 
-def stored_frame(sample: Sample, wall: WallMaps, frame_index: int) -> bytes | NDArray[np.uint8]:
-    """Return :func:`render_frame` as it is stored: the bytes of a PNG file, or for a video the frame itself."""
+def stored_frame(sample: Sample, wall: WallMaps, frame_index: int) -> StoredFrame:
+    """Return :func:`render_frame` as it is stored."""
     frame = render_frame(sample, wall, frame_index)
     return frame if sample.endoscope.storage == "video" else png(frame)
 

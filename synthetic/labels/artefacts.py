@@ -4,11 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Mask
-from endoct.synthetic.bone.wall import Wall
-from endoct.synthetic.oct.appearance import Appearance
+from endoct.synthetic.model import Model
 from endoct.synthetic.oct.bscan import artificial
 from endoct.synthetic.oct.spectrometer import spectrometer
-from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 
 FLAGS = ("1 capillary face", "2 sheath or catheter", "4 detector line", "8 autocorrelation", "16 saturated A-scan")
@@ -18,13 +16,13 @@ FAINTEST_DB = 0.0
 """What is fainter than the noise is no artefact that one could see."""
 
 
-def artefacts(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
+def artefacts(model: Model, slice_index: int) -> NDArray[np.uint8]:
     """Return bit ``FLAGS`` of what outshines the noise, u8 (depth, A-scan).
 
     A line covers the samples within its full width at half maximum, wherever it appears: mirrored ones too.
     """
-    size, oct_ = PRESETS[sample.preset], sample.oct
-    light, column, saturated = artificial(sample, wall, appearance, slice_index)
+    size, oct_ = PRESETS[model.sample.preset], model.sample.oct
+    light, column, saturated = artificial(model.sample, model.wall, model.appearance, slice_index)
     n, unit = 2 * size.n_depth, spectrometer(oct_, 2 * size.n_depth).unit
     flags = np.zeros((size.n_depth, light.delay_px.shape[1]), np.uint8)
     reach_px = oct_.axial_resolution_mm / oct_.axial_pixel_mm

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.labels.pullback import Pullback
-from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.model import Model
 from endoct.synthetic.sample.presets import PRESETS
 
 COLUMNS = (
@@ -17,7 +16,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def write_cells(path: Path, sample: Sample, wall: Wall, pullback: Pullback, pixels: NDArray[np.intp]) -> None:
+def write_cells(path: Path, model: Model, pullback: Pullback, pixels: NDArray[np.intp]) -> None:
     """Write one row a cell that opens into the bore.
 
     ``z_mm``, ``theta_rad``: centre of its opening; ``opening_mm2`` on the nominal wall; ``depth_mm``: its deepest
@@ -25,6 +24,7 @@ def write_cells(path: Path, sample: Sample, wall: Wall, pullback: Pullback, pixe
     0 is a cell that this recording does not show. ``oct_covered``, ``endoscope_covered``: share of its opening
     within half a pitch of a slice, and within the band that a frame shows.
     """
+    sample, wall = model.sample, model.wall
     clear = pullback.shadow_db < 6
     row_limit = PRESETS[sample.preset].n_depth
     ascans = np.bincount(pullback.cell_id[clear & (pullback.surface_row < row_limit)].ravel(), minlength=pixels.size)

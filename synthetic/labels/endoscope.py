@@ -1,21 +1,20 @@
 """Labels of the endoscope's frames: where every pixel looks, what it sees there, and the A-scan that saw the same."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Image
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.zarr_store import consolidate
-from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.endoscope.camera import Seen, noise_free, sight
 from endoct.synthetic.endoscope.png import write_png
 from endoct.synthetic.labels.arrays import create
 from endoct.synthetic.labels.correspondence import ascans_of_places, cartesian_mm, nearest_places
 from endoct.synthetic.labels.pullback import Pullback
-from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.model import Model
+from endoct.synthetic.progress import Advance
 
 PIXEL = ("frame", "row", "column")
 MAPS = {
@@ -31,14 +30,14 @@ MAPS = {
 
 
 def write_endoscope_labels(
-    folder: Path, sample: Sample, wall: Wall, pullback: Pullback, tell: Callable[[float], None], workers: int
+    folder: Path, model: Model, pullback: Pullback, advance: Advance, workers: int
 ) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
     """Write ``endoscope.zarr`` and the noise-free twins ``endoscope_clean/frame_0000.png`` ….
 
     Return for every A-scan frame, row and column of the pixel that sees the same place, int32 (3, slice, A-scan), −1
     for none; and how many pixels see each cell, (n_cells + 1,).
     """
-    camera = sample.endoscope
+    sample, wall, camera = model.sample, model.wall, model.sample.endoscope
     n_frames = len(camera.z_mm)
     sizes = {"frame": n_frames, "row": camera.height_px, "column": camera.width_px}
     arrays = create(folder / "endoscope.zarr", sizes, MAPS, {})
@@ -61,7 +60,7 @@ def write_endoscope_labels(
         pixels[:, mine] = np.where(found >= 0, np.stack([np.full(found.size, i), row[found], column[found]]), -1)
         return seen, slice_, ascan, noise_free(sample, wall, i)
 
-    for i, (seen, slice_, ascan, twin) in enumerate(map_frames(look, range(n_frames), workers)):
+    for i, (seen, slice_, ascan, twin) in enumerate(thread_map(look, range(n_frames), workers)):
         values = {
             "z_mm": seen.z_mm, "theta_rad": seen.theta_rad, "depth_mm": seen.depth_mm, "cell_id": seen.cell,
             "obscured": seen.obscured, "valid": seen.valid, "oct_slice": slice_, "oct_ascan": ascan,
@@ -70,7 +69,7 @@ def write_endoscope_labels(
             arrays[name][i] = value
         write_png(twins / f"frame_{i:04d}.png", twin)
         seen_cells += np.bincount(seen.cell[seen.valid & ~seen.obscured], minlength=seen_cells.size)
-        tell((i + 1) / n_frames)
+        advance((i + 1) / n_frames)
     consolidate(folder / "endoscope.zarr")
     return pixels, seen_cells
 

@@ -1,21 +1,19 @@
 """Labels of the pullback: layers, artefacts, noise-free twins, and the pixels that saw the same."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from endoct.modalities.recording import map_frames
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.zarr_store import consolidate
-from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.labels.arrays import create
 from endoct.synthetic.labels.artefacts import FLAGS, artefacts
 from endoct.synthetic.labels.pullback import Pullback
-from endoct.synthetic.oct.appearance import Appearance
+from endoct.synthetic.model import Model
 from endoct.synthetic.oct.bscan import noise_free
-from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.progress import Advance
 from endoct.synthetic.sample.presets import PRESETS
 
 ASCAN = ("slice", "ascan")
@@ -43,19 +41,17 @@ OTHERS = {
 
 def write_oct_labels(
     folder: Path,
-    sample: Sample,
-    wall: Wall,
-    appearance: Appearance,
+    model: Model,
     pullback: Pullback,
     pixels: NDArray[np.int32],
-    tell: Callable[[float], None],
+    advance: Advance,
     workers: int,
 ) -> None:
     """Write ``oct.zarr`` and the noise-free twins ``oct_clean.tif``.
 
     ``pixels`` (3, slice, A-scan): frame, row and column of the pixel that sees the same place, −1 for none.
     """
-    size = PRESETS[sample.preset]
+    sample, size = model.sample, PRESETS[model.sample.preset]
     sizes = {"slice": size.n_slices, "depth": size.n_depth, "ascan": size.n_ascans}
     arrays = create(folder / "oct.zarr", sizes, LAYERS | OTHERS, {"axial_pixel_mm": sample.oct.axial_pixel_mm})
     for name in LAYERS:
@@ -64,13 +60,13 @@ def write_oct_labels(
         arrays[name][:] = values
 
     def twin(i: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        return noise_free(sample, wall, appearance, i), artefacts(sample, wall, appearance, i)
+        return noise_free(sample, model.wall, model.appearance, i), artefacts(model, i)
 
     with tifffile.TiffWriter(
         folder / "oct_clean.tif", bigtiff=size.n_slices * size.n_depth * size.n_ascans > 2**31
     ) as tiff:
-        for i, (clean, flags) in enumerate(map_frames(twin, range(size.n_slices), workers)):
+        for i, (clean, flags) in enumerate(thread_map(twin, range(size.n_slices), workers)):
             tiff.write(clean, photometric="minisblack", contiguous=True, metadata={"axes": "ZYX"})
             arrays["artefact"][i] = flags
-            tell((i + 1) / size.n_slices)
+            advance((i + 1) / size.n_slices)
     consolidate(folder / "oct.zarr")

@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.recording import map_frames
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.synthetic.bone.wall import Wall
+from endoct.stitching.parallel import thread_map
+from endoct.synthetic.model import Model
 from endoct.synthetic.oct.beams import Echoes
 from endoct.synthetic.oct.bscan import ascan_echoes
 from endoct.synthetic.sample.parameters import Sample
@@ -40,9 +40,10 @@ class Pullback:
     shadow_db: Image
 
 
-def look_along(sample: Sample, wall: Wall, workers: int) -> Pullback:
+def look_along(model: Model, workers: int) -> Pullback:
     """Return what all A-scans meet, also those between the columns that the renderer traces."""
-    slices = map_frames(lambda i: ascan_echoes(sample, wall, i), range(PRESETS[sample.preset].n_slices), workers)
+    sample = model.sample
+    slices = thread_map(lambda i: ascan_echoes(sample, model.wall, i), range(PRESETS[sample.preset].n_slices), workers)
     parts = [_of_slice(sample, echoes) for echoes in slices]
     return Pullback(
         **{field.name: np.stack([getattr(part, field.name) for part in parts]) for field in fields(Pullback)}

@@ -1,16 +1,16 @@
 """Raw spectra as the rig writes them: headerless little-endian u16, beside its two vectors."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from endoct.modalities.recording import map_frames
+from endoct.stitching.parallel import thread_map
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.bscan import offset, spectra
 from endoct.synthetic.oct.spectrometer import chirp
+from endoct.synthetic.progress import Advance
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 
@@ -22,7 +22,7 @@ CHAIN = (
 
 
 def write_spectra(
-    folder: Path, sample: Sample, wall: Wall, appearance: Appearance, tell: Callable[[float], None], workers: int
+    folder: Path, sample: Sample, wall: Wall, appearance: Appearance, advance: Advance, workers: int
 ) -> None:
     """Write ``spectra.bin`` (slice, A-scan, sample), ``Chirp.bin``, ``Offset.bin`` and ``spectra.json``.
 
@@ -33,10 +33,10 @@ def write_spectra(
     size = PRESETS[sample.preset]
     n = 2 * size.n_depth
     with (folder / "spectra.bin").open("wb") as file:
-        slices = map_frames(lambda i: spectra(sample, wall, appearance, i), range(size.n_slices), workers)
+        slices = thread_map(lambda i: spectra(sample, wall, appearance, i), range(size.n_slices), workers)
         for i, ascans in enumerate(slices, 1):
             file.write(np.ascontiguousarray(ascans, dtype="<u2").tobytes())
-            tell(i / size.n_slices)
+            advance(i / size.n_slices)
     (folder / "Chirp.bin").write_bytes(chirp(n).astype("<f8").tobytes())
     (folder / "Offset.bin").write_bytes(offset(sample).astype("<f8").tobytes())
     about = {

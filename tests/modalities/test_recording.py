@@ -1,7 +1,6 @@
 """Stacks of frames, read one at a time, in every file they come in."""
 
 import pickle
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from endoct.modalities.recording import image_files, map_frames, open_stack
+from endoct.modalities.recording import image_files, open_stack
 from endoct.stitching.errors import EndoctError
 
 STACK = np.random.default_rng(5).integers(0, 65536, (5, 24, 32), dtype=np.uint16)
@@ -209,55 +208,6 @@ def test_what_is_not_finite_is_refused_by_frame(value: float, tmp_path: Path) ->
 )
 def test_arrays_that_are_no_stack_are_refused(stack: np.ndarray, tmp_path: Path) -> None:
     refused(npy(stack)(tmp_path))
-
-
-@pytest.mark.parametrize("workers", [1, 2, 7, None])
-def test_mapping_keeps_the_order(workers: int | None) -> None:
-    assert list(map_frames(lambda value: value**2, range(40), workers)) == [k**2 for k in range(40)]
-
-
-def test_mapping_holds_few_frames() -> None:
-    held, most, lock = 0, 0, threading.Lock()
-
-    class Counted:
-        def __len__(self) -> int:
-            return 50
-
-        def __getitem__(self, index: int) -> int:
-            nonlocal held, most
-            if index >= 50:
-                raise IndexError(index)
-            with lock:
-                held += 1
-                most = max(most, held)
-            return index
-
-    for _ in map_frames(lambda index: index, Counted(), workers=3):
-        with lock:
-            held -= 1
-    assert most <= 3 + 2  # the workers', one waiting, and the one just handed over
-
-
-def test_an_error_comes_through_and_stops_the_work() -> None:
-    begun: list[int] = []
-
-    def work(index: int) -> int:
-        begun.append(index)
-        if index == 3:
-            raise EndoctError("frame 3 is broken")
-        return index
-
-    with pytest.raises(EndoctError, match="frame 3 is broken"):
-        list(map_frames(work, range(1000), workers=2))
-    assert len(begun) < 20
-
-
-def test_who_stops_early_leaves_no_thread_behind() -> None:
-    before = threading.active_count()
-    mapped = map_frames(lambda value: value, range(1000), workers=4)
-    assert next(mapped) == 0
-    mapped.close()
-    assert threading.active_count() == before
 
 
 def test_an_archive_named_npy_is_refused(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ import av
 import numpy as np
 import pytest
 
-from endoct.modalities.recording import map_frames, open_stack
+from endoct.modalities.recording import open_stack
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.parallel import thread_map
 
 N = 30
 ROWS, COLUMNS = np.mgrid[:64, :96]
@@ -89,7 +90,7 @@ def test_frames_are_the_same_in_any_order(name: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(stack[index], expected[index])
     assert not stack[3].flags.writeable
     again = pickle.loads(pickle.dumps(stack))
-    for found, frame in zip(map_frames(lambda frame: frame, again, workers=4), expected, strict=True):
+    for found, frame in zip(thread_map(lambda frame: frame, again, workers=4), expected, strict=True):
         np.testing.assert_array_equal(found, frame)
     for outside in (N, -1):
         with pytest.raises(IndexError):

@@ -77,10 +77,10 @@ def report(folder: Positional[Path]) -> int:
         folder: what `endoct compare` wrote
     """
     from endoct.workbench.report.page import write_report
-    from endoct.workbench.running.worker import process_beside
+    from endoct.workbench.running.second_process import second_process
 
-    with stages_for(False).stage("report"), process_beside() as beside:
-        path = write_report(folder, beside)
+    with stages_for(False).stage("report"), second_process() as process:
+        path = write_report(folder, process)
     say(f"report: {path}")
     return DONE
 

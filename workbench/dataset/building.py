@@ -9,9 +9,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from endoct.modalities.recording import map_frames
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_place
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
@@ -193,7 +193,7 @@ def _finished_bytes(root: Path, plan: Plan, stages: Stages) -> dict[str, int]:
     every = list(units(plan)) if (root / RECORDS).is_dir() else []
     sizes: dict[str, int] = {}
     with stages.stage("what is there") as advance:
-        records = map_frames(lambda unit: finished(root, plan, unit), every)
+        records = thread_map(lambda unit: finished(root, plan, unit), every)
         for done, (unit, record) in enumerate(zip(every, records, strict=True), 1):
             if record is not None:
                 sizes[unit.name] = record.bytes

@@ -22,6 +22,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama, save_panorama
+from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_mask
 from endoct.workbench.pipeline.inputs import digests, json_text, path_text, versions
 from endoct.workbench.pipeline.side_by_side import unroll_both
@@ -29,7 +30,7 @@ from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled, open_side, unroll_recording
 from endoct.workbench.report.pictures import save_pictures
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.worker import Beside, load, process_beside
+from endoct.workbench.running.second_process import second_process
 
 PICTURED_PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Where along the recording frames are shown in the report."""
@@ -60,10 +61,10 @@ def write_comparison(
     for path in truth:
         _check_truth(path)
     recordings = {k: one for k, one in opened.items() if isinstance(one, Opened)}
-    with process_beside() if len(recordings) == 2 else nullcontext() as beside:
-        made = _unrolled(recordings, stages, beside)
-        if beside is not None:
-            beside.call(load, "endoct.workbench.report.page")
+    with second_process() if len(recordings) == 2 else nullcontext() as process:
+        made = _unrolled(recordings, stages, process)
+        if process is not None:
+            process.preload("endoct.workbench.report.page")
         panoramas = {k: made[k].panorama if isinstance(one, Opened) else one for k, one in opened.items()}
         a, b = (
             panoramas[k] if k in panoramas else read_mask(side.path, like=panoramas.get(1 - k))
@@ -107,7 +108,7 @@ def write_comparison(
         with stages.stage("report"):
             from endoct.workbench.report.page import write_report  # only who draws loads matplotlib
 
-            write_report(folder, beside)
+            write_report(folder, process)
     return comparison
 
 
@@ -164,9 +165,9 @@ def _radius_mm(one: Panorama | Opened) -> float:
     return one.grid.radius_mm if isinstance(one, Panorama) else one.stream.acquisition.bore_diameter_mm / 2
 
 
-def _unrolled(recordings: Mapping[int, Opened], stages: Stages, beside: Beside | None) -> dict[int, Unrolled]:
+def _unrolled(recordings: Mapping[int, Opened], stages: Stages, process: WorkerProcess | None) -> dict[int, Unrolled]:
     if len(recordings) == 2:
-        return dict(enumerate(unroll_both(recordings[0], recordings[1], stages, beside)))
+        return dict(enumerate(unroll_both(recordings[0], recordings[1], stages, process)))
     return {k: unroll_recording(one, stages, "AB"[k]) for k, one in recordings.items()}
 
 

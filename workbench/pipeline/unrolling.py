@@ -10,11 +10,11 @@ from typing import Any, cast
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, VolumetricModality
-from endoct.modalities.recording import map_frames
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.files import State, check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.parallel import thread_map
 from endoct.workbench.pipeline.inputs import digests, versions
 from endoct.workbench.pipeline.settings import split
 from endoct.workbench.running.progress import Advance, Stages
@@ -87,7 +87,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
         with stages.stage(f"survey {title}") as advance:
             calibration = implementation.survey(_Watched(stream, advance), parameters)
         with stages.stage(f"unroll {title}") as advance:
-            strips = map_frames(partial(implementation.unroll, calibration=calibration), _Watched(stream, advance))
+            strips = thread_map(partial(implementation.unroll, calibration=calibration), _Watched(stream, advance))
             blended = assemble(
                 strips,
                 calibration,

@@ -13,6 +13,7 @@ from typing import Any
 from endoct.stitching.contents import is_marked, marked
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
+from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.report.doubts import doubts, without_stop
 from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
 from endoct.workbench.report.figures.drawing import Drawn
@@ -22,7 +23,6 @@ from endoct.workbench.report.tables import numbers, provenance, threshold_text
 from endoct.workbench.report.wording import bullets, interval_text, value_text
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.refusals import visible_lines
-from endoct.workbench.running.worker import Beside, Tell
 
 CSS_PIXELS_PER_INCH = 148
 LEAST_UNEVEN_DEG = 1.0
@@ -39,10 +39,10 @@ FIGURE_SECTIONS = {
 }
 
 
-def write_report(folder: Path, beside: Beside | None = None) -> Path:
+def write_report(folder: Path, process: WorkerProcess | None = None) -> Path:
     """Write ``figures/*.png`` and ``report.html`` into ``folder``, replacing older ones; return the page's path.
 
-    Half of the figures are drawn in the process ``beside`` where there is one. ``folder`` is what ``endoct compare``
+    Half of the figures are drawn in ``process`` where there is one. ``folder`` is what ``endoct compare``
     wrote; nothing else in it is changed. Raises :class:`EndoctError` where it is no whole comparison or cannot be
     written.
     """
@@ -55,7 +55,7 @@ def write_report(folder: Path, beside: Beside | None = None) -> Path:
     findings = read_findings(folder)
     with new_output(folder / "figures", FIGURES, overwrite=True) as figures:
         figures.mkdir()
-        there = None if beside is None else beside.call(_draw_there, folder, figures)
+        there = None if process is None else process.call(_draw_there, folder, figures)
         on_grid = draw_on_grid(findings, figures)
         own = draw_on_own_rows(findings, figures) if there is None else there.result()
         html = page_html(findings, [*on_grid, *own])
@@ -64,8 +64,7 @@ def write_report(folder: Path, beside: Beside | None = None) -> Path:
     return page
 
 
-def _draw_there(tell: Tell, folder: Path, figures: Path) -> list[Drawn]:
-    del tell
+def _draw_there(folder: Path, figures: Path) -> list[Drawn]:
     return draw_on_own_rows(read_findings(folder), figures)
 
 

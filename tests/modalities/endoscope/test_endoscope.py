@@ -19,12 +19,12 @@ from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.manifest import MANIFEST
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
-from endoct.modalities.recording import map_frames
 from endoct.modalities.registry import open_recording
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.blend import blend
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.parallel import thread_map
 
 N_SHORT = 7
 
@@ -36,7 +36,7 @@ def survey(path: Path, **overrides: Any) -> EndoscopeCalibration:
 
 def panorama(path: Path, calibration: EndoscopeCalibration) -> tuple[Image, Mask]:
     _, stream = open_recording(path)
-    strips = map_frames(lambda frame: ENDOSCOPE.unroll(frame, calibration), stream)
+    strips = thread_map(lambda frame: ENDOSCOPE.unroll(frame, calibration), stream)
     intensity, _, valid, _ = blend(strips, calibration.grid, calibration.row_z_mm)
     return intensity, valid
 

@@ -20,7 +20,7 @@ from endoct.workbench.report.doubts import doubts, flag_text
 from endoct.workbench.report.findings import read_findings
 from endoct.workbench.report.page import write_report
 from endoct.workbench.report.pictures import load_pictures, save_pictures
-from endoct.workbench.running.worker import process_beside
+from endoct.workbench.running.second_process import second_process
 
 LARGEST_PAGE_BYTES = 8_000_000
 
@@ -241,8 +241,8 @@ def test_only_figures_and_page_are_written_and_again_the_same(aligned: Made) -> 
         }
 
     first = digests()
-    with process_beside() as beside:  # that draws half of the figures
-        write_report(folder, beside)
+    with second_process() as process:  # that draws half of the figures
+        write_report(folder, process)
     assert digests() == first
     written = {name.split("/")[1] for name in first}
     assert written == {"comparison.zarr", "panoramas", "pictures", "result.json", "figures", "report.html"}

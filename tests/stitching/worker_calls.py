@@ -1,4 +1,4 @@
-"""Functions for a process beside to call: it imports them by name."""
+"""Functions for a worker process to call: it imports them by name."""
 
 import os
 import time
@@ -6,32 +6,36 @@ import time
 import numpy as np
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.running.worker import Tell
+from endoct.stitching.worker_process import Send
 
 LONG_S = 600
 
 
-def count_to(tell: Tell, last: int) -> int:
+def count_to(send: Send, last: int) -> int:
     for k in range(last):
-        tell(k)
+        send(k)
     print("what is printed is no answer")
     return last
 
 
-def refuse(tell: Tell, what: str) -> None:
+def refuse(what: str) -> None:
     raise EndoctError(what, found="nothing", expected="something", remedy="look again")
 
 
-def divide(tell: Tell, a: float, b: float) -> float:
+def divide(a: float, b: float) -> float:
     return a / b
 
 
-def end(tell: Tell) -> None:
+def identity_of(value: object) -> int:
+    return id(value)
+
+
+def end() -> None:
     os._exit(3)
 
 
-def sleep(tell: Tell) -> None:
-    tell(os.getpid())
+def sleep(send: Send) -> None:
+    send(os.getpid())
     time.sleep(LONG_S)
 
 
@@ -40,17 +44,17 @@ class OddError(OSError):
         super().__init__(f"{one} {two} {three}")
 
 
-def run_out_of_memory(tell: Tell) -> None:
+def run_out_of_memory() -> None:
     np.empty(2**57)
 
 
-def nest(tell: Tell) -> None:
-    nest(tell)
+def nest() -> None:
+    nest()
 
 
-def odd(tell: Tell) -> None:
+def odd() -> None:
     raise OddError(1, 2, 3)
 
 
-def give_what_cannot_be_sent(tell: Tell) -> object:
+def give_what_cannot_be_sent() -> object:
     return lambda: None

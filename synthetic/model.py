@@ -1,0 +1,22 @@
+"""A specimen in memory: the drawn sample, and what is built from it for both instruments to look at."""
+
+from dataclasses import dataclass
+
+from endoct.synthetic.bone.wall import TracedElsewhere, Wall, build_wall
+from endoct.synthetic.oct.appearance import Appearance, build_appearance
+from endoct.synthetic.sample.parameters import Sample
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The ``sample``, the ``wall`` it describes, and the ``appearance`` of that wall to the OCT."""
+
+    sample: Sample
+    wall: Wall
+    appearance: Appearance
+
+
+def build_model(sample: Sample, elsewhere: TracedElsewhere = ()) -> Model:
+    """Return the model of ``sample``; ``elsewhere`` is that of :func:`endoct.synthetic.bone.wall.build_wall`."""
+    wall = build_wall(sample, elsewhere=elsewhere)
+    return Model(sample, wall, build_appearance(sample, wall))

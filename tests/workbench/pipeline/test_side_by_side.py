@@ -1,0 +1,43 @@
+"""A recording unrolled in a worker process gives what it gives in this one."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.worker_process import WorkerProcess, worker_process
+from endoct.workbench.pipeline.side_by_side import unroll_both
+from endoct.workbench.pipeline.unrolling import open_side
+from endoct.workbench.running.progress import SilentStages
+
+
+@pytest.fixture
+def process() -> Iterator[WorkerProcess]:
+    with worker_process() as process:
+        yield process
+
+
+def test_two_recordings_unroll_as_one_by_one(short: Path, process: WorkerProcess) -> None:
+    # of one and the same recording, one copy is unrolled here and the other one there
+    opened = open_side(short / "oct", modality=None, settings={})
+    stages = SilentStages()
+    here, there = (made.panorama for made in unroll_both(opened, opened, stages, process))
+    assert {f"{step} {side} oct" for step in ("survey", "unroll", "settle") for side in "AB"} == set(stages.seconds)
+    for name in ("intensity", "depth_mm", "valid", "weight", "z_mm"):
+        assert getattr(here, name).tobytes() == getattr(there, name).tobytes(), name
+    assert here.per_frame.keys() == there.per_frame.keys()
+    assert all(here.per_frame[name].tobytes() == there.per_frame[name].tobytes() for name in here.per_frame)
+    assert here.provenance == there.provenance
+
+
+def test_what_cannot_be_used_is_told_in_the_same_line(tmp_path: Path, short: Path, process: WorkerProcess) -> None:
+    (tmp_path / "acquisition.toml").write_text((short / "oct" / "acquisition.toml").read_text())
+    np.save(tmp_path / "pullback.npy", np.random.default_rng(0).integers(90, 110, (5, 300, 256), dtype=np.uint8))
+    unusable = open_side(tmp_path, modality=None, settings={})
+    with pytest.raises(EndoctError) as one_by_one:
+        unroll_both(unusable, unusable, SilentStages(), None)
+    with pytest.raises(EndoctError) as at_once:
+        unroll_both(unusable, unusable, SilentStages(), process)
+    assert str(at_once.value) == str(one_by_one.value)
