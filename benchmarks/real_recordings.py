@@ -29,8 +29,8 @@ def distance_px(panorama: Panorama, slice_row: int, outline_px: np.ndarray) -> n
     """Return the distance of one slice's valid wall samples from the outline, along beams from the frame's centre."""
     assert panorama.depth_mm is not None
     valid = panorama.valid[slice_row]
-    offset_mm = panorama.per_frame["offset_mm"][slice_row]
-    direction_rad = panorama.per_frame["offset_direction_rad"][slice_row]
+    offset_mm = panorama.per_frame["offset_mm"].values[slice_row]
+    direction_rad = panorama.per_frame["offset_direction_rad"].values[slice_row]
     radius_mm = panorama.grid.radius_mm + panorama.depth_mm[slice_row, valid]
     theta_rad = panorama.grid.theta_rad[valid]
     x_mm = radius_mm * np.cos(theta_rad) - offset_mm * np.cos(direction_rad)
@@ -44,7 +44,7 @@ def coronary(folder: Path) -> None:
     """Print how well the sheath is fitted and the wall is found."""
     panorama = unroll(folder)
     outlines_px = np.load(folder / "lumen_px.npy")
-    index = panorama.per_frame["slice_index"]
+    index = panorama.per_frame["slice_index"].values
     error = [distance_px(panorama, row, outlines_px[index[row]]) for row in range(panorama.grid.n_z)]
     for name, rows in (("all", index >= 0), ("even", index % 2 == 0), ("odd", index % 2 == 1)):
         size = np.abs(np.concatenate([e for e, chosen in zip(error, rows, strict=True) if chosen]))
@@ -52,12 +52,12 @@ def coronary(folder: Path) -> None:
             f"{name:5s} slices: wall off by {np.median(size):.2f} px in the median, {np.percentile(size, 90):.2f} px "
             f"at the 90th percentile; {panorama.valid[rows].mean():.1%} valid"
         )
-    residual_px = panorama.per_frame["residual_mm"] / MM_PER_PX
+    residual_px = panorama.per_frame["residual_mm"].values / MM_PER_PX
     print(
         f"sheath: residual {np.median(residual_px):.2f} px in the median, {residual_px.max():.2f} px at most; "
-        f"{int(panorama.per_frame['bridged'].sum())} of {residual_px.size} slices bridged"
+        f"{int(panorama.per_frame['bridged'].values.sum())} of {residual_px.size} slices bridged"
     )
-    for note in panorama.provenance["notes"]:
+    for note in panorama.notes:
         print("not trusted:", note)
 
 

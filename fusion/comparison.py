@@ -130,7 +130,7 @@ def _align(
 def _drawn_on(one: Panorama, other: Panorama) -> bool:
     """Say whether ``one`` is a mask drawn on the samples of ``other``, and so needs no alignment."""
     drawn = one.modality == MASK_MODALITY and bool(one.provenance.get("drawn_on_other_side"))
-    return drawn and one.grid == other.grid and np.array_equal(one.z_mm, other.z_mm)
+    return drawn and one.grid == other.grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +223,7 @@ def _names(a: Panorama, b: Panorama) -> tuple[str, str]:
 def _doubts(side: Panorama, told: _Told) -> list[str]:
     """Return why a side's panorama as a whole, or its cells, are not to be trusted."""
     doubt = told.segmentation.doubt
-    return [*side.provenance.get("doubts", ()), *([doubt] if doubt else [])]
+    return [*side.doubts, *([doubt] if doubt else [])]
 
 
 def _result(

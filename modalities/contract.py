@@ -31,6 +31,7 @@ from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError, cause_of
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import Meaning
 from endoct.stitching.strip import Strip
 
 Channel = Literal["intensity", "depth", "volume"]
@@ -65,7 +66,9 @@ class Manifest:
 
     Attributes: ``name`` as in the sidecar's ``modality``; ``title`` for people; ``suffixes`` of the files it
     reads; ``acquisition``, the model of its sidecar; ``provides``; ``frame_dim``, what a frame is called in
-    its panoramas; ``implementation``, "module:name" of the :class:`Modality`.
+    its panoramas; ``implementation``, "module:name" of the :class:`Modality`; ``per_frame``, what the numbers per
+    frame in its calibrations, diagnostics and panoramas mean, by name (those not named mean what their names say, see
+    :func:`~endoct.stitching.per_frame.usual_meaning`).
     """
 
     name: str
@@ -75,6 +78,7 @@ class Manifest:
     provides: frozenset[Channel]
     frame_dim: str
     implementation: str
+    per_frame: Mapping[str, Meaning] = field(default_factory=dict, hash=False)
 
     def load(self) -> "Modality":
         """Import the implementation. Raises :class:`EndoctError` naming what is missing."""

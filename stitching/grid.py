@@ -6,10 +6,10 @@
     centre      θ0      θ0+Δθ    θ0+2Δθ          …       θ is a circle: column n is column 0
     edges    |    .   |    .   |    .   |   …  |   .   |
 
-Integer index = pixel centre. Rows are z (mm, inward), columns are θ (rad).
+Integer index = pixel centre. Rows are z (mm, inward), columns are θ (rad). Columns are even; rows need not be.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,13 +21,14 @@ from endoct.stitching.limits import check_array_size
 
 @dataclass(frozen=True)
 class SurfaceGrid:
-    """A regular grid over the full circle of a bore wall.
+    """A grid over the full circle of a bore wall.
 
     Attributes: ``n_z`` rows and ``n_theta`` columns; ``z0_mm`` and ``theta0_rad`` the centre of row 0 and
-    column 0; ``dz_mm`` > 0 and ``dtheta_rad`` the steps; ``radius_mm`` the nominal bore radius.
+    column 0; ``dz_mm`` > 0 and ``dtheta_rad`` the steps; ``radius_mm`` the nominal bore radius; ``rows_mm`` the centres
+    of rows that do not lie at even steps, of which ``dz_mm`` is then the typical one, else None.
 
-    Raises :class:`EndoctError` where a step is not positive, the columns do not close the circle, or a panorama on
-    the grid would take more memory than one array may.
+    Raises :class:`EndoctError` where a step is not positive, the columns do not close the circle, rows do not ascend,
+    or a panorama on the grid would take more memory than one array may.
     """
 
     n_z: int
@@ -37,6 +38,7 @@ class SurfaceGrid:
     theta0_rad: float
     dtheta_rad: float
     radius_mm: float
+    rows_mm: tuple[float, ...] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.n_z < 1 or self.n_theta < 1:
@@ -56,6 +58,10 @@ class SurfaceGrid:
                 found=f"{self.n_theta} × {self.dtheta_rad} rad",
                 expected="2π rad in all",
             )
+        if self.rows_mm is not None:
+            rows = np.asarray(self.rows_mm)
+            if rows.shape != (self.n_z,) or not np.isfinite(rows).all() or not np.all(np.diff(rows) > 0):
+                raise EndoctError("the rows of a panorama must have one ascending z each")
 
     @classmethod
     def full_circle(
@@ -63,6 +69,12 @@ class SurfaceGrid:
     ) -> "SurfaceGrid":
         """Return the grid whose ``n_theta`` columns share the circle evenly."""
         return cls(n_z, n_theta, z0_mm, dz_mm, theta0_rad, 2 * np.pi / n_theta, radius_mm)
+
+    def with_rows(self, z_mm: ArrayLike) -> "SurfaceGrid":
+        """Return the grid with its rows at ``z_mm``, (n_z,), ascending, which need not be even."""
+        even = replace(self, rows_mm=None)
+        rows = np.asarray(z_mm, dtype=np.float64)
+        return even if np.array_equal(rows, even.z_mm) else replace(self, rows_mm=tuple(rows.tolist()))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -72,6 +84,8 @@ class SurfaceGrid:
     @property
     def z_mm(self) -> Coordinates:
         """Centre of every row, float64 (n_z,), mm, ascending."""
+        if self.rows_mm is not None:
+            return np.array(self.rows_mm, dtype=np.float64)
         return self.z0_mm + self.dz_mm * np.arange(self.n_z, dtype=np.float64)
 
     @property
@@ -86,7 +100,11 @@ class SurfaceGrid:
 
     def row_of(self, z_mm: ArrayLike) -> Coordinates:
         """Return the fractional row index of ``z_mm`` (any shape), not limited to the grid."""
-        return (np.asarray(z_mm, dtype=np.float64) - self.z0_mm) / self.dz_mm
+        places = np.asarray(z_mm, dtype=np.float64)
+        if self.rows_mm is None:
+            return (places - self.z0_mm) / self.dz_mm
+        beyond = places - np.clip(places, self.rows_mm[0], self.rows_mm[-1])
+        return np.asarray(np.interp(places, self.rows_mm, np.arange(self.n_z)) + beyond / self.dz_mm)
 
     def column_of(self, theta_rad: ArrayLike) -> Coordinates:
         """Return the fractional column index of ``theta_rad`` (any shape), in [0, n_theta)."""

@@ -13,7 +13,8 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.json_values import an_object, number, texts
 from endoct.stitching.panorama import SURFACE, Panorama
-from endoct.stitching.zarr_store import Named, read_arrays, read_attributes, write_arrays
+from endoct.stitching.per_frame import PerFrame, per_frame
+from endoct.stitching.zarr_store import Named, read_array_attributes, read_arrays, read_attributes, write_arrays
 
 FORMAT = "endoct-panorama-1"
 
@@ -22,7 +23,8 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
     """Write ``panorama`` to ``path``, which must not exist (see :func:`endoct.stitching.output.new_output`).
 
     Dims (z, theta) with coordinates in mm and rad; ``intensity``, ``valid``, ``weight``, ``depth_mm`` where
-    there is depth; the per-frame quality on the dim named ``frame_dim``.
+    there is depth; the per-frame quality on the dim named ``frame_dim``,
+    with what it means as ``units``, ``long_name`` and ``trusted_when``.
     """
     surface, units_mm = ("z", "theta"), {"units": "mm"}
     arrays = {
@@ -35,9 +37,9 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
     if panorama.depth_mm is not None:
         arrays["depth_mm"] = Named(surface, panorama.depth_mm, units_mm)
     frame_z = f"{panorama.frame_dim}_z_mm"
-    for name, values in panorama.per_frame.items():
-        dims = (panorama.frame_dim, *(f"{name}_{axis}" for axis in range(1, values.ndim)))
-        arrays[name] = Named(dims, values, units_mm if name == frame_z else {})
+    for name, one in panorama.per_frame.items():
+        dims = (panorama.frame_dim, *(f"{name}_{axis}" for axis in range(1, one.values.ndim)))
+        arrays[name] = Named(dims, one.values, _meaning_attributes(one))
     grid = panorama.grid
     attributes = {
         "format": FORMAT,
@@ -46,7 +48,9 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
         "handedness_known": panorama.handedness_known,
         "travel_known": panorama.travel_known,
         **grid_attributes(grid),
-        "provenance": json.dumps(panorama.provenance),
+        "provenance": json.dumps(
+            {**panorama.provenance, "notes": list(panorama.notes), "doubts": list(panorama.doubts)}
+        ),
     }
     write_arrays(path, arrays, attributes, coordinates=[frame_z] if frame_z in arrays else ())
 
@@ -101,9 +105,9 @@ def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mappin
         raise EndoctError(f"{what} is not whole", found=f"no {missing[0]}", remedy="unroll the recording again")
     if any(values.dtype.kind == "O" for values in arrays.values()):
         raise EndoctError(f"{what} cannot be used", found="texts", expected="numbers")
+    provenance, notes, doubts = _provenance(attributes, what)
     panorama = Panorama(
-        grid=stored_grid(attributes, arrays["intensity"].shape, what),
-        z_mm=arrays["z"],
+        grid=stored_grid(attributes, arrays["intensity"].shape, what).with_rows(arrays["z"]),
         intensity=arrays["intensity"],
         depth_mm=arrays.get("depth_mm"),
         valid=arrays["valid"].astype(np.bool_),
@@ -112,8 +116,14 @@ def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mappin
         handedness_known=bool(attributes.get("handedness_known")),
         travel_known=bool(attributes.get("travel_known")),
         frame_dim=attributes.get("frame_dim", ""),
-        per_frame={name: values for name, values in arrays.items() if name not in SURFACE},
-        provenance=_provenance(attributes, what),
+        per_frame={
+            name: _described(name, values, read_array_attributes(path, name))
+            for name, values in arrays.items()
+            if name not in SURFACE
+        },
+        provenance=provenance,
+        notes=notes,
+        doubts=doubts,
     )
     for name in ("intensity", "weight"):
         if not np.isfinite(getattr(panorama, name)[panorama.valid]).all():
@@ -121,14 +131,28 @@ def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mappin
     return panorama
 
 
-def _provenance(attributes: Mapping[str, Any], what: str) -> dict[str, Any]:
+def _meaning_attributes(one: PerFrame) -> dict[str, str]:
+    units = {"units": one.unit} if one.unit else {}
+    trusted = {} if one.trusted_when is None else {"trusted_when": str(one.trusted_when).lower()}
+    return {**units, "long_name": one.title, **trusted}
+
+
+def _described(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -> PerFrame:
+    """Return ``values`` with what their attributes say; older stores say nothing, and the name has to do."""
+    if "long_name" not in attributes:
+        return per_frame({name: values}, {})[name]
+    trusted_when = {"true": True, "false": False}.get(str(attributes.get("trusted_when")))
+    return PerFrame(values, attributes.get("units", ""), attributes["long_name"], trusted_when)
+
+
+def _provenance(attributes: Mapping[str, Any], what: str) -> tuple[dict[str, Any], tuple[str, ...], tuple[str, ...]]:
+    """Return the provenance of a store without its notes and doubts, and these."""
     stored = attributes.get("provenance")
     if not isinstance(stored, str):
         raise EndoctError(f"{what} does not say where it comes from", expected="'provenance' in its attributes")
     found = an_object(json.loads(stored), f"the provenance of {what}")
-    for key in ("notes", "doubts"):
-        texts(found, key, f"the provenance of {what}")
+    notes, doubts = (texts(found, key, f"the provenance of {what}") for key in ("notes", "doubts"))
     for key in ("parameters", "inputs", "acquisition", "versions"):
         if found.get(key) is not None:
             an_object(found[key], f"'{key}' in the provenance of {what}")
-    return found
+    return {key: value for key, value in found.items() if key not in ("notes", "doubts")}, notes, doubts

@@ -105,6 +105,12 @@ def read_attributes(path: Path) -> dict[str, Any]:
     return an_object(told.get("attributes", {}), f"the attributes of {path}")
 
 
+def read_array_attributes(path: Path, name: str) -> dict[str, Any]:
+    """Return the attributes of an array of a store. Raises :class:`EndoctError` where its metadata cannot be read."""
+    told = read_object(path / plain_name(name, f"an array of {path}") / "zarr.json", MOST_METADATA_BYTES)
+    return an_object(told.get("attributes", {}), f"the attributes of {path / name}")
+
+
 def read_arrays(path: Path, names: Iterable[str] | None = None, *, together: int = 4) -> dict[str, NDArray[Any]]:
     """Return the arrays of a store that endoct wrote, all or those of ``names`` that are there.
 

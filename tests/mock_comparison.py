@@ -93,7 +93,7 @@ def _panorama(side: Kind, intensity: Any, depth_mm: Any, valid: Any) -> Panorama
         "pair_trusted": np.ones(15, np.bool_),
     }
     return Panorama(
-        GRID, GRID.z_mm, intensity, depth_mm if side.depth else None, valid, valid.astype(np.float32),
+        GRID, intensity, depth_mm if side.depth else None, valid, valid.astype(np.float32),
         "mask" if side.drawn else side.name.split("-")[0], True, True, "slice", {} if side.drawn else per_frame,
     )  # fmt: skip
 

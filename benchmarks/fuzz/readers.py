@@ -120,7 +120,7 @@ def _drawn_on() -> Any:
     grid = type(like.grid).full_circle(n_z, n_theta, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
     rows, columns = slice(0, 2 * n_z, 2), slice(0, 2 * n_theta, 2)
     images = (like.intensity[rows, columns], None, like.valid[rows, columns], like.weight[rows, columns])
-    return Panorama(grid, grid.z_mm, *images, "oct", True, True)
+    return Panorama(grid, *images, "oct", True, True)
 
 
 def _panorama(path: Path) -> None:

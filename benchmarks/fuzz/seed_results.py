@@ -41,14 +41,15 @@ def panorama(modality: str = "oct") -> Panorama:
         else {"roll_rad": 0.1 * of_frames, "pair_trusted": np.ones(N_FRAMES, np.bool_)}
     )
     provenance = {
-        "notes": ["Depth rows hold fixed lines."], "doubts": [], "inputs": {"oct/pullback.tif": "cd" * 32},
+        "inputs": {"oct/pullback.tif": "cd" * 32},
         "acquisition": {"handedness": "mirrored", "modality": modality}, "parameters": {"n_theta": 32}, "versions": {},
     }  # fmt: skip
     return Panorama(
-        GRID, GRID.z_mm, np.where(cells, 40, 150) + rng.normal(0, 5, GRID.shape).astype(np.float32),
+        GRID, np.where(cells, 40, 150) + rng.normal(0, 5, GRID.shape).astype(np.float32),
         (np.where(cells, 0.6, 0.0) + rng.normal(0, 0.01, GRID.shape)).astype(np.float32) if is_oct else None,
         valid, valid.astype(np.float32), modality, True, True, dim,
         {f"{dim}_z_mm": of_frames, f"{dim}_index": np.arange(N_FRAMES), **own}, provenance,
+        ("Depth rows hold fixed lines.",),
     )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ def prepare(
     grid = panorama.grid
     values = np.where(valid, shown, np.float32(0))
     slants = panorama.per_frame.get("view_slant")
-    slant = None if slants is None or not np.isfinite(slants).all() else float(np.mean(slants))
+    slant = None if slants is None or not np.isfinite(slants.values).all() else float(np.mean(slants.values))
     raw = Evidence(values, valid, panorama.z_mm, grid.dz_mm, grid.theta0_rad, grid.radius_mm, kind, slant)
     if kind == "relief":
         return replace(raw, values=relief(values, valid, panorama.z_mm))

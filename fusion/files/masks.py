@@ -111,7 +111,6 @@ def _panorama(
     rater, session = (rater, session) if rater else (session, "1")
     return Panorama(
         grid=grid,
-        z_mm=grid.z_mm if on is None else on.z_mm,
         intensity=cell.astype(np.float32),
         depth_mm=None,
         valid=np.ones(cell.shape, np.bool_),
@@ -121,7 +120,6 @@ def _panorama(
         handedness_known=on is not None,
         travel_known=on is not None,
         provenance={
-            "notes": [],
             "drawn_on_other_side": on is not None,
             "mask": path.name,
             "rater": (told and told.rater) or rater,

@@ -8,6 +8,7 @@ from endoct.modalities.acquisition import Acquisition, Travel
 from endoct.modalities.contract import Manifest
 from endoct.modalities.recording import IMAGE_SUFFIXES
 from endoct.modalities.video import VIDEO_SUFFIXES
+from endoct.stitching.per_frame import Meaning
 
 Rim = Literal["ahead", "behind"]
 MOST_PX = 1e5
@@ -104,4 +105,24 @@ MANIFEST = Manifest(
     provides=frozenset({"intensity"}),
     frame_dim="frame",
     implementation="endoct.modalities.endoscope.plugin:ENDOSCOPE",
+    per_frame={
+        "view_slant": Meaning("view slant"),
+        "roll_rad": Meaning("roll", "rad"),
+        "annulus_x_px": Meaning("annulus x", "px"),
+        "annulus_y_px": Meaning("annulus y", "px"),
+        "annulus_inner_px": Meaning("annulus inner", "px"),
+        "annulus_outer_px": Meaning("annulus outer", "px"),
+        "annulus_inner_x_px": Meaning("annulus inner x", "px"),
+        "annulus_inner_y_px": Meaning("annulus inner y", "px"),
+        "annulus_found": Meaning("annulus found", trusted_when=True),
+        "feed_mm": Meaning("feed", "mm"),
+        "pair_correlation": Meaning("pair correlation"),
+        "pair_confidence": Meaning("pair confidence"),
+        "pair_trusted": Meaning("pair trusted", trusted_when=True),
+        "exposure": Meaning("exposure"),
+        "saturated_fraction": Meaning("saturated fraction"),
+        "probe_offset_x_mm": Meaning("probe offset x", "mm"),
+        "probe_offset_y_mm": Meaning("probe offset y", "mm"),
+        "valid_fraction": Meaning("valid fraction"),
+    },
 )

@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from endoct.modalities.acquisition import Acquisition, Handedness, Travel
 from endoct.modalities.contract import Manifest
+from endoct.stitching.per_frame import Meaning
 
 
 class OctAcquisition(Acquisition):
@@ -69,4 +70,28 @@ MANIFEST = Manifest(
     provides=frozenset({"intensity", "depth", "volume"}),
     frame_dim="slice",
     implementation="endoct.modalities.oct.plugin:OCT",
+    per_frame={
+        "sine_amplitude_mm": Meaning("sine amplitude", "mm"),
+        "sine_omega": Meaning("sine omega"),
+        "sine_phase_rad": Meaning("sine phase", "rad"),
+        "sine_offset_mm": Meaning("sine offset", "mm"),
+        "offset_mm": Meaning("offset", "mm"),
+        "offset_direction_rad": Meaning("offset direction", "rad"),
+        "glass_mm": Meaning("glass", "mm"),
+        "inlier_fraction": Meaning("inlier fraction"),
+        "residual_mm": Meaning("residual", "mm"),
+        "bridged": Meaning("bridged", trusted_when=False),
+        "start_angle_rad": Meaning("start angle", "rad"),
+        "start_angle_known": Meaning("start angle known", trusted_when=True),
+        "start_angle_sigma_rad": Meaning("start angle sigma", "rad"),
+        "turn_length": Meaning("turn length"),
+        "rotation_amplitude_rad": Meaning("rotation amplitude", "rad"),
+        "rotation_known": Meaning("rotation known", trusted_when=True),
+        "rotation_sigma_rad": Meaning("rotation sigma", "rad"),
+        "rotation_harmonics_rad": Meaning("rotation harmonics", "rad"),
+        "lost_at_rad": Meaning("lost at", "rad"),
+        "lost_rad": Meaning("lost", "rad"),
+        "surface_fraction": Meaning("surface fraction"),
+        "wall_sigmas": Meaning("wall sigmas"),
+    },
 )

@@ -11,6 +11,7 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import PerFrame
 
 ODD_WALL_SHARE = 0.1
 
@@ -19,7 +20,7 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
     """Return ``panorama`` with a helical scan's rows sheared into place, and notes on a faint wall or an odd place."""
     if calibration.acquisition.scan == "helical" and panorama.grid.n_z > 1:
         panorama = _sheared(panorama, calibration)
-    panorama = _faint_slices_told(panorama, calibration)
+    panorama = _with_faint_slices(panorama, calibration)
     if panorama.depth_mm is None or not panorama.valid.any():
         return panorama
     median_mm = float(np.median(panorama.depth_mm[panorama.valid]))
@@ -30,26 +31,22 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
         "median; bore_diameter_mm, capillary_outer_diameter_mm or axial_pixel_mm may be wrong, or the wrong line "
         "was taken for the capillary."
     )
-    panorama = _with_note(panorama, note)
-    return replace(panorama, provenance={**panorama.provenance, "doubts": [note]})
+    return replace(panorama, notes=(*panorama.notes, note), doubts=(*panorama.doubts, note))
 
 
-def _faint_slices_told(panorama: Panorama, calibration: OctCalibration) -> Panorama:
+def _with_faint_slices(panorama: Panorama, calibration: OctCalibration) -> Panorama:
     """Flag the slices that unrolling took for not valid because their wall hardly stands out of the noise."""
     least = calibration.parameters.least_wall_sigmas
-    faint = (panorama.per_frame["wall_sigmas"] < least) & ~panorama.per_frame["bridged"]
-    panorama = replace(panorama, per_frame={**panorama.per_frame, "wall_faint": faint})
+    faint = (panorama.per_frame["wall_sigmas"].values < least) & ~panorama.per_frame["bridged"].values
+    flag = PerFrame(faint, "", "wall faint", trusted_when=False)
+    panorama = replace(panorama, per_frame={**panorama.per_frame, "wall_faint": flag})
     if not faint.any():
         return panorama
-    return _with_note(
-        panorama,
+    note = (
         f"In {np.count_nonzero(faint)} of {faint.size} slices the wall stands out of the noise by less than {least:g} "
-        "standard errors (least_wall_sigmas); their samples are not valid.",
+        "standard errors (least_wall_sigmas); their samples are not valid."
     )
-
-
-def _with_note(panorama: Panorama, note: str) -> Panorama:
-    return replace(panorama, provenance={**panorama.provenance, "notes": [*panorama.provenance.get("notes", ()), note]})
+    return replace(panorama, notes=(*panorama.notes, note))
 
 
 def _sheared(panorama: Panorama, calibration: OctCalibration) -> Panorama:

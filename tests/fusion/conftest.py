@@ -87,7 +87,6 @@ def panorama(
     valid = np.ones(intensity.shape, np.bool_) if valid is None else valid
     return Panorama(
         grid=grid,
-        z_mm=grid.z_mm,
         intensity=np.asarray(intensity, np.float32),
         depth_mm=None if depth_mm is None else np.asarray(depth_mm, np.float32),
         valid=valid,

@@ -42,13 +42,13 @@ def assembled(*told: dict[str, float]) -> Panorama:
 
 def test_diagnostics_of_strips_are_told_by_ascending_z() -> None:
     panorama = assembled({"focus": 1.0}, {"focus": 2.0}, {"focus": 3.0})
-    np.testing.assert_array_equal(panorama.per_frame["focus"], [3.0, 2.0, 1.0])
-    np.testing.assert_array_equal(panorama.per_frame["slice_index"], [2, 1, 0])
+    np.testing.assert_array_equal(panorama.per_frame["focus"].values, [3.0, 2.0, 1.0])
+    np.testing.assert_array_equal(panorama.per_frame["slice_index"].values, [2, 1, 0])
 
 
 @pytest.mark.parametrize("later", [{}, {"sharpness": 1.0}])
 def test_every_frame_tells_the_same_figures(later: dict[str, float]) -> None:
-    with pytest.raises(EndoctError, match="tells other figures of frame 1 than of the first"):
+    with pytest.raises(EndoctError, match="gives other diagnostics of frame 1 than of the first"):
         assembled({"focus": 1.0}, later, {"focus": 1.0})
 
 

@@ -71,3 +71,17 @@ def test_columns_are_periodic(grid: SurfaceGrid, theta_rad: float, turns: int) -
 def test_impossible_grids_are_refused(changes: dict[str, float], says: str) -> None:
     with pytest.raises(EndoctError, match=says):
         replace(GRID, **changes)
+
+
+@pytest.mark.parametrize("z_mm", [[0.0, 0.1, 0.1], [0.3, 0.2, 0.1], [0.0, 0.1], [0.0, np.nan, 0.2], [0.0, 0.1, np.inf]])
+def test_rows_must_ascend(z_mm: list[float]) -> None:
+    with pytest.raises(EndoctError, match="ascending"):
+        GRID.with_rows(z_mm)
+
+
+def test_rows_need_not_be_even() -> None:
+    uneven = GRID.with_rows([10.0, 10.1, 11.0])
+    np.testing.assert_array_equal(uneven.z_mm, [10.0, 10.1, 11.0])
+    assert uneven != GRID
+    assert uneven.with_rows(GRID.z_mm) == GRID
+    np.testing.assert_allclose(uneven.row_of([10.05, 10.1, 10.55, 12.0, 9.5]), [0.5, 1.0, 1.5, 4.0, -1.0])

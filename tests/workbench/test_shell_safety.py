@@ -61,9 +61,7 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 def panorama(tmp_path: Path) -> Path:
     """A panorama whose modality and notes somebody made up."""
     values = np.ones(GRID.shape, np.float32)
-    made = Panorama(
-        GRID, GRID.z_mm, values, None, values > 0, values, "oct", True, True, "slice", {}, {"notes": [HOSTILE]}
-    )
+    made = Panorama(GRID, values, None, values > 0, values, "oct", True, True, "slice", {}, {}, (HOSTILE,))
     save_panorama(made, tmp_path / "p.zarr")
     return tmp_path / "p.zarr"
 

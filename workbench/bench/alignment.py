@@ -129,7 +129,7 @@ def _seen(scene: Image, random: np.random.Generator, gamma: float, contrast: flo
 def _panorama(image: Image) -> Panorama:
     grid = SurfaceGrid.full_circle(N_Z, N_THETA, z0_mm=0.0, dz_mm=PX_MM, radius_mm=RADIUS_MM)
     valid = np.ones(image.shape, np.bool_)
-    return Panorama(grid, grid.z_mm, image, None, valid, valid.astype(np.float32), "blobs", False, False)
+    return Panorama(grid, image, None, valid, valid.astype(np.float32), "blobs", False, False)
 
 
 def judge(case: Case, answer: Any) -> Mapping[str, float]:

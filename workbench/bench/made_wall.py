@@ -64,7 +64,6 @@ def made_panorama(seed: int, index: int, modality: str, conditions: Mapping[str,
     valid = _seen(rng_of(seed, index, "missing"), grid, conditions["missing"])
     panorama = Panorama(
         grid=grid,
-        z_mm=grid.z_mm,
         intensity=np.where(valid, intensity, 0.0),
         depth_mm=None if depth_mm is None else np.where(valid, depth_mm, 0.0),
         valid=valid,

@@ -93,7 +93,7 @@ def beam_errors_rad(panorama: Panorama, truth: Truth) -> Coordinates:
     ``rotation_harmonics_rad`` with the factors of cos a, sin a, cos 2a, …, ``lost_at_rad``). One angle common to all
     slices is taken off.
     """
-    of, told = truth.recording["oct"], panorama.per_frame
+    of, told = truth.recording["oct"], {name: one.values for name, one in panorama.per_frame.items()}
     index = told[f"{panorama.frame_dim}_index"]
     nominal = 2 * np.pi * (np.arange(N_NOMINAL) + 0.5) / N_NOMINAL
     errors = np.empty((index.size, N_NOMINAL))

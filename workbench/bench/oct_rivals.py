@@ -83,7 +83,7 @@ def ransac_circle(recording: Path) -> Panorama:
     mm, sense = float(sidecar["axial_pixel_mm"]), -1 if sidecar["handedness"] == "mirrored" else 1
     depth = np.zeros(base.grid.shape)
     theta = base.grid.theta_rad
-    for row, i in enumerate(base.per_frame["slice_index"]):
+    for row, i in enumerate(base.per_frame["slice_index"].values):
         samples = np.asarray(stream[int(i)].samples, dtype=np.float32)
         alpha = sidecar["theta_origin_rad"] + sense * 2 * np.pi * np.arange(samples.shape[0]) / samples.shape[0]
         first = round(0.3 * samples.shape[1])  # past the sheath's lines, which would always win

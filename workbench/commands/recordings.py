@@ -50,7 +50,7 @@ def unroll(
         "columns": panorama.grid.n_theta,
         "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
         "valid_fraction": float(panorama.valid.mean()),
-        "notes": list(panorama.provenance.get("notes", ())),
+        "notes": list(panorama.notes),
     }
     if json:
         print_json(facts)
@@ -59,7 +59,7 @@ def unroll(
             f"panorama: {output} ({facts['rows']} rows × {facts['columns']} columns, "
             f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
         )
-        for note in panorama.provenance.get("notes", ()):
+        for note in panorama.notes:
             say(f"not trusted: {note}")
     return DONE
 

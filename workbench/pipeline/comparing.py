@@ -88,7 +88,7 @@ def write_comparison(
             **comparison.result,
             **against.result,
             "notes": {
-                n: list(dict.fromkeys([*p.provenance.get("notes", ()), *comparison.result["doubts"][n]]))
+                n: list(dict.fromkeys([*p.notes, *comparison.result["doubts"][n]]))
                 for n, p in zip(comparison.sides, (a, b), strict=True)
             },
             "versions": versions(),

@@ -55,7 +55,7 @@ def describe(path: Path, modality: str | None = None) -> dict[str, Any]:
             "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
             "depth": panorama.depth_mm is not None,
             "valid_fraction": float(panorama.valid.mean()),
-            "notes": list(panorama.provenance.get("notes", ())),
+            "notes": list(panorama.notes),
         }
     manifest = manifest_for(path, modality)
     keys = read_keys(path) | {"modality": manifest.name}

@@ -71,7 +71,8 @@ def true_pose(panorama: Panorama, truth: Truth) -> Pose:
 
     Raises :class:`EndoctError` where it was made of something else, or the truth is damaged.
     """
-    of, index = truth.recording.get(panorama.modality), panorama.per_frame.get(f"{panorama.frame_dim}_index")
+    of, frames = truth.recording.get(panorama.modality), panorama.per_frame.get(f"{panorama.frame_dim}_index")
+    index = None if frames is None else frames.values
     if of is None or index is None or not _tells_of(of, index):
         raise EndoctError(
             f"the truth of a simulated specimen says nothing of this {panorama.modality} panorama",
@@ -96,16 +97,17 @@ def _tells_of(of: object, index: NDArray[Any]) -> bool:
 
 
 def _pose(panorama: Panorama, of: Mapping[str, Any], index: NDArray[Any]) -> Pose:
-    z_panorama = panorama.per_frame[f"{panorama.frame_dim}_z_mm"]
+    z_panorama = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
     # a helical turn advances while it is recorded: the truth tells of its first A-scan, the panorama of its middle
     advance_mm = number({"z_advance_mm": 0.0, **of}, "z_advance_mm", -1e3, 1e3, "the truth")
     z_bore = _numbers(of["z_mm"])[index] + advance_mm / 2
     if "roll_rad" in of:  # the panorama's angle of a frame is image angle + estimated roll
-        turn = _numbers(of["roll_rad"])[index] - panorama.per_frame["roll_rad"]
+        turn = _numbers(of["roll_rad"])[index] - panorama.per_frame["roll_rad"].values
         return Pose(float(turn[0] + np.median(wrap_rad(turn - turn[0]))), 1, z_panorama, z_bore)
     # a common angle of all turns is nothing a recording can know: the middle of theirs against what was found
     late = _numbers(of["start_angle_rad"]) + np.pi * (_numbers(of["turn_length"]) - 1)
-    late = late[index] - panorama.per_frame.get("start_angle_rad", 0.0)
+    corrected = panorama.per_frame.get("start_angle_rad")
+    late = late[index] - (0.0 if corrected is None else corrected.values)
     common = float(np.angle(np.sum(np.exp(1j * late))))
     stated_mirrored = panorama.provenance["acquisition"]["handedness"] == "mirrored"
     sense = -1 if number(of, "theta_sense", -1, 1, "the truth") < 0 else 1

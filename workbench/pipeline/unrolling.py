@@ -93,7 +93,6 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
                 calibration,
                 manifest,
                 provenance={
-                    "notes": list(calibration.notes),
                     "parameters": parameters.model_dump(mode="json"),
                     "acquisition": stream.acquisition.model_dump(mode="json", exclude_none=True),
                     "versions": versions(),
@@ -106,7 +105,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     if not panorama.valid.any():
         raise NotSeen(
             f"nothing of the wall could be seen in {opened.path}",
-            found=" ".join(panorama.provenance.get("notes", ())).rstrip(".") or "no valid sample in the panorama",
+            found=" ".join(panorama.notes).rstrip(".") or "no valid sample in the panorama",
             expected="a recording of a bore wall",
             remedy=f"look at the {manifest.frame_dim}s",
         )

@@ -16,9 +16,6 @@ LEAST_DRIFT_MM = 0.1
 SURE_OF_DRIFT = 2.5
 """nor by less than so many standard errors."""
 
-SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "known", "ok")
-"""Flags whose names end so speak for a frame; every other flag, "bridged" say, speaks against it."""
-
 
 def doubts(findings: Findings) -> list[str]:
     """Return everything that was not trusted: the alignment, what was not seen, frames, and the sides' own notes."""
@@ -28,16 +25,10 @@ def doubts(findings: Findings) -> list[str]:
     ]
 
 
-def doubted_frames(side: SideFindings) -> Mapping[str, Mask]:
-    """Return per flag that a modality reports the frames, bool (n_frames,), for which it speaks against them."""
-    flags = {name: v for name, v in sorted(side.panorama.per_frame.items()) if v.dtype == np.bool_ and v.ndim == 1}
-    return {name: ~values if _speaks_for(name) else values for name, values in flags.items()}
-
-
-def flag_text(name: str) -> str:
-    """Return what it means that the flag ``name`` speaks against a frame: "bridged", "pair not trusted"."""
-    words = name.split("_")
-    return " ".join([*words[:-1], "not", words[-1]] if _speaks_for(name) else words)
+def doubted_frames(side: SideFindings) -> list[tuple[str, Mask]]:
+    """Return what every flag says of the frames it speaks against ("bridged"), and these frames, bool (n_frames,)."""
+    flags = (one for _, one in sorted(side.panorama.per_frame.items()) if one.trusted_when is not None)
+    return [(one.doubt, one.doubted) for one in flags]
 
 
 def on_the_whole(result: Mapping[str, Any]) -> Iterator[str]:
@@ -85,9 +76,9 @@ def _on_side(findings: Findings, side: SideFindings) -> Iterator[str]:
     share = float(side.panorama.valid.mean())
     if share < LEAST_VALID_SHARE:
         yield f"{side.name}: only {share:.1%} of its own panorama is observed wall."
-    for name, frames in doubted_frames(side).items():
+    for doubt, frames in doubted_frames(side):
         if frames.any():
-            yield f"{side.name}: {_sentence(side, flag_text(name), frames)}"
+            yield f"{side.name}: {_sentence(side, doubt, frames)}"
     for note in findings.result.get("notes", {}).get(side.name, ()):
         yield f"{side.name}: {note}"
 
@@ -115,7 +106,3 @@ def _runs(frames: Mask) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
 
 def _span(first: str, last: str) -> str:
     return first if first == last else f"{first}–{last}"
-
-
-def _speaks_for(name: str) -> bool:
-    return name.split("_")[-1] in SPEAKS_FOR

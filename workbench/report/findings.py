@@ -46,8 +46,8 @@ class SideFindings:
     @property
     def frame_z_mm(self) -> Coordinates:
         """Place of every frame, float64 (n_frames,), mm, in the side's own frame; empty where unknown."""
-        values = self.panorama.per_frame.get(f"{self.panorama.frame_dim}_z_mm", np.empty(0))
-        return np.asarray(values, dtype=np.float64)
+        places = self.panorama.per_frame.get(f"{self.panorama.frame_dim}_z_mm")
+        return np.empty(0) if places is None else np.asarray(places.values, dtype=np.float64)
 
 
 @dataclass(frozen=True)

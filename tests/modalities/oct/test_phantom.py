@@ -128,12 +128,12 @@ def test_a_lost_slice_is_bridged_and_not_valid(unrolled: Unrolled, make_phantom:
 def test_slices_that_show_no_wall_are_not_valid(unrolled: Unrolled, make_phantom: Any) -> None:
     seen, faint, lost = (make_phantom(wall_db=wall_db).log_counts() for wall_db in (19.0, -3.0, -20.0))
     _, calibration, panorama = unrolled(make_phantom(), np.concatenate([seen[:4], faint[4:5], lost[5:]]))
-    sigmas = panorama.per_frame["wall_sigmas"]
-    np.testing.assert_array_equal(panorama.per_frame["wall_faint"], [False] * 4 + [True] * 2)
+    sigmas = panorama.per_frame["wall_sigmas"].values
+    np.testing.assert_array_equal(panorama.per_frame["wall_faint"].values, [False] * 4 + [True] * 2)
     assert sigmas[:4].min() > 100 > calibration.parameters.least_wall_sigmas > sigmas[4:].max()
     assert panorama.valid[:4].mean() > 0.95
     assert not panorama.valid[4:].any()
-    assert "In 2 of 6 slices the wall stands out" in panorama.provenance["notes"][-1]
+    assert "In 2 of 6 slices the wall stands out" in panorama.notes[-1]
 
 
 def test_dead_ascans_are_not_valid(unrolled: Unrolled, make_phantom: Any) -> None:

@@ -224,9 +224,9 @@ def test_slices_that_start_anywhere_are_turned_back_by_capillary_and_cells(
     )
     assert straight.depth_mm is not None
     assert turned_back.depth_mm is not None
-    start = turned_back.per_frame["start_angle_rad"]
+    start = turned_back.per_frame["start_angle_rad"].values
     assert np.abs(wrap_rad(start + 2 * np.pi * rolls / 720)).max() < 0.06
-    assert np.all(np.diff(turned_back.per_frame["start_angle_sigma_rad"]) > 0)
+    assert np.all(np.diff(turned_back.per_frame["start_angle_sigma_rad"].values) > 0)
     assert any("uncertain" in note for note in calibration.notes)
     both, either = [
         op(straight.depth_mm > 0.1, turned_back.depth_mm > 0.1).sum() for op in (np.logical_and, np.logical_or)

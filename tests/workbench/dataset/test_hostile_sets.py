@@ -133,7 +133,7 @@ GRID = SurfaceGrid.full_circle(16, 32, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
 def panorama(modality: str, **per_frame: Any) -> Panorama:
     frames = {"frame_index": np.arange(16), "frame_z_mm": 0.2 * np.arange(16), "roll_rad": np.zeros(16)}
     return Panorama(
-        GRID, GRID.z_mm, np.ones(GRID.shape), None, np.ones(GRID.shape, np.bool_), np.ones(GRID.shape), modality, True,
+        GRID, np.ones(GRID.shape), None, np.ones(GRID.shape, np.bool_), np.ones(GRID.shape), modality, True,
         True, "frame", {**frames, **per_frame}, {"acquisition": {"handedness": "same"}},
     )  # fmt: skip
 

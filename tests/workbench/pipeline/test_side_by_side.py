@@ -28,8 +28,10 @@ def test_two_recordings_unroll_as_one_by_one(short: Path, process: WorkerProcess
     for name in ("intensity", "depth_mm", "valid", "weight", "z_mm"):
         assert getattr(here, name).tobytes() == getattr(there, name).tobytes(), name
     assert here.per_frame.keys() == there.per_frame.keys()
-    assert all(here.per_frame[name].tobytes() == there.per_frame[name].tobytes() for name in here.per_frame)
+    for name, one in here.per_frame.items():
+        assert one.values.tobytes() == there.per_frame[name].values.tobytes(), name
     assert here.provenance == there.provenance
+    assert (here.notes, here.doubts) == (there.notes, there.doubts)
 
 
 def test_what_cannot_be_used_is_told_in_the_same_line(tmp_path: Path, short: Path, process: WorkerProcess) -> None:

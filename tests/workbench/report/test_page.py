@@ -16,7 +16,7 @@ from mock_comparison import Kind, mock_pictures, write_comparison
 from PIL import Image
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.report.doubts import doubts, flag_text
+from endoct.workbench.report.doubts import doubts
 from endoct.workbench.report.findings import read_findings
 from endoct.workbench.report.page import write_report
 from endoct.workbench.report.pictures import load_pictures, save_pictures
@@ -273,11 +273,3 @@ def test_pictures_are_read_as_they_were_written(tmp_path: Path) -> None:
         assert list(after.curves) == list(before.curves)
         for label, curve in before.curves.items():
             np.testing.assert_array_equal(after.curves[label], curve)
-
-
-def test_flags_that_speak_for_a_frame_are_told_from_those_against_it() -> None:
-    assert [flag_text(name) for name in ("bridged", "pair_trusted", "rotation_known")] == [
-        "bridged",
-        "pair not trusted",
-        "rotation not known",
-    ]

@@ -1,6 +1,7 @@
 """Per-frame quality and geometry along the bore, whatever a modality reports."""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.circle import wrap_rad
-from endoct.workbench.report.doubts import doubted_frames, flag_text
+from endoct.workbench.report.doubts import doubted_frames
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     INK,
@@ -25,7 +26,6 @@ from endoct.workbench.report.figures.drawing import (
 )
 from endoct.workbench.report.findings import SideFindings
 
-UNITS = {"mm": "mm", "rad": "°", "px": "px", "hz": "Hz", "deg": "°", "s": "s"}
 MAX_COMPONENTS = 4
 TICK_STEPS = (1, 2, 2.5, 5, 10)
 
@@ -33,42 +33,52 @@ TICK_STEPS = (1, 2, 2.5, 5, 10)
 def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
     """Draw every varying number per frame against z, frames that were not trusted marked."""
     z_mm, numbers = side.frame_z_mm, _numbers(side)
-    varying = {name: v for name, v in numbers.items() if np.isfinite(v).any() and not _is_constant(v)}
+    varying = {name: one for name, one in numbers.items() if _varies(one.values)}
     if not varying or z_mm.size < 2:
         return None
-    suspect = {name: flags for name, flags in doubted_frames(side).items() if flags.any()}
+    doubted = [(doubt, frames) for doubt, frames in doubted_frames(side) if frames.any()]
     flagged = np.zeros(z_mm.size, dtype=np.bool_)
-    for flags in suspect.values():
-        flagged |= flags
+    for _, frames in doubted:
+        flagged |= frames
     columns = 2 if len(varying) > 1 else 1
     rows = math.ceil(len(varying) / columns)
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 1.05 * rows)
         pitch_in = PAGE_WIDTH_IN / columns
-        for k, (name, values) in enumerate(varying.items()):
+        for k, one in enumerate(varying.values()):
             row, column = divmod(k, columns)
             axes = place(figure, column * pitch_in + 0.5, row * 1.05, pitch_in - 0.6, 0.8)
-            _plot(axes, name, values, z_mm, flagged)
+            _plot(axes, one, z_mm, flagged)
             if k + columns >= len(varying):
                 axes.set_xlabel("z, inward (mm)")
             else:
                 axes.tick_params(labelbottom=False)
         saved = save(figure, folder / f"quality-{side.name}.png")
-    finite = {name: v[np.isfinite(v)] for name, v in numbers.items() if np.isfinite(v).any()}
+    finite = {name: v.values[np.isfinite(v.values)] for name, v in numbers.items() if np.isfinite(v.values).any()}
     constant = [f"{name} = {v[0]:.4g}" for name, v in finite.items() if name not in varying]
     caption = (
         f"Against each {side.panorama.frame_dim}'s z in the side's own frame. "
-        + (f"Red crosses: {' or '.join(flag_text(name) for name in suspect)}. " if flagged.any() else "")
+        + (f"Red crosses: {' or '.join(doubt for doubt, _ in doubted)}. " if flagged.any() else "")
         + (f"The same throughout: {', '.join(constant)}." if constant else "")
     )
     return Drawn(saved, "quality", f"Quality per {side.panorama.frame_dim}, {side.name}", caption)
 
 
-def _numbers(side: SideFindings) -> dict[str, NDArray[np.float64]]:
-    """Return every number per frame by name, each float64 (n_frames,); a short vector becomes its components."""
-    numbers: dict[str, NDArray[np.float64]] = {}
+@dataclass(frozen=True, eq=False)
+class _Number:
+    """One number per frame, float64 (n_frames,), with what its plot is called and its unit."""
+
+    values: NDArray[np.float64]
+    title: str
+    unit: str
+
+
+def _numbers(side: SideFindings) -> dict[str, _Number]:
+    """Return every number per frame by name; a short vector becomes its components."""
+    numbers: dict[str, _Number] = {}
     dim = side.panorama.frame_dim
-    for name, values in sorted(side.panorama.per_frame.items()):  # a Zarr group keeps no order
+    for name, one in sorted(side.panorama.per_frame.items()):  # a Zarr group keeps no order
+        values = one.values
         if (
             name in (f"{dim}_z_mm", f"{dim}_index")
             or values.dtype == np.bool_
@@ -76,23 +86,27 @@ def _numbers(side: SideFindings) -> dict[str, NDArray[np.float64]]:
         ):
             continue
         if values.ndim == 1:
-            numbers[name] = values.astype(np.float64)
+            numbers[name] = _Number(values.astype(np.float64), one.title, one.unit)
         elif values.ndim == 2 and values.shape[1] <= MAX_COMPONENTS:
-            numbers |= {f"{name}[{k}]": values[:, k].astype(np.float64) for k in range(values.shape[1])}
-    return {name: values for name, values in numbers.items() if values.size == side.frame_z_mm.size}
+            numbers |= {
+                f"{name}[{k}]": _Number(values[:, k].astype(np.float64), f"{one.title} [{k}]", one.unit)
+                for k in range(values.shape[1])
+            }
+    return {name: one for name, one in numbers.items() if one.values.size == side.frame_z_mm.size}
 
 
-def _plot(axes: Axes, name: str, values: NDArray[np.float64], z_mm: NDArray[Any], flagged: Mask) -> None:
-    label, unit = _label_and_unit(name)
-    shown = np.degrees(_around_mean(values)) if name.endswith("_rad") else values
+def _plot(axes: Axes, one: _Number, z_mm: NDArray[Any], flagged: Mask) -> None:
+    is_angle = one.unit == "rad"
+    unit = "°" if is_angle else one.unit
+    shown = np.degrees(_around_mean(one.values)) if is_angle else one.values
     # an angle that runs right round gets no lines over its jumps
-    wraps = name.endswith("_rad") and np.nanmax(shown) - np.nanmin(shown) > 300
+    wraps = is_angle and np.nanmax(shown) - np.nanmin(shown) > 300
     axes.plot(z_mm, shown, ".", color=BLUE, markersize=2.5)
     if not wraps:
         axes.plot(z_mm, shown, "-", color=BLUE, linewidth=0.5, alpha=0.5)
     if flagged.any():
         axes.plot(z_mm[flagged], shown[flagged], "x", color=VERMILION, markersize=4.5, markeredgewidth=1.0)
-    axes.set_title(f"{label} ({unit})" if unit else label, pad=2, fontsize=7.5)
+    axes.set_title(f"{one.title} ({unit})" if unit else one.title, pad=2, fontsize=7.5)
     axes.grid(color="#e6e6e6", linewidth=0.4)
     for edge in ("top", "right"):
         axes.spines[edge].set_visible(False)
@@ -111,14 +125,6 @@ def _around_mean(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(mean + wrap_rad(angle_rad - mean))
 
 
-def _label_and_unit(name: str) -> tuple[str, str]:
-    base, bracket, component = name.partition("[")
-    words = base.split("_")
-    unit = UNITS.get(words[-1], "") if len(words) > 1 else ""
-    label = " ".join(words[:-1] if unit else words)
-    return f"{label} {bracket}{component}".strip(), unit
-
-
-def _is_constant(values: NDArray[np.float64]) -> bool:
+def _varies(values: NDArray[np.float64]) -> bool:
     finite = values[np.isfinite(values)]
-    return bool(np.ptp(finite) <= 1e-9 * max(1.0, float(np.abs(finite).max())))
+    return finite.size > 0 and bool(np.ptp(finite) > 1e-9 * max(1.0, float(np.abs(finite).max())))

@@ -1,0 +1,108 @@
+"""Numbers per frame with what they mean: unit, title, and of a flag which value speaks for its frame."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from endoct.stitching.arrays import Mask, readonly
+from endoct.stitching.errors import EndoctError
+
+_TEXT = re.compile(r"[\w ()/°%.,·+−-]{0,100}")
+"""What titles and units may hold: figures and pages show them, also those of a file from elsewhere."""
+
+_UNITS = {"mm": "mm", "rad": "rad", "deg": "°", "px": "px", "hz": "Hz", "s": "s"}
+"""Units by the last word of a name."""
+
+_SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "known", "ok")
+"""Last words of names of flags that are true of frames to be trusted."""
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What numbers per frame mean.
+
+    Attributes: ``title``, what they are, in words ("pair correlation"), of a flag what it says where it is true ("pair
+    trusted"); ``unit`` of the numbers, "" where they have none; ``trusted_when``, of a flag, the value of frames that
+    can be trusted, None where it says nothing about that.
+    """
+
+    title: str
+    unit: str = ""
+    trusted_when: bool | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PerFrame:
+    """Numbers per frame: ``values``, (n_frames, …), read-only; the others as in :class:`Meaning`.
+
+    Raises :class:`EndoctError` where a title or a unit is no short plain text, or something else than one flag a frame
+    says which frames can be trusted.
+    """
+
+    values: NDArray[Any]
+    unit: str
+    title: str
+    trusted_when: bool | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", readonly(self.values, np.asarray(self.values).dtype))
+        for text in (self.title, self.unit):
+            if not isinstance(text, str) or not _TEXT.fullmatch(text):
+                raise EndoctError(
+                    "the title or the unit of what is given per frame cannot be used",
+                    found=repr(text)[:80],
+                    expected="a short plain text",
+                )
+        if self.trusted_when is not None and (self.values.dtype != np.bool_ or self.values.ndim != 1):
+            raise EndoctError(
+                f"'{self.title}' cannot say which frames are to be trusted",
+                found=f"{self.values.dtype} {self.values.shape}",
+                expected="true or false for every frame",
+            )
+
+    @property
+    def doubted(self) -> Mask:
+        """The frames that a flag speaks against, bool (n_frames,); none where it says nothing about that."""
+        if self.trusted_when is None:
+            return np.zeros(len(self.values), np.bool_)
+        return np.asarray(self.values != self.trusted_when)
+
+    @property
+    def doubt(self) -> str:
+        """What a flag says of the frames it speaks against: "bridged", "pair not trusted"."""
+        if not self.trusted_when:
+            return self.title
+        *words, last = self.title.split(" ")
+        return " ".join([*words, "not", last])
+
+
+def per_frame(values: Mapping[str, ArrayLike | PerFrame], meanings: Mapping[str, Meaning]) -> dict[str, PerFrame]:
+    """Return ``values`` by name with their ``meanings``; what is not among those means what its name says.
+
+    See :func:`usual_meaning`.
+    """
+    described = {}
+    for name, given in values.items():
+        if isinstance(given, PerFrame):
+            described[name] = given
+            continue
+        array = np.asarray(given)
+        meaning = meanings.get(name) or usual_meaning(name, array)
+        described[name] = PerFrame(array, meaning.unit, meaning.title, meaning.trusted_when)
+    return described
+
+
+def usual_meaning(name: str, values: NDArray[Any]) -> Meaning:
+    """Return what numbers mean that nobody declared, by the conventions for names.
+
+    A name ends in its unit ("residual_mm"). A flag, bool (n_frames,), speaks for its frames where its name ends as
+    "trusted", "found" or "known" do, and else against them ("bridged").
+    """
+    words = name.split("_")
+    unit = _UNITS.get(words[-1], "") if len(words) > 1 else ""
+    trusted_when = words[-1] in _SPEAKS_FOR if values.dtype == np.bool_ and values.ndim == 1 else None
+    return Meaning(" ".join(words[:-1] if unit else words), unit, trusted_when)
