@@ -38,7 +38,7 @@ from endoct.fusion.registration.refinement import (
 )
 from endoct.fusion.registration.search import search
 from endoct.stitching.circle import wrap_rad
-from endoct.workbench.bench.alignment import PX_MM, RADIUS_MM, RANGES, cases, judge
+from endoct.workbench.bench.tasks.alignment import PX_MM, RADIUS_MM, RANGES, cases, judge
 
 Z_SCALES = 0.95, 1.05
 LBFGS_ROUNDS = 30

@@ -19,9 +19,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.ticker import MaxNLocator
 
-from endoct.workbench.bench.asking import parse_seeds
-from endoct.workbench.bench.oct import RANGES
+from endoct.workbench.bench.case_selection import parse_seeds
 from endoct.workbench.bench.runner import Plan, Row, run_source
+from endoct.workbench.bench.tasks.oct import RANGES
 
 VARIANTS = ("endoct", "even", "sine", "sine-even", "no-rotation", "no-turn-length", "no-start-angle", "no-lost-ascans")
 RIVALS = ("literal", "brightest-wall", "ransac-circle", "phase-correlation", "blockwise-correlation")

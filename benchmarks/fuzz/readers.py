@@ -239,9 +239,9 @@ def _output(path: Path) -> None:
 
 def _unfinished(path: Path) -> None:
     from benchmarks.fuzz.seed_outputs import PLAN
-    from endoct.workbench.bench.keeping import kept_beside
+    from endoct.workbench.bench.checkpoint import open_checkpoint
 
-    kept_beside(path / "results", PLAN, overwrite=False).read()
+    open_checkpoint(path / "results", PLAN, overwrite=False).read()
 
 
 def _seeds(module: str, *names: str) -> Callable[[], Iterator[Seed]]:

@@ -9,7 +9,7 @@ from benchmarks.fuzz.seed_sets import set_seeds
 from benchmarks.fuzz.trees import Seed, read_tree
 from endoct.stitching.output import new_output
 from endoct.stitching.store import save_panorama
-from endoct.workbench.bench.keeping import kept_beside
+from endoct.workbench.bench.checkpoint import open_checkpoint
 from endoct.workbench.bench.runner import Plan, Row
 
 KIND = "panorama"
@@ -36,10 +36,10 @@ def output_seeds() -> Iterator[Seed]:
 def unfinished_seeds() -> Iterator[Seed]:
     """Yield what the bench keeps beside its output."""
     with tempfile.TemporaryDirectory() as scratch:
-        kept = kept_beside(Path(scratch) / "results", PLAN, overwrite=False)
+        checkpoint = open_checkpoint(Path(scratch) / "results", PLAN, overwrite=False)
         for place in range(2):
             row = Row(
                 f"case {place}", "otsu", "ok", "", 0.5, 0.4, {"cell_mm": 0.5, "oct.scan": "step"}, {"jaccard": 0.7}
             )
-            kept.put(place, [row, Row("case", "endoct", "failed", "it raised", 0.1, 0.1, {}, {})])
+            checkpoint.save(place, [row, Row("case", "endoct", "failed", "it raised", 0.1, 0.1, {}, {})])
         yield Seed("unfinished", "", read_tree(Path(scratch)))

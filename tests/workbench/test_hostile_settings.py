@@ -11,7 +11,7 @@ import pytest
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.draw import draw
 from endoct.synthetic.specimen import simulate as render
-from endoct.workbench.bench.asking import parse_seeds
+from endoct.workbench.bench.case_selection import parse_seeds
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.simulating import simulate
 from endoct.workbench.pipeline.vary import parse_vary

@@ -25,11 +25,12 @@ from endoct.stitching.names import spreadsheet_text
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench import cli
-from endoct.workbench.bench.paired import Difference, difference_table, write_differences
+from endoct.workbench.bench.results.differences import Difference
+from endoct.workbench.bench.results.files import write_csv, write_differences
+from endoct.workbench.bench.results.summary import Spread
+from endoct.workbench.bench.results.tables import difference_table, footnotes, table
 from endoct.workbench.bench.runner import Row
-from endoct.workbench.bench.segmentation import TASK
-from endoct.workbench.bench.summary import Spread
-from endoct.workbench.bench.writing import footnotes, table, write_csv
+from endoct.workbench.bench.tasks.segmentation import TASK
 from endoct.workbench.commands.telling import TextConsole, print_json, say
 from endoct.workbench.pipeline.inputs import digests, json_text, path_text
 from endoct.workbench.pipeline.summarising import write_summary

@@ -1,72 +1,87 @@
-"""What `endoct bench` does and says."""
+"""What `endoct bench` does and prints."""
 
 import os
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from rich.console import RenderableType
 from rich.table import Table
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
-from endoct.workbench.bench.asking import narrowed, parse_seeds
-from endoct.workbench.bench.keeping import Kept, kept_beside
+from endoct.workbench.bench.case_selection import narrowed, parse_seeds
+from endoct.workbench.bench.checkpoint import Checkpoint, open_checkpoint
+from endoct.workbench.bench.facts import Facts
 from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
-from endoct.workbench.bench.paired import (
-    Difference,
-    difference_table,
-    differences,
-    draw_differences,
-    write_differences,
-)
-from endoct.workbench.bench.plots import draw_plots
+from endoct.workbench.bench.results.difference_plot import draw_differences
+from endoct.workbench.bench.results.differences import Difference, differences
+from endoct.workbench.bench.results.files import bench_facts, write_csv, write_differences, write_json
+from endoct.workbench.bench.results.frame import score_names
+from endoct.workbench.bench.results.plots import draw_plots
+from endoct.workbench.bench.results.tables import difference_table, footnotes, table
 from endoct.workbench.bench.runner import Plan, Row, run
-from endoct.workbench.bench.summary import score_names
-from endoct.workbench.bench.task import Task
-from endoct.workbench.bench.writing import facts, footnotes, table, write_csv, write_json
+from endoct.workbench.bench.task import AnyTask
 from endoct.workbench.running.kinds import BENCH_RESULTS
 from endoct.workbench.running.progress import Stages
 
 MOST_LISTED = 20
 
+Lines = list[RenderableType]
+"""What people get to read."""
 
-def list_tasks() -> tuple[dict[str, Any], list[RenderableType]]:
+
+@dataclass(frozen=True)
+class Request:
+    """What to run, in the words of the command line: `endoct bench --help` says what each is."""
+
+    task: str
+    conditions: Sequence[str] = ()
+    methods: Sequence[str] = ()
+    seeds: str = "1000-1009"
+    count: int = 1
+    sweep: str | None = None
+    against: str | None = None
+    data: Sequence[Path] = ()
+
+
+@dataclass(frozen=True)
+class Results:
+    """The rows of a run, and the differences from the method that the others are compared with, if any."""
+
+    task: AnyTask
+    rows: Sequence[Row]
+    differing: Sequence[Difference]
+
+
+def list_tasks() -> tuple[Facts, Lines]:
     """Return what can be run, as facts and for people; a task that cannot be imported says so."""
-    found: dict[str, Any] = {}
+    facts: Facts = {}
     lines = Table("task", "what", "methods", box=None)
     for name in task_names():
         try:
             task = load_task(name)
         except EndoctError as error:
-            found[name] = {"error": str(error)}
+            facts[name] = {"error": str(error)}
             lines.add_row(name, str(error), "")
             continue
-        found[name] = {
-            "title": task.title,
-            "signature": task.signature,
-            "conditions": {key: list(range_) for key, range_ in task.ranges.items()},
-            "scores": dict(task.scores),
-            "methods": {method: origin(task, method) for method in method_names(task)},
-        }
+        facts[name] = _task_facts(task)
         names = method_names(task)
-        shown = names if len(names) <= MOST_LISTED else [*names[:MOST_LISTED], f"and {len(names) - MOST_LISTED} more"]
-        lines.add_row(name, task.title, ", ".join(shown))
-    return found, [lines]
+        first = names if len(names) <= MOST_LISTED else [*names[:MOST_LISTED], f"and {len(names) - MOST_LISTED} more"]
+        lines.add_row(name, task.title, ", ".join(first))
+    return facts, [lines]
 
 
-def describe_task(name: str) -> tuple[dict[str, Any], list[RenderableType]]:
+def describe_task(name: str) -> tuple[Facts, Lines]:
     """Return one task's signature, conditions, scores and methods, as facts and for people."""
     task = load_task(name)
-    told = list_tasks()[0][name]
-    lines: list[RenderableType] = [f"{task.name}: {task.title}", f"a method: {task.signature}", ""]
+    lines: Lines = [f"{task.name}: {task.title}", f"a method: {task.signature}", ""]
     for title, entries in (
-        ("condition", {key: _shown(range_) for key, range_ in task.ranges.items()}),
-        ("only where asked for", {key: _shown(range_) for key, range_ in task.optional.items()}),
+        ("condition", {key: _range_text(range_) for key, range_ in task.ranges.items()}),
+        ("only on request", {key: _range_text(range_) for key, range_ in task.optional.items()}),
         ("score", task.scores),
-        ("method", told["methods"]),
+        ("method", {method: origin(task, method) for method in method_names(task)}),
     ):
         if not entries:
             continue
@@ -74,62 +89,66 @@ def describe_task(name: str) -> tuple[dict[str, Any], list[RenderableType]]:
         for key, value in entries.items():
             rows.add_row(key, value)
         lines.append(rows)
-    return told, lines
+    return _task_facts(task), lines
 
 
-def _shown(range_: Sequence[float | str]) -> str:
+def _task_facts(task: AnyTask) -> Facts:
+    return {
+        "title": task.title,
+        "signature": task.signature,
+        "conditions": {key: list(range_) for key, range_ in task.ranges.items()},
+        "scores": dict(task.scores),
+        "methods": {method: origin(task, method) for method in method_names(task)},
+    }
+
+
+def _range_text(range_: Sequence[float | str]) -> str:
     words = [value for value in range_ if isinstance(value, str)]
     return "|".join(words) or "..".join(f"{value:g}" for value in range_)
 
 
 def run_bench(
-    name: str,
-    conditions: Sequence[str] = (),
-    *,
-    methods: Sequence[str] = (),
-    seeds: str = "1000-1009",
-    count: int = 1,
-    sweep: str | None = None,
-    against: str | None = None,
-    data: Sequence[Path] = (),
-    output: Path | None = None,
-    workers: int = 1,
-    overwrite: bool = False,
-    stages: Stages,
-) -> tuple[dict[str, Any], list[RenderableType]]:
+    request: Request, *, output: Path | None = None, workers: int = 1, overwrite: bool = False, stages: Stages
+) -> tuple[Facts, Lines]:
     """Run a task's methods, write ``output`` where one is given; return the facts, and what to show people.
 
-    Raises :class:`EndoctError` where something asked for is not known, or ``output`` exists.
+    Raises :class:`EndoctError` where something in the request is not known, or ``output`` exists.
     """
-    task = load_task(name)
-    chosen = check_names(task, methods)
-    if against is not None:
-        task = replace(task, against=check_names(task, [against])[0])
-    if task.against is not None and task.against not in chosen:
-        chosen = task.against, *chosen
-    if count < 1 or workers < 1:
-        raise EndoctError("--count and --workers must be at least 1", found=f"{count} and {workers}")
-    if data and (conditions or sweep):
-        raise EndoctError("the conditions of your own data cannot be drawn", remedy="leave them out, or --data")
-    plan = Plan(name, chosen, parse_seeds(seeds), count, narrowed(task, conditions, sweep))
-    if data:
-        plan = replace(plan, seeds=(), count=1, ranges={}, own=own_folders(data))
+    if request.count < 1 or workers < 1:
+        raise EndoctError("--count and --workers must be at least 1", found=f"{request.count} and {workers}")
+    task, plan = _planned(request)
     if output is None:
-        *_, told, lines = _run(task, plan, workers, None, stages)
-        return told, lines
-    check_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data)
-    kept = kept_beside(output, plan, overwrite=overwrite)
+        _, facts, lines = _run(task, plan, workers, None, stages)
+        return facts, lines
+    check_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=request.data)
+    checkpoint = open_checkpoint(output, plan, overwrite=overwrite)
     try:
-        rows, apart, told, lines = _run(task, plan, workers, kept, stages)
+        results, facts, lines = _run(task, plan, workers, checkpoint, stages)
     except KeyboardInterrupt:
+        n_finished, n_sources = len(checkpoint.read()), len(plan.sources)
         raise KeyboardInterrupt(
-            f"{len(kept.read())} of {len(plan.sources)} cases are kept in {kept.folder}; the same command goes on"
+            f"{n_finished} of {n_sources} cases are kept in {checkpoint.folder}; the same command resumes the run"
         ) from None
-    with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data) as scratch:
+    with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=request.data) as scratch:
         scratch.mkdir()
-        _write(task, rows, apart, told, scratch, stages)
-    kept.remove()
-    return told, [*lines, f"results: {output}"]
+        _write(results, facts, scratch, stages)
+    checkpoint.remove()
+    return facts, [*lines, f"results: {output}"]
+
+
+def _planned(request: Request) -> tuple[AnyTask, Plan]:
+    task = load_task(request.task)
+    methods = check_names(task, request.methods)
+    if request.against is not None:
+        task = replace(task, against=check_names(task, [request.against])[0])
+    if task.against is not None and task.against not in methods:
+        methods = task.against, *methods
+    if request.data:
+        if request.conditions or request.sweep:
+            raise EndoctError("the conditions of your own data cannot be drawn", remedy="leave them out, or --data")
+        return task, Plan(request.task, methods, ranges={}, own=own_folders(request.data))
+    ranges = narrowed(task, request.conditions, request.sweep)
+    return task, Plan(request.task, methods, parse_seeds(request.seeds), request.count, ranges)
 
 
 def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
@@ -150,32 +169,31 @@ def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
 
 
 def _run(
-    task: Task, plan: Plan, workers: int, kept: Kept | None, stages: Stages
-) -> tuple[list[Row], list[Difference], dict[str, Any], list[RenderableType]]:
+    task: AnyTask, plan: Plan, workers: int, checkpoint: Checkpoint | None, stages: Stages
+) -> tuple[Results, Facts, Lines]:
     start = time.perf_counter()
-    finished = {} if kept is None else kept.read()
+    finished = {} if checkpoint is None else checkpoint.read()
     with stages.stage(f"bench {task.name}") as advance:
-        keep = None if kept is None else kept.put
-        rows = run(plan, workers=workers, advance=advance, finished=finished, keep=keep)
-    told = facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
-    lines: list[RenderableType] = [table(rows, task), *footnotes(rows, task)]
+        save = None if checkpoint is None else checkpoint.save
+        rows = run(plan, workers=workers, advance=advance, finished=finished, keep=save)
+    facts = bench_facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
+    lines: Lines = [table(rows, task), *footnotes(rows, task)]
     if finished:
-        told["taken_over"] = len(finished)  # of the sources of cases; their seconds are not in "seconds"
+        facts["taken_over"] = len(finished)  # of the sources of cases; their seconds are not in "seconds"
         lines.append(f"{len(finished)} of {len(plan.sources)} cases are of a run that was stopped before its end")
-    apart = differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []
-    if task.against and apart:
-        lines.append(difference_table(apart, task.against))
-        told["differences"] = {"against": task.against, "of": [asdict(one) for one in apart]}
-    return rows, apart, told, lines
+    differing = differences(rows, task.against, score_names(rows, [*task.scores])) if task.against else []
+    if task.against and differing:
+        lines.append(difference_table(differing, task.against))
+        facts["differences"] = {"against": task.against, "of": [asdict(one) for one in differing]}
+    return Results(task, rows, differing), facts, lines
 
 
-def _write(
-    task: Task, rows: Sequence[Row], apart: Sequence[Difference], told: Mapping[str, Any], folder: Path, stages: Stages
-) -> None:
+def _write(results: Results, facts: Facts, folder: Path, stages: Stages) -> None:
+    task, rows, differing = results.task, results.rows, results.differing
     write_csv(rows, task, folder / "results.csv")
-    write_json(told, folder / "bench.json")
+    write_json(facts, folder / "bench.json")
     with stages.stage("plots"):
         draw_plots(rows, task, folder / "plots")
-        if task.against and apart:
-            write_differences(apart, task.against, folder / "differences.csv")
-            draw_differences(apart, task.against, task, folder / "plots" / "differences.png")
+        if task.against and differing:
+            write_differences(differing, task.against, folder / "differences.csv")
+            draw_differences(differing, task.against, task, folder / "plots" / "differences.png")

@@ -3,13 +3,13 @@
 import difflib
 from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.bench.task import Task
+from endoct.workbench.bench.task import AnyTask, Task
 
 GROUP = "endoct.bench"
-Method = Callable[..., Any]
+Method = Callable[..., object]
 
 
 def task_names() -> tuple[str, ...]:
@@ -17,7 +17,7 @@ def task_names() -> tuple[str, ...]:
     return tuple(sorted(entry.name for entry in entry_points(group=GROUP)))
 
 
-def load_task(name: str) -> Task:
+def load_task(name: str) -> AnyTask:
     """Return the task ``name``. Raises :class:`EndoctError` for one that is not known or cannot be imported."""
     entry = _entry(name, entry_points(group=GROUP), "task")
     try:
@@ -29,12 +29,12 @@ def load_task(name: str) -> Task:
     return task
 
 
-def method_names(task: Task) -> tuple[str, ...]:
-    """Return the names of the methods for ``task``: those it brings along, else in order of the alphabet."""
+def method_names(task: AnyTask) -> tuple[str, ...]:
+    """Return the names of the methods for ``task``: first those that it provides itself, then the registered ones."""
     return *task.methods, *sorted({entry.name for entry in _registered(task)} - set(task.methods))
 
 
-def check_names(task: Task, wanted: Sequence[str]) -> tuple[str, ...]:
+def check_names(task: AnyTask, wanted: Sequence[str]) -> tuple[str, ...]:
     """Return ``wanted``, or all methods of ``task`` where none is. Raises :class:`EndoctError` for an unknown one."""
     known = method_names(task)
     if not known:
@@ -47,7 +47,7 @@ def check_names(task: Task, wanted: Sequence[str]) -> tuple[str, ...]:
     return tuple(wanted) or known
 
 
-def load_method(task: Task, name: str) -> Method:
+def load_method(task: AnyTask, name: str) -> Method:
     """Import the method ``name`` of ``task``.
 
     Raises :class:`EndoctError` for one that is not known or is registered twice, and whatever its import raises.
@@ -59,7 +59,7 @@ def load_method(task: Task, name: str) -> Method:
     return loaded
 
 
-def origin(task: Task, name: str) -> str:
+def origin(task: AnyTask, name: str) -> str:
     """Return where a method comes from: its function and the version of the package that registers it."""
     if name in task.methods:
         return "endoct"
@@ -68,20 +68,20 @@ def origin(task: Task, name: str) -> str:
     return f"{entry.value}{package}"
 
 
-def module_of(task: Task, name: str) -> str:
+def module_of(task: AnyTask, name: str) -> str:
     """Return the module that a method is in, without importing it."""
     return "endoct" if name in task.methods else _entry(name, _registered(task), _what(task)).module
 
 
-def _group(task: Task) -> str:
+def _group(task: AnyTask) -> str:
     return f"{GROUP}.{task.name}"
 
 
-def _registered(task: Task) -> EntryPoints:
+def _registered(task: AnyTask) -> EntryPoints:
     return entry_points(group=_group(task))
 
 
-def _what(task: Task) -> str:
+def _what(task: AnyTask) -> str:
     return f"method for '{task.name}'"
 
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.methods import Method, load_method, load_task
-from endoct.workbench.bench.task import Case, Declined, Range, Task
+from endoct.workbench.bench.task import AnyCase, AnyTask, Conditions, Declined, Range
 from endoct.workbench.dataset.working import own_cluster
 from endoct.workbench.running.progress import Advance
 from endoct.workbench.running.threads import one_blas_thread
@@ -47,7 +47,7 @@ Source = tuple[int, int] | Path
 
 @dataclass(frozen=True)
 class Row:
-    """What one method made of one case.
+    """What came of one method on one case.
 
     ``status``: "ok", "declined" (it said it does not know) or "failed" (it raised, or its answer is useless), the
     last two with a ``reason``. ``seconds`` of wall time in the method alone, ``cpu_seconds`` over all its threads.
@@ -59,7 +59,7 @@ class Row:
     reason: str
     seconds: float
     cpu_seconds: float
-    conditions: Mapping[str, float | str]
+    conditions: Conditions
     scores: Mapping[str, float]
 
 
@@ -79,12 +79,12 @@ def run(
     Cases and scores do not depend on ``workers``, the processes that share them. ``finished`` holds the rows of
     sources, by their place in the plan, that need not be run again; ``keep`` is given those of each as it is done.
     A method that raises, or cannot be imported, has failed and stops nothing. Raises :class:`EndoctError` where a
-    case cannot be made, or a method takes its whole process down.
+    case cannot be made, or a method kills its whole process.
     """
     rows = dict(finished or {})
     wanted = {place: source for place, source in enumerate(plan.sources) if place not in rows}
-    made = _run_here(plan, wanted, advance) if workers == 1 else _run_by_processes(plan, wanted, workers, advance)
-    for place, new in made:
+    runs = _run_here(plan, wanted, advance) if workers == 1 else _run_by_processes(plan, wanted, workers, advance)
+    for place, new in runs:
         rows[place] = new
         if keep is not None:
             keep(place, new)
@@ -113,7 +113,7 @@ def _run_by_processes(
                 advance(done / len(places))
         except KilledWorker as error:
             raise EndoctError(
-                "a method took its process down, again and again",
+                "a method killed its process, again and again",
                 expected="an exception at worst",
                 remedy="run the methods one by one with --workers 1 to see which",
             ) from error
@@ -137,7 +137,7 @@ def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> li
     return rows
 
 
-def _cases(task: Task, source: Source, plan: Plan) -> Sequence[Case]:
+def _cases(task: AnyTask, source: Source, plan: Plan) -> Sequence[AnyCase]:
     if not isinstance(source, Path):
         return [task.cases(*source, task.ranges if plan.ranges is None else plan.ranges)]
     if task.own is None:
@@ -145,10 +145,11 @@ def _cases(task: Task, source: Source, plan: Plan) -> Sequence[Case]:
     return task.own(source)
 
 
-def run_method(task: Task, name: str, case: Case) -> Row:
+def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
     """Run one method on one case."""
     status: Status = "ok"
-    reason, scores = "", dict[str, float]()
+    reason = ""
+    scores: dict[str, float] = {}
     seconds = cpu_seconds = 0.0
     try:
         method = load_method(task, name)
@@ -161,16 +162,16 @@ def run_method(task: Task, name: str, case: Case) -> Row:
         scores = _judged(task, case, answer)
     except Declined as declined:
         status, reason, scores = "declined", declined.reason, _numbers(declined.scores)
-    except Exception as error:  # noqa: BLE001 – whatever a stranger's method raises is its result
+    except Exception as error:  # noqa: BLE001 – whatever a method raises is its result, whoever wrote it
         status, reason = "failed", _reason(error)
     return Row(case.name, name, status, reason[:LONGEST_REASON], seconds, cpu_seconds, case.conditions, scores)
 
 
-def _call(method: Method, case: Case) -> Any:
+def _call(method: Method, case: AnyCase) -> object:
     return method(*case.given) if isinstance(case.given, tuple) else method(case.given)
 
 
-def _judged(task: Task, case: Case, answer: Any) -> dict[str, float]:
+def _judged(task: AnyTask, case: AnyCase, answer: object) -> dict[str, float]:
     try:
         return _numbers(task.judge(case, answer))
     except Declined:

@@ -1,7 +1,7 @@
-"""What a task of the bench is: cases with truth, a judge, and the signature its methods keep.
+"""What a task of the bench is: cases with truth, a judge, and the signature that its methods keep to.
 
 A method is one function with the signature its task states, registered under the entry-point group
-``endoct.bench.TASK``; :mod:`endoct.workbench.bench.methods` finds it. It sees what a case gives, never the truth.
+``endoct.bench.TASK``; :mod:`endoct.workbench.bench.methods` finds it. It gets what a case gives, never the truth.
 A task is one :class:`Task` called ``TASK`` in a module registered under the group ``endoct.bench``.
 """
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -23,24 +23,33 @@ SUCCESS = "success"
 DOUBTED = "doubted"
 """The score that says, as 1.0 or 0.0, that a method answered and called its own answer doubtful."""
 
+UP, DOWN = " up", " down"
+"""Endings of two methods that change one thing both ways; they share a line where differences are drawn."""
+
+Given = TypeVar("Given")
+Truth = TypeVar("Truth")
+Answer = TypeVar("Answer")
+Conditions = Mapping[str, float | str]
+"""How hard a case is, by name: numbers and words."""
+
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class Case(Generic[Given, Truth]):
     """One problem to solve.
 
     Attributes
     ----------
     name: unique within a run, as "1003-2".
     given: what a method is called with; a tuple is spread over the method's arguments. Never changed by a method.
-    truth: what only the judge sees.
+    truth: what only the judge gets.
     conditions: how hard the case is, by name: drawn numbers and words. Scores are plotted against them.
     scratch: holds the case's files, where it has some; the runner removes it after the last method.
     """
 
     name: str
-    given: Any
-    truth: Any
-    conditions: Mapping[str, float | str]
+    given: Given
+    truth: Truth
+    conditions: Conditions
     scratch: "TemporaryDirectory[str] | None" = None
 
 
@@ -57,15 +66,8 @@ class Declined(Exception):
         self.scores = dict(scores or {})
 
 
-Cases = Callable[[int, int, Mapping[str, Range]], Case]
-"""``cases(seed, index, ranges)``: a case that depends on its arguments alone, not on the machine or the order."""
-
-Judge = Callable[[Case, Any], Mapping[str, float]]
-"""``judge(case, answer)``: the scores. May raise :class:`Declined`; any other exception means a useless answer."""
-
-
 @dataclass(frozen=True)
-class Task:
+class Task(Generic[Given, Truth, Answer]):
     """A kind of problem.
 
     Attributes
@@ -73,30 +75,38 @@ class Task:
     name: as on the command line, and in the entry-point group ``endoct.bench.{name}`` of its methods.
     title: what the task is, in a line.
     signature: what a method is called with and must return, in prose with types, for people who write one.
-    cases: makes the cases; gets the ranges below, narrowed by what the user asked for.
-    judge: scores an answer. Must treat all methods alike.
+    cases: ``cases(seed, index, ranges)`` makes a case that depends on its arguments alone, not on the machine or the
+        order; ``ranges`` are those below, narrowed to what the user wants.
+    judge: ``judge(case, answer)`` returns the scores. Must treat all methods alike. May raise :class:`Declined`; any
+        other exception means that the answer is useless.
     ranges: the conditions that are drawn and what they are drawn from; see :func:`draw`.
     scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` and
         ``doubted`` need no entry.
-    usual: what ``ranges`` are narrowed to where the user asks for nothing.
+    usual: what ``ranges`` are narrowed to unless the user asks for something else.
     optional: further conditions and what they may be drawn from; only drawn where the user asks for them.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
-    methods: methods the task brings along by its nature, beside those that are registered.
-    against: the method from which all others' differences are told, case by case, unless the user names one.
+    methods: methods that the task itself provides, in addition to those that are registered.
+    against: the method from which the others' differences are taken, case by case, unless the user names one.
     """
 
     name: str
     signature: str
-    cases: Cases
-    judge: Judge
+    cases: Callable[[int, int, Mapping[str, Range]], Case[Given, Truth]]
+    judge: Callable[[Case[Given, Truth], Answer], Mapping[str, float]]
     title: str = ""
     ranges: Mapping[str, Range] = field(default_factory=dict)
     scores: Mapping[str, str] = field(default_factory=dict)
     usual: Mapping[str, Range] = field(default_factory=dict)
     optional: Mapping[str, Range] = field(default_factory=dict)
-    own: Callable[[Path], Sequence[Case]] | None = None
-    methods: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    own: Callable[[Path], Sequence[Case[Given, Truth]]] | None = None
+    methods: Mapping[str, Callable[..., Answer]] = field(default_factory=dict)
     against: str | None = None
+
+
+AnyTask = Task[Any, Any, Any]
+"""A task to whoever runs it: what its cases give and what its methods answer is between them and its judge."""
+
+AnyCase = Case[Any, Any]
 
 
 def rng_of(seed: int, index: int, purpose: str) -> np.random.Generator:
@@ -108,9 +118,9 @@ def rng_of(seed: int, index: int, purpose: str) -> np.random.Generator:
 def draw(seed: int, index: int, ranges: Mapping[str, Range]) -> dict[str, float | str]:
     """Draw a value for every condition; narrowing one leaves the others as they were."""
     drawn: dict[str, float | str] = {}
-    for name, wish in ranges.items():
+    for name, range_ in ranges.items():
         share = float(rng_of(seed, index, f"condition {name}").random())
-        words = [word for word in wish if isinstance(word, str)]
-        numbers = [float(value) for value in wish if not isinstance(value, str)]
+        words = [word for word in range_ if isinstance(word, str)]
+        numbers = [float(value) for value in range_ if not isinstance(value, str)]
         drawn[name] = words[int(share * len(words))] if words else numbers[0] + share * (numbers[1] - numbers[0])
     return drawn

@@ -44,27 +44,16 @@ def bench(
         overwrite: replace the output if it exists
         json: print as JSON
     """
-    from endoct.workbench.bench.command import describe_task, list_tasks, run_bench
+    from endoct.workbench.bench.command import Request, describe_task, list_tasks, run_bench
 
     if task is None:
         facts, shown = list_tasks()
     elif describe:
         facts, shown = describe_task(task)
     else:
-        facts, shown = run_bench(
-            task,
-            conditions,
-            methods=[name.strip() for name in methods.split(",") if name.strip()],
-            seeds=seeds,
-            count=count,
-            sweep=sweep,
-            against=against,
-            data=data,
-            output=output,
-            workers=workers,
-            overwrite=overwrite,
-            stages=stages_for(json),
-        )
+        names = [name.strip() for name in methods.split(",") if name.strip()]
+        request = Request(task, conditions, names, seeds, count, sweep, against, data)
+        facts, shown = run_bench(request, output=output, workers=workers, overwrite=overwrite, stages=stages_for(json))
     if json:
         print_json(facts)
         return DONE

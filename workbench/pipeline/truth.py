@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from endoct.fusion.segmentation.segment import SegmentParameters, segment
 from endoct.fusion.sides import Comparison
@@ -48,6 +48,40 @@ class Pose:
     def theta_bore(self, theta_rad: Coordinates) -> Coordinates:
         """Return the angle in the bore frame of columns at ``theta_rad``."""
         return self.theta0_rad + self.sense * theta_rad
+
+
+@dataclass(frozen=True, eq=False)
+class TrueMap:
+    """Where wall points of panorama B truly lie in panorama A's frame, the faults of both panoramas included.
+
+    ``z_a_mm`` are the rows of A; the two poses say where each panorama lies in the bore.
+    """
+
+    z_a_mm: Coordinates
+    pose_a: Pose
+    pose_b: Pose
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether θ runs the other way in B."""
+        return self.pose_a.sense != self.pose_b.sense
+
+    def z_reversed(self, z_b_mm: Coordinates) -> bool:
+        """Return whether B, with rows at ``z_b_mm``, runs along the bore the other way."""
+        z_a, z_b = self.pose_a.z_bore(self.z_a_mm), self.pose_b.z_bore(z_b_mm)
+        return bool((z_b[-1] - z_b[0]) * (z_a[-1] - z_a[0]) < 0)
+
+    def z_to_a(self, z_b_mm: ArrayLike) -> Coordinates:
+        """Return z in A's frame, mm; NaN where A does not reach."""
+        in_bore = self.pose_a.z_bore(self.z_a_mm)
+        order = np.argsort(in_bore)
+        wanted = self.pose_b.z_bore(np.asarray(z_b_mm, dtype=np.float64))
+        return np.asarray(np.interp(wanted, in_bore[order], self.z_a_mm[order], left=np.nan, right=np.nan))
+
+    def theta_to_a(self, theta_b_rad: ArrayLike) -> Coordinates:
+        """Return θ in A's frame, rad."""
+        in_bore = self.pose_b.theta_bore(np.asarray(theta_b_rad, dtype=np.float64))
+        return np.asarray((in_bore - self.pose_a.theta0_rad) * self.pose_a.sense)
 
 
 def load_truth(specimen: Path) -> Truth:
@@ -160,8 +194,9 @@ def held_against(
     - ``confidence``: as the alignment states it.
     """
     pose_e, pose_o = true_pose(endoscope, truth), true_pose(oct_, truth)
-    z_e, z_o = pose_e.z_bore(endoscope.z_mm), pose_o.z_bore(oct_.z_mm)
-    shared = (z_o >= z_e.min()) & (z_o <= z_e.max())
+    true = TrueMap(endoscope.z_mm, pose_e, pose_o)
+    z_true = true.z_to_a(oct_.z_mm)
+    shared = np.isfinite(z_true)
     found = {
         "aligned": float(comparison.alignment is not None),
         "oct_truth": jaccard(segment(oct_, parameters), true_cells(truth, pose_o, oct_), oct_.valid),
@@ -171,20 +206,17 @@ def held_against(
     if (alignment := comparison.alignment) is None:
         return found
     # where each OCT sample of the overlap truly lies in the endoscope's frame, and where the alignment puts it
-    theta_true = (pose_o.theta_bore(oct_.grid.theta_rad) - pose_e.theta0_rad) * pose_e.sense
-    order = np.argsort(z_e)
-    z_true = np.interp(z_o[shared], z_e[order], endoscope.z_mm[order])
-    d_theta = wrap_rad(alignment.theta_to_a(oct_.grid.theta_rad) - theta_true)
-    d_z = alignment.z_to_a(oct_.z_mm[shared]) - z_true
+    d_theta = wrap_rad(alignment.theta_to_a(oct_.grid.theta_rad) - true.theta_to_a(oct_.grid.theta_rad))
+    d_z = alignment.z_to_a(oct_.z_mm[shared]) - z_true[shared]
     distance = np.hypot(d_theta[np.newaxis] * oct_.grid.radius_mm, d_z[:, np.newaxis])
-    opposed = (z_o[-1] - z_o[0]) * (z_e[-1] - z_e[0]) < 0
+    right = alignment.mirrored == true.mirrored and alignment.z_reversed == true.z_reversed(oct_.z_mm)
     return found | {
         "pair_native": _known(comparison.result["scores"]["own_rows"]["jaccard"]),
         "pair_grid": _known(comparison.result["jaccard"]),
         "theta_deg": float(np.rad2deg(np.median(d_theta))),
         "z_mm": float(np.median(d_z)),
         "landmark_mm": float(np.percentile(distance, 95)),
-        "right": float(alignment.mirrored == (pose_o.sense != pose_e.sense) and alignment.z_reversed == bool(opposed)),
+        "right": float(right),
         "confidence": float(alignment.confidence),
     }
 

@@ -1,0 +1,21 @@
+"""Plots of the results."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from bench_tasks import row
+
+from endoct.workbench.bench.results.frame import score_names
+from endoct.workbench.bench.results.plots import draw_plots
+from endoct.workbench.bench.results.summary import summarise
+from endoct.workbench.bench.tasks.ablate import TASK
+
+
+def test_doubted_answers_are_counted_and_are_no_score(tmp_path: Path) -> None:
+    scores = [{"success": 1.0, "doubted": float(k > 6), "j": k / 9} for k in range(9)]
+    rows = [replace(row("main", str(k), "ok", **scores[k]), conditions={"size": float(k)}) for k in range(9)]
+    (summary,) = summarise(rows)
+    assert (summary.ok, summary.doubted) == (9, 2)
+    assert score_names(rows, []) == ["j"]
+    names = {path.name for path in draw_plots(rows, TASK, tmp_path / "plots")}
+    assert names == {"overview.png", "against-size.png"}

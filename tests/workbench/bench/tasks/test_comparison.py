@@ -1,0 +1,36 @@
+"""The comparison that tasks vary: panoramas unrolled once, and doubts that reach the results."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.bench.task import Case
+from endoct.workbench.bench.tasks import comparison
+from endoct.workbench.bench.tasks.comparison import Specimen
+
+
+def test_panoramas_are_unrolled_once_for_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[Any] = []
+    monkeypatch.setattr("endoct.workbench.api.unroll", lambda path, settings: calls.append((path.name, settings)))
+    specimen = Specimen(Path("bore"))
+    for settings in ({}, {"wall": "maximum"}, {}, {"wall": "maximum"}):
+        specimen.unrolled("oct", settings)
+    assert calls == [("oct", {}), ("oct", {"wall": "maximum"})]
+
+
+def test_doubts_of_a_comparison_are_scored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(comparison, "_against_drawn", lambda folder, answer: {"oct_truth": 0.4})
+    for doubts, doubted in (([], 0.0), (["What was taken for cells may be noise."], 1.0)):
+        made = SimpleNamespace(alignment="there", result={"doubts": {"endoscope": [], "oct": doubts}})
+        answer: Any = SimpleNamespace(comparison=made)
+        scores = comparison.judge(Case("one", (), tmp_path, {}), answer)
+        assert scores == {"success": 1.0, "doubted": doubted, "oct_truth": 0.4}
+
+
+def test_folders_without_a_pair_are_told(tmp_path: Path) -> None:
+    (tmp_path / "oct").mkdir()
+    with pytest.raises(EndoctError, match="no pair"):
+        comparison.own_cases(tmp_path)

@@ -1,0 +1,109 @@
+"""A run of the bench that was stopped goes on where it was, and comes to what one that was not comes to."""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from bench_tasks import install
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.bench import checkpoint
+from endoct.workbench.bench.command import Request, run_bench
+from endoct.workbench.bench.facts import Facts, plan_facts
+from endoct.workbench.bench.methods import load_task
+from endoct.workbench.bench.runner import Plan
+from endoct.workbench.bench.task import Case, Range, Task, draw
+from endoct.workbench.running.progress import SilentStages
+
+
+class Squaring:
+    """A task that counts its cases, and is interrupted, as by Ctrl-C, before one of them."""
+
+    def __init__(self) -> None:
+        self.made: list[str] = []
+        self.stops_before: str | None = None
+        methods = {"right": lambda number: number**2, "wrong": lambda number: number}
+        ranges: dict[str, Range] = {"size": (0.0, 1.0)}
+        scores = {"error": "error, 1"}
+        self.task = Task("squaring", "", self.cases, self.judge, ranges=ranges, scores=scores, methods=methods)
+
+    def cases(self, seed: int, index: int, ranges: Mapping[str, Range]) -> Case[float, float]:
+        name = f"{seed}-{index}"
+        if name == self.stops_before:
+            raise KeyboardInterrupt
+        self.made.append(name)
+        drawn = draw(seed, index, ranges)
+        return Case(name, float(drawn["size"]), float(drawn["size"]) ** 2, drawn)
+
+    def judge(self, case: Case[float, float], answer: float) -> dict[str, float]:
+        return {"error": abs(answer - case.truth), "exact": 1 / 3}
+
+
+@pytest.fixture
+def squaring(monkeypatch: pytest.MonkeyPatch) -> Squaring:
+    """The task, installed."""
+    made = Squaring()
+    install(monkeypatch, made.task)
+    return made
+
+
+def bench(output: Path, seeds: str = "3-6", conditions: Sequence[str] = (), *, overwrite: bool = False) -> Facts:
+    request = Request("squaring", conditions, seeds=seeds)
+    return run_bench(request, output=output, overwrite=overwrite, stages=SilentStages())[0]
+
+
+def rows_of(output: Path) -> list[dict[str, str]]:
+    with (output / "results.csv").open(encoding="utf-8") as file:
+        return [{k: v for k, v in row.items() if "seconds" not in k} for row in csv.DictReader(file)]
+
+
+def stopped(squaring: Squaring, output: Path) -> Path:
+    squaring.stops_before = "5-0"
+    with pytest.raises(KeyboardInterrupt, match="2 of 4 cases are kept"):
+        bench(output)
+    squaring.stops_before = None
+    squaring.made.clear()
+    return output.with_name("out.unfinished")
+
+
+def test_what_is_done_is_kept_and_not_done_again(squaring: Squaring, tmp_path: Path) -> None:
+    bench(tmp_path / "whole")
+    unfinished = stopped(squaring, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert sorted(path.name for path in unfinished.iterdir()) == ["000000.json", "000001.json", "run.json"]
+    told = bench(tmp_path / "out")
+    assert squaring.made == ["5-0", "6-0"]
+    assert told["taken_over"] == 2
+    assert rows_of(tmp_path / "out") == rows_of(tmp_path / "whole")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "whole"]
+
+
+def test_another_run_does_not_take_it_over(squaring: Squaring, tmp_path: Path) -> None:
+    unfinished = stopped(squaring, tmp_path / "out")
+    with pytest.raises(EndoctError, match="another seeds"):
+        bench(tmp_path / "out", seeds="3-7")
+    with pytest.raises(EndoctError, match="another conditions"):
+        bench(tmp_path / "out", conditions=["size=0.5"])
+    assert len(list(unfinished.iterdir())) == 3
+    told = bench(tmp_path / "out", seeds="3-7", overwrite=True)
+    assert "taken_over" not in told
+    assert len(squaring.made) == 5
+
+
+def test_other_code_does_not_take_it_over(squaring: Squaring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stopped(squaring, tmp_path / "out")
+    monkeypatch.setattr(checkpoint, "_digest", lambda files: f"{len(files)} other files")
+    with pytest.raises(EndoctError, match="another source"):
+        bench(tmp_path / "out")
+
+
+def test_others_methods_count_by_their_modules() -> None:
+    task = replace(load_task("segmentation"), methods={})
+    plan = Plan("segmentation", ("endoct", "li-raw"), (1,), 1, task.ranges)
+    assert json.dumps(plan_facts(plan))
+    assert set(checkpoint._source(plan)) == {"endoct"}
+    assert checkpoint._files("csv") == [Path(csv.__file__)]
+    assert checkpoint._files("no_such_module_anywhere.at_all") == []

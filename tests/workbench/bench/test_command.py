@@ -1,0 +1,78 @@
+"""`endoct bench`: what is written and printed, and what is refused."""
+
+import csv
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.bench.command import Request, run_bench
+from endoct.workbench.bench.facts import Facts
+from endoct.workbench.bench.task import AnyTask
+from endoct.workbench.cli import main
+from endoct.workbench.running.progress import SilentStages
+
+
+def bench(output: Path | None = None, methods: Sequence[str] = (), against: str | None = None, count: int = 2) -> Facts:
+    request = Request("doubling", methods=methods, seeds="3-6", count=count, against=against)
+    return run_bench(request, output=output, stages=SilentStages())[0]
+
+
+def test_results_are_written_and_told(doubling: AnyTask, tmp_path: Path) -> None:
+    facts = bench(output=tmp_path / "out", against="wrong")
+    with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4 * 2 * len(doubling.methods)
+    for row in rows:
+        if row["method"] == "right":
+            assert float(row["score.error"]) == 0.0
+            assert row["condition.kind"] in ("plain", "odd")
+        if row["status"] != "ok":
+            assert row["score.error"] == ""
+    stored = json.loads((tmp_path / "out" / "bench.json").read_text(encoding="utf-8"))
+    assert stored == json.loads(json.dumps(facts))
+    assert stored["seeds"] == [3, 4, 5, 6]
+    assert {"machine", "versions", "methods", "summary", "conditions"} <= set(stored)
+    plots = {path.name for path in (tmp_path / "out" / "plots").iterdir()}
+    assert plots == {"overview.png", "against-size.png", "against-kind.png", "differences.png"}
+    with (tmp_path / "out" / "differences.csv").open(encoding="utf-8") as file:
+        (difference,) = csv.DictReader(file)
+    assert (difference["method"], difference["against"], difference["cases"]) == ("right", "wrong", "8")
+
+
+@pytest.mark.parametrize(
+    ("ask", "match"),
+    [
+        (lambda: bench(methods=["rigt"]), "'right'"),
+        (lambda: bench(methods=["right", "right"]), "twice"),
+        (lambda: bench(against="best"), "unknown method"),
+        (lambda: bench(count=0), "at least 1"),
+    ],
+)
+def test_what_cannot_be_run_is_refused(ask: Callable[[], object], match: str, doubling: AnyTask) -> None:
+    with pytest.raises(EndoctError, match=match):
+        ask()
+
+
+def test_the_command_line_lists_describes_and_refuses(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def said(*arguments: str) -> tuple[int, str]:
+        monkeypatch.setattr("sys.argv", ["endoct", "bench", *arguments])
+        with pytest.raises(SystemExit) as leave:
+            main()
+        streams = capsys.readouterr()
+        return int(leave.value.code or 0), streams.out + streams.err
+
+    status, text = said("--json")
+    assert status == 0
+    assert {"segmentation", "ablate", "sensitivity"} <= set(json.loads(text))
+    status, text = said("segmentation", "--describe")
+    assert status == 0
+    assert "signal_db" in text
+    assert "otsu" in text
+    status, text = said("segmentation", "--methods", "otsuu")
+    assert status == 1
+    assert "'otsu'" in text

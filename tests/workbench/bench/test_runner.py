@@ -1,0 +1,50 @@
+"""The bench: the same cases for all, and nothing that a method does stops a run."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+from bench_tasks import doubling_case
+
+from endoct.workbench.bench.runner import Plan, Row, run, run_method
+from endoct.workbench.bench.task import AnyTask, Range
+
+
+def test_whatever_a_method_does_is_its_result(doubling: AnyTask) -> None:
+    case = doubling_case(3, 0, {"size": (0.6, 0.6)})
+    rows = {name: run_method(doubling, name, case) for name in doubling.methods}
+    assert {name: row.status for name, row in rows.items()} == {
+        "right": "ok",
+        "wrong": "ok",
+        "raises": "failed",
+        "absent": "failed",
+        "text": "failed",
+        "ignorant": "declined",
+    }
+    assert rows["right"].scores == {"error": 0.0, "success": 1.0}  # a score that is not a number is left out
+    assert "ZeroDivisionError" in rows["raises"].reason
+    assert "a_library_that_is_not_installed" in rows["absent"].reason
+    assert "useless" in rows["text"].reason
+    assert rows["ignorant"].reason == "too hard"
+
+
+def test_methods_share_their_cases_and_cases_depend_on_nothing_else(doubling: AnyTask) -> None:
+    plan = Plan("doubling", ("right", "wrong"), (3, 4), 2, doubling.ranges)
+    rows = run(plan, workers=1, advance=lambda _: None)
+    assert [row.case for row in rows] == [name for name in ("3-0", "3-1", "4-0", "4-1") for _ in range(2)]
+    other = run(replace(plan, methods=("wrong",), seeds=(4, 3), count=1), workers=1, advance=lambda _: None)
+    conditions = {row.case: row.conditions for row in rows}
+    assert all(conditions[row.case] == row.conditions for row in other)
+
+
+@pytest.mark.slow
+def test_processes_get_the_same_cases_and_scores() -> None:
+    ranges: dict[str, Range] = {"recipe": ("made",), "modality": ("depth",), "missing": (0.1, 0.3)}
+    ranges |= {"signal_db": (10.0, 20.0), "cell_mm": (0.5, 1.0), "fill": (0.2, 0.2), "unevenness": (0.5, 0.5)}
+    plan = Plan("segmentation", ("li-depth", "k-means"), (1, 2), 1, ranges)
+    alone, together = (run(plan, workers=workers, advance=lambda _: None) for workers in (1, 2))
+    kept: dict[int, Sequence[Row]] = {}
+    goes_on = run(plan, workers=2, advance=lambda _: None, finished={0: alone[:2]}, keep=kept.__setitem__)
+    assert kept == {1: goes_on[2:]}
+    timeless = [[replace(row, seconds=0.0, cpu_seconds=0.0) for row in rows] for rows in (alone, together, goes_on)]
+    assert timeless[0] == timeless[1] == timeless[2]

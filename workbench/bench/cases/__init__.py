@@ -1,0 +1,1 @@
+"""What cases are made of: simulated specimens, toy walls and toy strips."""

@@ -1,0 +1,111 @@
+"""Simulated specimens and folders of the user's own, as cases see them."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import tifffile
+
+from endoct.fusion.files.masks import read_mask
+from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
+from endoct.modalities.recording import IMAGE_SUFFIXES
+from endoct.stitching.arrays import Mask
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.scratch import TemporaryFolder
+from endoct.synthetic.sample.presets import PRESETS, PresetName
+from endoct.synthetic.sample.ranges import PARTS, Wish, choices, default_ranges
+from endoct.workbench.bench.cases.uniform_cells import uniform_cells
+from endoct.workbench.bench.task import Range, rng_of
+from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
+
+PRESET_WORDS: tuple[str, ...] = tuple(PRESETS)
+MODALITIES: Sequence[str] = ("oct", "endoscope")
+
+BLACK_SLICES, CELL_MM = "black_slices", "cell_mm"
+OWN_DIFFICULTIES: Mapping[str, Range] = {BLACK_SLICES: (0.0, 0.3), CELL_MM: (0.2, 1.5)}
+DIFFICULTIES: Mapping[str, Range] = {
+    **OWN_DIFFICULTIES,
+    **{f"{part}.{name}": range_ for part, model in PARTS.items() for name, range_ in default_ranges(model).items()},
+    **{f"{part}.{name}": words for part, model in PARTS.items() for name, words in choices(model).items()},
+}
+"""What a simulated specimen can be asked to be: the share of the OCT's slices that are black, the one size of all its
+cells, or any parameter that ``endoct simulate --vary`` takes, drawn from its default range where no other is given."""
+
+
+def simulated(
+    preset: str, seed: int, index: int, difficulties: Mapping[str, float | str] | None = None
+) -> TemporaryFolder:
+    """Return a temporary folder with one specimen; the first of a seed is that of ``endoct simulate --seed``."""
+    from endoct.synthetic.draw import draw
+    from endoct.synthetic.specimen import simulate
+
+    difficulties = difficulties or {}
+    wishes: dict[str, Wish] = {
+        name: (value,) if isinstance(value, str) else (float(value), float(value))
+        for name, value in difficulties.items()
+        if name not in OWN_DIFFICULTIES
+    }
+    folder = TemporaryFolder("bench")
+    try:
+        of = seed if index == 0 else 1_000_000 * (1 + seed) + index
+        sample = None
+        if CELL_MM in difficulties:
+            drawn = draw(cast(PresetName, preset), of, wishes=wishes)
+            cells = uniform_cells(rng_of(seed, index, CELL_MM), drawn.bore, float(difficulties[CELL_MM]))
+            bore = drawn.bore.model_copy(update={"cells": cells})
+            sample = drawn.model_copy(update={"bore": bore}).model_dump()
+        specimen = Path(folder.name) / "specimen"
+        simulate(specimen, preset=cast(PresetName, preset), seed=of, wishes=wishes, sample=sample)
+        if share := float(difficulties.get(BLACK_SLICES, 0.0)):
+            _blacken(specimen / "oct" / "pullback.tif", share, rng_of(seed, index, BLACK_SLICES))
+    except BaseException:
+        folder.cleanup()
+        raise
+    return folder
+
+
+def _blacken(recording: Path, share: float, rng: np.random.Generator) -> None:
+    volume = tifffile.imread(recording)
+    volume[rng.permutation(len(volume))[: round(share * len(volume))]] = 0
+    tifffile.imwrite(recording, volume)
+
+
+def truths_of(specimen: Path, panorama: Panorama) -> Mapping[str, Mask]:
+    """Return every truth there is for a panorama of one of the specimen's recordings, on its samples, by name.
+
+    Of a simulated specimen that is ``truth/wall.zarr``; else the masks ``truth/MODALITY*.png`` (or TIFF), drawn over
+    the panorama that `endoct unroll` makes, or with a sidecar that says where they lie. Raises :class:`EndoctError`
+    where there is neither.
+    """
+    if (specimen / "truth" / "wall.zarr").is_dir():
+        truth = load_truth(specimen)
+        return {"wall": true_cells(truth, true_pose(panorama, truth), panorama)}
+    found = {}
+    for path in sorted((specimen / "truth").glob(f"{panorama.modality}*")):
+        if path.suffix.lower() in IMAGE_SUFFIXES:
+            found[path.stem] = drawn_cells(path, panorama)
+    if not found:
+        raise EndoctError(
+            f"{specimen / 'truth'} holds no truth for the {panorama.modality} panorama",
+            expected=f"wall.zarr of a simulated specimen, or masks drawn by hand, as {panorama.modality}.png",
+        )
+    return found
+
+
+def drawn_cells(path: Path, panorama: Panorama) -> Mask:
+    """Return the cells of a mask drawn by hand on the panorama's samples, bool (n_z, n_theta)."""
+    drawn = read_mask(path, like=panorama)
+    check_same_bore(panorama.grid.radius_mm, drawn.grid.radius_mm)
+    placement = Placement(drawn, IN_PLACE, panorama.grid, panorama.z_mm, panorama.grid.dz_mm)
+    cells, _ = placement.mask(drawn.intensity > 0.5, drawn.valid)
+    return cells
+
+
+def recordings_in(specimen: Path) -> list[Path]:
+    """Return the recordings of a specimen, those of OCT and endoscope first. Raises :class:`EndoctError` for none."""
+    found = [path for path in sorted(specimen.iterdir()) if path.is_dir() and (path / "acquisition.toml").is_file()]
+    if not found:
+        raise EndoctError(f"{specimen} holds no recording", expected="oct/ or endoscope/ with an acquisition.toml")
+    return sorted(found, key=lambda path: path.name not in MODALITIES)

@@ -1,0 +1,132 @@
+"""The checkpoint of a run of the bench: what is finished, stored next to the output, so that a stopped run resumes.
+
+``RESULTS.unfinished`` holds ``run.json``, what is run and with what, and a file of rows for every source of cases that
+all methods have been run on. Each file appears whole or not at all, and the folder goes when the output is complete.
+"""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import read_small
+from endoct.stitching.json_values import read_object
+from endoct.stitching.scratch import clear_dead_scratch, new_file
+from endoct.workbench.bench.facts import plan_facts
+from endoct.workbench.bench.methods import load_task, module_of
+from endoct.workbench.bench.runner import Plan, Row
+from endoct.workbench.running.files import disk_errors_told
+
+RUN = "run.json"
+_OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")
+MOST_BYTES = 16_000_000
+PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """The folder of what is finished; sources of cases go by their place in the plan."""
+
+    folder: Path
+
+    def read(self) -> dict[int, list[Row]]:
+        """Return the rows of every source that is finished. Raises :class:`EndoctError` where a file is damaged."""
+        files = sorted(path for path in self.folder.iterdir() if _OWN_NAME.fullmatch(path.name) and path.name != RUN)
+        return {int(path.stem): _rows(path) for path in files}
+
+    def save(self, place: int, rows: Sequence[Row]) -> None:
+        """Store the rows of one source."""
+        _write(self.folder / f"{place:06d}.json", [asdict(row) for row in rows])
+
+    def remove(self) -> None:
+        """Remove the folder, once the output is complete."""
+        _remove(self.folder)
+
+
+def open_checkpoint(output: Path, plan: Plan, *, overwrite: bool) -> Checkpoint:
+    """Return the checkpoint of ``plan`` next to ``output``, new or as an earlier run of the same plan left it.
+
+    Raises :class:`EndoctError` where it belongs to another plan, or to other code; with ``overwrite`` that goes.
+    """
+    folder = output.with_name(f"{output.name}.unfinished")
+    wanted = json.loads(json.dumps(plan_facts(plan) | {"source": _source(plan)}))
+    begun = None
+    if os.path.lexists(folder / RUN):
+        with refusing(f"{folder / RUN} cannot be read", remedy="remove that folder"):
+            begun = read_object(folder / RUN, MOST_BYTES)
+    if begun == wanted:
+        clear_dead_scratch(folder)
+        return Checkpoint(folder)
+    if begun is not None and not overwrite:
+        other = [name for name in wanted if begun.get(name) != wanted[name]]
+        raise EndoctError(
+            f"{folder} belongs to another run",
+            found=f"another {', '.join(other)}",
+            remedy="resume it with the command that began it, choose another output, or add --overwrite",
+        )
+    _remove(folder)
+    _write(folder / RUN, wanted)
+    return Checkpoint(folder)
+
+
+def _rows(path: Path) -> list[Row]:
+    with refusing(f"{path} is damaged", remedy="remove it; its cases are then run again"):
+        return TypeAdapter(list[Row]).validate_json(read_small(path, MOST_BYTES))
+
+
+def _source(plan: Plan) -> Mapping[str, str]:
+    """Return digests of endoct's source and of the modules of others' methods, but not of what those import."""
+    task = load_task(plan.task)
+    ours = [path for part in PARTS for path in sorted(Path(import_module(f"endoct.{part}").__path__[0]).rglob("*.py"))]
+    theirs = {module for name in plan.methods if (module := module_of(task, name)).partition(".")[0] != "endoct"}
+    return {"endoct": _digest(ours)} | {module: _digest(_files(module)) for module in sorted(theirs)}
+
+
+def _files(module: str) -> list[Path]:
+    try:
+        spec = find_spec(module)
+    except ImportError:
+        return []  # running the method says so
+    return [Path(spec.origin)] if spec is not None and spec.has_location and spec.origin else []
+
+
+def _digest(files: Sequence[Path]) -> str:
+    source = hashlib.sha256()
+    for path in files:
+        source.update(path.read_bytes())
+    return source.hexdigest()[:16]
+
+
+def _remove(folder: Path) -> None:
+    """Remove a checkpoint. Raises :class:`EndoctError`, and removes nothing, where the folder holds anything else."""
+    if not os.path.lexists(folder):
+        return
+    if folder.is_symlink() or not folder.is_dir():
+        raise EndoctError(f"{folder} is no folder that endoct made", remedy="move it away, or choose another output")
+    clear_dead_scratch(folder)
+    files = sorted(folder.iterdir())
+    if files and not (folder / RUN).is_file():
+        raise EndoctError(f"{folder} is no folder that endoct made", remedy="move it away, or choose another output")
+    others = [path.name for path in files if not (path.is_file() and _OWN_NAME.fullmatch(path.name))]
+    if others:
+        raise EndoctError(
+            f"{folder} holds what endoct did not write",
+            found=", ".join(others[:3]),
+            remedy="move it away, or choose another output",
+        )
+    for path in files:
+        path.unlink()
+    folder.rmdir()
+
+
+def _write(path: Path, content: object) -> None:
+    with disk_errors_told(path.parent), new_file(path) as file:
+        file.write(json.dumps(content).encode())

@@ -1,0 +1,96 @@
+"""The results of every method over all its cases."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from endoct.workbench.bench.results.frame import SCORE, frame_of, score_names
+from endoct.workbench.bench.runner import Row
+from endoct.workbench.bench.task import DOUBTED, SUCCESS
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median and quartiles of ``n`` values."""
+
+    n: int
+    median: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Share:
+    """``k`` of ``n``, with Wilson's 95 % interval (Wilson 1927) of the share."""
+
+    k: int
+    n: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The results of one method over all cases.
+
+    ``scores`` are over the cases that have the score: those it answered, and of declined comparisons what each side
+    scores by itself. Of the cases it answered it called ``doubted`` doubtful itself. ``success`` is over all cases,
+    declined and failed ones included, or None where the task does not judge success.
+    """
+
+    method: str
+    cases: int
+    ok: int
+    doubted: int
+    declined: int
+    failed: int
+    success: Share | None
+    scores: dict[str, Spread]
+    seconds: Spread
+    reasons: tuple[str, ...]
+
+
+def spread(values: Iterable[float]) -> Spread:
+    """Return median and quartiles of at least one value."""
+    array = np.fromiter(values, np.float64)
+    low, median, high = np.percentile(array, [25, 50, 75])
+    return Spread(array.size, float(median), float(low), float(high))
+
+
+def share(k: int, n: int) -> Share:
+    """Return ``k`` of ``n`` > 0 with its interval."""
+    interval = stats.binomtest(k, n).proportion_ci(0.95, method="wilson")
+    return Share(k, n, float(interval.low), float(interval.high))
+
+
+def summarise(rows: Sequence[Row], listed: Sequence[str] = ()) -> list[Summary]:
+    """Return a summary for every method of ``rows``, in the order in which they were run."""
+    frame = frame_of(rows)
+    names = score_names(rows, listed)
+    return [_summary(str(method), own, names) for method, own in frame.groupby("method", sort=False)]
+
+
+def _summary(method: str, own: pd.DataFrame, names: Sequence[str]) -> Summary:
+    status = own["status"].value_counts()
+    values = {name: own[f"{SCORE}{name}"].dropna() for name in names}
+    reasons = own.loc[own["reason"] != "", ["status", "reason"]].drop_duplicates()
+    return Summary(
+        method=method,
+        cases=len(own),
+        ok=int(status.get("ok", 0)),
+        doubted=count_true(own, DOUBTED),
+        declined=int(status.get("declined", 0)),
+        failed=int(status.get("failed", 0)),
+        success=share(count_true(own, SUCCESS), len(own)) if f"{SCORE}{SUCCESS}" in own else None,
+        scores={name: spread(column) for name, column in values.items() if len(column)},
+        seconds=spread(own["seconds"]),
+        reasons=tuple(f"{line.status}: {line.reason}" for line in reasons.itertuples()),
+    )
+
+
+def count_true(frame: pd.DataFrame, score: str) -> int:
+    """Return in how many lines a score that stands for yes or no says yes."""
+    return int((frame[f"{SCORE}{score}"] > 0.5).sum()) if f"{SCORE}{score}" in frame else 0

@@ -1,0 +1,1 @@
+"""How one would solve the tasks with other people's libraries, a few lines each."""

@@ -1,0 +1,173 @@
+"""The task "oct": an OCT recording unrolled, with the catheter off the axis and turning unevenly.
+
+Specimens are simulated, small (16 slices of 512 A-scans). A method's cells are compared with the true ones on its own
+rows; the one angle that no OCT recording knows, common to all its slices, is the one that fits best, for every method.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endoct.fusion.segmentation.segment import segment
+from endoct.modalities.registry import open_recording
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.circle import wrap_rad
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.synthetic.sample.presets import PRESETS, PresetName
+from endoct.workbench.bench.cases.specimens import simulated
+from endoct.workbench.bench.task import SUCCESS, Case, Range, Task, draw
+from endoct.workbench.pipeline.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
+
+CAPILLARY_MM = 1.7
+GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves beside the largest sheath drawn
+DRIFT_MM = 0.02
+GOOD_ENOUGH = 0.8
+RIM_REACH_RAD = 0.35  # as far as a found rim may lie from the true one to count as that rim: 20°
+N_NOMINAL = 256
+PRESET: PresetName = "learning"
+RANGES: Mapping[str, Range] = {
+    "off_axis": (0.0, 0.8),
+    "start": ("triggered", "free"),
+    "rotation_error_deg": (0.0, 8.0),
+    "turn_jitter": (0.01, 0.03),
+}
+
+
+def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> Case[Path, Truth]:
+    """Return a case: a recording's folder, and the truth about it."""
+    drawn = draw(seed, index, ranges)
+    difficulties: dict[str, float | str] = {
+        "oct.scan": "step",
+        "oct.start": str(drawn["start"]),
+        "oct.capillary_outer_diameter_mm": CAPILLARY_MM,
+        "oct.offset_mean_mm": float(drawn["off_axis"]) * GAP_MM,
+        "oct.offset_drift_mm": DRIFT_MM,
+        "oct.rotation_error_peak_rad": float(np.deg2rad(float(drawn["rotation_error_deg"]))),
+        "oct.turn_jitter": float(drawn["turn_jitter"]),
+        "bore.bone": "phantom",
+    }
+    scratch = simulated(PRESET, seed, index, difficulties)
+    specimen = Path(scratch.name) / "specimen"
+    return Case(f"{seed}-{index}", specimen / "oct", load_truth(specimen), drawn, scratch)
+
+
+def own_cases(specimen: Path) -> list[Case[Path, Truth]]:
+    """Return the pullback of a simulated specimen in a folder of the user's own as a case."""
+    if not (specimen / "oct").is_dir():
+        raise EndoctError(f"{specimen} holds no OCT recording", expected="oct/ in it")
+    truth = load_truth(specimen)
+    _, stream = open_recording(specimen / "oct")
+    of = {**truth.recording["oct"], "n_ascans": len(stream[0].samples)}
+    truth = replace(truth, recording={**truth.recording, "oct": of})
+    return [Case(specimen.name, specimen / "oct", truth, {"specimen": specimen.name})]
+
+
+def judge(case: Case[Path, Truth], answer: object) -> dict[str, float]:
+    """Score a panorama. Raises :class:`EndoctError` for an answer that is none, or none of this recording."""
+    if not isinstance(answer, Panorama):
+        raise EndoctError("that is no panorama", found=type(answer).__name__)
+    truth = case.truth
+    pose = _fitted(true_pose(answer, truth), truth, answer)
+    cells, true = segment(answer), true_cells(truth, pose, answer)
+    found = jaccard(cells, true, answer.valid)
+    rims = _rim_errors_rad(cells, true, answer.valid)
+    return {
+        SUCCESS: float(found >= GOOD_ENOUGH),
+        "jaccard": found,
+        "rim_deg": float(np.rad2deg(np.median(np.abs(rims)))) if rims.size else np.nan,
+        "beam_deg": float(np.rad2deg(np.sqrt(np.mean(beam_errors_rad(answer, truth) ** 2))))
+        if "start_angle_rad" in answer.per_frame
+        else np.nan,
+        "valid": float(answer.valid.mean()),
+    }
+
+
+def beam_errors_rad(panorama: Panorama, truth: Truth) -> Coordinates:
+    """Return by how much the beams' angles are wrong after what the panorama says it corrected, (n_slices, 256).
+
+    A panorama says so in ``per_frame`` as :func:`endoct.workbench.unroll` does (``start_angle_rad``, ``turn_length``,
+    ``rotation_harmonics_rad`` with the factors of cos a, sin a, cos 2a, …, ``lost_at_rad``). One angle common to all
+    slices is taken off.
+    """
+    of, stated = truth.recording["oct"], {name: one.values for name, one in panorama.per_frame.items()}
+    index = stated[f"{panorama.frame_dim}_index"]
+    nominal = 2 * np.pi * (np.arange(N_NOMINAL) + 0.5) / N_NOMINAL
+    errors = np.empty((index.size, N_NOMINAL))
+    for row, i in enumerate(index):
+        error = stated["start_angle_rad"][row] + (stated["turn_length"][row] - 1) * (nominal - np.pi)
+        for h, (cosine, sine) in enumerate(stated["rotation_harmonics_rad"][row].reshape(-1, 2), start=1):
+            error += cosine * np.cos(h * nominal) + sine * np.sin(h * nominal)
+        if np.isfinite(stated["lost_at_rad"][row]):
+            error += stated["lost_rad"][row] * (nominal >= stated["lost_at_rad"][row])
+        errors[row] = _true_error_rad(of, int(i), nominal) - error
+    common = np.angle(np.sum(np.exp(1j * errors)))
+    return np.asarray(wrap_rad(errors - common))
+
+
+def _true_error_rad(of: Mapping[str, Any], index: int, nominal_rad: Coordinates) -> Coordinates:
+    """The true angle of beams, from A-scan 0 of a perfect turn, less the nominal one."""
+    n_ascans = of.get("n_ascans", PRESETS[PRESET].n_ascans)
+    position = nominal_rad / (2 * np.pi) * n_ascans
+    for lost in of["lost_ascans"]:
+        if lost["slice_index"] == index:
+            position = position + lost["count"] * (nominal_rad / (2 * np.pi) * n_ascans >= lost["ascan"] - 0.5)
+    turn = 2 * np.pi * position / n_ascans * of["turn_length"][index]
+    angle = turn + of["start_angle_rad"][index]
+    pairs = zip(of["rotation_error_cos_rad"][index], of["rotation_error_sin_rad"][index], strict=True)
+    for h, (cosine, sine) in enumerate(pairs, 1):
+        angle = angle + cosine * np.cos(h * turn) + sine * np.sin(h * turn)
+    return np.asarray(angle - nominal_rad)
+
+
+def _fitted(pose: Pose, truth: Truth, panorama: Panorama) -> Pose:
+    """The pose with the common angle at which the panorama's cells lie most on true ones."""
+    cells = segment(panorama) & panorama.valid
+    true = true_cells(truth, pose, panorama)
+    spectrum = np.fft.rfft(cells, axis=1) * np.conj(np.fft.rfft(true, axis=1))
+    best = int(np.argmax(np.fft.irfft(spectrum.sum(axis=0), n=cells.shape[1])))
+    return Pose(
+        pose.theta0_rad - pose.sense * best * panorama.grid.dtheta_rad, pose.sense, pose.z_panorama_mm, pose.z_bore_mm
+    )
+
+
+def _rim_errors_rad(cells: Mask, true: Mask, valid: Mask) -> Coordinates:
+    """How far found rims lie from the nearest true ones of the same kind in the row, rad; rims too far are left out."""
+    n = cells.shape[1]
+    errors = []
+    for row in range(cells.shape[0]):
+        for kind in (True, False):
+            at = [
+                np.flatnonzero((mask[row] == kind) & (np.roll(mask[row], 1) != kind) & valid[row])
+                for mask in (cells, true)
+            ]
+            if at[0].size and at[1].size:
+                apart = wrap_rad((at[0][:, None] - at[1][None, :]) * (2 * np.pi / n))
+                errors.append(apart[np.arange(at[0].size), np.argmin(np.abs(apart), axis=1)])
+    every = np.concatenate(errors) if errors else np.empty(0)
+    return np.asarray(every[np.abs(every) < RIM_REACH_RAD])
+
+
+TASK = Task(
+    name="oct",
+    title="an OCT recording unrolled, the catheter off its axis and turning unevenly",
+    signature=(
+        "method(recording: pathlib.Path) -> endoct.stitching.panorama.Panorama: the folder of a pullback "
+        "(pullback.tif and acquisition.toml) unrolled, with depth_mm, one row a slice, per_frame with slice_index and "
+        "slice_z_mm. θ may be off by one angle common to all slices."
+    ),
+    cases=cases,
+    judge=judge,
+    ranges=RANGES,
+    scores={
+        "jaccard": "Jaccard index of the cells against the true ones, own rows",
+        "rim_deg": "rims of cells, median distance from the true ones, degrees",
+        "beam_deg": "angle of beams, rms error after what was corrected, degrees",
+        "valid": "share of samples called valid",
+    },
+    own=own_cases,
+    against="endoct",
+)

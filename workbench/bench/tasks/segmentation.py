@@ -1,0 +1,122 @@
+"""The task "segmentation": which samples of a panorama are cells.
+
+Cases are toy walls (:mod:`endoct.workbench.bench.cases.toy_walls`), recordings simulated and unrolled by us, or the
+user's own; the truth is on the panorama's own samples, so that no grid stands between a method and its judge.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.segmentation.regions import label
+from endoct.fusion.segmentation.segment import SegmentParameters, find_cells
+from endoct.stitching.arrays import Mask
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.cases import toy_walls
+from endoct.workbench.bench.cases.specimens import PRESET_WORDS, recordings_in, simulated, truths_of
+from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
+
+MADE = "made"
+GOOD_ENOUGH = 0.7
+"""Jaccard index from which a segmentation counts as a success."""
+
+SegmentationCase = Case[Panorama, Mask]
+_RECORDING_OF = {"depth": "oct", "intensity": "endoscope"}
+
+
+def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> SegmentationCase:
+    """Return a case: a panorama, and its true cells."""
+    drawn = draw(seed, index, ranges)
+    name, recipe, modality = f"{seed}-{index}", str(drawn["recipe"]), str(drawn["modality"])
+    if recipe == MADE:
+        numbers = {key: float(value) for key, value in drawn.items() if key in toy_walls.RANGES}
+        panorama, cell = toy_walls.toy_panorama(seed, index, modality, numbers)
+        return Case(name, panorama, cell, {"recipe": recipe, "modality": modality, **numbers})
+    with simulated(recipe, seed, index) as folder:
+        specimen = Path(folder) / "specimen"
+        panorama = _unrolled(specimen / _RECORDING_OF[modality])
+        cell = truths_of(specimen, panorama)["wall"]
+    return Case(name, panorama, cell, {"recipe": recipe, "modality": modality})
+
+
+def own_cases(specimen: Path) -> list[SegmentationCase]:
+    """Return a case for each recording and truth in a folder of the user's own."""
+    cases_ = []
+    for recording in recordings_in(specimen):
+        panorama = _unrolled(recording)
+        conditions = {"specimen": specimen.name, "modality": "intensity" if panorama.depth_mm is None else "depth"}
+        for name, cell in truths_of(specimen, panorama).items():
+            cases_.append(Case(f"{specimen.name}/{recording.name}/{name}", panorama, cell, conditions))
+    return cases_
+
+
+def _unrolled(recording: Path) -> Panorama:
+    from endoct.workbench.api import unroll
+
+    return unroll(recording)
+
+
+def judge(case: SegmentationCase, answer: object) -> dict[str, float]:
+    """Score a mask over the valid samples. Raises :class:`EndoctError` for an answer that is no mask."""
+    panorama = case.given
+    mask, cell = np.asarray(answer), np.asarray(case.truth)
+    if mask.shape != panorama.grid.shape or mask.dtype != np.bool_:
+        raise EndoctError("that is no mask", found=f"{mask.dtype} {mask.shape}", expected=f"bool {panorama.grid.shape}")
+    valid = panorama.valid
+    both, either = int((mask & cell & valid).sum()), int(((mask | cell) & valid).sum())
+    marked, true = int((mask & valid).sum()), int((cell & valid).sum())
+    found, exist = _cells_found(mask & valid, cell & valid)
+    jaccard = both / either if either else 1.0
+    return {
+        SUCCESS: float(jaccard >= GOOD_ENOUGH),
+        "jaccard": jaccard,
+        "precision": both / marked if marked else np.nan,
+        "recall": both / true if true else np.nan,
+        "cells_found": found / exist if exist else np.nan,
+        "area_error": (marked - true) / int(valid.sum()),
+    }
+
+
+def _cells_found(mask: Mask, cell: Mask) -> tuple[int, int]:
+    """Return how many true cells are marked over at least half of their valid samples, and how many there are."""
+    labels, n = label(cell)
+    size = np.bincount(labels.ravel(), minlength=n + 1)[1:]
+    hit = np.bincount(labels[mask], minlength=n + 1)[1:]
+    return int((2 * hit >= size).sum()), n
+
+
+def ours(panorama: Panorama) -> Mask:
+    """Segment as `endoct compare` does: Li's threshold on relief, or on darkness, cleaned on the circle.
+
+    Raises :class:`Declined` where that would be called untrusted.
+    """
+    found = find_cells(prepare(panorama), SegmentParameters())
+    if found.doubt is not None:
+        raise Declined(found.doubt)
+    return found.mask
+
+
+TASK = Task(
+    name="segmentation",
+    title="which samples of a panorama are cells",
+    signature=(
+        "method(panorama: endoct.stitching.panorama.Panorama) -> bool array (n_z, n_theta) on the panorama's own "
+        "samples, True where there is a cell; what it says where panorama.valid is False does not count. With "
+        "depth_mm, cells lie behind the wall; without, cells are dark."
+    ),
+    cases=cases,
+    judge=judge,
+    ranges={"recipe": (MADE, *PRESET_WORDS), "modality": ("depth", "intensity"), **toy_walls.RANGES},
+    usual={"recipe": (MADE,)},
+    scores={
+        "jaccard": "Jaccard index over valid samples",
+        "precision": "precision, share of what is marked",
+        "recall": "recall, share of true cell area",
+        "cells_found": "share of true cells half marked at least",
+        "area_error": "cell area marked minus true, share of the wall",
+    },
+    own=own_cases,
+)
