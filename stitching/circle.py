@@ -25,7 +25,7 @@ def mean_angle_rad(angle_rad: ArrayLike, axis: int | None = None) -> Coordinates
 def harmonics(angle_rad: ArrayLike, orders: Sequence[int]) -> Coordinates:
     """Return cosine and sine of multiples of the angles (n,), float64 (n, 2·len(orders)): cos k, sin k, for each k."""
     multiples = np.asarray(angle_rad, dtype=np.float64)[:, None] * np.asarray(orders)
-    return np.stack([np.cos(multiples), np.sin(multiples)], axis=2).reshape(len(multiples), -1)
+    return np.stack([np.cos(multiples), np.sin(multiples)], axis=2).reshape(len(multiples), 2 * len(orders))
 
 
 def pad_circle(samples: NDArray[Scalar], n: int, axis: int = -1) -> NDArray[Scalar]:

@@ -1,6 +1,6 @@
 """B-scans made small: area average along θ, and decibels where samples are linear."""
 
-from typing import Any
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -9,7 +9,33 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Image
 
 
-def reduce_theta(samples: NDArray[Any], n_columns: int) -> Image:
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """How a reduced B-scan is sampled.
+
+    Attributes: ``angle_rad``, float64 (n_columns,), the centres of its sectors from A-scan 0; ``n_depth`` samples of
+    ``mm_per_px`` each, in the medium.
+    """
+
+    angle_rad: Coordinates
+    n_depth: int
+    mm_per_px: float
+
+    @property
+    def depth_mm(self) -> float:
+        """Depth of the B-scan, mm."""
+        return self.n_depth * self.mm_per_px
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """Distance of neighbouring samples of a B-scan, mm: ``depth_mm`` along a beam, ``column_mm`` along the wall."""
+
+    depth_mm: float
+    column_mm: float
+
+
+def reduce_theta(samples: NDArray[np.generic], n_columns: int) -> Image:
     """Return the area average of a B-scan (A-scan, depth) over ``n_columns`` sectors, float32 (n_columns, depth).
 
     ``n_columns`` is at most the number of A-scans. Their centres are :func:`sector_angles_rad`.
@@ -30,7 +56,7 @@ def sector_angles_rad(n_ascans: int, n_columns: int) -> Coordinates:
 
 
 def logarithmic(image: Image, intensity: str) -> Image:
-    """Return ``image`` on a logarithmic scale: as it is, or in dB where ``intensity`` is "linear"."""
+    """Return ``image`` on a logarithmic scale: unchanged where it already is, in dB where ``intensity`` is "linear"."""
     if intensity == "log":
         return image
     floor = max(float(np.mean(np.abs(image))) * 1e-6, float(np.finfo(np.float32).tiny))

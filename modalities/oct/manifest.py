@@ -1,4 +1,4 @@
-"""What is known of the OCT plug-in without loading it: its sidecar's keys and what it provides."""
+"""The OCT plug-in as the registry sees it before loading it: the keys of its sidecar and what it provides."""
 
 from typing import Literal, Self
 
@@ -51,6 +51,26 @@ class OctAcquisition(Acquisition):
     def mm_per_px(self) -> float:
         """Distance of two depth samples in the medium, mm."""
         return self.axial_pixel_mm / self.medium_index
+
+    @property
+    def capillary_radius_mm(self) -> float:
+        """Outer radius of the capillary, mm."""
+        return self.capillary_outer_diameter_mm / 2
+
+    @property
+    def bore_radius_mm(self) -> float:
+        """Nominal radius of the bore, mm."""
+        return self.bore_diameter_mm / 2
+
+    @property
+    def gap_mm(self) -> float:
+        """Distance from the capillary's outer face to the nominal wall, mm."""
+        return self.bore_radius_mm - self.capillary_radius_mm
+
+    @property
+    def sense(self) -> int:
+        """+1 where A-scans run with the panorama's θ, −1 where against it."""
+        return -1 if self.handedness == "mirrored" else 1
 
     @model_validator(mode="after")
     def _capillary_fits_the_bore(self) -> Self:

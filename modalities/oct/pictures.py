@@ -1,4 +1,4 @@
-"""Pictures that show a reader how one B-scan was understood."""
+"""Pictures of one B-scan with the outer face and the wall that were detected in it."""
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
         y_extent=(0.0, (calibration.n_depth - 1) * mm),
         curves={
             "outer face of the capillary": _curve(beams.angle_rad, beams.face_mm),
-            "sine": _curve(beams.angle_rad, calibration.sines[index](beams.angle_rad)),
+            "sine": _curve(beams.angle_rad, calibration.faces.sines[index](beams.angle_rad)),
             "wall": _curve(beams.angle_rad, wall),
         },
     )

@@ -1,4 +1,4 @@
-"""The OCT plug-in as the contract asks for it; every step has a module of its own."""
+"""The OCT plug-in with the methods that the contract requires; every step has a module of its own."""
 
 from pathlib import Path
 

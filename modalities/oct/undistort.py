@@ -1,26 +1,25 @@
-"""From what a beam met at which depth to radius and angle about the capillary's axis.
+"""From the depth along a beam to radius and angle about the capillary's axis, and back.
 
-Two ways. "eccentric" takes the catheter where it is: a sample at distance ρ along the beam at angle α lies at
-e + ρ·u(α), turned by what the capillary's glass bends the beam. "sine" is the paper's (Laves 2019, Image
-undistortion): every A-scan is shifted by the fitted sine, its angle kept; right for the radius to first order only.
+There are two methods. "eccentric" uses the catheter's position: a sample at distance ρ along the beam at angle α lies
+at e + ρ·u(α), turned by the angle by which the capillary's glass bends the beam. "sine" is the paper's (Laves 2019,
+Image undistortion): every A-scan is shifted by the fitted sine and keeps its angle, which is right for the radius to
+first order only.
 
-Three angles: θ of the panorama; the direction of a beam in the frame of its slice; and the nominal angle of an A-scan,
-its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` says where frames start and which A-scan looked
-where.
+Three angles occur: θ of the panorama; the direction of a beam in the frame of its slice; and the nominal angle of an
+A-scan, its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates them.
 """
 
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.face.glass import bend_rad
-from endoct.modalities.oct.face.sine import circle_distance_mm, ripple_basis
+from endoct.modalities.oct.face.ripple import ripple_basis
 from endoct.stitching.arrays import Coordinates, Mask
 
 
 def beam_angles_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> tuple[Coordinates, Mask]:
     """Return the nominal angle of the A-scan that crosses the nominal bore surface at each ``theta_rad``.
 
-    And whether there is one: a turn that was too short, or lost A-scans, left some θ unseen.
+    The second array, bool, says whether there is one: short turns and lost A-scans leave gaps.
     """
     beam = _beams_at_bore(calibration, index, theta_rad)
     return calibration.rotation.nominal_rad(index, beam, calibration.n_ascans)
@@ -29,21 +28,20 @@ def beam_angles_rad(calibration: OctCalibration, index: int, theta_rad: Coordina
 def face_depth_mm(calibration: OctCalibration, index: int, nominal_rad: Coordinates) -> Coordinates:
     """Return the depth of the outer face, from sample 0 and in the medium, in the A-scans at ``nominal_rad``."""
     if calibration.parameters.undistort == "sine":
-        return calibration.sines[index](nominal_rad)
+        return calibration.faces.sines[index](nominal_rad)
     beam = calibration.rotation.beam_rad(index, nominal_rad)
-    x, y = calibration.offset_x_mm[index], calibration.offset_y_mm[index]
-    distance = circle_distance_mm(beam, x, y, calibration.capillary_radius_mm)
-    return np.asarray(distance) + _depth_of_axis(calibration, index, beam)
+    return calibration.capillary.circle(index).distance_mm(beam) + _depth_of_axis(calibration, index, beam)
 
 
 def radius_mm(calibration: OctCalibration, index: int, nominal_rad: Coordinates, depth_mm: Coordinates) -> Coordinates:
-    """Return the distance from the capillary's axis of what lies at ``depth_mm`` in the A-scans at ``nominal_rad``."""
+    """Return the distance from the capillary's axis, mm, of depths ``depth_mm`` in the A-scans at ``nominal_rad``."""
     if calibration.parameters.undistort == "sine":
-        return np.asarray(depth_mm - calibration.sines[index](nominal_rad) + calibration.capillary_radius_mm)
+        return np.asarray(depth_mm - calibration.faces.sines[index](nominal_rad) + calibration.capillary.radius_mm)
     beam = calibration.rotation.beam_rad(index, nominal_rad)
     along = depth_mm - _depth_of_axis(calibration, index, beam)
-    x = calibration.offset_x_mm[index] + along * np.cos(beam)
-    y = calibration.offset_y_mm[index] + along * np.sin(beam)
+    face = calibration.capillary.circle(index)
+    x = face.x_mm + along * np.cos(beam)
+    y = face.y_mm + along * np.sin(beam)
     return np.asarray(np.hypot(x, y))
 
 
@@ -52,21 +50,24 @@ def beam_of(
 ) -> tuple[Coordinates, Coordinates]:
     """Return (nominal angle, depth in mm) at which the place (r, θ) about the axis was recorded; shapes broadcast.
 
-    The depth is NaN where no A-scan looked.
+    The depth is NaN where no A-scan was recorded.
     """
     turned = _in_slice_rad(calibration, index, theta_rad)
     if calibration.parameters.undistort == "sine":
-        nominal, seen = calibration.rotation.nominal_rad(index, turned, calibration.n_ascans)
-        depth = np.where(seen, radius - calibration.capillary_radius_mm + calibration.sines[index](nominal), np.nan)
+        nominal, recorded = calibration.rotation.nominal_rad(index, turned, calibration.n_ascans)
+        depth = np.where(
+            recorded, radius - calibration.capillary.radius_mm + calibration.faces.sines[index](nominal), np.nan
+        )
         return np.broadcast_to(nominal, depth.shape), depth
     # ripple and bend are smooth: over the few degrees that one θ spans along the radius they are those at the wall
     at_bore = _beams_at_bore(calibration, index, np.ravel(theta_rad))
     turned = turned + _bend_rad(calibration, index, at_bore).reshape(np.shape(theta_rad))
-    x = radius * np.cos(turned) - calibration.offset_x_mm[index]
-    y = radius * np.sin(turned) - calibration.offset_y_mm[index]
+    face = calibration.capillary.circle(index)
+    x = radius * np.cos(turned) - face.x_mm
+    y = radius * np.sin(turned) - face.y_mm
     axis = _depth_of_axis(calibration, index, at_bore).reshape(np.shape(theta_rad))
-    nominal, seen = calibration.rotation.nominal_rad(index, np.arctan2(y, x), calibration.n_ascans)
-    return nominal, np.where(seen, np.hypot(x, y) + axis, np.nan)
+    nominal, recorded = calibration.rotation.nominal_rad(index, np.arctan2(y, x), calibration.n_ascans)
+    return nominal, np.where(recorded, np.hypot(x, y) + axis, np.nan)
 
 
 def _in_slice_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> Coordinates:
@@ -79,25 +80,22 @@ def _beams_at_bore(calibration: OctCalibration, index: int, theta_rad: Coordinat
     turned = _in_slice_rad(calibration, index, theta_rad)
     if calibration.parameters.undistort == "sine":
         return np.mod(turned, 2 * np.pi)
-    radius = calibration.grid.radius_mm
-    offset_x, offset_y = calibration.offset_x_mm[index], calibration.offset_y_mm[index]
+    radius, face = calibration.grid.radius_mm, calibration.capillary.circle(index)
     beam = turned
     bend: Coordinates = np.zeros_like(turned)
-    for _ in range(3 if calibration.glass_mm else 1):
-        beam = np.arctan2(radius * np.sin(turned + bend) - offset_y, radius * np.cos(turned + bend) - offset_x)
+    for _ in range(3 if calibration.glass.thickness_mm else 1):
+        beam = np.arctan2(radius * np.sin(turned + bend) - face.y_mm, radius * np.cos(turned + bend) - face.x_mm)
         bend = _bend_rad(calibration, index, beam)
     return np.asarray(np.mod(beam, 2 * np.pi))
 
 
 def _depth_of_axis(calibration: OctCalibration, index: int, beam_rad: Coordinates) -> Coordinates:
     """The depth at which ρ = 0, in every beam: the circle's, and the face's departure from the circle."""
-    return np.asarray(calibration.axis_depth_mm[index] + ripple_basis(beam_rad) @ calibration.ripple_mm[index])
+    faces = calibration.faces
+    return np.asarray(faces.capillary.axis_depth_mm[index] + ripple_basis(beam_rad) @ faces.ripple_mm[index])
 
 
 def _bend_rad(calibration: OctCalibration, index: int, beam_rad: Coordinates) -> Coordinates:
     """By how much the glass turns the beams at ``beam_rad``; 0 where the glass is not known."""
-    if not calibration.glass_mm:
-        return np.zeros_like(beam_rad)
-    passing = calibration.offset_x_mm[index] * np.sin(beam_rad) - calibration.offset_y_mm[index] * np.cos(beam_rad)
-    medium = calibration.acquisition.medium_index
-    return bend_rad(passing, calibration.capillary_radius_mm, calibration.glass_mm, medium)
+    face = calibration.capillary.circle(index)
+    return calibration.glass.bend_rad(np.asarray(face.x_mm * np.sin(beam_rad) - face.y_mm * np.cos(beam_rad)))

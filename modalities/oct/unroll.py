@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import logarithmic, reduce_theta, sector_angles_rad
+from endoct.modalities.oct.bscan import Spacing, logarithmic, reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.surface.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.surface.projection import maximum_intensity
@@ -18,12 +18,12 @@ from endoct.stitching.strip import Strip
 
 @dataclass(frozen=True, eq=False)
 class BeamProfile:
-    """What each of ``n_theta`` sectors of a turn shows.
+    """The outer face and the wall in each of ``n_theta`` sectors of a turn.
 
     Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced;
-    ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from depth sample 0 (where there is
-    no surface: of the last sample); ``surface``, whether there is one; ``intensity``, the projection; ``trusted``,
-    whether what it shows is the wall; ``wall_sigmas`` of them all.
+    ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from depth sample 0 (of the last
+    sample where there is no surface); ``surface``, whether there is one; ``intensity``, the projection; ``trusted``,
+    whether the surface is the wall's; ``wall_sigmas``, by how much the wall stands out in the whole slice.
     """
 
     angle_rad: Coordinates
@@ -37,7 +37,7 @@ class BeamProfile:
 
 
 def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
-    """Find the wall in every sector of one B-scan."""
+    """Return the outer face and the wall in every sector of one B-scan."""
     parameters, acquisition = calibration.parameters, calibration.acquisition
     n_theta, mm = calibration.grid.n_theta, calibration.mm_per_px
     image = reduce_theta(frame.samples, n_theta)
@@ -47,14 +47,14 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
     recorded = logarithmic(image, acquisition.intensity)
     background = with_lines_of(recorded, calibration.background, mm)
-    level, lines = without_lines(recorded, background), background.line_excess > 0
-    mm_per_column = calibration.grid.dtheta_mm
+    level, lines = without_lines(recorded, background), background.lines
+    spacing = Spacing(mm, calibration.grid.dtheta_mm)
     if parameters.wall == "maximum":
         row = brightest(bridge_rows(image, lines), first_row)
     else:
-        row = first_edge(level, first_row, background, mm, mm_per_column, parameters)
+        row = first_edge(level, first_row, background, spacing, parameters)
     surface = row < n_depth
-    good = (np.ptp(image, axis=1) > 0) & trusted(level, row, background, mm, mm_per_column)
+    good = (np.ptp(image, axis=1) > 0) & trusted(level, row, background, spacing)
     return BeamProfile(
         angle_rad=angle,
         image=image,
@@ -63,17 +63,17 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         surface=surface,
         intensity=maximum_intensity(bridge_rows(image, lines), first_row),
         trusted=good,
-        wall_sigmas=wall_sigmas(level, row, good, background, mm, mm_per_column),
+        wall_sigmas=wall_sigmas(level, row, good, background, spacing),
     )
 
 
 def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     """Return the panorama's row of one B-scan: intensity and depth at each θ. Pure.
 
-    θ of a column is where the beam crosses the nominal bore surface, so that an opening there is put at its own
-    θ; its depth is that of the surface the beam meets. Where a living beam meets no surface in range (a deep
-    cell), the depth is that of the last sample, a lower bound; bridged slices, those whose wall hardly stands out of
-    the noise, dead A-scans, what stands before the wall and what no A-scan looked at are not valid.
+    θ of a column is where the beam crosses the nominal bore surface, so that an opening there appears at its own
+    θ; its depth is that of the surface the beam meets. Where the beam meets no surface in range (a deep cell), the
+    depth is that of the last sample, a lower bound. Not valid are bridged slices, slices whose wall hardly stands out
+    of the noise, dead A-scans, anything before the wall, and angles that no A-scan recorded.
 
     Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
     beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth; R is the nominal bore
@@ -82,7 +82,7 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     beams = profile_beams(frame, calibration)
     grid = calibration.grid
     wall_radius = radius_mm(calibration, frame.index, beams.angle_rad, beams.wall_mm)
-    wanted, seen = beam_angles_rad(calibration, frame.index, grid.theta_rad)
+    wanted, recorded = beam_angles_rad(calibration, frame.index, grid.theta_rad)
     step = 2 * np.pi / grid.n_theta
     nearest = np.round((wanted - beams.angle_rad[0]) / step).astype(np.intp) % grid.n_theta
     faint = beams.wall_sigmas < calibration.parameters.least_wall_sigmas
@@ -92,7 +92,7 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
         theta_rad=grid.theta_rad,
         intensity=beams.intensity[nearest][None],
         depth_mm=(wall_radius - grid.radius_mm)[nearest][None],
-        valid=(valid[nearest] & seen)[None],
+        valid=(valid[nearest] & recorded)[None],
         weight=np.ones((1, grid.n_theta), np.float32),
         diagnostics={"surface_fraction": float(beams.surface.mean()), "wall_sigmas": beams.wall_sigmas},
     )

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -24,11 +23,12 @@ OUTSIDE_PX = -10.0
 def volume_radii_mm(calibration: OctCalibration) -> Coordinates:
     """Return the radii of the volume's samples, float64, mm: to the end of the depth range.
 
-    They start a little inside the capillary, so that its outer face shows; the glass is not to scale.
+    They start a little inside the capillary, so that its outer face is visible; the glass is not to scale.
     """
-    farthest = calibration.n_depth * calibration.mm_per_px - float(np.median(calibration.axis_depth_mm))
-    farthest += float(np.max(np.hypot(calibration.offset_x_mm, calibration.offset_y_mm)))
-    return np.asarray(np.arange(calibration.capillary_radius_mm - INSIDE_MM, farthest, calibration.mm_per_px))
+    capillary = calibration.capillary
+    farthest = calibration.n_depth * calibration.mm_per_px - float(np.median(capillary.axis_depth_mm))
+    farthest += float(np.max(capillary.offset_mm))
+    return np.asarray(np.arange(capillary.radius_mm - INSIDE_MM, farthest, calibration.mm_per_px))
 
 
 def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates) -> Image:
@@ -74,5 +74,5 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
         consolidate(place)
 
 
-def _as_recorded(samples: Image, dtype: np.dtype[Any]) -> NDArray[Any]:
+def _as_recorded(samples: Image, dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
     return samples if dtype.kind == "f" else np.rint(np.nan_to_num(samples)).astype(dtype)

@@ -67,6 +67,7 @@ def test_harmonics_come_as_cosine_and_sine_of_each_order() -> None:
     angle = np.array([0.0, 0.3, 4.0])
     columns = [np.cos(2 * angle), np.sin(2 * angle), np.cos(5 * angle), np.sin(5 * angle)]
     np.testing.assert_array_equal(harmonics(angle, (2, 5)), np.stack(columns, axis=1))
+    assert harmonics([], (2, 5)).shape == (0, 4)
 
 
 @pytest.mark.parametrize("axis", [0, 1])

@@ -1,1 +1,1 @@
-"""The capillary's faces in single B-scans."""
+"""The capillary in single B-scans: bright lines, which of them is its outer face, and its glass."""

@@ -8,13 +8,14 @@ import numpy as np
 import pywt
 
 from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.circle import pad_circle
 
 
 def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
     """Return ``image`` with its wavelet coefficients shrunk by ``threshold_sigmas`` of their noise.
 
-    Two levels of Daubechies-2, soft threshold, the noise's σ from the finest diagonal coefficients. Where that is 0, or
-    nothing is asked for, the image stays as it is.
+    Two levels of Daubechies-2, soft threshold, the noise's σ from the finest diagonal coefficients. Where that σ or
+    the threshold is 0, the image is returned unchanged.
     """
     coefficients = pywt.wavedec2(image, "db2", mode="periodization", level=2)
     sigma = float(np.median(np.abs(coefficients[-1][2]))) / 0.6745
@@ -36,7 +37,7 @@ def equalise(image: Image, clip_limit: float, tile_depth_px: float) -> Image:
     low, high = np.percentile(image, (0.5, 99.5))
     grey = np.clip((image - low) * (255 / max(float(high - low), 1e-12)), 0, 255).astype(np.uint8)
     pad = image.shape[0] // 4
-    wrapped = np.pad(grey, ((pad, pad), (0, 0)), mode="wrap")
+    wrapped = pad_circle(grey, pad, axis=0)
     tiles = max(1, round(image.shape[1] / tile_depth_px)), 6
     equalised = cv2.createCLAHE(clip_limit, tiles).apply(wrapped)
     return np.asarray(equalised[pad : pad + image.shape[0]], dtype=np.float32)

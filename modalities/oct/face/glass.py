@@ -1,4 +1,4 @@
-"""How the capillary's glass bends the beams.
+"""The capillary's glass: how it bends the beams and lengthens their path.
 
 A beam that passes the axis at the distance b keeps n·b through every face about that axis (Bouguer), so it leaves
 the glass with the b it came with, turned by δ = asin(b/Rᵢ) − asin(b/nRᵢ) − asin(b/Rₒ) + asin(b/nRₒ): up to two
@@ -7,30 +7,73 @@ read off the distance between the lines of its two faces, n·t.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.modalities.oct.face.capillary import Faces
-from endoct.modalities.oct.face.slices import SliceEvidence
+from endoct.modalities.oct.face.circle import circle_distance_mm
+from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.arrays import Coordinates
 
 GLASS_INDEX = 1.46  # fused silica and borosilicate near 1300 nm
 THICKNESS_MM = (0.04, 0.45)
 SAME_OFFSET_MM = 0.015
-TELLING_OFFSET_MM = 0.05  # nearer to the axis a sheath line's own wobble looks the same, and nothing bends
+LEAST_OFFSET_MM = 0.05  # nearer to the axis a sheath line's own wobble looks the same, and nothing bends
 SAME_DISTANCE_MM = 0.012
 LEAST_PRESENCE = 0.5
 
 
-def glass_mm(slices: Sequence[SliceEvidence], faces: Faces, medium_index: float) -> float:
-    """Return the thickness of the capillary's wall, mm; 0 where no inner face is seen with the catheter off axis."""
-    index = GLASS_INDEX / medium_index
-    distances = []
-    seen = np.flatnonzero(~faces.bridged & (np.hypot(faces.x_mm, faces.y_mm) > TELLING_OFFSET_MM))
-    for i in map(int, seen):
-        lines = slices[i].lines
-        moves_along = np.hypot(lines[:, 0] - faces.x_mm[i], lines[:, 1] - faces.y_mm[i]) < SAME_OFFSET_MM
-        before = (faces.axis_depth_mm[i] - lines[:, 2]) / index
+@dataclass(frozen=True)
+class Glass:
+    """The capillary's wall: ``outer_radius_mm``, ``thickness_mm`` (0 where not known), index of the medium around."""
+
+    outer_radius_mm: float
+    thickness_mm: float = 0.0
+    medium_index: float = 1.0
+
+    def bend_rad(self, passing_mm: Coordinates) -> Coordinates:
+        """Return by how much beams that pass the axis at ``passing_mm`` (signed) are turned back, rad.
+
+        0 where the thickness is not known.
+        """
+        if not self.thickness_mm:
+            return np.zeros_like(passing_mm)
+        index, inner_radius_mm = GLASS_INDEX / self.medium_index, self.outer_radius_mm - self.thickness_mm
+        inner = np.clip(passing_mm / inner_radius_mm, -0.95, 0.95)
+        outer = np.clip(passing_mm / self.outer_radius_mm, -0.95, 0.95)
+        turned = np.arcsin(inner) - np.arcsin(inner / index) - np.arcsin(outer) + np.arcsin(outer / index)
+        return np.asarray(turned)
+
+    def face_distance_mm(self, beam_rad: Coordinates, x_mm: float, y_mm: float) -> Coordinates:
+        """Return the optical path to the outer face, less the glass's delay where a beam meets it squarely, mm.
+
+        The catheter is off the axis by (x, y). An oblique beam goes a longer way through the glass.
+        """
+        if not self.thickness_mm:
+            return circle_distance_mm(beam_rad, x_mm, y_mm, self.outer_radius_mm)
+        across = x_mm * np.sin(beam_rad) - y_mm * np.cos(beam_rad)
+        along = x_mm * np.cos(beam_rad) + y_mm * np.sin(beam_rad)
+        inner_mm = self.outer_radius_mm - self.thickness_mm
+        within = (across / GLASS_INDEX) ** 2
+        to_inner = np.sqrt(np.maximum(inner_mm**2 - across**2, 1e-6)) - along
+        through = np.sqrt(self.outer_radius_mm**2 - within) - np.sqrt(np.maximum(inner_mm**2 - within, 1e-6))
+        return np.asarray(to_inner + GLASS_INDEX * through - (GLASS_INDEX - 1) * self.thickness_mm)
+
+
+def measure_glass(slices: Sequence[SliceFeatures], faces: Faces, medium_index: float) -> Glass:
+    """Return the capillary's glass; of unknown thickness where no inner face is seen with the catheter off the axis."""
+    capillary = faces.capillary
+    return Glass(capillary.radius_mm, _thickness_mm(slices, faces, GLASS_INDEX / medium_index), medium_index)
+
+
+def _thickness_mm(slices: Sequence[SliceFeatures], faces: Faces, index: float) -> float:
+    capillary, distances = faces.capillary, []
+    off_axis = np.flatnonzero(~faces.bridged & (capillary.offset_mm > LEAST_OFFSET_MM))
+    for i in map(int, off_axis):
+        lines, face = slices[i].lines, capillary.circle(i)
+        moves_along = np.hypot(lines.x_mm - face.x_mm, lines.y_mm - face.y_mm) < SAME_OFFSET_MM
+        before = (face.axis_depth_mm - lines.axis_depth_mm) / index
         within = (before > THICKNESS_MM[0]) & (before < THICKNESS_MM[1])
         distances.append(before[moves_along & within])
     every = np.concatenate(distances) if distances else np.empty(0)
@@ -43,12 +86,3 @@ def glass_mm(slices: Sequence[SliceEvidence], faces: Faces, medium_index: float)
     if agreeing.max() < LEAST_PRESENCE * len(distances):
         return 0.0
     return float(np.median(every[np.abs(every - best) < SAME_DISTANCE_MM]))
-
-
-def bend_rad(passing_mm: Coordinates, outer_radius_mm: float, thickness_mm: float, medium_index: float) -> Coordinates:
-    """Return by how much beams that pass the axis at ``passing_mm`` (signed) are turned back, rad."""
-    index, inner_radius_mm = GLASS_INDEX / medium_index, outer_radius_mm - thickness_mm
-    inner = np.clip(passing_mm / inner_radius_mm, -0.95, 0.95)
-    outer = np.clip(passing_mm / outer_radius_mm, -0.95, 0.95)
-    turned = np.arcsin(inner) - np.arcsin(inner / index) - np.arcsin(outer) + np.arcsin(outer / index)
-    return np.asarray(turned)

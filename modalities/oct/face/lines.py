@@ -1,165 +1,169 @@
-"""Bright lines with darkness behind them in one reduced B-scan: sheath, inner and outer face of the capillary."""
+"""Bright lines in one reduced B-scan: the catheter's sheath, the inner and the outer face of the capillary.
 
+Each is taken for a circle of the capillary's radius, seen from off its axis.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.modalities.oct.face.enhance import equalise, local_threshold, wavelet_denoise
-from endoct.modalities.oct.face.sine import circle_distance_mm
-from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.bscan import Raster
+from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
+from endoct.modalities.oct.face.points import Points, tukey_weight
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
 MOST_LINES = 10
-POINTS_PER_COLUMN = 8
 LEAST_SUPPORT = 0.12
 SCORED_COLUMNS = 64
-WEAKEST_POINT_SIGMAS = 3.0
+FARTHEST = 0.8  # of the radius: an offset of the catheter beyond that is no fit
+LEAST_POINTS = 30
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
-    """Points on bright lines: ``angle_rad``, ``depth_mm`` (from depth sample 0), ``strength`` 0…1, each (n,)."""
+class Lines:
+    """Lines of one slice or of several, as circles of one radius.
 
-    angle_rad: Coordinates
-    depth_mm: Coordinates
-    strength: Coordinates
-
-
-def line_points(image: Image, angle_rad: Coordinates, mm_per_px: float, parameters: OctParameters) -> Points:
-    """Return where a reduced logarithmic B-scan, float32 (θ, depth), shows a line with darkness behind it.
-
-    The image is enhanced as in the paper; of what remains above the local threshold, each A-scan's ridges count.
+    Attributes: ``x_mm``, ``y_mm``, ``axis_depth_mm``, float64 (n,), see :class:`Circle`; ``support``, float64 (n,), the
+    mean strength of the points on each line over all columns; ``radius_mm``.
     """
-    denoised = wavelet_denoise(image, parameters.denoise_threshold)
-    equal = equalise(denoised, parameters.clahe_clip_limit, parameters.clahe_tile_mm / mm_per_px)
-    bright = local_threshold(equal, parameters.threshold_window_mm / mm_per_px)
-    ridge = _ridge(denoised, mm_per_px)
-    noise = 1.4826 * float(np.median(np.abs(ridge - np.median(ridge))))
-    peak = np.zeros_like(bright)
-    peak[:, 1:-1] = (ridge[:, 1:-1] >= ridge[:, :-2]) & (ridge[:, 1:-1] > ridge[:, 2:])
-    height = np.where(peak & bright & (ridge > WEAKEST_POINT_SIGMAS * noise), ridge, 0.0)
-    kth = np.partition(height, -POINTS_PER_COLUMN, axis=1)[:, -POINTS_PER_COLUMN, None]
-    column, row = np.nonzero((height > 0) & (height >= kth))
-    before, here, after = ridge[column, row - 1], ridge[column, row], ridge[column, row + 1]
-    shift = 0.5 * (before - after) / np.minimum(before - 2 * here + after, -1e-9)
-    strength = np.minimum(1.0, height[column, row] / (4 * WEAKEST_POINT_SIGMAS * max(noise, 1e-9)))
-    return Points(angle_rad[column], (row + np.clip(shift, -0.5, 0.5)) * mm_per_px, strength.astype(np.float64))
+
+    x_mm: Coordinates
+    y_mm: Coordinates
+    axis_depth_mm: Coordinates
+    support: Coordinates
+    radius_mm: float
+
+    @classmethod
+    def of(cls, circles: Sequence[Circle], support: Sequence[float], radius_mm: float) -> "Lines":
+        """Return the lines of ``circles`` with their ``support``."""
+        rows = [(circle.x_mm, circle.y_mm, circle.axis_depth_mm) for circle in circles]
+        x, y, depth = np.array(rows, dtype=np.float64).reshape(-1, 3).T.copy()
+        return cls(x, y, depth, np.array(support, dtype=np.float64), radius_mm)
+
+    @classmethod
+    def together(cls, several: Sequence["Lines"]) -> "Lines":
+        """Return the lines of several slices, one after the other."""
+        return cls(
+            np.concatenate([lines.x_mm for lines in several]),
+            np.concatenate([lines.y_mm for lines in several]),
+            np.concatenate([lines.axis_depth_mm for lines in several]),
+            np.concatenate([lines.support for lines in several]),
+            several[0].radius_mm,
+        )
+
+    def __len__(self) -> int:
+        return self.support.size
+
+    @property
+    def offset_mm(self) -> Coordinates:
+        """Distance of the catheter from each line's axis, float64 (n,), mm."""
+        return np.hypot(self.x_mm, self.y_mm)
+
+    def circle(self, k: int) -> Circle:
+        """Return the circle of one line."""
+        return Circle(float(self.x_mm[k]), float(self.y_mm[k]), float(self.axis_depth_mm[k]), self.radius_mm)
+
+    def where(self, good: Mask) -> "Lines":
+        """Return the lines that are ``good``, bool (n,)."""
+        return Lines(self.x_mm[good], self.y_mm[good], self.axis_depth_mm[good], self.support[good], self.radius_mm)
+
+    def strongest_near(self, axis_depth_mm: float, within_mm: float) -> Circle | None:
+        """Return the line of most support whose axis lies ``within_mm`` of ``axis_depth_mm``; None where none does."""
+        near = self.where(np.abs(self.axis_depth_mm - axis_depth_mm) < within_mm)
+        return near.circle(int(np.argmax(near.support))) if len(near) else None
 
 
-def _ridge(image: Image, mm_per_px: float) -> Image:
-    """How much brighter than behind it, and by half its weight than before it, each sample is."""
-    half, near, far = round(0.004 / mm_per_px), max(2, round(0.018 / mm_per_px)), max(5, round(0.055 / mm_per_px))
-    n = image.shape[1]
-    total = np.concatenate([np.zeros((image.shape[0], 1)), np.cumsum(image, axis=1, dtype=np.float64)], axis=1)
-
-    def mean(first: int, last: int) -> Coordinates:
-        low, high = np.clip(np.arange(n) + first, 0, n - 1), np.clip(np.arange(n) + last, 0, n - 1)
-        return np.asarray((total[:, high + 1] - total[:, low]) / (high + 1 - low))
-
-    here = mean(-half, half)
-    behind, before = here - mean(near, far), here - mean(-far, -near)
-    ridge = 0.5 * behind + 0.5 * np.minimum(behind, before)
-    ridge[:, n - far :] = 0
-    return np.asarray(ridge, dtype=np.float32)
-
-
-def find_lines(
-    points: Points,
-    angle_rad: Coordinates,
-    depth_mm: float,
-    mm_per_px: float,
-    radius_mm: float,
-    trials: int,
-    rng: Generator,
-) -> Coordinates:
-    """Return the lines through ``points`` as circles seen from off their axis, strongest first.
-
-    float64 (n_lines, 4): offset x and y, depth of the axis (where ρ = 0), mm, and the support: the mean strength
-    of points on the line over all A-scans. Random sample consensus, one line after another.
-    """
+def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rng: Generator) -> Lines:
+    """Return the lines through ``points`` as circles of ``radius_mm``, by random sample consensus one after another."""
+    angle_rad, mm_per_px = raster.angle_rad, raster.mm_per_px
     step = 2 * np.pi / angle_rad.size
     column = np.round((points.angle_rad - angle_rad[0]) / step).astype(np.intp) % angle_rad.size
     row = np.round(points.depth_mm / mm_per_px).astype(np.intp)
-    n_rows = int(np.ceil(depth_mm / mm_per_px)) + 1
-    evidence = np.zeros((angle_rad.size, n_rows), np.float32)
-    evidence[column, np.minimum(row, n_rows - 1)] = points.strength
+    n_rows = int(np.ceil(raster.depth_mm / mm_per_px)) + 1
+    strength = np.zeros((angle_rad.size, n_rows), np.float32)
+    strength[column, np.minimum(row, n_rows - 1)] = points.strength
     circles = _circles_through_triples(points, column, angle_rad.size, radius_mm, trials, rng)
     if not circles.size:
-        return np.empty((0, 4))
+        return Lines.of([], [], radius_mm)
     scored = np.linspace(0, angle_rad.size, SCORED_COLUMNS, endpoint=False).astype(int)
     rows = np.round(
         (circles[:, 2:] + circle_distance_mm(angle_rad[scored], circles[:, :1], circles[:, 1:2], radius_mm)) / mm_per_px
     ).astype(int)
     inside = (rows >= 2) & (rows < n_rows - 2)
     rows = np.clip(rows, 0, n_rows - 1)
-    left = np.ones(points.strength.size, bool)
-    found: list[tuple[float, float, float, float]] = []
+    left = np.ones(len(points), bool)
+    lines: list[Circle] = []
+    supports: list[float] = []
     for _ in range(MOST_LINES):
-        wide = evidence.copy()
-        for shift in (1, 2):
-            wide[:, shift:] = np.maximum(wide[:, shift:], evidence[:, :-shift])
-            wide[:, :-shift] = np.maximum(wide[:, :-shift], evidence[:, shift:])
-        support = np.where(inside, wide[scored, rows], 0).mean(axis=1)
+        support = np.where(inside, _widened(strength)[scored, rows], 0).mean(axis=1)
         best = int(np.argmax(support))
         if support[best] < LEAST_SUPPORT:
             break
-        x, y, zero = fit_circle(points, left, circles[best, :3], radius_mm, width_mm=3 * mm_per_px)
-        distance = circle_distance_mm(points.angle_rad, x, y, radius_mm)
-        on = left & (np.abs(points.depth_mm - zero - distance) < 3.5 * mm_per_px)
-        if np.hypot(x, y) < 0.8 * radius_mm:
-            found.append((x, y, zero, float(points.strength[on].sum() / angle_rad.size)))
+        x, y, depth = (float(value) for value in circles[best])
+        line = fit_circle(points.where(left), Circle(x, y, depth, radius_mm), width_mm=3 * mm_per_px)
+        on = left & (np.abs(points.beyond_mm(line)) < 3.5 * mm_per_px)
+        if line.offset_mm < FARTHEST * radius_mm:
+            lines.append(line)
+            supports.append(float(points.strength[on].sum() / angle_rad.size))
         left &= ~on
-        evidence[column[on], np.minimum(row[on], n_rows - 1)] = 0
+        strength[column[on], np.minimum(row[on], n_rows - 1)] = 0
         if not on.any():
             break
-    return np.asarray(found).reshape(-1, 4)
+    return Lines.of(lines, supports, radius_mm)
+
+
+def _widened(strength: Image) -> Image:
+    """The largest of each sample and of its two neighbours before and behind it."""
+    wide = strength.copy()
+    for shift in (1, 2):
+        wide[:, shift:] = np.maximum(wide[:, shift:], strength[:, :-shift])
+        wide[:, :-shift] = np.maximum(wide[:, :-shift], strength[:, shift:])
+    return wide
 
 
 def fit_circle(
     points: Points,
-    use: Mask,
-    start: Coordinates,
-    radius_mm: float,
+    start: Circle,
     *,
     width_mm: float,
-    zero_mm: float | None = None,
-    zero_sigma_points: float = 0.0,
-) -> tuple[float, float, float]:
-    """Return offset x, y and depth of the axis, mm, of the circle near ``start`` through the points in ``use``.
+    axis_depth_mm: float | None = None,
+    axis_weight: float = 0.0,
+) -> Circle:
+    """Return the circle near ``start``, of its radius, through ``points``.
 
-    Reweighted least squares with Tukey's weights of half width ``width_mm``. ``zero_mm`` is an expectation of
-    the axis' depth that counts as much as ``zero_sigma_points`` points.
+    Reweighted least squares with Tukey's weights of half width ``width_mm``. ``axis_depth_mm`` is an expectation of
+    the axis' depth that counts as much as ``axis_weight`` points.
     """
-    x, y, zero = (float(v) for v in start)
-    angle, depth = points.angle_rad[use], points.depth_mm[use]
-    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y, depth, radius_mm = start.x_mm, start.y_mm, start.axis_depth_mm, start.radius_mm
+    cosine, sine = np.cos(points.angle_rad), np.sin(points.angle_rad)
     for _ in range(8):
-        residual = depth - zero - circle_distance_mm(angle, x, y, radius_mm)
-        weight = np.maximum(1 - (residual / width_mm) ** 2, 0) ** 2 * points.strength[use]
+        residual = points.beyond_mm(Circle(x, y, depth, radius_mm))
+        weight = tukey_weight(residual, width_mm) * points.strength
         if np.count_nonzero(weight) < 6:
             break
         across = x * sine - y * cosine
         slope = across / np.sqrt(np.maximum(radius_mm**2 - across**2, 1e-6))
-        jacobian = np.stack([-cosine - slope * sine, -sine + slope * cosine, np.ones_like(angle)], axis=1)
+        jacobian = np.stack([-cosine - slope * sine, -sine + slope * cosine, np.ones_like(cosine)], axis=1)
         normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-6 * np.eye(3)
         gradient = jacobian.T @ (weight * residual)
-        if zero_mm is not None:
-            normal[2, 2] += zero_sigma_points
-            gradient[2] += zero_sigma_points * (zero_mm - zero)
+        if axis_depth_mm is not None:
+            normal[2, 2] += axis_weight
+            gradient[2] += axis_weight * (axis_depth_mm - depth)
         step = np.linalg.solve(normal, gradient)
-        x, y, zero = x + step[0], y + step[1], zero + step[2]
+        x, y, depth = x + step[0], y + step[1], depth + step[2]
         if np.hypot(x, y) > 0.9 * radius_mm:
-            return float(start[0]), float(start[1]), float(start[2])
-    return float(x), float(y), float(zero)
+            return start
+    return Circle(float(x), float(y), float(depth), radius_mm)
 
 
 def _circles_through_triples(
     points: Points, column: NDArray[np.intp], n_columns: int, radius_mm: float, trials: int, rng: Generator
 ) -> Coordinates:
     """Circles through three points about a third of a turn apart, float64 (n, 3): x, y, depth of the axis."""
-    if points.strength.size < 30:
+    if len(points) < LEAST_POINTS:
         return np.empty((0, 3))
     order = np.argsort(column, kind="stable")
     start = np.searchsorted(column[order], np.arange(n_columns + 1))
@@ -174,10 +178,10 @@ def _circles_through_triples(
     angle, depth = points.angle_rad[index], points.depth_mm[index]
     matrix = np.stack([-np.cos(angle), -np.sin(angle), np.ones(angle.shape)], axis=-1)
     circle = np.linalg.solve(matrix, depth[..., None])[..., 0]
-    for _ in range(2):  # the square root's departure from R_c is of second order: iterate
-        inside = np.hypot(circle[:, 0], circle[:, 1]) < 0.8 * radius_mm
+    for _ in range(2):  # the square root departs from the radius in second order only: iterate
+        inside = np.hypot(circle[:, 0], circle[:, 1]) < FARTHEST * radius_mm
         circle, matrix, angle, depth = circle[inside], matrix[inside], angle[inside], depth[inside]
         across = circle[:, :1] * np.sin(angle) - circle[:, 1:2] * np.cos(angle)
         root = np.sqrt(np.maximum(radius_mm**2 - across**2, 0))
         circle = np.linalg.solve(matrix, (depth - root)[..., None])[..., 0]
-    return np.asarray(circle[np.hypot(circle[:, 0], circle[:, 1]) < 0.8 * radius_mm])
+    return np.asarray(circle[np.hypot(circle[:, 0], circle[:, 1]) < FARTHEST * radius_mm])

@@ -1,8 +1,7 @@
-"""The paper's sine f(x) = A sin(ωx + φ) + D, and the circle that it approximates.
+"""The paper's sine f(x) = A sin(ωx + φ) + D for the depth of the capillary's outer face.
 
-Laves 2019, Image undistortion. A beam at angle α from a catheter that lies off the capillary's axis by e in
-direction β meets the capillary (radius R_c) at ρ(α) = −e cos(α − β) + √(R_c² − e² sin²(α − β)), of which the
-sine with ω = 1, A = e, φ = −β − π/2 is the first order.
+Laves 2019, Image undistortion. With ω = 1, A = e and φ = −β − π/2 it is the first order of the circle that a catheter
+sees which lies off the axis by e in the direction β (:mod:`endoct.modalities.oct.face.circle`).
 """
 
 from dataclasses import dataclass
@@ -14,7 +13,6 @@ from numpy.typing import ArrayLike
 from endoct.stitching.arrays import Coordinates, Mask
 
 GAUSS_NEWTON_STEPS = 12
-RIPPLE_HARMONICS = 6
 
 
 @dataclass(frozen=True)
@@ -30,26 +28,6 @@ class Sine:
         """Return f(x), float64 of the shape of ``x_rad``, mm."""
         x = np.asarray(x_rad, dtype=np.float64)
         return self.amplitude_mm * np.sin(self.omega * x + self.phase_rad) + self.offset_mm
-
-
-def circle_distance_mm(
-    angle_rad: ArrayLike, offset_x_mm: ArrayLike, offset_y_mm: ArrayLike, radius_mm: float
-) -> Coordinates:
-    """Return the length ρ(α) of a beam from a catheter at (x, y) to a circle about the axis, float64, mm.
-
-    Shapes broadcast. The catheter must lie inside the circle.
-    """
-    angle = np.asarray(angle_rad, dtype=np.float64)
-    x, y = np.asarray(offset_x_mm, np.float64), np.asarray(offset_y_mm, np.float64)
-    along = x * np.cos(angle) + y * np.sin(angle)
-    across = x * np.sin(angle) - y * np.cos(angle)
-    return np.asarray(np.sqrt(np.maximum(radius_mm**2 - across**2, 0.0)) - along)
-
-
-def ripple_basis(angle_rad: ArrayLike) -> Coordinates:
-    """Return cosine and sine of harmonics 2 to ``RIPPLE_HARMONICS`` of the angles (n,), float64 (n, 10)."""
-    harmonics = np.asarray(angle_rad, dtype=np.float64)[:, None] * np.arange(2, RIPPLE_HARMONICS + 1)
-    return np.concatenate([np.cos(harmonics), np.sin(harmonics)], axis=1)
 
 
 def ransac_sine(

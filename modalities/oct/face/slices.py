@@ -1,35 +1,73 @@
-"""What the survey keeps of one slice: points on lines, the lines, and some A-scans."""
+"""What the survey keeps of one B-scan: points on bright lines, the lines, and some A-scans."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.modalities.oct.face.lines import Points
-from endoct.modalities.oct.face.sine import circle_distance_mm
+from endoct.modalities.contract import Frame
+from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, sector_angles_rad
+from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.lines import Lines, find_lines
+from endoct.modalities.oct.face.points import Points, line_points
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Coordinates, Image
+
+SURVEY_COLUMNS = 256
+KEPT_ASCANS = 96
+JUDGED_ASCANS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class SliceEvidence:
+class SliceFeatures:
     """What the survey keeps of one slice.
 
-    Attributes: ``points`` on lines; ``lines``, see :func:`endoct.modalities.oct.face.lines.find_lines`; ``ascans``,
-    some A-scans (n, depth) in the recording's logarithmic samples, at the rotation angles ``ascan_angle_rad``;
-    ``n_columns``, over how many sectors of the turn the points were sought; ``saturated``, whether most is.
+    Attributes: ``points`` on bright lines; ``n_columns``, the number of sectors of the turn that were searched for
+    them; ``lines`` through them; ``ascans``, some A-scans (n, depth) in the recording's logarithmic samples, at the
+    rotation angles ``ascan_angle_rad``; ``saturated``, whether most of the B-scan is.
     """
 
     points: Points
     n_columns: int
-    lines: Coordinates
+    lines: Lines
     ascans: Image
     ascan_angle_rad: Coordinates
     saturated: bool = False
 
 
-def behind(evidence: SliceEvidence, circle: Coordinates, radius_mm: float, mm_per_px: float, n_px: int) -> Image:
-    """Return the samples from the line ``circle`` (x, y, axis depth; mm) on, float32 (n_ascans, n_px), NaN outside."""
-    face = circle[2] + circle_distance_mm(evidence.ascan_angle_rad, circle[0], circle[1], radius_mm)
-    rows = np.round(face / mm_per_px).astype(int)[:, None] + np.arange(n_px)
-    inside = (rows >= 0) & (rows < evidence.ascans.shape[1])
-    taken = np.take_along_axis(evidence.ascans, np.clip(rows, 0, evidence.ascans.shape[1] - 1), axis=1)
+def examine_bscan(
+    frame: Frame, acquisition: OctAcquisition, parameters: OctParameters, n_theta: int
+) -> tuple[float, SliceFeatures]:
+    """Return the nominal place of one B-scan, mm, and what the survey keeps of it.
+
+    ``n_theta`` is the number of columns that unrolling will have; the A-scans are averages over one of these.
+    """
+    n_ascans, n_depth = frame.samples.shape
+    fine = reduce_theta(frame.samples, n_theta)
+    n_columns = min(SURVEY_COLUMNS, n_theta)
+    coarse = logarithmic(reduce_theta(fine, n_columns), acquisition.intensity)
+    raster = Raster(sector_angles_rad(n_ascans, n_columns), n_depth, acquisition.mm_per_px)
+    points = line_points(coarse, raster, parameters) if float(np.ptp(coarse)) > 0 else Points.none()
+    rng = np.random.default_rng((parameters.seed, frame.index))
+    kept = np.linspace(0, n_theta, min(KEPT_ASCANS, n_theta), endpoint=False).astype(int)
+    return frame.z_mm, SliceFeatures(
+        points=points,
+        n_columns=n_columns,
+        lines=find_lines(points, raster, acquisition.capillary_radius_mm, parameters.ransac_trials, rng),
+        ascans=logarithmic(fine[kept], acquisition.intensity),
+        ascan_angle_rad=sector_angles_rad(n_ascans, n_theta)[kept],
+        saturated=_saturated(frame),
+    )
+
+
+def samples_behind(features: SliceFeatures, circle: Circle, mm_per_px: float, n_px: int) -> Image:
+    """Return the samples from the line ``circle`` on, float32 (n_ascans, n_px), NaN outside the B-scan."""
+    rows = np.round(circle.depth_mm(features.ascan_angle_rad) / mm_per_px).astype(int)[:, None] + np.arange(n_px)
+    inside = (rows >= 0) & (rows < features.ascans.shape[1])
+    taken = np.take_along_axis(features.ascans, np.clip(rows, 0, features.ascans.shape[1] - 1), axis=1)
     return np.where(inside, taken, np.nan).astype(np.float32)
+
+
+def _saturated(frame: Frame) -> bool:
+    some = frame.samples[:: max(1, frame.samples.shape[0] // JUDGED_ASCANS)]
+    return some.dtype.kind == "u" and bool(np.median(some) == np.iinfo(some.dtype).max)

@@ -1,1 +1,1 @@
-"""The bore's wall behind the capillary."""
+"""The bore's wall behind the capillary, in single B-scans."""

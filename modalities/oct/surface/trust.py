@@ -1,11 +1,12 @@
-"""Which A-scans show the wall: not an opaque thing before it, not its shadow, and not noise."""
+"""Which A-scans show the wall, rather than something opaque before it, its shadow, or noise."""
 
 import math
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.bscan import Spacing
+from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.evidence import relative_power, spread_of_noise
 from endoct.modalities.oct.surface.wall import Rows
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -18,22 +19,22 @@ OPAQUE_SHARE = 0.25
 BRIGHT_SHARE = 0.5
 TAIL_SIGMAS = 1.5
 PATCH_MM = 0.1
-MOST_POWER = 30.0  # times the noise's: a glint says no more than this
-POWER_OF_A_PATH = 1.5  # times the noise's: what is brightest of it, which a path through noise alone takes
+MOST_POWER = 30.0  # times the noise's: a glint counts for no more
+POWER_OF_A_PATH = 1.5  # times the noise's: a path through noise alone follows what is brightest
 
 
-def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, mm_per_column: float) -> Mask:
+def trusted(level: Image, row: Rows, background: Background, spacing: Spacing) -> Mask:
     """Return for every A-scan of a logarithmic B-scan (θ, depth) whether its surface at ``row`` is the wall's.
 
-    Not so where a bright surface has nothing behind it while the wall elsewhere in the slice has: something opaque,
-    a guide wire or a clot, stands before the wall; nor beside that, where its shadow shows no surface (``row`` =
-    n_depth). Elsewhere no surface means a cell whose floor is out of reach, which is trusted.
+    It is not where a bright surface has nothing behind it while the wall elsewhere in the slice has: something opaque,
+    such as a guide wire or a clot, lies before the wall. Nor is it next to that, where the shadow shows no surface
+    (``row`` = n_depth). Elsewhere no surface means a cell whose floor is out of range, which is trusted.
     """
     n_theta, n_depth = level.shape
     surface = row < n_depth
     if not surface.any() or np.ptp(level) == 0:
         return np.zeros(n_theta, bool)
-    contrast = max(background.wall - background.noise, 1e-6)
+    mm_per_px, mm_per_column = spacing.depth_mm, spacing.column_mm
     total = np.concatenate([np.zeros((n_theta, 1)), np.cumsum(level, axis=1, dtype=np.float64)], axis=1)
     near = max(1, round(NEAR_MM / mm_per_column))
     bright = _mean(total, row, row + round(SURFACE_MM / mm_per_px)) - background.noise
@@ -42,29 +43,28 @@ def trusted(level: Image, row: Rows, background: Background, mm_per_px: float, m
     measured = surface & np.isfinite(tail)
     usual = float(np.median(tail[measured])) if measured.any() else 0.0
     if usual > TAIL_SIGMAS * background.noise_sigma:
-        dark = measured & (tail < OPAQUE_SHARE * usual) & (bright > BRIGHT_SHARE * contrast)
-        # a narrow one is a gap in the speckle
+        dark = measured & (tail < OPAQUE_SHARE * usual) & (bright > BRIGHT_SHARE * background.contrast)
+        # a narrow one would be a gap in the speckle
         share = uniform_filter1d(dark.astype(np.float32), 2 * near + 1, mode="wrap")
         opaque = dark & (maximum_filter1d(share, 2 * near + 1, mode="wrap") > 0.8)
     good = ~opaque
     reach = max(1, round(SHADOW_EDGE_MM / mm_per_column))
     for first, length in _runs(~surface):
-        beside = np.arange(first - reach, first + length + reach) % n_theta
-        if opaque[beside].any():
+        around = np.arange(first - reach, first + length + reach) % n_theta
+        if opaque[around].any():
             good[np.arange(first, first + length) % n_theta] = False
     return good
 
 
-def wall_sigmas(
-    level: Image, row: Rows, trusted: Mask, background: Background, mm_per_px: float, mm_per_column: float
-) -> float:
+def wall_sigmas(level: Image, row: Rows, trusted: Mask, background: Background, spacing: Spacing) -> float:
     """Return by how many standard errors the wall stands out of the noise, over 0.1 × 0.1 mm of it.
 
-    That is the power just behind the surface at ``row``, over what a path through noise alone finds there, median over
-    such patches all around in which ``trusted`` A-scans show a surface. 0 where they show none, or less than noise.
+    That is the power just behind the surface at ``row``, in excess of what a path through noise alone would show, the
+    median over all such patches where ``trusted`` A-scans show a surface; 0 where there are none, or where the power is
+    less than that of noise.
     """
     n_depth = level.shape[1]
-    depth, width = max(1, round(PATCH_MM / mm_per_px)), max(1, round(PATCH_MM / mm_per_column))
+    depth, width = max(1, round(PATCH_MM / spacing.depth_mm)), max(1, round(PATCH_MM / spacing.column_mm))
     behind = row[:, None] + np.arange(depth)
     seen = trusted[:, None] & (behind < n_depth)
     levels = np.take_along_axis(level, np.minimum(behind, n_depth - 1), axis=1)

@@ -3,12 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.oct.calibration import Background
+from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.bore import BLOCK_MM, favour_bore, gap_rows
 from endoct.modalities.oct.surface.evidence import surface_evidence
-from endoct.modalities.oct.surface.fixed_lines import hidden_rows
-from endoct.stitching.arrays import Image
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.circle import largest_divisor
 
 Rows = NDArray[np.intp]
 
@@ -19,53 +20,48 @@ STIFFER = 5.0
 def brightest(image: Image, first_row: Rows) -> Rows:
     """Return the index of the maximum from ``first_row`` (n,) on of every A-scan of ``image`` (n, depth).
 
-    Laves 2019, Extracting mastoid pattern, taken literally.
+    Laves 2019, Extracting mastoid pattern, implemented literally.
     """
     beyond = np.arange(image.shape[1]) >= first_row[:, None]
     return np.asarray(np.argmax(np.where(beyond, image, -np.inf), axis=1))
 
 
 def first_edge(
-    image: Image,
-    first_row: Rows,
-    background: Background,
-    mm_per_px: float,
-    mm_per_column: float,
-    parameters: OctParameters,
+    image: Image, first_row: Rows, background: Background, spacing: Spacing, parameters: OctParameters
 ) -> Rows:
     """Return the row of the wall's surface in every A-scan of ``image`` (θ, depth); n_depth where there is none.
 
     A surface has darkness before it, from ``first_row`` (n_theta,) on, and bone behind it
-    (:mod:`endoct.modalities.oct.surface.evidence`). The path through θ with the most evidence is found by dynamic
-    programming; changing depth costs evidence in proportion, but a jump (the rim of a cell) costs no more than
-    ``jump_cost``. The path closes over the turn. A stiff path over blocks of columns first tells where the bore's own
-    wall runs, which then is the likelier surface (:mod:`endoct.modalities.oct.surface.bore`).
+    (:mod:`endoct.modalities.oct.surface.evidence`). Dynamic programming finds the closed path through θ with the most
+    evidence; a change of depth costs evidence in proportion, but no more than ``jump_cost``, so that the rim of a cell
+    can be a jump. A stiff path over blocks of columns comes first: it gives the bore's own wall, where a surface then
+    is likelier (:mod:`endoct.modalities.oct.surface.bore`).
     """
     nearest = int(first_row.min())
     # columns are taken together from a place of the specimen's on, so that it does not matter where the turn starts
     start = int(np.argmax(image.sum(axis=1)))
     beyond = np.roll(image[:, nearest:], -start, axis=0)
-    together = _divisor(image.shape[0], round(COLUMN_MM / mm_per_column))
+    together = largest_divisor(image.shape[0], round(COLUMN_MM / spacing.column_mm))
     first = np.roll(first_row, -start).reshape(-1, together).max(axis=1) - nearest
-    hidden = hidden_rows(background)[nearest:]
-    evidence = surface_evidence(beyond, first, background, hidden, mm_per_px, mm_per_column, parameters, together)
-    mm_per_column *= together
-    slope_cost, jump_cost = parameters.slope_cost_per_mm * mm_per_px, parameters.jump_cost
-    block = _divisor(first.size, round(BLOCK_MM / mm_per_column))
-    blocks = evidence.reshape(-1, block, evidence.shape[1]).sum(axis=1)
-    from_row = first.reshape(-1, block).mean(axis=1).round().astype(np.intp)
-    stiff = _best_path(blocks, STIFFER * slope_cost, STIFFER * jump_cost)
-    gap = gap_rows(stiff, from_row, blocks, mm_per_px)
+    evidence = surface_evidence(
+        beyond.reshape(-1, together, beyond.shape[1]), first, background.from_row(nearest), spacing, parameters
+    )
+    wide = Spacing(spacing.depth_mm, spacing.column_mm * together)
+    slope_cost, jump_cost = parameters.slope_cost_per_mm * spacing.depth_mm, parameters.jump_cost
+    gap = _gap_of_bore(evidence, first, wide, (STIFFER * slope_cost, STIFFER * jump_cost))
     if np.isfinite(gap).all():
-        middle = (np.arange(gap.size) + 0.5) * block - 0.5
-        wall_row = first + np.interp(np.arange(first.size), middle, gap, period=first.size)
-        favour_bore(evidence, wall_row, mm_per_px, mm_per_column)
+        favour_bore(evidence, first + gap, wide)
     return np.roll(nearest + np.repeat(_best_path(evidence, slope_cost, jump_cost), together), start)
 
 
-def _divisor(n: int, wanted: int) -> int:
-    """The largest divisor of ``n`` up to ``wanted``, at least 1."""
-    return max(k for k in range(1, max(wanted, 1) + 1) if n % k == 0)
+def _gap_of_bore(evidence: Image, first: Rows, spacing: Spacing, costs: tuple[float, float]) -> Coordinates:
+    """The rows from ``first`` (n,) to the bore's wall, by a stiff path over blocks of columns, float64 (n,)."""
+    block = largest_divisor(first.size, round(BLOCK_MM / spacing.column_mm))
+    blocks = evidence.reshape(-1, block, evidence.shape[1]).sum(axis=1)
+    from_row = first.reshape(-1, block).mean(axis=1).round().astype(np.intp)
+    gap = gap_rows(_best_path(blocks, *costs), from_row, blocks, spacing.depth_mm)
+    middle = (np.arange(gap.size) + 0.5) * block - 0.5
+    return np.interp(np.arange(first.size), middle, gap, period=first.size)
 
 
 def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> Rows:

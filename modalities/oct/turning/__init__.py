@@ -1,1 +1,1 @@
-"""How the catheter turned: start angles, uneven turns, the sheath."""
+"""How the catheter turned: uneven turns, and the angles at which turns start."""

@@ -5,8 +5,8 @@ the frame of its slice, at
 
     α(a) = a + stretch·(a − π) + Σ_h [c_h cos(h a) + s_h sin(h a)] + lost·(a ≥ lost_at)
 
-and at start + α(a) in the frame that all slices share: ``start``, where the turn begins; ``stretch``, the turn's length
-less one; the sum, what friction does in every turn; ``lost``, the angle of a block of A-scans that was never written.
+and at start + α(a) in the frame that all slices share: ``start``, where the turn starts; ``stretch``, the turn's length
+less one; the sum, the smooth error that friction makes; ``lost``, the angle of a block of A-scans never written.
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.circle import harmonics
 
 HARMONICS = 4
 N_SMOOTH = 2 * HARMONICS
@@ -27,14 +28,14 @@ class Rotation:
 
     Attributes
     ----------
-    start_rad: float64 (n,), where turns begin, up to one angle common to all.
+    start_rad: float64 (n,), where turns start, up to one angle common to all.
     stretch: float64 (n,), length of the recorded turn over 2π, less one.
     smooth_rad: float64 (n, 2·HARMONICS), c_1, s_1, c_2, s_2, …
     lost_at_rad, lost_rad: float64 (n,), nominal angle at which A-scans are missing (NaN where none are) and how many.
-    shape_known, start_known: bool (n,), whether the recording told; where not, the correction is 0.
+    shape_known, start_known: bool (n,), whether they could be measured; where not, the correction is 0.
     shape_sigma_rad: float64 (n,), standard deviation of α(a), root mean square over the turn; NaN where not known.
-    start_sigma_rad: float64 (n,), standard deviation of the start against the other slices': grows along z where
-        nothing but neighbours tells it. NaN where not known.
+    start_sigma_rad: float64 (n,), standard deviation of the start relative to the other slices; it grows along z where
+        only neighbours can be compared. NaN where not known.
     """
 
     start_rad: Coordinates
@@ -65,9 +66,9 @@ class Rotation:
     def nominal_rad(self, index: int, beam_rad: Coordinates, n_ascans: int) -> tuple[Coordinates, Mask]:
         """Return the nominal angle in [−π/n, 2π − π/n) at which beams α were recorded, and whether they were.
 
-        A direction seen twice, at the start of a long turn and at its end, is taken from where it lies less near to
-        the turn's ends. One never seen, in the gap of a short turn or of a lost block, gets the nearest angle and
-        ``False``; a gap counts from one A-scan's width on.
+        A direction that was recorded twice, at the start of a long turn and at its end, is taken from where it lies
+        farther from the turn's ends. One never recorded, in the gap of a short turn or of a lost block, gets the
+        nearest angle and ``False``; gaps narrower than one A-scan do not count.
         """
         if self._even(index):
             return np.mod(beam_rad, 2 * np.pi), np.ones(beam_rad.shape, bool)
@@ -82,14 +83,14 @@ class Rotation:
         second = np.interp(wanted + 2 * np.pi, reached, at)
         nominal = np.where(again & (np.abs(second - np.pi) < np.abs(nominal - np.pi)), second, nominal)
         missing = wanted - reached[-1]
-        seen = missing < 2 * half
+        recorded = missing < 2 * half
         before_start = (reached[0] + 2 * np.pi - wanted) < missing
-        nominal = np.where(~seen & before_start, at[0], nominal)
+        nominal = np.where(~recorded & before_start, at[0], nominal)
         if np.isfinite(self.lost_at_rad[index]):
             beyond = float(self.beam_rad(index, np.array([self.lost_at_rad[index]]))[0])
             gap = beyond - wanted
-            seen &= ~((gap > 2 * half) & (gap < self.lost_rad[index]))
-        return nominal, seen
+            recorded &= ~((gap > 2 * half) & (gap < self.lost_rad[index]))
+        return nominal, recorded
 
     def reordered(self, order: NDArray[np.intp]) -> "Rotation":
         """Return the same rotation with slice ``order[i]`` in place i."""
@@ -108,14 +109,11 @@ class Rotation:
 
 
 def even_rotation(n_slices: int) -> Rotation:
-    """Return the rotation that corrects nothing: turns that are even, whole and begin at one angle."""
+    """Return the rotation that corrects nothing: turns that are even, complete and start at one angle."""
     zeros, unknown, nan = np.zeros(n_slices), np.zeros(n_slices, bool), np.full(n_slices, np.nan)
     return Rotation(zeros, zeros, np.zeros((n_slices, N_SMOOTH)), nan, zeros, unknown, unknown, nan, nan)
 
 
 def smooth_basis(nominal_rad: Coordinates) -> Coordinates:
     """Return what ``stretch`` and then ``smooth_rad`` are the factors of, float64 (n, 1 + N_SMOOTH)."""
-    columns = [nominal_rad - np.pi]
-    for h in range(1, HARMONICS + 1):
-        columns += [np.cos(h * nominal_rad), np.sin(h * nominal_rad)]
-    return np.stack(columns, axis=1)
+    return np.concatenate([nominal_rad[:, None] - np.pi, harmonics(nominal_rad, range(1, HARMONICS + 1))], axis=1)

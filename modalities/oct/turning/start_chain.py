@@ -1,7 +1,7 @@
-"""Starts of turns from a mark that creeps: least squares over the starts and the mark's own directions.
+"""Starts of turns from a landmark that creeps: least squares over the starts and the landmark's own directions.
 
-The mark is seen at its direction less the start. Starts lie about 0, the direction changes little from slice to slice
-and is 0 on average; what departs far from either counts less and less.
+The landmark is seen at its direction less the start. Starts lie about 0; the direction changes little from slice to
+slice and is 0 on average. Outliers of either count less and less.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.linalg import solveh_banded
 from endoct.stitching.arrays import Coordinates
 
 ROBUST_STEPS = 5
-MEAN_WEIGHT = 1e3  # of the mark's mean direction, which is taken for 0
+MEAN_WEIGHT = 1e3  # of the landmark's mean direction, which is defined as 0
 
 
 def separated(
@@ -18,9 +18,9 @@ def separated(
 ) -> tuple[Coordinates, Coordinates]:
     """Return starts and their standard deviations, float64 (n,).
 
-    ``moved_rad``: where the mark is seen, with the standard deviation ``sigma_rad``, which is infinite where it is not
-    seen. Starts are about ``usual_rad``, the mark creeps by about ``creep_rad`` a slice. Each start is eliminated,
-    which leaves neighbouring directions, and their mean: memory and time grow with the slices, not with their square.
+    ``moved_rad``: where the landmark is seen, with the standard deviation ``sigma_rad``, infinite where it is not seen.
+    Starts scatter by ``usual_rad``, the landmark creeps by ``creep_rad`` a slice. Starts are eliminated, so that only
+    neighbouring directions and their mean are coupled: memory and time grow linearly with the number of slices.
     """
     n = moved_rad.size
     of_starts, of_sights = np.full(n, usual_rad**-2.0), sigma_rad**-2.0
@@ -43,9 +43,9 @@ def separated(
 
 
 def _variances(held: Coordinates, to_next: float) -> Coordinates:
-    """Return the diagonal of the inverse, (n,): every node is held by itself and, through its links, from both sides.
+    """Return the diagonal of the inverse, (n,): every node is tied to the ground, and to its neighbours on both sides.
 
-    Conductances in series and in parallel: sums of what is positive, so that nothing cancels.
+    As conductances in series and in parallel: only positive terms are added, so that nothing cancels.
     """
 
     def from_before(each: Coordinates) -> Coordinates:

@@ -1,28 +1,30 @@
 """The plug-in on a simulated specimen and on a clinical pullback."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.modalities.registry import open_recording
 from endoct.stitching.panorama import Panorama
+from tests.modalities.oct.unrolling import unroll
 
-Unroll = Callable[..., tuple[Any, Any, Panorama]]
 
-
-def test_a_simulated_specimen(quick_specimen: Path, unroll_path: Unroll) -> None:
+def test_a_simulated_specimen(quick_specimen: Path) -> None:
     """Offsets within 0.01 mm, and the wall where the truth has it, looked up along the true beams."""
     _, stream = open_recording(quick_specimen / "oct")
-    _, calibration, panorama = unroll_path(quick_specimen / "oct", stream.acquisition)
+    assert isinstance(stream.acquisition, OctAcquisition)
+    _, calibration, panorama = unroll(quick_specimen / "oct", stream.acquisition)
     truth = json.loads((quick_specimen / "truth" / "recording.json").read_text())
     relief_mm, true = _truth(quick_specimen, truth["oct"], calibration, panorama)
-    found = (calibration.offset_x_mm + 1j * calibration.offset_y_mm) * np.exp(1j * calibration.rotation.start_rad)
-    assert np.max(np.abs(found - true)) < 0.01
+    capillary = calibration.capillary
+    offset = (capillary.x_mm + 1j * capillary.y_mm) * np.exp(1j * calibration.rotation.start_rad)
+    assert np.max(np.abs(offset - true)) < 0.01
     assert panorama.valid.mean() >= 0.95
     assert panorama.depth_mm is not None
     wall = panorama.valid & (relief_mm < 0.01)
@@ -34,7 +36,7 @@ def test_a_simulated_specimen(quick_specimen: Path, unroll_path: Unroll) -> None
     assert np.sum(cell & seen & valid) / np.sum((cell | seen) & valid) > 0.88
 
 
-def _truth(specimen: Path, truth: dict[str, Any], calibration: Any, panorama: Panorama) -> tuple[Any, Any]:
+def _truth(specimen: Path, truth: dict[str, Any], calibration: OctCalibration, panorama: Panorama) -> tuple[Any, Any]:
     """Relief where the true beams meet the bore, on the panorama; and the offsets in the frame of A-scan 0."""
     with xr.open_zarr(specimen / "truth" / "wall.zarr", consolidated=False) as wall:
         relief_mm, z_mm = wall["relief_mm"].values, wall["z"].values
@@ -57,7 +59,7 @@ def _truth(specimen: Path, truth: dict[str, Any], calibration: Any, panorama: Pa
     return rows, np.asarray(truth["offset_mm"]) * np.exp(1j * direction)
 
 
-def test_a_clinical_pullback(recordings: Path, unroll_path: Unroll) -> None:
+def test_a_clinical_pullback(recordings: Path) -> None:
     """The lumen, drawn by others about the frame's centre, within 3 px in the median and 8 px for nine in ten.
 
     A sample (θ, depth) lies on the beam from the catheter c = offset·(cos, sin)(direction) through the point of the
@@ -67,7 +69,8 @@ def test_a_clinical_pullback(recordings: Path, unroll_path: Unroll) -> None:
     folder = recordings / "coronary-oct"
     lumen_px = np.load(folder / "lumen_px.npy")
     _, stream = open_recording(folder)
-    _, calibration, panorama = unroll_path(folder, stream.acquisition)
+    assert isinstance(stream.acquisition, OctAcquisition)
+    _, calibration, panorama = unroll(folder, stream.acquisition)
     assert panorama.depth_mm is not None
     per_frame, theta, radius = calibration.per_frame, panorama.grid.theta_rad, panorama.grid.radius_mm
     errors = []

@@ -1,0 +1,195 @@
+"""Where the capillary's outer face lies in every slice."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.oct.face.circle import Capillary, Circle
+from endoct.modalities.oct.face.lines import fit_circle
+from endoct.modalities.oct.face.neighbours import bridged, starts_anywhere, steady_slices
+from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line
+from endoct.modalities.oct.face.points import Points
+from endoct.modalities.oct.face.ripple import N_RIPPLE, fit_ripple
+from endoct.modalities.oct.face.sine import Sine, ransac_sine
+from endoct.modalities.oct.face.slices import SliceFeatures
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.errors import NotSeen
+
+CERTAIN_FRACTION = 0.5  # of columns: a face seen in so many need not be near its neighbours'
+WIDTHS = (3.0, 1.5)  # of Tukey's weights, in tolerances
+AXIS_WEIGHT = 5.0  # points' worth of the recording's axis depth in a slice's fit
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """The capillary's outer face in every slice, and how well it fits.
+
+    Attributes: ``capillary``, a circle each; ``bridged``, bool (n_slices,), where it is interpolated from neighbours;
+    ``inlier_fraction``, float64 (n_slices,), of columns that show the face; ``residual_mm``, float64 (n_slices,), root
+    mean square of these; ``sines``, the paper's fit of each slice; ``ripple_mm``, float64 (n_slices, N_RIPPLE), where
+    the face departs from the circle, see :mod:`endoct.modalities.oct.face.ripple`.
+    """
+
+    capillary: Capillary
+    bridged: Mask
+    inlier_fraction: Coordinates
+    residual_mm: Coordinates
+    sines: tuple[Sine, ...]
+    ripple_mm: Coordinates
+
+    @property
+    def observed(self) -> Capillary:
+        """The circles of slices that show the face, NaN in bridged ones."""
+        return self.capillary.where(~self.bridged)
+
+    @property
+    def typical_axis_mm(self) -> float:
+        """Median depth of the axis in slices that show the face, mm."""
+        return float(np.median(self.capillary.axis_depth_mm[~self.bridged]))
+
+    def reordered(self, order: NDArray[np.intp]) -> "Faces":
+        """Return the same faces with slice ``order[i]`` in place i."""
+        return Faces(
+            self.capillary.reordered(order),
+            self.bridged[order],
+            self.inlier_fraction[order],
+            self.residual_mm[order],
+            tuple(self.sines[i] for i in order),
+            self.ripple_mm[order],
+        )
+
+
+def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, parameters: OctParameters) -> Faces:
+    """Return the outer face in all ``slices``, which come in the order of z.
+
+    Raises :class:`NotSeen` where no line qualifies or most slices do not show it.
+    """
+    lines = outer_line(slices, acquisition, parameters.start_offset_mm)
+    if lines is None:
+        raise _no_capillary("no line with darkness and then a wall behind it")
+    free = starts_anywhere(lines, parameters.start)
+    lines = lines.where(steady_slices(lines, free))
+    if not lines.known.any():
+        raise _no_capillary("it in no slice")
+    axis_mm = float(np.nanmedian(lines.axis_depth_mm))
+    starts = bridged(lines)
+    fits = [_fit_face(each, starts.circle(i), axis_mm, parameters) for i, each in enumerate(slices)]
+    capillary = Capillary.of([fit.circle for fit in fits], lines.radius_mm)
+    fraction = np.array([fit.inlier_fraction for fit in fits])
+    good = fraction >= parameters.least_inlier_fraction
+    good &= np.abs(capillary.axis_depth_mm - axis_mm) < SAME_LINE_MM
+    good &= steady_slices(capillary.where(good), free) | (fraction > CERTAIN_FRACTION)
+    if 2 * np.count_nonzero(good) < len(slices):
+        raise _no_capillary(f"it in {np.count_nonzero(good)} of {len(slices)} slices")
+    capillary = bridged(capillary.where(good))
+    return Faces(
+        capillary=capillary,
+        bridged=~good,
+        inlier_fraction=fraction,
+        residual_mm=np.array([fit.residual_mm for fit in fits]),
+        sines=_sines(slices, capillary, good, parameters),
+        ripple_mm=_ripples(slices, capillary, good, parameters),
+    )
+
+
+def refit_faces(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctParameters) -> Faces:
+    """Return ``faces`` fitted again, from where they are, to ``slices`` whose angles are those of beams.
+
+    The sines remain those of nominal angles; bridged slices remain unchanged.
+    """
+    good = ~faces.bridged
+    circles = [faces.capillary.circle(i) for i in range(len(slices))]
+    fraction, residual = faces.inlier_fraction.copy(), faces.residual_mm.copy()
+    for i in map(int, np.flatnonzero(good)):
+        fit = _fit_face(slices[i], circles[i], faces.typical_axis_mm, parameters)
+        circles[i], fraction[i], residual[i] = fit.circle, fit.inlier_fraction, fit.residual_mm
+    capillary = Capillary.of(circles, faces.capillary.radius_mm)
+    ripple = _ripples(slices, capillary, good, parameters)
+    return replace(faces, capillary=capillary, inlier_fraction=fraction, residual_mm=residual, ripple_mm=ripple)
+
+
+@dataclass(frozen=True)
+class _FaceFit:
+    circle: Circle
+    inlier_fraction: float
+    residual_mm: float
+
+
+def _fit_face(features: SliceFeatures, start: Circle, axis_mm: float, parameters: OctParameters) -> _FaceFit:
+    """The circle through one slice's points from ``start``, its axis near ``axis_mm``; and how well it fits."""
+    points, tolerance_mm, circle = features.points, parameters.face_tolerance_mm, start
+    for width in WIDTHS:
+        circle = fit_circle(
+            points, circle, width_mm=width * tolerance_mm, axis_depth_mm=axis_mm, axis_weight=AXIS_WEIGHT
+        )
+    residual = points.beyond_mm(circle)
+    on = np.abs(residual) < tolerance_mm
+    fraction = np.unique(points.angle_rad[on]).size / features.n_columns
+    return _FaceFit(circle, fraction, float(np.sqrt(np.mean(residual[on] ** 2))) if on.any() else float("nan"))
+
+
+def _sines(
+    slices: Sequence[SliceFeatures], capillary: Capillary, good: Mask, parameters: OctParameters
+) -> tuple[Sine, ...]:
+    """The paper's sine through the points near each circle; a bridged slice gets the circle's first order."""
+    sines = []
+    for i, features in enumerate(slices):
+        circle = capillary.circle(i)
+        start = _first_order(circle, parameters)
+        sines.append(_sine(features.points, circle, start, i, parameters) if good[i] else start)
+    return tuple(sines)
+
+
+def _first_order(circle: Circle, parameters: OctParameters) -> Sine:
+    """The sine to start from: what ``parameters`` give, the first order of ``circle`` for the rest."""
+    amplitude_mm, phase_rad = parameters.start_amplitude_mm, parameters.start_phase_rad
+    phase_rad = -circle.direction_rad - np.pi / 2 if phase_rad is None else phase_rad
+    return Sine(
+        amplitude_mm=circle.offset_mm if amplitude_mm is None else amplitude_mm,
+        omega=1.0,
+        phase_rad=float(np.mod(phase_rad, 2 * np.pi)),
+        offset_mm=circle.axis_depth_mm + circle.radius_mm - _second_order_mm(circle),
+    )
+
+
+def _second_order_mm(circle: Circle) -> float:
+    """By how much the circle's mean depth falls short of that of a catheter on the axis."""
+    return circle.offset_mm**2 / (4 * circle.radius_mm)
+
+
+def _sine(points: Points, circle: Circle, start: Sine, index: int, parameters: OctParameters) -> Sine:
+    near = points.where(np.abs(points.beyond_mm(circle)) < 2 * parameters.face_tolerance_mm)
+    if len(near) < 4:
+        return start
+    sine, _ = ransac_sine(
+        near.angle_rad,
+        near.depth_mm,
+        tolerance_mm=parameters.face_tolerance_mm + _second_order_mm(circle),
+        trials=parameters.ransac_trials,
+        rng=np.random.default_rng((parameters.seed, index)),
+        start=start,
+    )
+    return sine
+
+
+def _ripples(
+    slices: Sequence[SliceFeatures], capillary: Capillary, good: Mask, parameters: OctParameters
+) -> Coordinates:
+    ripples = np.zeros((len(slices), N_RIPPLE))
+    for i in map(int, np.flatnonzero(good)):
+        ripples[i] = fit_ripple(slices[i].points, capillary.circle(i), parameters.face_tolerance_mm)
+    return ripples
+
+
+def _no_capillary(seen: str) -> NotSeen:
+    return NotSeen(
+        "the capillary's outer face cannot be found",
+        found=seen,
+        expected="a bright line around the whole turn in most slices, darkness and then the wall behind it",
+        remedy="check capillary_outer_diameter_mm, bore_diameter_mm and axial_pixel_mm, look at the B-scans, "
+        "or give the depth of the outer face as start_offset_mm",
+    )

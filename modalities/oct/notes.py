@@ -1,0 +1,63 @@
+"""What the survey notes for the user: bridged slices, a doubtful zero of the depth axis, fixed lines, gaps."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.numbering import notes_on_gaps
+from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.stitching.arrays import Image
+
+LINE_OF_FACE_MM = 0.06  # nearer to the outer face, what stands out is the face itself
+FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
+
+
+def notes_on_survey(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tuple[str, ...]:
+    """Return one sentence for each thing to know about the recording; ``line_excess``, float32 (n_depth,)."""
+    return (
+        *_on_bridging(faces),
+        *_on_first_sample(faces, acquisition),
+        *_on_fixed_lines(faces, line_excess, acquisition),
+        *notes_on_gaps(acquisition.positions_mm),
+    )
+
+
+def _on_bridging(faces: Faces) -> tuple[str, ...]:
+    count = int(np.count_nonzero(faces.bridged))
+    if not count:
+        return ()
+    return (
+        f"{count} of {faces.bridged.size} slices did not show the capillary's outer face well enough; "
+        "their geometry is bridged from their neighbours and their samples are not valid.",
+    )
+
+
+def _on_first_sample(faces: Faces, acquisition: OctAcquisition) -> tuple[str, ...]:
+    if acquisition.first_sample_mm is None:
+        return ()
+    expected = -acquisition.first_sample_mm / acquisition.medium_index
+    difference = float(np.median(faces.capillary.axis_depth_mm)) - expected
+    if -0.05 <= difference <= FIRST_SAMPLE_TOLERANCE_MM:
+        return ()
+    return (
+        f"The sidecar's first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
+        f"face at {expected + difference:.3f} mm; the capillary was trusted.",
+    )
+
+
+def _on_fixed_lines(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tuple[str, ...]:
+    face_mm = float(np.min(faces.capillary.axis_depth_mm - faces.capillary.offset_mm))
+    face_mm += acquisition.capillary_radius_mm + LINE_OF_FACE_MM
+    beyond = np.flatnonzero(line_excess > 0)
+    beyond = beyond[beyond * acquisition.mm_per_px > face_mm]
+    if not beyond.size:
+        return ()
+    return (
+        f"Depth rows {_ranges(beyond)} hold fixed lines of the detector, which were taken out; a wall just there "
+        "is less certain.",
+    )
+
+
+def _ranges(rows: NDArray[np.intp]) -> str:
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return ", ".join(f"{run[0]}–{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs)

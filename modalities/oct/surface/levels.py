@@ -1,0 +1,73 @@
+"""How bright a recording's noise and wall are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.evidence import relative_power
+from endoct.modalities.oct.surface.fixed_lines import bridge_rows
+from endoct.stitching.arrays import Image
+from endoct.stitching.robust import SIGMA_PER_MEDIAN
+
+MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
+CLEARANCE_MM = 0.03  # from the outer face to the first sample that shows no more of it
+DARKEST_PERCENT = 40
+SMOOTH_MM = 0.04
+
+
+def measure_levels(
+    slices: Sequence[SliceFeatures], faces: Faces, line_excess: Image, acquisition: OctAcquisition
+) -> Background:
+    """Return the noise of the dark space behind the outer face, and the wall's level: the brightest depth behind that.
+
+    ``slices`` in the order of ``faces``; ``line_excess``, float32 (n_depth,), of the detector's fixed lines.
+    """
+    mm_per_px, gap_mm = acquisition.mm_per_px, acquisition.gap_mm
+    first, last = round(CLEARANCE_MM / mm_per_px), round((CLEARANCE_MM + max(0.3 * gap_mm, 0.08)) / mm_per_px)
+    n_px = max(round(2.5 * gap_mm / mm_per_px), 2 * last)
+    dark, bright = [], []
+    for i in map(int, np.flatnonzero(~faces.bridged)):
+        features = slices[i]
+        filled = replace(features, ascans=bridge_rows(features.ascans, line_excess > 0))
+        samples = samples_behind(filled, faces.capillary.circle(i), mm_per_px, n_px)
+        dark += _darkest(samples[:, first:last])
+        samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
+        smooth = uniform_filter1d(samples, max(1, round(SMOOTH_MM / mm_per_px)), axis=1)
+        bright.append(np.median(smooth[:, first:].max(axis=1)))
+    noise_samples = np.concatenate(dark)
+    noise_samples = noise_samples[np.isfinite(noise_samples)]
+    noise = _median_between_counts(noise_samples)
+    sigma = SIGMA_PER_MEDIAN * _median_between_counts(np.abs(noise_samples - noise))
+    power = np.minimum(relative_power(noise_samples, noise, max(sigma, 1e-6)), MOST_NOISE_POWER)
+    return Background(noise, sigma, float(np.median(bright)), line_excess, float(power.mean()))
+
+
+def _darkest(band: Image) -> list[Image]:
+    """Samples of the darkest A-scans of a dark band, float32 (n_ascans, n_px).
+
+    Which A-scans are dark is judged by one half of the band, the samples are taken from the other: the noise that
+    happens to be darkest is darker than noise is.
+    """
+    half = band.shape[1] // 2
+    halves = band[:, : band.shape[1] - half], band[:, half:]
+    taken = []
+    for judged, other in (halves, halves[::-1]):
+        means = judged.mean(axis=1)
+        taken.append(other[means <= np.nanpercentile(means, DARKEST_PERCENT)].ravel())
+    return taken
+
+
+def _median_between_counts(samples: Image) -> float:
+    """The median of samples that may be whole counts, each of which stands for all values that round to it."""
+    ordered, half = np.sort(samples), samples.size / 2
+    middle = ordered[int(half)]
+    first, last = (int(np.searchsorted(ordered, middle, side)) for side in ("left", "right"))
+    low = (ordered[first - 1] + middle) / 2 if first else middle
+    high = (middle + ordered[last]) / 2 if last < ordered.size else middle
+    return float(np.interp(half, [first, last], [low, high]))

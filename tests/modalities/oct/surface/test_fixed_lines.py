@@ -1,0 +1,44 @@
+"""Lines that the detector draws."""
+
+import numpy as np
+import pytest
+
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.fixed_lines import bridge_rows, with_lines_of, without_lines
+from endoct.modalities.oct.surface.wall import first_edge
+from tests.modalities.oct.surface.drawn_bscans import FIRST_ROW, N_DEPTH, N_THETA, PIXEL_MM, SPACING, SPECKLE, speckled
+
+
+def test_rows_under_a_line_are_interpolated() -> None:
+    image = np.tile(np.array([1.0, 2.0, 99.0, 99.0, 5.0], np.float32), (2, 1))
+    np.testing.assert_allclose(bridge_rows(image, np.array([0, 0, 1, 1, 0], bool))[0], [1, 2, 3, 4, 5])
+
+
+@pytest.mark.parametrize("level", [50.0, 110.0])
+def test_a_faint_line_is_taken_out_of_noise_and_wall_alike(level: float) -> None:
+    # under a line 20 counts above the noise, darkness is seen at 70 and a wall at 110 as it is
+    excess = np.zeros(N_DEPTH, np.float32)
+    excess[80] = 20
+    background = Background(50.0, 15.0, 110.0, excess)
+    image = np.full((4, N_DEPTH), level, np.float32)
+    image[:, 80] = max(level, 70)
+    np.testing.assert_allclose(without_lines(image, background), level, atol=1e-4)
+
+
+def test_a_line_of_one_bscan_is_not_the_wall() -> None:
+    """A face at its turning point draws a line into every A-scan of its turn, before the wall and across a cell."""
+    wall = np.round(110 + 12 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
+    wall[400:450] = N_DEPTH
+    image = speckled(np.full(N_THETA, 5.0), wall)
+    image[:, 60:65] = np.maximum(image[:, 60:65], 12)
+    background = with_lines_of(image, SPECKLE, PIXEL_MM)
+    assert np.flatnonzero(background.line_excess).tolist() == [60, 61, 62, 63, 64]
+    row = first_edge(without_lines(image, background), FIRST_ROW, background, SPACING, OctParameters())
+    assert np.mean(np.abs(row - wall)[:390] <= 8) > 0.98
+    assert np.mean(row[402:448] > 130) > 0.95
+
+
+def test_a_wall_all_around_at_one_depth_is_no_line() -> None:
+    image = speckled(np.full(N_THETA, 5.0), np.full(N_THETA, 80))
+    assert not with_lines_of(image, SPECKLE, PIXEL_MM).line_excess.any()

@@ -1,0 +1,91 @@
+"""What a survey refuses, and how little it keeps of a slice: on disk where slices are many."""
+
+import pickle
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Frame
+from endoct.modalities.oct import survey
+from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.stitching import kept
+from endoct.stitching.errors import EndoctError
+from tests.modalities.oct.phantom import Phantom
+from tests.modalities.oct.unrolling import UnrollPhantom
+
+PHANTOM = Phantom(n_slices=4, n_ascans=128)
+PARAMETERS = OctParameters(ransac_trials=100)
+
+
+class Again:
+    """A pullback that shows the slices of one phantom over and over, forth and back."""
+
+    def __init__(self, n: int) -> None:
+        self.n = n
+        self.acquisition = PHANTOM.acquisition()
+        self.pages = PHANTOM.log_counts()
+        self.pages.flags.writeable = False
+
+    def __len__(self) -> int:
+        return self.n
+
+    def __getitem__(self, index: int) -> Frame:
+        period = 2 * (len(self.pages) - 1)
+        page = self.pages[min(index % period, period - index % period)]
+        return Frame(index, page.T, 0.2 * index)
+
+
+def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
+    """Bytes that a survey of ``n`` slices holds once all have been looked at, and the most it needs from then on."""
+    held = []
+
+    def located(*arguments: Any) -> Faces:
+        held.append(tracemalloc.get_traced_memory()[0])
+        tracemalloc.reset_peak()  # what is judged before, some 4000 A-scans of all, does not grow with their number
+        return locate_faces(*arguments)
+
+    locate_faces = survey.locate_faces
+    stream = Again(n)
+    with monkeypatch.context() as patch:
+        patch.setattr(survey, "locate_faces", located)
+        tracemalloc.start()
+        try:
+            survey.survey_pullback(stream, PARAMETERS)
+            peak = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+    return held[0], peak
+
+
+def test_memory_hardly_grows_with_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slice more costs less than a few thousand bytes; its 96 A-scans alone are 130 kB."""
+    monkeypatch.setattr(kept, "MOST_IN_MEMORY", 1)
+    few, many = (kept_and_peak(n, monkeypatch) for n in (12, 36))
+    held, most = ((more - less) / 24 for less, more in zip(few, many, strict=True))
+    assert held < 1000
+    assert most < 25_000  # a slice more or less in the hands of a thread when the peak comes is a good 5 000
+
+
+def test_a_survey_by_way_of_the_disk_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last byte."""
+    in_memory = survey.survey_pullback(Again(12), PARAMETERS)
+    monkeypatch.setattr(kept, "MOST_IN_MEMORY", 1)
+    assert pickle.dumps(survey.survey_pullback(Again(12), PARAMETERS)) == pickle.dumps(in_memory)
+
+
+@pytest.mark.parametrize(
+    ("pages", "what"),
+    [
+        (np.zeros((3, 340, 720), np.uint8), "shows nothing"),
+        (np.full((3, 340, 720), 255, np.uint8), "shows nothing"),
+        (np.where(np.random.default_rng(0).random((3, 340, 720)) < 0.8, 255, 90).astype(np.uint8), "saturated"),
+        (np.random.default_rng(0).integers(0, 255, (3, 340, 720)).astype(np.uint8), "outer face cannot be found"),
+    ],
+)
+def test_recordings_of_nothing(unrolled: UnrollPhantom, pages: NDArray[Any], what: str) -> None:
+    with pytest.raises(EndoctError, match=what):
+        unrolled(Phantom(), pages)
