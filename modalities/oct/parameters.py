@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class OctParameters(BaseModel):
-    """How a pullback is processed. The defaults suit any geometry that the sidecar describes."""
+    """How a pullback is processed. The defaults suit every geometry that a sidecar can describe."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -45,7 +45,7 @@ class OctParameters(BaseModel):
     correct_start_angle: bool = Field(default=True, description="undo turns that start at an angle of their own")
     correct_lost_ascans: bool = Field(default=True, description="undo jumps of angle where A-scans were lost")
     start: Literal["auto", "triggered", "free"] = Field(
-        default="auto", description="turns start at one angle, or anywhere; auto: as the capillary's direction tells"
+        default="auto", description="turns start at one angle, or anywhere; auto: judged by the capillary's direction"
     )
 
     # enhancement before the fit
@@ -61,10 +61,13 @@ class OctParameters(BaseModel):
         default=0.2,
         ge=1e-3,
         le=1000,
-        description="power over the noise's, in multiples of it, that speaks for the wall",
+        description="power above the noise's, in multiples of it, from which a sample counts as wall",
     )
     wall_decay_mm: float = Field(
-        default=0.25, ge=1e-3, le=100, description="depth over which what speaks for an edge behind it counts for less"
+        default=0.25,
+        ge=1e-3,
+        le=100,
+        description="depth over which samples behind an edge count ever less as evidence for it",
     )
     least_wall_sigmas: float = Field(
         default=7.0,
@@ -79,5 +82,5 @@ class OctParameters(BaseModel):
         default=10.0, ge=0, le=1e6, description="evidence lost at most by one jump of the wall along θ"
     )
     clearance_mm: float = Field(
-        default=0.03, ge=1e-4, le=10, description="nearest to the outer face at which a wall is sought"
+        default=0.03, ge=1e-4, le=10, description="smallest distance from the outer face at which a wall is looked for"
     )

@@ -34,7 +34,7 @@ class OctModality:
         return Pullback(path, acquisition)
 
     def survey(self, stream: FrameStream, parameters: OctParameters) -> OctCalibration:
-        """Find the capillary in every slice, and the recording's levels, in one pass."""
+        """Locate the capillary in every slice and measure the rotation and the recording's levels, in one pass."""
         return survey_pullback(stream, parameters)
 
     def unroll(self, frame: Frame, calibration: OctCalibration) -> Strip:
@@ -42,11 +42,11 @@ class OctModality:
         return unroll_bscan(frame, calibration)
 
     def settle(self, panorama: Panorama, calibration: OctCalibration) -> Panorama:
-        """Finish the panorama: place a helical scan, and drop what its neighbours contradict."""
+        """Finish the panorama: put a helical scan's rows in place, and note a faint or an implausible wall."""
         return settle_pullback(panorama, calibration)
 
     def illustrate(self, frame: Frame, calibration: OctCalibration) -> tuple[Picture, ...]:
-        """Show a B-scan as recorded, with fitted face, sine and wall, and undistorted."""
+        """Return pictures of a B-scan: as recorded, with fitted face, sine and wall, and undistorted."""
         return picture_bscan(frame, calibration)
 
     def write_volume(self, stream: FrameStream, calibration: OctCalibration, store: Path) -> None:

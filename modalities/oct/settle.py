@@ -1,6 +1,6 @@
-"""The assembled panorama of a pullback: a helical scan's rows put in place, and last plausibility checks.
+"""The assembled panorama of a pullback: a helical scan's rows put in place, and final plausibility checks.
 
-Nothing is smoothed across slices: they lie farther apart than the rims of cells are sharp.
+Nothing is smoothed across slices: they are farther apart than the rims of cells are wide.
 """
 
 from dataclasses import replace
@@ -17,7 +17,7 @@ ODD_WALL_SHARE = 0.1
 
 
 def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama:
-    """Return ``panorama`` with a helical scan's rows sheared into place, and notes on a faint wall or an odd place."""
+    """Return ``panorama`` with a helical scan's rows sheared into place, and notes on an implausible wall."""
     if calibration.acquisition.scan == "helical" and panorama.grid.n_z > 1:
         panorama = _sheared(panorama, calibration)
     panorama = _with_faint_slices(panorama, calibration)
@@ -35,7 +35,7 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
 
 
 def _with_faint_slices(panorama: Panorama, calibration: OctCalibration) -> Panorama:
-    """Flag the slices that unrolling took for not valid because their wall hardly stands out of the noise."""
+    """Flag the slices that are not valid because their wall hardly stands out of the noise."""
     least = calibration.parameters.least_wall_sigmas
     faint = (panorama.per_frame["wall_sigmas"].values < least) & ~panorama.per_frame["bridged"].values
     flag = PerFrame(faint, "", "wall faint", trusted_when=False)
@@ -72,7 +72,7 @@ def _placed(image: Image, panorama: Panorama, recorded_mm: Coordinates) -> Image
     """Samples recorded at ``recorded_mm`` (n_z, n_theta), at the panorama's rows; NaN where not valid there."""
     placed = np.full_like(image, np.nan)
     for column in range(image.shape[1]):
-        # turns that start anywhere lie up to two pitches apart at one θ, and hardly at all
+        # where turns start anywhere, two of them may be two pitches apart at one θ, or hardly any distance
         order = np.argsort(recorded_mm[:, column], kind="stable")
         at_mm, good = recorded_mm[order, column], panorama.valid[order, column]
         if not good.any():

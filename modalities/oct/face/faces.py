@@ -185,10 +185,10 @@ def _ripples(
     return ripples
 
 
-def _no_capillary(seen: str) -> NotSeen:
+def _no_capillary(instead: str) -> NotSeen:
     return NotSeen(
         "the capillary's outer face cannot be found",
-        found=seen,
+        found=instead,
         expected="a bright line around the whole turn in most slices, darkness and then the wall behind it",
         remedy="check capillary_outer_diameter_mm, bore_diameter_mm and axial_pixel_mm, look at the B-scans, "
         "or give the depth of the outer face as start_offset_mm",

@@ -48,7 +48,7 @@ class Glass:
     def face_distance_mm(self, beam_rad: Coordinates, x_mm: float, y_mm: float) -> Coordinates:
         """Return the optical path to the outer face, less the glass's delay where a beam meets it squarely, mm.
 
-        The catheter is off the axis by (x, y). An oblique beam goes a longer way through the glass.
+        The catheter is off the axis by (x, y). An oblique beam is refracted, which changes its path by micrometres.
         """
         if not self.thickness_mm:
             return circle_distance_mm(beam_rad, x_mm, y_mm, self.outer_radius_mm)

@@ -17,7 +17,7 @@ from endoct.stitching.arrays import Image
 from endoct.stitching.circle import pad_circle
 
 LN_POWER_PER_SIGMA = 1.139  # ln of exponentially distributed power, as speckle and noise have, over its σ (from MAD)
-MOST_POWER = 6.0  # times the power from which samples speak for bone: a glint counts for no more
+MOST_POWER = 6.0  # times the power from which samples count as bone: a glint counts for no more
 HAZE_SHARE = 0.2  # of the wall's contrast
 MOST_LN_POWER = 20.0  # far beyond, and no overflow
 LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: even where there is hardly any noise, there is texture
@@ -58,7 +58,7 @@ def _evidence(
     evidence = np.zeros((n_columns, n_depth + 1), np.float32)
     behind = lfilter(np.ones(1, np.float32), np.array([1, -decay], np.float32), signal[:, ::-1], axis=1)
     evidence[:, :n_depth] = np.where(allowed, behind[:, ::-1], np.float32(NEVER))
-    # what is bright over a patch before the surface speaks against it
+    # a bright patch before the surface counts against it
     columns = max(1, round(PATCH_MM[0] / (spacing.column_mm * together))) | 1
     rows = max(1, round(PATCH_MM[1] / spacing.depth_mm))
     wide = pad_circle(signal, columns, axis=0)
@@ -81,7 +81,7 @@ def spread_of_noise(background: Background) -> float:
 def _signal(level: Image, background: Background, least_signal: float) -> Image:
     sigma = spread_of_noise(background)
     power = relative_power(level, background.noise, sigma)
-    # the power from which on a sample speaks for bone: above noise and, where bone is bright, above faint haze as well
+    # the power from which on a sample counts as bone: above noise and, where bone is bright, above faint haze as well
     haze = float(np.exp(LN_POWER_PER_SIGMA * HAZE_SHARE * background.contrast / sigma))
     power *= np.float32(1 / max((1 + least_signal) * background.noise_power, haze))
     np.minimum(power, np.float32(MOST_POWER), out=power)

@@ -29,14 +29,14 @@ rotations = st.builds(
 def test_every_ascan_is_found_again_where_it_looked(rotation: Rotation) -> None:
     nominal = 2 * np.pi * np.arange(500) / 500
     beam = rotation.beam_rad(0, nominal)
-    found, seen = rotation.nominal_rad(0, np.mod(beam, 2 * np.pi), 500)
+    nominal_again, seen = rotation.nominal_rad(0, np.mod(beam, 2 * np.pi), 500)
     assert seen.all()
-    # a direction may be seen twice; what is found looks there all the same
-    again = np.abs(wrap_rad(rotation.beam_rad(0, found) - beam))
+    # a direction may be recorded twice; either A-scan looks there
+    again = np.abs(wrap_rad(rotation.beam_rad(0, nominal_again) - beam))
     away_from_gap = np.abs(nominal - rotation.lost_at_rad[0]) > 0.03 if rotation.lost_rad[0] else np.ones(500, bool)
     assert again[away_from_gap].max() < 2e-4
-    assert found.min() >= -np.pi / 500 - 1e-12
-    assert found.max() <= 2 * np.pi - np.pi / 500 + 1e-12
+    assert nominal_again.min() >= -np.pi / 500 - 1e-12
+    assert nominal_again.max() <= 2 * np.pi - np.pi / 500 + 1e-12
 
 
 @pytest.mark.parametrize(("stretch", "lost"), [(-0.03, 0.0), (0.0, 0.1), (-0.02, 0.08)])

@@ -46,7 +46,7 @@ def test_the_capillary_shows_an_uneven_turn() -> None:
         left -= left.mean()
         assert np.sqrt(np.mean(left**2)) < TURN_RAD
         assert np.sqrt(np.mean(left**2)) < 3 * rotation.shape_sigma_rad[i]
-    assert np.abs(np.hypot(faces.x_mm, faces.y_mm) - 0.25).max() < 0.002
+    assert np.abs(faces.capillary.offset_mm - 0.25).max() < 0.002
 
 
 def test_on_the_axis_an_uneven_turn_is_not_known_and_nothing_is_changed() -> None:
