@@ -48,8 +48,8 @@ def evaluate(seed: int, preset: str, folder: Path, cache: Path, literal: bool) -
     comparison = compare_panoramas(endoscope, oct_)
     row: Row = {"specimen": specimen.name}
     row |= held_against(load_truth(specimen), endoscope, oct_, comparison, SegmentParameters())
-    budget = comparison.result.get("budget") or {"parts": {}}
-    return row | {f"lost_{name}": part["share"] for name, part in budget["parts"].items() if part["share"] is not None}
+    budget = comparison.result.budget
+    return row | {f"lost_{cause}": part.share for cause, part in (budget.parts.by_cause() if budget else {}).items()}
 
 
 def summary(rows: Sequence[Row]) -> list[str]:

@@ -63,14 +63,17 @@ def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
     turn_rad = float(np.median(wrap_rad(found.theta_to_a(b.grid.theta_rad) - true_rad)))
     covariance = np.array(found.covariance)
     lever = np.array([0, 1, b.z_mm[shared].mean() * (-1 if found.z_reversed else 1)])
-    shares = {name: part["share"] for name, part in comparison.result["budget"]["parts"].items()}
+    budget, overlap = comparison.result.budget, comparison.result.jaccard
+    if budget is None or overlap is None:
+        return {"specimen": specimen.name}
+    shares = {cause: part.share for cause, part in budget.parts.by_cause().items()}
     return {
         "specimen": specimen.name,
-        "jaccard": comparison.result["jaccard"],
+        "jaccard": overlap,
         **shares,
         "true_alignment": 1 - put,
         "true_sampling": put - through,
-        "true_rest": through - comparison.result["jaccard"],
+        "true_rest": through - overlap,
         "error_z_um": 1e3 * float(np.median(error_mm)),
         "sd_z_um": 1e3 * float(np.sqrt(lever @ covariance @ lever)),
         "error_arc_um": 1e3 * turn_rad * a.grid.radius_mm,

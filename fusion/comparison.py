@@ -1,7 +1,7 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,9 +13,10 @@ from endoct.fusion.geometry.alignment import as_covariance
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore, common_grid
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align, open_orientations
 from endoct.fusion.registration.twist import find_twist, untwisted
+from endoct.fusion.result import Believable, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
 from endoct.fusion.scoring.cells import Surface
-from endoct.fusion.scoring.scorecard import BOOTSTRAP, overlap_scores
-from endoct.fusion.scoring.scored import Scored, score
+from endoct.fusion.scoring.overlap import overlap
+from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
 from endoct.fusion.scoring.sites import find_sites
 from endoct.fusion.segmentation.segment import Segmentation, SegmentParameters, find_cells
 from endoct.fusion.sides import Comparison
@@ -65,15 +66,15 @@ def compare_panoramas(a: Panorama, b: Panorama, parameters: CompareParameters | 
         return plain
     twist = find_twist(a, b, (prepare(a), prepare(b)), plain.alignment)
     corrected = _compared(a, untwisted(b, twist), parameters)
-    told = {
-        "note": "B's rows were turned to where they fit A best. That raises the score by itself; see both.",
-        "z_mm": twist.z_mm.tolist(),
-        "twist_rad": twist.twist_rad.tolist(),
-        "known": twist.known.tolist(),
-        "jaccard_without": plain.result["jaccard"],
-        "jaccard_with": corrected.result["jaccard"],
-    }
-    return replace(corrected, result={**corrected.result, "twist": told})
+    stated = CorrectedTwist(
+        note="B's rows were turned to where they fit A best. That raises the score by itself; see both.",
+        z_mm=tuple(twist.z_mm.tolist()),
+        twist_rad=tuple(twist.twist_rad.tolist()),
+        known=tuple(twist.known.tolist()),
+        jaccard_without=plain.result.jaccard,
+        jaccard_with=corrected.result.jaccard,
+    )
+    return replace(corrected, result=corrected.result.model_copy(update={"twist": stated}))
 
 
 def _compared(a: Panorama, b: Panorama, parameters: CompareParameters) -> Comparison:
@@ -98,13 +99,11 @@ def _compared(a: Panorama, b: Panorama, parameters: CompareParameters) -> Compar
             depth_mm[k] = _known(placement, side.depth_mm, side.valid & np.isfinite(side.depth_mm))
         relief_mm, contrast = (None if e is None else _known(placement, e.values, e.valid) for e in told[k].shown)
         surfaces.append(Surface(names[k], mask[k], valid[k], relief_mm, contrast))
-    scored = score((a, b), (surfaces[0], surfaces[1]), grid, alignment, parameters.tolerance_mm)
+    scored = score_sides((a, b), (surfaces[0], surfaces[1]), grid, alignment, parameters.tolerance_mm)
     own_rows = _on_own_rows(a, b, told, placing) if alignment else None
     reason = found.reason if isinstance(found, NotAligned) else None
-    doubts = [_doubts(*side) for side in zip((a, b), told, strict=True)]
-    result = _result(names, found, told, scored, own_rows, valid, grid.dz_mm) | {
-        "doubts": dict(zip(names, doubts, strict=True))
-    }
+    doubts = {name: _doubts(side, of_side) for name, side, of_side in zip(names, (a, b), told, strict=True)}
+    result = _result(names, found, told, scored, own_rows, valid, grid.dz_mm, doubts)
     return Comparison(grid, names, intensity, depth_mm, mask, valid, alignment, reason, result, scored.cells)
 
 
@@ -196,13 +195,13 @@ def _correlation(one: Evidence, other: Evidence) -> float:
     return float(common / np.sqrt(of_one * of_other)) if of_one > 0 and of_other > 0 else 0.0
 
 
-def _on_own_rows(a: Panorama, b: Panorama, told: tuple[_Told, _Told], alignment: Alignment) -> dict[str, Any]:
+def _on_own_rows(a: Panorama, b: Panorama, told: tuple[_Told, _Told], alignment: Alignment) -> OwnRows:
     """Return the overlap on B's own samples, to which A is brought; B is not interpolated at all."""
     placement = Placement(a, alignment.inverse(), b.grid, b.z_mm, b.grid.dz_mm)
     mask, seen = placement.mask(told[0].segmentation.mask, a.valid)
     one, two = Surface("", mask, seen), Surface("", told[1].segmentation.mask, b.valid)
     sites = find_sites(mask, two.mask, seen & b.valid, b.grid.dz_mm * b.grid.dtheta_mm)
-    return overlap_scores(one, two, sites, b.grid)
+    return OwnRows(rows_of=_names(a, b)[1], **dict(overlap(one, two, sites)))
 
 
 def _reached(valid: Mask) -> Mask:
@@ -220,10 +219,10 @@ def _names(a: Panorama, b: Panorama) -> tuple[str, str]:
     return f"{a.modality}-1", f"{b.modality}-2"
 
 
-def _doubts(side: Panorama, told: _Told) -> list[str]:
+def _doubts(side: Panorama, told: _Told) -> tuple[str, ...]:
     """Return why a side's panorama as a whole, or its cells, are not to be trusted."""
     doubt = told.segmentation.doubt
-    return [*side.doubts, *([doubt] if doubt else [])]
+    return (*side.doubts, *([doubt] if doubt else []))
 
 
 def _result(
@@ -231,34 +230,32 @@ def _result(
     found: Alignment | NotAligned,
     told: tuple[_Told, _Told],
     scored: Scored,
-    own_rows: dict[str, Any] | None,
+    own_rows: OwnRows | None,
     valid: Mask,
     dz_mm: float,
-) -> dict[str, Any]:
-    segmented = [side.segmentation for side in told]
-    on_grid = scored.scores["grid"] if scored.scores else {}
-    overlap_rows = _reached(valid[0]) & _reached(valid[1])
+    doubts: dict[str, tuple[str, ...]],
+) -> Result:
+    aligned = isinstance(found, Alignment)
+    by_name = dict(zip(names, told, strict=True))
+    segmented = {name: side.segmentation for name, side in by_name.items()}
+    covered = _reached(valid[0]) & _reached(valid[1])
     both = valid[0] & valid[1]
-    return {
-        "sides": list(names),
-        "aligned": isinstance(found, Alignment),
-        "reason": None if isinstance(found, Alignment) else found.reason,
-        "alignment": asdict(found) if isinstance(found, Alignment) else None,
-        "believed_if": {"confidence_at_least": BELIEVABLE, "chance_at_most": LIKELY_CHANCE},
-        "best_unbelieved": asdict(found.best) if isinstance(found, NotAligned) and found.best else None,
-        "jaccard": on_grid.get("jaccard"),
-        "dice": on_grid.get("dice"),
-        "threshold": {
-            name: {"value": side.threshold, "unit": side.unit, "of": side.of}
-            for name, side in zip(names, segmented, strict=True)
-        },
-        "polarity": {name: side.polarity for name, side in zip(names, segmented, strict=True)},
-        "polarity_from": {name: side.polarity_from for name, side in zip(names, told, strict=True)},
-        "scores": {**scored.scores, "own_rows": {"rows_of": names[1], **own_rows}}
-        if scored.scores and own_rows
-        else None,
-        "budget": scored.budget,
-        "bootstrap": BOOTSTRAP,
-        "valid_fraction": float(both[overlap_rows].mean()) if overlap_rows.any() else 0.0,
-        "overlap_mm": float(overlap_rows.sum()) * dz_mm,
-    }
+    return Result(
+        sides=names,
+        aligned=aligned,
+        reason=None if isinstance(found, Alignment) else found.reason,
+        alignment=StoredAlignment.of(found) if isinstance(found, Alignment) else None,
+        believed_if=Believable(confidence_at_least=BELIEVABLE, chance_at_most=LIKELY_CHANCE),
+        best_unbelieved=None if isinstance(found, Alignment) else StoredAlignment.of(found.best),
+        jaccard=scored.scores.grid.jaccard if scored.scores else None,
+        dice=scored.scores.grid.dice if scored.scores else None,
+        threshold={n: Threshold(value=s.threshold, unit=s.unit, of=s.of) for n, s in segmented.items()},
+        polarity={name: side.polarity for name, side in segmented.items()},
+        polarity_from={name: side.polarity_from for name, side in by_name.items()},
+        scores=scored.scores.model_copy(update={"own_rows": own_rows}) if scored.scores else None,
+        budget=scored.budget,
+        bootstrap=BOOTSTRAP,
+        valid_fraction=float(both[covered].mean()) if covered.any() else 0.0,
+        overlap_mm=float(covered.sum()) * dz_mm,
+        doubts=doubts,
+    )

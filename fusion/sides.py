@@ -1,12 +1,11 @@
 """What a comparison of two panoramas gives."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.stitching.arrays import Image, Mask, readonly
 from endoct.stitching.grid import SurfaceGrid
@@ -26,7 +25,7 @@ class Comparison:
     valid: bool (2, n_z, n_theta), observed by that side.
     alignment: where B lies in A's frame; None where that could not be found.
     reason: why not, in a full sentence; None where it was found.
-    result: the part of ``result.json`` that fusion knows, JSON-serialisable.
+    result: what ``result.json`` says; from :func:`~endoct.fusion.comparison.compare_panoramas` what fusion knows of it.
     cells: the cells of both sides as objects, A's first; empty where the comparison was read from a store written
         before there were any.
 
@@ -41,7 +40,7 @@ class Comparison:
     valid: Mask
     alignment: Alignment | None
     reason: str | None
-    result: Mapping[str, Any]
+    result: Result
     cells: tuple[Cell, ...] = ()
 
     def __post_init__(self) -> None:

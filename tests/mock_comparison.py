@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from endoct.fusion.files.store import save_comparison
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result import Overlap, OwnRows, PairScores, Result, StoredAlignment, Threshold
 from endoct.fusion.sides import Comparison
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
@@ -29,8 +31,8 @@ class Kind:
     drawn: bool = False
 
 
-def write_comparison(folder: Path, a: Kind, b: Kind, *, aligned: bool = True, **changed: Any) -> dict[str, Any]:
-    """Write what ``endoct compare`` leaves for the report; return the result."""
+def write_comparison(folder: Path, a: Kind, b: Kind, *, aligned: bool = True, **changed: Any) -> Result:
+    """Write what ``endoct compare`` leaves for the report, with fields of the result changed; return that."""
     rng = np.random.default_rng(1)
     theta, z = np.meshgrid(GRID.theta_rad, GRID.z_mm)
     cells = np.hypot(1.25 * (theta - 2.0), z - 1.5) < 0.5
@@ -47,39 +49,42 @@ def write_comparison(folder: Path, a: Kind, b: Kind, *, aligned: bool = True, **
     names = (a.name, b.name)
     folder.mkdir(parents=True)
     intensities = np.stack([mask[k] if side.drawn else intensity for k, side in enumerate((a, b))])
-    save_comparison(
-        Comparison(GRID, names, intensities, depths, mask, valid, None, None, {}), folder / "comparison.zarr"
-    )
+    result = _result(names, jaccard if aligned else None).model_copy(update=changed)
+    comparison = Comparison(GRID, names, intensities, depths, mask, valid, None, None, result)
+    save_comparison(comparison, folder / "comparison.zarr")
     for k, side in enumerate((a, b)):
         save_panorama(_panorama(side, intensities[k], depths[k], valid[k]), folder / "panoramas" / f"{side.name}.zarr")
         if not side.drawn:
             save_pictures(folder / "pictures", side.name, "0007", mock_pictures())
-    scores = {"jaccard": jaccard, "dice": 2 * jaccard / (1 + jaccard), "both_mm2": 1.25, "only_a_mm2": 0.1}
-    result = {
-        "sides": list(names),
-        "aligned": aligned,
-        "reason": None if aligned else "The best place is only 1.1 times as good as the runner-up.",
-        "alignment": {
-            "theta_shift_rad": 1.5, "z_shift_mm": -0.4321, "z_scale": 1.0123, "mirrored": True, "z_reversed": False,
-            "confidence": 0.629, "correlation": 0.934, "ratio": 3.06,
-        }
+    (folder / "result.json").write_text(json.dumps(result.to_json()), encoding="utf-8")
+    return result
+
+
+def _result(names: tuple[str, str], jaccard: float | None) -> Result:
+    """Return a result, not aligned where there is no Jaccard index."""
+    aligned = jaccard is not None
+    dice = 2 * jaccard / (1 + jaccard) if aligned else None
+    alignment = Alignment(1.5, -0.4321, 1.0123, mirrored=True, confidence=0.629, correlation=0.934, ratio=3.06)
+    of_rows = OwnRows(rows_of=names[1], jaccard=0.8765, dice=dice, both_mm2=1.25, only_a_mm2=0.1)
+    return Result(
+        sides=names,
+        aligned=aligned,
+        reason=None if aligned else "The best place is only 1.1 times as good as the runner-up.",
+        alignment=StoredAlignment.of(alignment) if aligned else None,
+        jaccard=jaccard,
+        dice=dice,
+        threshold={names[0]: Threshold(value=0.4123, unit="1", of="darkness <capped>")},
+        scores=PairScores(grid=Overlap(jaccard=jaccard, dice=dice, both_mm2=1.25, only_a_mm2=0.1), own_rows=of_rows)
         if aligned
         else None,
-        "jaccard": jaccard if aligned else None,
-        "dice": scores["dice"] if aligned else None,
-        "threshold": {a.name: {"value": 0.4123, "unit": "1", "of": "darkness <capped>"}},
-        "scores": {"grid": scores, "own_rows": {**scores, "rows_of": b.name, "jaccard": 0.8765}} if aligned else None,
-        "valid_fraction": 0.943,
-        "overlap_mm": 2.7,
-        "notes": {a.name: [], b.name: ["Depth rows 92–93 hold fixed lines & were interpolated."]},
-        "versions": {"endoct": "0.1.0", "numpy": "2.4.0"},
-        "inputs": {"specimen/oct/pullback.tif": "cd" * 32},
-        "parameters": {"compare": {"n_theta": 2048, "odd": "<script>alert(1)</script>"}},
-        "seconds": {"align": 1.25, "write": 0.5},
-        **changed,
-    }  # fmt: skip
-    (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
-    return result
+        valid_fraction=0.943,
+        overlap_mm=2.7,
+        notes={names[0]: (), names[1]: ("Depth rows 92–93 hold fixed lines & were interpolated.",)},
+        versions={"endoct": "0.1.0", "numpy": "2.4.0"},
+        inputs={"specimen/oct/pullback.tif": "cd" * 32},
+        parameters={"compare": {"n_theta": 2048, "odd": "<script>alert(1)</script>"}},
+        seconds={"align": 1.25, "write": 0.5},
+    )
 
 
 def _panorama(side: Kind, intensity: Any, depth_mm: Any, valid: Any) -> Panorama:

@@ -3,17 +3,31 @@
 import json
 import tempfile
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from benchmarks.fuzz.seed_drawings import pictures
 from benchmarks.fuzz.trees import Seed, read_tree
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.masks import mask_on
 from endoct.fusion.files.store import save_comparison
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result import (
+    CorrectedTwist,
+    Drift,
+    Limits,
+    Line,
+    MaskScores,
+    PairScores,
+    Result,
+    StoredAlignment,
+)
+from endoct.fusion.scoring.cells import Cell
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
@@ -22,6 +36,8 @@ from endoct.workbench.pipeline.hand_masks import score_drawings
 
 GRID = SurfaceGrid.full_circle(24, 32, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
 N_FRAMES = 6
+
+P = TypeVar("P", bound=BaseModel)
 
 
 def panorama(modality: str = "oct") -> Panorama:
@@ -73,57 +89,87 @@ def comparison_files(*, aligned: bool = True) -> dict[str, bytes]:
         for name, turn in (("anna_1", 0), ("anna_2", 1), ("ben_1", 2))
     }
     against = score_drawings(found, truth, 0.1)
-    text = json.dumps({**found.result, **against.result}).replace('"mask"', '"oct"')
-    result = json.loads(text) | {
-        "notes": {"endoscope": [], "oct": ["Depth rows 92–93 hold fixed lines & were interpolated."]},
-        "versions": {"endoct": "0.1.0", "numpy": "2.4.0"},
-        "inputs": {"specimen/oct/pullback.tif": "cd" * 32},
-        "parameters": {"compare": {"n_theta": 64, "force": True}, "oct": {"undistort": "sine"}},
-        "seconds": {"align": 1.25, "write": 0.5},
-        "twist": {"jaccard_without": 0.5, "jaccard_with": 0.6},
-    }
-    result = _filled(result, deep=True)
+    result = found.result.completed(
+        truth=against.truth,
+        raters=against.raters,
+        notes={"endoscope": (), "mask": ("Depth rows 92–93 hold fixed lines & were interpolated.",)},
+        versions={"endoct": "0.1.0", "numpy": "2.4.0"},
+        inputs={"specimen/oct/pullback.tif": "cd" * 32},
+        parameters={"compare": {"n_theta": 64, "force": True}, "oct": {"undistort": "sine"}},
+        seconds={"align": 1.25, "write": 0.5},
+    )
+    result = _filled(result)
     if not aligned:
-        result |= {"aligned": False, "reason": "Nothing stood out.", "jaccard": None, "dice": None, "alignment": None}
-        result |= {"best_unbelieved": {"theta_shift_rad": 0.1, "z_shift_mm": 0.2}}
+        best = StoredAlignment.of(Alignment(0.1, 0.2))
+        unaligned = {"aligned": False, "reason": "Nothing stood out.", "jaccard": None, "dice": None}
+        result = result.model_copy(update={**unaligned, "alignment": None, "best_unbelieved": best})
+    # the mask stands for a side of the other modality
+    renamed = Result.from_json(json.loads(json.dumps(result.to_json()).replace('"mask"', '"oct"')))
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        sides = type(found)(
-            **{name: getattr(found, name) for name in found.__dataclass_fields__} | {"sides": ("endoscope", "oct")}
-        )
-        cells = tuple(type(cell)(**{**vars(cell), **_renamed(cell)}) for cell in found.cells)
-        sides = type(found)(**{**vars(sides), "cells": cells})
+        cells = tuple(replace(cell, **_renamed(cell)) for cell in found.cells)
+        sides = replace(found, sides=("endoscope", "oct"), result=renamed, cells=cells)
         save_comparison(sides, folder / "comparison.zarr")
         for side in (a, b):
             save_panorama(side, folder / "panoramas" / f"{side.modality}.zarr")
-        (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
+        (folder / "result.json").write_text(json.dumps(renamed.to_json()), encoding="utf-8")
         pictured = {f"pictures/{name}": data for side in ("oct", "endoscope") for name, data in pictures(side).items()}
         return read_tree(folder) | pictured
 
 
-def _filled(told: Any, *, deep: bool = False) -> Any:
-    """Return a result in which everything is known that so few cells do not tell; strata once, not for every truth."""
-    if isinstance(told, list):
-        return [_filled(one) for one in told]
-    if not isinstance(told, dict):
-        return told
-    limits = {"bias": 0.1, "bias_interval": [0.0, 0.2], "low": -0.3, "high": 0.5, "sd": 0.2, "pairs": 6}
-    line = {"per_mm": 0.2, "per_mm_error": 0.01, "at_middle": 0.0}
-    unknown = {
-        "area_mm2": limits, "depth_mm": limits, "drift": {"z_mm": line, "arc_mm": line, "length_mm": 2.0, "cells": 6},
-    }  # fmt: skip
-    found = {}
-    for key, value in told.items():
-        if key == "strata" and not deep:
-            continue
-        if value is None and (key in unknown or "interval" in key):
-            found[key] = unknown.get(key, [0.25, 0.75])
+INTERVAL = 0.25, 0.75
+LINE = Line(mean=0.0, per_mm=0.2, per_mm_error=0.01)
+LIMITS = Limits(pairs=6, bias=0.1, low=-0.3, high=0.5, bias_interval=INTERVAL)
+UNKNOWN: Mapping[str, Any] = {
+    "area_mm2": LIMITS,
+    "depth_mm": LIMITS,
+    "drift": Drift(pairs=6, length_mm=2.0, z_mm=LINE, arc_mm=LINE),
+}
+"""What so few cells do not give."""
+
+
+def _filled(result: Result) -> Result:
+    """Return a result in which everything is known, also from so few cells; strata once, not for every truth."""
+    assert result.scores is not None
+    assert result.truth is not None
+    assert result.raters is not None
+    twist = CorrectedTwist(jaccard_without=0.5, jaccard_with=0.6)
+    consensus = {name: c.model_copy(update={"sides": _plain(c.sides)}) for name, c in result.raters.consensus.items()}
+    against = {path: _plain(sides) for path, sides in result.truth.items()}
+    changed = {
+        "scores": _known(result.scores),
+        "budget": result.budget and _known(result.budget),
+        "twist": twist,
+        "truth": against,
+        "raters": result.raters.model_copy(update={"consensus": consensus}),
+    }
+    return result.model_copy(update=changed)
+
+
+def _plain(sides: Mapping[str, MaskScores]) -> dict[str, MaskScores]:
+    """Return scores against a mask, all known, without strata."""
+    stated = {name: _known(scores).model_dump(exclude={"strata"}, by_alias=True) for name, scores in sides.items()}
+    return {name: MaskScores.model_validate(scores) for name, scores in stated.items()}
+
+
+def _known(part: P) -> P:
+    """Return ``part`` with every interval, limit and drift known."""
+    changed: dict[str, Any] = {}
+    for name, value in part:
+        if value is None:
+            changed[name] = UNKNOWN.get(name, INTERVAL if "interval" in name else None)
         else:
-            found[key] = _filled(value, deep=key == "scores")
-    return found
+            changed[name] = _deeper(value)
+    return part.model_copy(update=changed)
 
 
-def _renamed(cell: Any) -> dict[str, str]:
+def _deeper(value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        return _known(value)
+    return tuple(map(_deeper, value)) if isinstance(value, tuple) else value
+
+
+def _renamed(cell: Cell) -> dict[str, str]:
     return {name: "oct" for name in ("side", "depth_of", "seen_by") if getattr(cell, name, None) == "mask"}
 
 
@@ -134,21 +180,24 @@ def comparison_seeds() -> Iterator[Seed]:
 
 
 def comparison_store_seeds() -> Iterator[Seed]:
-    """Yield ``comparison.zarr`` alone."""
-    files = {name: data for name, data in comparison_files().items() if name.startswith("comparison.zarr/")}
+    """Yield ``comparison.zarr`` with the result beside it."""
+    kept = "comparison.zarr/", "result.json"
+    files = {name: data for name, data in comparison_files().items() if name.startswith(kept)}
     yield Seed("comparison store", "comparison.zarr", files)
 
 
 def summary_seeds() -> Iterator[Seed]:
     """Yield folders of results as ``endoct summarise`` takes them: two sets, two specimens, two repeats each."""
-    result = json.loads(comparison_files()["result.json"])
-    kept = ("sides", "aligned", "jaccard", "dice", "scores", "budget", "alignment", "valid_fraction", "overlap_mm")
-    result = {key: result[key] for key in kept} | {"truth": {"drawn/anna_1.png": {}}}
-    result["scores"].pop("strata", None)
+    whole = Result.from_json(json.loads(comparison_files()["result.json"]))
+    result = Result(
+        sides=whole.sides, aligned=True, alignment=whole.alignment, jaccard=None, dice=whole.dice, budget=whole.budget,
+        scores=whole.scores and PairScores(**{name: part for name, part in whole.scores if name != "strata"}),
+        valid_fraction=whole.valid_fraction, overlap_mm=whole.overlap_mm, truth={"drawn/anna_1.png": {}},
+    )  # fmt: skip
     files = {}
     for k, place in enumerate(f"{of}/{specimen}/{repeat}" for of in "ab" for specimen in "xy" for repeat in "12"):
-        told = result | {"jaccard": 0.5 + 0.01 * k, "inputs": {"oct.tif": f"digest {place[2:]}"}}
-        files[f"{place}/result.json"] = json.dumps(told).encode()
+        one = result.model_copy(update={"jaccard": 0.5 + 0.01 * k, "inputs": {"oct.tif": f"digest {place[2:]}"}})
+        files[f"{place}/result.json"] = json.dumps(one.to_json()).encode()
     yield Seed("summary", "", files)
 
 

@@ -1,7 +1,7 @@
 """Masks drawn by hand: as a side of a comparison, or as the truth to score one against."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -9,8 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from endoct.fusion.evidence.prepare import MASK_MODALITY
 from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
+from endoct.fusion.result import MaskScores
 from endoct.fusion.scoring.cells import Surface, label_in_order, measure
-from endoct.fusion.scoring.scorecard import scorecard
+from endoct.fusion.scoring.scores import mask_scores
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import read_toml, validate
 from endoct.stitching.arrays import Mask
@@ -67,13 +68,10 @@ def mask_on(cell: Mask, like: Panorama, path: Path) -> Panorama:
     return _panorama(cell, like.grid, path, on=like)
 
 
-def score_against(comparison: Comparison, truth: Panorama, tolerance_mm: float = 0.1) -> dict[str, Any]:
+def score_against(comparison: Comparison, truth: Panorama, tolerance_mm: float = 0.1) -> dict[str, MaskScores]:
     """Return the scores of each side against a mask in side A's frame, by side, over what that side observed.
 
-    On the comparison's grid; JSON-serialisable: the overlap as
-    :func:`endoct.fusion.scoring.scorecard.overlap_scores`, and beside it the
-    other parts of a :func:`~endoct.fusion.scoring.scorecard.scorecard`, the mask as reference.
-    Raises :class:`EndoctError` for another bore diameter.
+    On the comparison's grid. Raises :class:`EndoctError` for another bore diameter.
     """
     return score_surface(comparison, on_comparison(comparison, truth), tolerance_mm)
 
@@ -86,15 +84,14 @@ def on_comparison(comparison: Comparison, truth: Panorama) -> Surface:
     return Surface("given truth", cells, seen)
 
 
-def score_surface(comparison: Comparison, truth: Surface, tolerance_mm: float) -> dict[str, Any]:
+def score_surface(comparison: Comparison, truth: Surface, tolerance_mm: float) -> dict[str, MaskScores]:
     """Return as :func:`score_against` the scores of each side against ``truth`` on the comparison's grid."""
     grid, scores = comparison.grid, {}
     of_truth = label_in_order(truth.mask)
     for k, name in enumerate(comparison.sides):
         side = Surface(name, comparison.mask[k], comparison.valid[k])
         cells = measure((truth, side), (of_truth, label_in_order(side.mask)), grid, aligned=True)
-        card = scorecard(truth, side, cells, grid, tolerance_mm)
-        scores[name] = card.pop("overlap") | card
+        scores[name] = mask_scores(truth, side, cells, grid, tolerance_mm)
     return scores
 
 

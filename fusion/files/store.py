@@ -1,4 +1,4 @@
-"""Comparisons on disk: ``comparison.zarr``, which ``xarray.open_zarr`` reads."""
+"""Comparisons on disk: ``comparison.zarr``, which ``xarray.open_zarr`` reads, beside ``result.json``."""
 
 import json
 from collections.abc import Mapping
@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
+from endoct.fusion.files.result_file import read_result
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
+from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.json_values import an_object, number
@@ -28,7 +30,8 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
     """Write ``comparison`` to ``path``, which must not exist (see :func:`endoct.stitching.output.new_output`).
 
     Dims (side, z, theta) with coordinates in mm and rad; variables ``intensity``, ``depth_mm``, ``mask``, ``valid``;
-    and ``cells`` on dims (cell, property).
+    and ``cells`` on dims (cell, property). Its attributes give the grid, and as JSON the ``alignment`` by which B was
+    placed in A's frame, or the ``reason`` why there is none. The rest of the result is left to ``result.json``.
     """
     grid, dims = comparison.grid, ("side", "z", "theta")
     chunks = (1, min(grid.n_z, 512), grid.n_theta)
@@ -49,21 +52,27 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
         **grid_attributes(grid),
         "alignment": json.dumps(None if comparison.alignment is None else asdict(comparison.alignment)),
         "reason": json.dumps(comparison.reason),
-        "result": json.dumps(comparison.result),
     }
     write_arrays(path, arrays, attributes)
 
 
 def load_comparison(path: Path) -> Comparison:
-    """Read what :func:`save_comparison` wrote. Raises :class:`EndoctError` where it is something else, or damaged."""
+    """Read the store that :func:`save_comparison` wrote, and the result from the ``result.json`` beside it.
+
+    Grid, sides, alignment and reason are those of the store. Raises :class:`EndoctError` where either is missing,
+    something else, or damaged, or where the two are of different sides.
+    """
     with refusing(f"{path} is no comparison", expected="a store written by `endoct compare`"):
         attributes = read_attributes(path) if path.is_dir() else {}
         if attributes.get("format") != FORMAT:
             raise EndoctError(f"{path} is no comparison", expected="a store written by `endoct compare`")
-        return _comparison(path, read_arrays(path, (*IMAGES, "cells", "side")), attributes)
+        result = read_result(path.parent)
+        return _comparison(path, read_arrays(path, (*IMAGES, "cells", "side")), attributes, result)
 
 
-def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Comparison:
+def _comparison(
+    path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], result: Result
+) -> Comparison:
     what = f"the comparison {path}"
     if missing := [name for name in (*IMAGES, "side") if name not in arrays]:
         raise EndoctError(f"{what} is not whole", found=f"no {missing[0]}", remedy="run the comparison again")
@@ -72,10 +81,15 @@ def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapp
         found = arrays[name]
         if found.shape != shape or len(shape) != 3 or shape[0] != 2 or found.dtype.kind not in "biuf":
             raise EndoctError(f"{name} of {what} cannot be used", found=f"{found.dtype} {found.shape}")
-    told = {name: _stored(attributes, name, what) for name in ("alignment", "reason", "result")}
-    if not isinstance(told["reason"], str | None):
+    alignment, reason = (_stored(attributes, name, what) for name in ("alignment", "reason"))
+    if not isinstance(reason, str | None):
         raise EndoctError(f"'reason' of {what} cannot be used", expected="a text or null")
     sides = _sides(arrays["side"], what)
+    if result.sides != sides:
+        raise EndoctError(
+            f"result.json and comparison.zarr in {path.parent} have other sides",
+            found=f"{', '.join(result.sides)} and {', '.join(sides)}",
+        )
     return Comparison(
         grid=stored_grid(attributes, shape, what),
         sides=sides,
@@ -83,9 +97,9 @@ def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapp
         depth_mm=arrays["depth_mm"],
         mask=arrays["mask"].astype(np.bool_),
         valid=arrays["valid"].astype(np.bool_),
-        alignment=None if told["alignment"] is None else _alignment(told["alignment"], what),
-        reason=told["reason"],
-        result=an_object(told["result"], f"'result' of {what}"),
+        alignment=None if alignment is None else _alignment(alignment, what),
+        reason=reason,
+        result=result,
         cells=from_numbers(arrays["cells"], sides) if "cells" in arrays else (),
     )
 
@@ -106,21 +120,21 @@ def _sides(stored: NDArray[Any], what: str) -> tuple[str, str]:
 
 
 def _alignment(stored: object, what: str) -> Alignment:
-    """Return the alignment that ``stored`` tells of, every number finite."""
+    """Return the alignment that was ``stored``, every number finite."""
     what = f"the alignment of {what}"
-    told = dict(an_object(stored, what))
-    covariance = told.pop("covariance", None)
+    values = dict(an_object(stored, what))
+    covariance = values.pop("covariance", None)
     for field in fields(Alignment):
-        if field.name not in told:
+        if field.name not in values:
             continue
         if field.type is bool:
-            if not isinstance(told[field.name], bool):
+            if not isinstance(values[field.name], bool):
                 raise EndoctError(f"'{field.name}' of {what} cannot be used", expected="true or false")
         else:
-            told[field.name] = number(told, field.name, -_LARGEST, _LARGEST, what)
+            values[field.name] = number(values, field.name, -_LARGEST, _LARGEST, what)
     if covariance is not None:
         matrix = np.asarray(covariance, dtype=np.float64)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
             raise EndoctError(f"'covariance' of {what} cannot be used", expected="3 × 3 finite numbers")
         covariance = as_covariance(matrix)
-    return Alignment(**told, covariance=covariance)
+    return Alignment(**values, covariance=covariance)

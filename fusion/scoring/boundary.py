@@ -2,7 +2,7 @@
 
 The outline of a mask runs between samples (marching squares; Nikolov et al. 2018, arXiv:1809.04430, whose
 ``surface-distance`` does the same on a plane). Where either side did not observe the wall there is no outline: the
-end of what was seen is no edge of a cell.
+end of what was observed is no edge of a cell.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from endoct.fusion.result import BoundaryScores
+from endoct.fusion.scoring.cells import Surface
+from endoct.fusion.scoring.intervals import Interval, ratio_interval
+from endoct.fusion.scoring.sites import Sites
 from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.grid import SurfaceGrid
 
 PERCENTILE = 0.95
 
@@ -60,9 +65,9 @@ def outline(
 
     A piece lies between four samples, one of ``labels`` (n_z, n_theta) of which, the largest, becomes its label.
     """
-    seen = _corners(valid.astype(np.uint8))
+    observed = _corners(valid.astype(np.uint8))
     code = _corners((mask & valid).astype(np.uint8))
-    row, column = np.nonzero((code > 0) & (code < 15) & (seen == 15))
+    row, column = np.nonzero((code > 0) & (code < 15) & (observed == 15))
     length_mm = _lengths(dz_mm, column_mm)[code[row, column]]
     place_mm = np.stack([(row + 0.5) * dz_mm, (column + 0.5) * column_mm], axis=1)
     if labels is None:
@@ -79,11 +84,41 @@ def boundary_distances(a: Outline, b: Outline, around_mm: float) -> BoundaryDist
     return BoundaryDistances(a, b, _nearest(a, b, around_mm), _nearest(b, a, around_mm))
 
 
+def boundary_scores(
+    a: Surface, b: Surface, sites: Sites, grid: SurfaceGrid, tolerance_mm: float
+) -> BoundaryScores | None:
+    """Return how far the outlines of two surfaces on ``grid`` lie from each other; None where one has none."""
+    both = a.valid & b.valid
+    of_a, of_b = (outline(side.mask, both, grid.dz_mm, grid.dtheta_mm, sites.labels) for side in (a, b))
+    apart = boundary_distances(of_a, of_b, grid.n_theta * grid.dtheta_mm)
+    if apart is None:
+        return None
+    near_a, near_b = near(apart.a_to_b_mm, tolerance_mm), near(apart.b_to_a_mm, tolerance_mm)
+    return BoundaryScores(
+        mean_mm=apart.mean_mm,
+        mean_interval_mm=_over_sites(apart, apart.a_to_b_mm, apart.b_to_a_mm, sites),
+        p95_mm=apart.p95_mm,
+        within_share=apart.within(tolerance_mm),
+        within_interval=_over_sites(apart, near_a, near_b, sites),
+        tolerance_mm=tolerance_mm,
+    )
+
+
 def near(distance_mm: Coordinates, tolerance_mm: float) -> Coordinates:
     """Return 1.0 where a distance is within the tolerance, else 0.0; distances on a grid often equal it but for
     rounding.
     """
     return (distance_mm <= tolerance_mm * (1 + 1e-9)).astype(np.float64)
+
+
+def _over_sites(apart: BoundaryDistances, of_a: Coordinates, of_b: Coordinates, sites: Sites) -> Interval:
+    """Return the interval of a mean over both outlines' length, resampled over sites."""
+    n = sites.both.size + 1
+    total, length = np.zeros(n), np.zeros(n)
+    for side, values in ((apart.a, of_a), (apart.b, of_b)):
+        total += np.bincount(side.label, side.length_mm * values, n)
+        length += np.bincount(side.label, side.length_mm, n)
+    return ratio_interval(total[1:], length[1:])
 
 
 def _nearest(of: Outline, to: Outline, around_mm: float) -> Coordinates:

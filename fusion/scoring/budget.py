@@ -22,13 +22,15 @@ bootstrapped over patches of wall and draws together.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Samples, signed_distance
+from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
 from endoct.fusion.scoring.cells import Cell, Labels, Surface
 from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weights
 from endoct.fusion.scoring.overlap import agreement
@@ -36,7 +38,8 @@ from endoct.fusion.scoring.visibility import invisible_cells
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 
-PARTS = ("alignment", "sampling", "visibility", "segmentation")
+PARTS = tuple(BudgetParts.model_fields)
+"""The causes, in the order in which they are taken off."""
 DRAWS = 12
 FINEST_DZ_MM = 0.04
 MOST_COLUMNS = 512
@@ -44,6 +47,8 @@ MOST_COLUMNS = 512
 PATCH_MM = 1.0
 UNSEEN = 0.1
 """A cell of which the other side's mask covers less than this is one that it does not show."""
+
+T = TypeVar("T", bound=np.generic)
 
 Count = tuple[Coordinates, Coordinates]
 """Samples per patch in both masks, and in either."""
@@ -56,8 +61,8 @@ def agreement_budget(
     grid: SurfaceGrid,
     samples: tuple[Samples, Samples],
     placing: Alignment,
-) -> dict[str, Any] | None:
-    """Return the budget as ``result.json`` holds it, see the module; None where neither side shows a cell.
+) -> Budget | None:
+    """Return the budget, see the module; None where neither side shows a cell.
 
     ``surfaces``, ``labels`` and ``cells`` are what both sides show on ``grid``, ``samples`` where their own rows and
     columns lie, ``placing`` where B lies in A's frame.
@@ -89,7 +94,7 @@ def agreement_budget(
     observed = _count(a.mask, b.mask, both, patches)
     seen_by_both = surfaces[0].valid & surfaces[1].valid
     counted = agreement(surfaces[0].mask, surfaces[1].mask, seen_by_both, grid.dz_mm * grid.dtheta_mm)
-    return _as_json(surfaces, cells, stages, observed, counted.jaccard or 0.0, placing, unseen)
+    return _budget(surfaces, cells, stages, observed, counted.jaccard or 0.0, placing, unseen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,10 +192,11 @@ def _thin(grid: SurfaceGrid) -> _Thin:
 
 
 def _thinned(side: Surface, thin: _Thin) -> Surface:
-    def less(image: Any) -> Any:
-        return None if image is None else np.ascontiguousarray(image[thin.rows, thin.columns])
+    def less(image: NDArray[T]) -> NDArray[T]:
+        return np.ascontiguousarray(image[thin.rows, thin.columns])
 
-    return Surface(side.name, less(side.mask), less(side.valid), less(side.relief_mm), less(side.contrast))
+    relief_mm, contrast = (None if image is None else less(image) for image in (side.relief_mm, side.contrast))
+    return Surface(side.name, less(side.mask), less(side.valid), relief_mm, contrast)
 
 
 def _patches(grid: SurfaceGrid) -> Labels:
@@ -207,7 +213,7 @@ def _count(a: Mask, b: Mask, both: Mask, patches: Labels) -> Count:
     return shared.astype(np.float64), either.astype(np.float64)
 
 
-def _as_json(
+def _budget(
     surfaces: tuple[Surface, Surface],
     cells: Sequence[Cell],
     stages: list[list[Count]],
@@ -215,28 +221,29 @@ def _as_json(
     jaccard: float,
     placing: Alignment,
     unseen: list[list[int]],
-) -> dict[str, Any]:
+) -> Budget:
     levels = [1.0, *(float(np.mean([_jaccard(*c) for c in stage])) for stage in stages), jaccard]
     shares = -np.diff(levels)
     intervals = _intervals(stages, observed, jaccard)
     names = [side.name for side in surfaces]
     missed = [[c for c in cells if c.side == names[1 - k] and c.id in set(unseen[k])] for k in (0, 1)]
-    return {
-        "one_minus_jaccard": 1 - levels[-1],
-        "parts": {
-            part: {"share": float(share), "interval": interval}
-            for part, share, interval in zip(PARTS, shares, intervals, strict=True)
-        },
-        "alignment_known": placing.covariance is not None,
-        "not_visible": {
-            name: {"cells": len(those), "area_mm2": sum(c.area_mm2 for c in those)}
+    parts = {
+        part: BudgetPart(share=float(share), interval=interval)
+        for part, share, interval in zip(PARTS, shares, intervals, strict=True)
+    }
+    return Budget(
+        one_minus_jaccard=1 - levels[-1],
+        parts=BudgetParts(**parts),
+        alignment_known=placing.covariance is not None,
+        not_visible={
+            name: NotVisible(cells=len(those), area_mm2=sum(c.area_mm2 for c in those))
             for name, those in zip(names, missed, strict=True)
         },
-        "not_covered": {
+        not_covered={
             name: sum(c.area_mm2 * (1 - c.observed_by_other) for c in cells if c.side != name) for name in names
         },
-        "draws": DRAWS,
-    }
+        draws=DRAWS,
+    )
 
 
 def _intervals(stages: list[list[Count]], observed: Count, jaccard: float) -> list[tuple[float, float] | None]:

@@ -1,12 +1,14 @@
 """How far two masks of one wall agree, where both sides observed it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.fusion.scoring.intervals import interval_of
+from endoct.fusion.result import Limits, Overlap
+from endoct.fusion.scoring.cells import Surface
+from endoct.fusion.scoring.intervals import Interval, interval_of
+from endoct.fusion.scoring.sites import Sites
 from endoct.stitching.arrays import Coordinates, Mask
 
 FEWEST_PAIRS = 3
@@ -34,10 +36,19 @@ class Agreement:
         total = 2 * self.both + self.only_a + self.only_b
         return 2 * self.both / total if total else None
 
-    def as_json(self) -> dict[str, float | None]:
-        """Return the scores and the four areas in mm²."""
-        areas = {name: getattr(self, name) * self.sample_mm2 for name in ("both", "only_a", "only_b", "neither")}
-        return {"jaccard": self.jaccard, "dice": self.dice} | {f"{name}_mm2": area for name, area in areas.items()}
+    def overlap(self, *, sites: int, jaccard_interval: Interval, dice_interval: Interval) -> Overlap:
+        """Return scores and areas, with the number of sites and the intervals over them."""
+        return Overlap(
+            jaccard=self.jaccard,
+            dice=self.dice,
+            both_mm2=self.both * self.sample_mm2,
+            only_a_mm2=self.only_a * self.sample_mm2,
+            only_b_mm2=self.only_b * self.sample_mm2,
+            neither_mm2=self.neither * self.sample_mm2,
+            sites=sites,
+            jaccard_interval=jaccard_interval,
+            dice_interval=dice_interval,
+        )
 
 
 def agreement(a: Mask, b: Mask, valid: Mask, sample_mm2: float) -> Agreement:
@@ -48,13 +59,20 @@ def agreement(a: Mask, b: Mask, valid: Mask, sample_mm2: float) -> Agreement:
     return Agreement(both, only_a, only_b, int(np.count_nonzero(valid)) - both - only_a - only_b, sample_mm2)
 
 
+def overlap(a: Surface, b: Surface, sites: Sites) -> Overlap:
+    """Return how far the cells of two surfaces on one grid overlap, with intervals over their ``sites``."""
+    return agreement(a.mask, b.mask, a.valid & b.valid, sites.sample_mm2).overlap(
+        sites=int(sites.both.size), jaccard_interval=sites.jaccard_interval(), dice_interval=sites.dice_interval()
+    )
+
+
 def difference(a: Mask, b: Mask, valid: Mask) -> NDArray[np.int8]:
-    """Return the difference image, int8: 0 neither, 1 both, 2 only ``a``, 3 only ``b``, −1 not seen by both."""
+    """Return the difference image, int8: 0 neither, 1 both, 2 only ``a``, 3 only ``b``, −1 not observed by both."""
     codes = np.select([a & b, a & ~b, ~a & b], [1, 2, 3], default=0)
     return np.where(valid, codes, -1).astype(np.int8)
 
 
-def bland_altman(a: Coordinates, b: Coordinates) -> dict[str, Any] | None:
+def bland_altman(a: Coordinates, b: Coordinates) -> Limits | None:
     """Return how far ``b`` differs from ``a``, pairs of measurements (n,) each; None for fewer than three.
 
     Bland and Altman 1986 (doi:10.1016/S0140-6736(86)90837-8): ``bias`` the mean of b − a, ``low`` and ``high`` the
@@ -65,10 +83,10 @@ def bland_altman(a: Coordinates, b: Coordinates) -> dict[str, Any] | None:
         return None
     differs = b - a
     bias, spread = float(differs.mean()), 1.96 * float(differs.std(ddof=1))
-    return {
-        "pairs": int(a.size),
-        "bias": bias,
-        "low": bias - spread,
-        "high": bias + spread,
-        "bias_interval": interval_of(differs, np.mean),
-    }
+    return Limits(
+        pairs=int(a.size),
+        bias=bias,
+        low=bias - spread,
+        high=bias + spread,
+        bias_interval=interval_of(differs, np.mean),
+    )

@@ -1,13 +1,13 @@
 """How far people who draw cells agree with themselves and with each other, and what they agree on."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.fusion.result import PairwiseScores, Performance, RaterAgreement, RaterMedians, RaterPair
 from endoct.fusion.scoring.boundary import boundary_distances, outline
 from endoct.fusion.scoring.overlap import agreement
 from endoct.stitching.arrays import Coordinates, Mask
@@ -28,26 +28,22 @@ class Drawing:
     valid: Mask
 
 
-def rater_agreement(drawings: Sequence[Drawing], grid: SurfaceGrid, tolerance_mm: float) -> dict[str, Any]:
-    """Return how two and more ``drawings`` on ``grid`` agree, JSON-serialisable.
-
-    ``pairs``: for any two, whether of one rater (``within``), Jaccard index, Dice, and the distance of their outlines;
-    ``within`` and ``between``: number of pairs and the median of each score over them, None where there is none.
-    """
-    pairs = [
-        {
-            "first": [one.rater, one.session],
-            "second": [two.rater, two.session],
-            "within": one.rater == two.rater,
-            **_scores(one, two, grid, tolerance_mm),
-        }
+def rater_agreement(drawings: Sequence[Drawing], grid: SurfaceGrid, tolerance_mm: float) -> RaterAgreement:
+    """Return how two and more ``drawings`` on ``grid`` agree."""
+    pairs = tuple(
+        RaterPair(
+            first=(one.rater, one.session),
+            second=(two.rater, two.session),
+            within=one.rater == two.rater,
+            **dict(_scores(one, two, grid, tolerance_mm)),
+        )
         for one, two in combinations(drawings, 2)
-    ]
-    return {
-        "pairs": pairs,
-        "within": _medians([pair for pair in pairs if pair["within"]]),
-        "between": _medians([pair for pair in pairs if not pair["within"]]),
-    }
+    )
+    return RaterAgreement(
+        pairs=pairs,
+        within=_medians([pair for pair in pairs if pair.within]),
+        between=_medians([pair for pair in pairs if not pair.within]),
+    )
 
 
 def majority(drawings: Sequence[Drawing]) -> Mask:
@@ -57,7 +53,7 @@ def majority(drawings: Sequence[Drawing]) -> Mask:
     return np.asarray(np.mean(shares, axis=0) > 0.5 + 1e-6)
 
 
-def staple(drawings: Sequence[Drawing], valid: Mask) -> tuple[Mask, list[dict[str, Any]]]:
+def staple(drawings: Sequence[Drawing], valid: Mask) -> tuple[Mask, tuple[Performance, ...]]:
     """Return (the consensus, bool (n_z, n_theta), within ``valid``; each drawing's sensitivity and specificity).
 
     Simultaneous truth and performance level estimation (Warfield, Zou and Wells 2004, doi:10.1109/TMI.2004.828354),
@@ -76,9 +72,9 @@ def staple(drawings: Sequence[Drawing], valid: Mask) -> tuple[Mask, list[dict[st
     consensus = np.zeros(valid.shape, np.bool_)
     consensus[valid] = (posterior >= 0.5)[inverse]
     rows = zip(drawings, sensitivity, specificity, strict=True)
-    return consensus, [
-        {"rater": d.rater, "session": d.session, "sensitivity": float(p), "specificity": float(q)} for d, p, q in rows
-    ]
+    return consensus, tuple(
+        Performance(rater=d.rater, session=d.session, sensitivity=float(p), specificity=float(q)) for d, p, q in rows
+    )
 
 
 def _expectation_maximisation(
@@ -101,25 +97,33 @@ def _expectation_maximisation(
     return posterior, sensitivity, specificity
 
 
-def _scores(one: Drawing, two: Drawing, grid: SurfaceGrid, tolerance_mm: float) -> dict[str, float | None]:
+def _scores(one: Drawing, two: Drawing, grid: SurfaceGrid, tolerance_mm: float) -> PairwiseScores:
     both = one.valid & two.valid
     counted = agreement(one.mask, two.mask, both, grid.dz_mm * grid.dtheta_mm)
     of_one, of_two = (outline(drawing.mask, both, grid.dz_mm, grid.dtheta_mm) for drawing in (one, two))
-    found = boundary_distances(of_one, of_two, grid.n_theta * grid.dtheta_mm)
-    return {
-        "jaccard": counted.jaccard,
-        "dice": counted.dice,
-        "boundary_mean_mm": found.mean_mm if found else None,
-        "boundary_p95_mm": found.p95_mm if found else None,
-        "boundary_within_share": found.within(tolerance_mm) if found else None,
-    }
+    apart = boundary_distances(of_one, of_two, grid.n_theta * grid.dtheta_mm)
+    return PairwiseScores(
+        jaccard=counted.jaccard,
+        dice=counted.dice,
+        boundary_mean_mm=apart.mean_mm if apart else None,
+        boundary_p95_mm=apart.p95_mm if apart else None,
+        boundary_within_share=apart.within(tolerance_mm) if apart else None,
+    )
 
 
-def _medians(pairs: Sequence[dict[str, Any]]) -> dict[str, float | int | None] | None:
+def _medians(pairs: Sequence[PairwiseScores]) -> RaterMedians | None:
     if not pairs:
         return None
-    medians: dict[str, float | int | None] = {"pairs": len(pairs)}
-    for name in ("jaccard", "dice", "boundary_mean_mm", "boundary_p95_mm", "boundary_within_share"):
-        known = [pair[name] for pair in pairs if pair[name] is not None]
-        medians[name] = float(np.median(known)) if known else None
-    return medians
+    return RaterMedians(
+        pairs=len(pairs),
+        jaccard=_median(pair.jaccard for pair in pairs),
+        dice=_median(pair.dice for pair in pairs),
+        boundary_mean_mm=_median(pair.boundary_mean_mm for pair in pairs),
+        boundary_p95_mm=_median(pair.boundary_p95_mm for pair in pairs),
+        boundary_within_share=_median(pair.boundary_within_share for pair in pairs),
+    )
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.fusion.result import Strata, Stratum
 from endoct.fusion.scoring.cells import Labels, Surface, label_in_order
 from endoct.fusion.scoring.intervals import Interval, ratio_interval
 from endoct.fusion.segmentation.regions import quantiles
@@ -64,12 +65,10 @@ def find_sites(a: Mask, b: Mask, both_valid: Mask, sample_mm2: float) -> Sites:
     return Sites(labels, both, only_a, only_b, sample_mm2)
 
 
-def strata(sites: Sites, surfaces: Sequence[Surface]) -> dict[str, list[dict[str, Any]]]:
+def strata(sites: Sites, surfaces: Sequence[Surface]) -> Strata:
     """Return the Jaccard index over sites parted by size, depth and contrast, where sides know these.
 
-    Depth and contrast are the median over a site of the first of ``surfaces`` that has them. A row for each part:
-    ``from``, ``to`` (None: open), ``sites``, ``area_mm2``, ``jaccard``, ``jaccard_interval``, and the shares of sites
-    that only the first and only the second side shows.
+    Depth and contrast are the median over a site of the first of ``surfaces`` that has them.
     """
     relief = next((s.relief_mm for s in surfaces if s.relief_mm is not None), None)
     contrast = next((s.contrast for s in surfaces if s.contrast is not None), None)
@@ -79,25 +78,25 @@ def strata(sites: Sites, surfaces: Sequence[Surface]) -> dict[str, list[dict[str
         parted["depth_mm"] = _parted(sites, sites.median_of(relief), DEPTH_EDGES_MM)
     if contrast is not None:
         parted["contrast"] = _parted(sites, sites.median_of(contrast), CONTRAST_EDGES)
-    return parted
+    return Strata(**parted)
 
 
-def _parted(sites: Sites, by: Coordinates, edges: Sequence[float]) -> list[dict[str, Any]]:
+def _parted(sites: Sites, by: Coordinates, edges: Sequence[float]) -> tuple[Stratum, ...]:
     rows = []
     for low, high in zip((None, *edges), (*edges, None), strict=True):
         which = (by >= (-np.inf if low is None else low)) & (by < (np.inf if high is None else high))
         n = int(which.sum())
         union = float((sites.both + sites.only_a + sites.only_b)[which].sum())
         rows.append(
-            {
-                "from": low,
-                "to": high,
-                "sites": n,
-                "area_mm2": float(sites.area_mm2[which].sum()),
-                "jaccard": float(sites.both[which].sum() / union) if union else None,
-                "jaccard_interval": sites.jaccard_interval(which),
-                "only_first": float(((sites.both + sites.only_b)[which] == 0).mean()) if n else None,
-                "only_second": float(((sites.both + sites.only_a)[which] == 0).mean()) if n else None,
-            }
+            Stratum(
+                low=low,
+                to=high,
+                sites=n,
+                area_mm2=float(sites.area_mm2[which].sum()),
+                jaccard=float(sites.both[which].sum() / union) if union else None,
+                jaccard_interval=sites.jaccard_interval(which),
+                only_first=float(((sites.both + sites.only_b)[which] == 0).mean()) if n else None,
+                only_second=float(((sites.both + sites.only_a)[which] == 0).mean()) if n else None,
+            )
         )
-    return rows
+    return tuple(rows)

@@ -31,7 +31,7 @@ def compared(pair) -> Comparison:  # type: ignore[no-untyped-def]
 
 
 def test_the_result(compared: Comparison, pair) -> None:  # type: ignore[no-untyped-def]
-    result = json.loads(json.dumps(compared.result))
+    result = json.loads(json.dumps(compared.result.to_json()))
     assert result["sides"] == ["camera", "ranger"]
     assert result["aligned"] is True
     assert result["reason"] is None
@@ -62,6 +62,7 @@ def test_the_grid_covers_both_sides(compared: Comparison) -> None:
 
 def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:
     save_comparison(compared, tmp_path / "c.zarr")
+    (tmp_path / "result.json").write_text(json.dumps(compared.result.to_json()))
     with xr.open_zarr(tmp_path / "c.zarr") as dataset:
         assert dataset["mask"].dims == ("side", "z", "theta")
         assert list(dataset["side"].values) == ["camera", "ranger"]
@@ -72,7 +73,7 @@ def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:
     assert loaded.grid == compared.grid
     assert loaded.alignment == compared.alignment
     assert loaded.sides == compared.sides
-    assert loaded.result == json.loads(json.dumps(compared.result))
+    assert loaded.result == compared.result
     for name in ("intensity", "depth_mm", "mask", "valid"):
         assert np.array_equal(getattr(loaded, name), getattr(compared, name), equal_nan=name == "depth_mm")
 
@@ -103,7 +104,7 @@ def test_rolling_both_rolls_the_answer_and_nothing_else(pair, columns: int) -> N
     turn = wrap_rad(after.alignment.theta_shift_rad - before.alignment.theta_shift_rad)
     assert abs(turn) < 1e-3
     assert abs(after.alignment.z_shift_mm - before.alignment.z_shift_mm) < 1e-3
-    assert after.result["jaccard"] == pytest.approx(before.result["jaccard"], abs=2e-3)
+    assert after.result.jaccard == pytest.approx(before.result.jaccard, abs=2e-3)
     # the last bit of rounding may move a sample over the threshold
     assert np.mean(np.roll(before.mask, columns, axis=2) != after.mask) < 1e-3
     assert np.array_equal(np.roll(before.valid, columns, axis=2), after.valid)
@@ -112,27 +113,27 @@ def test_rolling_both_rolls_the_answer_and_nothing_else(pair, columns: int) -> N
 def test_bright_cells_are_recognised_by_their_correlation_with_depth(pair_of: Callable) -> None:
     pair = pair_of(2, bright_cells=True)
     found = compare_panoramas(pair.a, pair.b, COARSE)
-    assert found.result["polarity"]["camera"] == "bright"
-    assert found.result["scores"]["own_rows"]["jaccard"] > 0.7
+    assert found.result.polarity["camera"] == "bright"
+    assert found.result.own_rows_jaccard > 0.7
     overridden = compare_panoramas(pair.a, pair.b, COARSE.model_copy(update={"polarity": "dark"}))
-    assert overridden.result["polarity"]["camera"] == "dark"
-    assert overridden.result["jaccard"] < 0.3
+    assert overridden.result.polarity["camera"] == "dark"
+    assert overridden.result.jaccard < 0.3
 
 
 def test_depth_may_be_left_aside_for_intensity(pair) -> None:  # type: ignore[no-untyped-def]
     found = compare_panoramas(pair.a, pair.b, COARSE.model_copy(update={"segment": "intensity"}))
-    assert found.result["aligned"]
-    assert "intensity" in found.result["threshold"]["ranger"]["of"]
-    assert found.result["polarity"]["ranger"] == "dark"
+    assert found.result.aligned
+    assert "intensity" in found.result.threshold["ranger"].of
+    assert found.result.polarity["ranger"] == "dark"
 
 
 def test_two_sides_of_one_modality(pair_of: Callable) -> None:
     pair = pair_of(5)
     found = compare_panoramas(pair.a, pair.a, COARSE)
     assert found.sides == ("camera-1", "camera-2")
-    assert found.result["jaccard"] > 0.98
-    assert found.result["polarity"] == {"camera-1": "dark", "camera-2": "dark"}
-    assert found.result["polarity_from"]["camera-1"] == "assumed"
+    assert found.result.jaccard > 0.98
+    assert found.result.polarity == {"camera-1": "dark", "camera-2": "dark"}
+    assert found.result.polarity_from["camera-1"] == "assumed"
 
 
 def test_other_bores_are_written_but_not_scored(pair_of: Callable, tmp_path: Path) -> None:
@@ -140,13 +141,14 @@ def test_other_bores_are_written_but_not_scored(pair_of: Callable, tmp_path: Pat
     found = compare_panoramas(pair.a, pair.b, COARSE)
     assert found.alignment is None
     assert found.reason
-    assert found.result["aligned"] is False
-    assert found.result["alignment"] is found.result["jaccard"] is found.result["dice"] is None
+    assert found.result.aligned is False
+    assert found.result.alignment is found.result.jaccard is found.result.dice is None
     assert found.mask[0].any()
     assert found.mask[1].any()
     # B lies by its nominal orientation: both start at z = 0
     assert found.valid[1][0].all()
     save_comparison(found, tmp_path / "c.zarr")
+    (tmp_path / "result.json").write_text(json.dumps(found.result.to_json()))
     assert load_comparison(tmp_path / "c.zarr").alignment is None
 
 
@@ -157,7 +159,7 @@ def test_bridged_rows_do_not_count(pair) -> None:  # type: ignore[no-untyped-def
     assert found.alignment is not None
     lost = np.abs(found.grid.z_mm - found.alignment.z_to_a(pair.b.z_mm[11])) < 0.2
     assert not found.valid[1][lost].any()
-    assert found.result["valid_fraction"] < 1
+    assert found.result.valid_fraction < 1
 
 
 def test_another_diameter_is_refused(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
@@ -188,7 +190,7 @@ def test_noise_is_refused(panorama_of: Callable) -> None:
     noise = [panorama_of(rng.gamma(2, 1, (60, 512)), dz_mm=0.1) for _ in range(2)]
     found = compare_panoramas(*noise, COARSE)
     assert found.alignment is None
-    assert found.result["aligned"] is False
+    assert found.result.aligned is False
 
 
 def test_a_side_nothing_of_which_is_valid(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]

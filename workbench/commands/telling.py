@@ -35,23 +35,27 @@ class TextConsole(Console):
 
 def tell_result(folder: Path, *, as_json: bool) -> int:
     """Print what came of the comparison in ``folder``; return the exit status that says so."""
-    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    if as_json:
-        print_json(result)
-    elif result["aligned"]:
-        say(f"Jaccard index {result['jaccard']:.3f}, Dice {result['dice']:.3f} ({' and '.join(result['sides'])})")
-    else:
-        say(f"not aligned: {result['reason']}")
-    if not as_json:
-        from endoct.workbench.report.doubts import on_the_whole  # loads what only a comparison needs
+    from endoct.fusion.files.result_file import read_result  # loads what only a comparison needs
 
-        for doubt in on_the_whole(result) if result["aligned"] else ():
+    result = read_result(folder)
+    if as_json:
+        print_json(result.to_json())
+    elif result.jaccard is not None and result.dice is not None:
+        say(f"Jaccard index {result.jaccard:.3f}, Dice {result.dice:.3f} ({' and '.join(result.sides)})")
+    elif result.aligned:
+        say(f"aligned, but there is nothing to score ({' and '.join(result.sides)})")
+    else:
+        say(f"not aligned: {result.reason}")
+    if not as_json:
+        from endoct.workbench.report.doubts import on_the_whole
+
+        for doubt in on_the_whole(result) if result.aligned else ():
             say(f"not trusted: {doubt}")
-        for side, notes in result["notes"].items():
+        for side, notes in result.notes.items():
             for note in notes:
                 say(f"not trusted ({side}): {note}")
         say(f"report: {folder / 'report.html'}")
-    return DONE if result["aligned"] else NOT_ALIGNED
+    return DONE if result.aligned else NOT_ALIGNED
 
 
 def stages_for(as_json: bool) -> Stages:

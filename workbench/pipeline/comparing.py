@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -84,32 +84,30 @@ def write_comparison(
                 save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
             for k, one in made.items():
                 _picture(folder, comparison.sides[k], one)
-        result = {
-            **comparison.result,
-            **against.result,
-            "notes": {
-                n: list(dict.fromkeys([*p.notes, *comparison.result["doubts"][n]]))
-                for n, p in zip(comparison.sides, (a, b), strict=True)
-            },
-            "versions": versions(),
-            "inputs": _inputs(sides, (a, b), truth),
-            "parameters": {
+        by_name = dict(zip(comparison.sides, (a, b), strict=True))
+        result = comparison.result.completed(
+            truth=against.truth,
+            raters=against.raters,
+            notes={name: p.notes for name, p in by_name.items()},
+            versions=versions(),
+            inputs=_inputs(sides, (a, b), truth),
+            parameters={
                 "compare": parameters.model_dump(mode="json"),
-                **{n: p.provenance.get("parameters", {}) for n, p in zip(comparison.sides, (a, b), strict=True)},
+                **{name: p.provenance.get("parameters", {}) for name, p in by_name.items()},
             },
-            "seconds": {
+            seconds={
                 **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
                 "in all, before the report": round(time.perf_counter() - start, 3),
             },
-        }
+        )
         for path, state in files.items():
             check_unchanged(path, state)
-        (folder / "result.json").write_text(json_text(result) + "\n", encoding="utf-8")
+        (folder / "result.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
         with stages.stage("report"):
             from endoct.workbench.report.page import write_report  # only who draws loads matplotlib
 
             write_report(folder, process)
-    return comparison
+    return replace(comparison, result=result)
 
 
 def is_mask_image(path: Path) -> bool:

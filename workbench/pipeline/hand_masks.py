@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
 from endoct.fusion.files.masks import on_comparison, score_surface
+from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
 from endoct.fusion.scoring.cells import Surface
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
 from endoct.fusion.sides import Comparison
@@ -25,10 +25,14 @@ METHODS = {
 
 @dataclass(frozen=True, eq=False)
 class Against:
-    """What masks given as truth add to ``result.json``, and the majority's mask where there are several."""
+    """The scores against masks given as truth: by the mask's path, then by side.
 
-    result: Mapping[str, Any]
-    consensus: Mask | None
+    Where there are several masks, how raters agree, and the mask of the majority.
+    """
+
+    truth: dict[str, dict[str, MaskScores]]
+    raters: Raters | None = None
+    consensus: Mask | None = None
 
 
 def score_drawings(comparison: Comparison, drawn: Mapping[str, Panorama], tolerance_mm: float) -> Against:
@@ -37,34 +41,34 @@ def score_drawings(comparison: Comparison, drawn: Mapping[str, Panorama], tolera
     Raises :class:`EndoctError` where two masks are of one rater and session, or there are too many.
     """
     if not drawn:
-        return Against({}, None)
+        return Against({})
     surfaces = {path: on_comparison(comparison, mask) for path, mask in drawn.items()}
     truth = {path: score_surface(comparison, surface, tolerance_mm) for path, surface in surfaces.items()}
     if len(drawn) == 1:
-        return Against({"truth": truth}, None)
+        return Against(truth)
     drawings = [
         Drawing(mask.provenance["rater"], mask.provenance["session"], surfaces[path].mask, surfaces[path].valid)
         for path, mask in drawn.items()
     ]
     _check(drawings)
-    seen = np.logical_and.reduce([drawing.valid for drawing in drawings])
-    by_staple, performance = staple(drawings, seen)
-    consensus = {"majority": majority(drawings) & seen, "staple": by_staple}
-    raters = {
-        "drawings": [
-            {"path": path, "rater": d.rater, "session": d.session} for path, d in zip(drawn, drawings, strict=True)
-        ],
-        **rater_agreement(drawings, comparison.grid, tolerance_mm),
-        "consensus": {
-            name: {
-                "method": METHODS[name],
-                "sides": score_surface(comparison, Surface("consensus", mask, seen), tolerance_mm),
-            }
-            for name, mask in consensus.items()
+    covered = np.logical_and.reduce([drawing.valid for drawing in drawings])
+    by_majority = majority(drawings) & covered
+    by_staple, performance = staple(drawings, covered)
+    raters = Raters(
+        drawings=tuple(
+            DrawnBy(path=path, rater=d.rater, session=d.session) for path, d in zip(drawn, drawings, strict=True)
+        ),
+        **dict(rater_agreement(drawings, comparison.grid, tolerance_mm)),
+        consensus={
+            name: Consensus(
+                method=METHODS[name],
+                sides=score_surface(comparison, Surface("consensus", mask, covered), tolerance_mm),
+            )
+            for name, mask in (("majority", by_majority), ("staple", by_staple))
         },
-        "performance": performance,
-    }
-    return Against({"truth": truth, "raters": raters}, consensus["majority"])
+        performance=performance,
+    )
+    return Against(truth, raters, by_majority)
 
 
 def write_mask(mask: Mask, grid: SurfaceGrid, path: Path) -> None:

@@ -43,7 +43,11 @@ def describe(path: Path, modality: str | None = None) -> dict[str, Any]:
         result = read_result(path)
         return {
             "kind": "comparison",
-            **{key: result.get(key) for key in ("sides", "aligned", "reason", "jaccard", "dice")},
+            "sides": list(result.sides),
+            "aligned": result.aligned,
+            "reason": result.reason,
+            "jaccard": result.jaccard,
+            "dice": result.dice,
         }
     if is_panorama(path):
         panorama = load_panorama(path)

@@ -211,8 +211,8 @@ def held_against(
     distance = np.hypot(d_theta[np.newaxis] * oct_.grid.radius_mm, d_z[:, np.newaxis])
     right = alignment.mirrored == true.mirrored and alignment.z_reversed == true.z_reversed(oct_.z_mm)
     return found | {
-        "pair_native": _known(comparison.result["scores"]["own_rows"]["jaccard"]),
-        "pair_grid": _known(comparison.result["jaccard"]),
+        "pair_native": _known(comparison.result.own_rows_jaccard),
+        "pair_grid": _known(comparison.result.jaccard),
         "theta_deg": float(np.rad2deg(np.median(d_theta))),
         "z_mm": float(np.median(d_z)),
         "landmark_mm": float(np.percentile(distance, 95)),

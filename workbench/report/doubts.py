@@ -1,10 +1,10 @@
 """What a reader of a comparison should not rely on, in full sentences."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
+from endoct.fusion.result import Line, Result
 from endoct.stitching.arrays import Mask
 from endoct.workbench.report.findings import Findings, SideFindings
 
@@ -18,7 +18,7 @@ SURE_OF_DRIFT = 2.5
 
 
 def doubts(findings: Findings) -> list[str]:
-    """Return everything that was not trusted: the alignment, what was not seen, frames, and the sides' own notes."""
+    """Return everything that is not to be trusted: the alignment, unobserved wall, frames, and the sides' own notes."""
     return [
         *on_the_whole(findings.result),
         *(sentence for side in findings.sides for sentence in _on_side(findings, side)),
@@ -31,30 +31,29 @@ def doubted_frames(side: SideFindings) -> list[tuple[str, Mask]]:
     return [(one.doubt, one.doubted) for one in flags]
 
 
-def on_the_whole(result: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what speaks against the comparison as a whole, by what ``result.json`` holds."""
-    if not result["aligned"]:
-        yield f"The two sides were not aligned: {without_stop(result.get('reason'))}."
+def on_the_whole(result: Result) -> Iterator[str]:
+    """Yield what speaks against the comparison as a whole."""
+    if not result.aligned:
+        yield f"The two sides were not aligned: {without_stop(result.reason)}."
         return
-    if (result.get("parameters") or {}).get("compare", {}).get("force"):
+    if result.forced:
         yield "The alignment was believed because that was asked for, however little it stood out."
-    if twist := result.get("twist"):
-        without, corrected = (_jaccard_text(twist.get(f"jaccard_{key}")) for key in ("without", "with"))
+    if twist := result.twist:
+        without, corrected = _jaccard_text(twist.jaccard_without), _jaccard_text(twist.jaccard_with)
         yield (
-            f"The rows of {result['sides'][1]} were turned to where they fit {result['sides'][0]} best, as was asked "
+            f"The rows of {result.sides[1]} were turned to where they fit {result.sides[0]} best, as was asked "
             f"for. That raises the score by itself: the Jaccard index is {without} without it, {corrected} with it."
         )
-    share = result.get("valid_fraction")
-    if share is not None and share < LEAST_VALID_SHARE:
-        yield f"Both sides observed only {share:.1%} of the wall over the length that they share."
-    for what, key in (("along the bore", "z_mm"), ("around the bore", "arc_mm")):
-        if drift := _drift_mm(result, key):
-            length_mm = result["scores"]["drift"]["length_mm"]
-            yield (
-                f"Cells that both sides show drift apart {what}, by {abs(drift):.2f} mm over {length_mm:.1f} mm of "
-                "it: the alignment may be wrong, or not rigid."
-            )
-    if result["jaccard"] is None:
+    if result.valid_fraction < LEAST_VALID_SHARE:
+        yield f"Both sides observed only {result.valid_fraction:.1%} of the wall over the length that they share."
+    if drift := result.scores.drift if result.scores else None:
+        for what, line in (("along the bore", drift.z_mm), ("around the bore", drift.arc_mm)):
+            if grown_mm := _grown_mm(line, drift.length_mm):
+                yield (
+                    f"Cells that both sides show drift apart {what}, by {abs(grown_mm):.2f} mm over "
+                    f"{drift.length_mm:.1f} mm of it: the alignment may be wrong, or not rigid."
+                )
+    if result.jaccard is None:
         yield "Neither side shows a cell where both observed the wall, so there is nothing to score."
 
 
@@ -62,14 +61,11 @@ def _jaccard_text(jaccard: float | None) -> str:
     return "not known" if jaccard is None else f"{jaccard:.3f}"
 
 
-def _drift_mm(result: Mapping[str, Any], key: str) -> float | None:
+def _grown_mm(line: Line, length_mm: float) -> float | None:
     """Return by how much matched cells drift apart over the length on which there are any; None where they do not."""
-    drift = (result.get("scores") or {}).get("drift")
-    if not drift:
-        return None
-    line, grown_mm = drift[key], drift[key]["per_mm"] * drift["length_mm"]
-    sure = abs(line["per_mm"]) > SURE_OF_DRIFT * line["per_mm_error"]
-    return float(grown_mm) if sure and abs(grown_mm) > LEAST_DRIFT_MM else None
+    grown_mm = line.per_mm * length_mm
+    sure = abs(line.per_mm) > SURE_OF_DRIFT * line.per_mm_error
+    return grown_mm if sure and abs(grown_mm) > LEAST_DRIFT_MM else None
 
 
 def _on_side(findings: Findings, side: SideFindings) -> Iterator[str]:
@@ -79,13 +75,13 @@ def _on_side(findings: Findings, side: SideFindings) -> Iterator[str]:
     for doubt, frames in doubted_frames(side):
         if frames.any():
             yield f"{side.name}: {_sentence(side, doubt, frames)}"
-    for note in findings.result.get("notes", {}).get(side.name, ()):
+    for note in findings.result.notes.get(side.name, ()):
         yield f"{side.name}: {note}"
 
 
-def without_stop(text: object) -> str:
+def without_stop(text: str | None) -> str:
     """Return a sentence without its full stop, to be put into another."""
-    return str(text or "").strip().rstrip(".")
+    return (text or "").strip().rstrip(".")
 
 
 def _sentence(side: SideFindings, what: str, frames: Mask) -> str:

@@ -3,13 +3,13 @@
 import base64
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any
 
+from endoct.fusion.result import StoredAlignment
 from endoct.stitching.contents import is_marked, marked
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
@@ -20,7 +20,7 @@ from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.findings import Findings, read_findings
 from endoct.workbench.report.scores import score_tables
 from endoct.workbench.report.tables import numbers, provenance, threshold_text
-from endoct.workbench.report.wording import bullets, interval_text, value_text
+from endoct.workbench.report.wording import bullets, interval_text, length_text, share_text
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.refusals import visible_lines
 
@@ -83,7 +83,7 @@ def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
     ]
     a, b = findings.sides
     heading = f"{a.name} and {b.name}: one bore, compared"
-    version = findings.result.get("versions", {}).get("endoct", "")
+    version = findings.result.versions.get("endoct", "")
     style = files("endoct.workbench.report").joinpath("report.css").read_text(encoding="utf-8")
     template = Template(files("endoct.workbench.report").joinpath("report.html").read_text(encoding="utf-8"))
     page = template.substitute(
@@ -106,14 +106,13 @@ def _digest(style: str) -> str:
 def _headline(findings: Findings) -> Iterator[str]:
     result = findings.result
     a, b = (side.name for side in findings.sides)
-    if findings.aligned:
-        alignment = result["alignment"]
+    if alignment := result.alignment if findings.aligned else None:
         yield f'<p class="verdict aligned">{escape(_verdict(alignment))}</p>\n'
         yield f"<p>{escape(_placement(a, b, alignment))}</p>\n"
     else:
         yield '<p class="verdict unaligned">Not aligned: the two sides could not be brought onto each other.</p>\n'
         yield (
-            f"<p>Reason: {escape(without_stop(result.get('reason')))}. Without an alignment no place on one side "
+            f"<p>Reason: {escape(without_stop(result.reason))}. Without an alignment no place on one side "
             "corresponds to a place on the other, so the two are not scored against each other and there is no "
             "difference image. Everything below shows each side by itself.</p>\n"
         )
@@ -128,26 +127,26 @@ def _headline(findings: Findings) -> Iterator[str]:
         yield "<p>Nothing was reported as not trusted.</p>\n"
 
 
-def _verdict(alignment: Mapping[str, Any]) -> str:
-    said = f"Aligned with confidence {alignment['confidence']:.2f}"
-    if alignment.get("correlation") and alignment.get("ratio"):
-        correlation = f"{alignment['correlation']:.2f}".replace("-", "−")
-        said += f" (correlation {correlation}, {alignment['ratio']:.1f} times the runner-up)"
+def _verdict(alignment: StoredAlignment) -> str:
+    said = f"Aligned with confidence {alignment.confidence:.2f}"
+    if alignment.correlation and alignment.ratio:
+        correlation = f"{alignment.correlation:.2f}".replace("-", "−")
+        said += f" (correlation {correlation}, {alignment.ratio:.1f} times the runner-up)"
     return said + "."
 
 
-def _placement(a: str, b: str, alignment: Mapping[str, Any]) -> str:
-    turns = [text for key, text in (("mirrored", "mirrored in θ"), ("z_reversed", "reversed in z")) if alignment[key]]
+def _placement(a: str, b: str, alignment: StoredAlignment) -> str:
+    turns = ["mirrored in θ"] * alignment.mirrored + ["reversed in z"] * alignment.z_reversed
     return (
-        f"{b} lies in the frame of {a} turned by {math.degrees(alignment['theta_shift_rad']):.2f}° and shifted by "
-        f"{value_text('z_mm', alignment['z_shift_mm'])} along the bore, its z scaled by {alignment['z_scale']:.4f}; "
+        f"{b} lies in the frame of {a} turned by {math.degrees(alignment.theta_shift_rad):.2f}° and shifted by "
+        f"{length_text(alignment.z_shift_mm)} along the bore, its z scaled by {alignment.z_scale:.4f}; "
         f"{' and '.join(turns) if turns else 'neither mirrored nor reversed'}.{_unevenness(alignment)}"
     )
 
 
-def _unevenness(alignment: Mapping[str, Any]) -> str:
+def _unevenness(alignment: StoredAlignment) -> str:
     """Say what the alignment found of uneven rotation and left as it is."""
-    uneven_deg = math.degrees(alignment.get("uneven_rad") or 0.0)
+    uneven_deg = math.degrees(alignment.uneven_rad or 0.0)
     if uneven_deg < LEAST_UNEVEN_DEG:
         return ""
     return (
@@ -160,22 +159,22 @@ def _cards(findings: Findings) -> Iterator[str]:
     def card(title: str, value: str, of: str) -> str:
         return f"<li><span>{escape(title)}</span><b>{escape(value)}</b><span>{escape(of)}</span></li>"
 
-    for overlap in findings.overlaps:
-        if overlap.is_detail:
+    for named in findings.overlaps:
+        if named.is_detail:
             continue
-        of = f"cells of {overlap.of[0]} and {overlap.of[1]}, {overlap.where}"
-        if overlap.interval:
-            of += f"; {interval_text(overlap.interval)}"
-        yield card("Jaccard index", value_text("jaccard", overlap.scores["jaccard"]), of)
-    if findings.aligned:
-        yield card("Dice", value_text("dice", findings.result["dice"]), "on the common grid")
-        length = findings.result.get("overlap_mm")
-        over = f" over the {length:.1f} mm that they share" if length is not None else ""
-        yield card("Observed", f"{findings.result['valid_fraction']:.1%}", f"of the wall, by both sides{over}")
+        of = f"cells of {named.of[0]} and {named.of[1]}, {named.where}"
+        if named.overlap.jaccard_interval:
+            of += f"; {interval_text(named.overlap.jaccard_interval)}"
+        yield card("Jaccard index", share_text(named.overlap.jaccard), of)
+    result = findings.result
+    if result.aligned:
+        yield card("Dice", share_text(result.dice), "on the common grid")
+        over = f" over the {result.overlap_mm:.1f} mm that they share" if result.overlap_mm is not None else ""
+        yield card("Observed", f"{result.valid_fraction:.1%}", f"of the wall, by both sides{over}")
 
 
 def _conditions(findings: Findings) -> str:
-    grid, thresholds = findings.grid, findings.result.get("threshold") or {}
+    grid, thresholds = findings.grid, findings.result.threshold or {}
     parts = [
         f"Common grid: {grid.n_z} × {grid.n_theta} samples (z × θ), {grid.dz_mm * 1000:.3g} µm along the bore and "
         f"{grid.dtheta_mm * 1000:.3g} µm around it at a bore radius of {grid.radius_mm:.3f} mm."

@@ -1,19 +1,15 @@
-"""The tables of scores beside the overlap: outlines, cells as objects, and raters."""
+"""The tables of scores besides the overlap: outlines, cells as objects, and raters."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
+from endoct.fusion.result import CellScores, Limits, PairwiseScores, Raters, Scores
 from endoct.workbench.report.findings import Findings
-from endoct.workbench.report.wording import NOTHING, interval_text, table, value_text
+from endoct.workbench.report.wording import NOTHING, count_text, interval_text, length_text, share_text, table
 
-RATER_COLUMNS = {
-    "jaccard": "Jaccard",
-    "dice": "Dice",
-    "boundary_mean_mm": "Outlines, mean",
-    "boundary_p95_mm": "95th percentile",
-    "boundary_within_share": "within tolerance",
-}
+RATER_COLUMNS = "Jaccard", "Dice", "Outlines, mean", "95th percentile", "within tolerance"
+
+Pair = tuple[float, float]
 
 
 def score_tables(findings: Findings) -> Iterator[str]:
@@ -29,80 +25,92 @@ def score_tables(findings: Findings) -> Iterator[str]:
             "the overlap in one (panoptic quality). Only cells of which the other observed half. Each cell is a line "
             'of <span class="code">cells.csv</span>. What each score means: docs/scores.md.</p>\n'
         )
-    if raters := findings.result.get("raters"):
+    if raters := findings.result.raters:
         yield from _raters(raters)
 
 
-def _cards(findings: Findings) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _cards(findings: Findings) -> Iterator[tuple[str, Scores]]:
     result = findings.result
-    a, b = (side.name for side in findings.sides)
-    if findings.aligned and (scores := result.get("scores")) and "cells" in scores:
-        yield f"{a} and {b}", scores
-    if raters := result.get("raters"):
-        against = {"consensus": raters["consensus"]["majority"]["sides"]}
+    a, b = result.sides
+    if result.aligned and result.scores:
+        yield f"{a} and {b}", result.scores
+    against: Mapping[str, Mapping[str, Scores]]
+    if result.raters:
+        against = {"consensus": result.raters.majority.sides}
     else:
-        against = {Path(path).name: sides for path, sides in (result.get("truth") or {}).items()}
+        against = {Path(path).name: sides for path, sides in (result.truth or {}).items()}
     for name, sides in against.items():
         for side, scores in sides.items():
-            if "cells" in scores:
-                yield f"{name} and {side}", scores
+            yield f"{name} and {side}", scores
 
 
-def _rows(cards: Mapping[str, Mapping[str, Any]]) -> Iterator[list[str]]:
-    boundaries = [card.get("boundary") or {} for card in cards.values()]
-    cells = [card.get("cells") or {} for card in cards.values()]
-    if any(boundaries):
-        tolerance = next(b["tolerance_mm"] for b in boundaries if b)
-        yield ["Outlines, mean distance", *(_with(b, "mean_mm", "mean_interval_mm") for b in boundaries)]
-        yield ["Outlines, 95th percentile", *(value_text("p95_mm", b.get("p95_mm")) for b in boundaries)]
-        within = (_with(b, "within_share", "within_interval") for b in boundaries)
-        yield [f"Outlines within {tolerance:g} mm of each other", *within]
+def _rows(cards: Mapping[str, Scores]) -> Iterator[list[str]]:
+    boundaries = [card.boundary for card in cards.values()]
+    cells = [card.cells for card in cards.values()]
+    if tolerances := [b.tolerance_mm for b in boundaries if b]:
+        yield [
+            "Outlines, mean distance",
+            *(_length(b.mean_mm, b.mean_interval_mm) if b else NOTHING for b in boundaries),
+        ]
+        yield ["Outlines, 95th percentile", *(length_text(b.p95_mm) if b else NOTHING for b in boundaries)]
+        within = (_share(b.within_share, b.within_interval) if b else NOTHING for b in boundaries)
+        yield [f"Outlines within {tolerances[0]:g} mm of each other", *within]
     if any(cells):
         yield ["Cells, of the first and of the second", *(_counts(c) for c in cells)]
-        yield ["… of them matched", *(value_text("matched", c.get("matched")) for c in cells)]
-        for name in ("precision", "recall", "quality"):
-            yield [f"Cells, {name}", *(_with(c, name, f"{name}_interval", "recall") for c in cells)]
-    for key, title, unit in (
-        ("area_mm2", "area of matched cells", "mm²"),
-        ("depth_mm", "depth of matched cells", "mm"),
-    ):
-        if any(card.get(key) for card in cards.values()):
-            yield [f"Second less first, {title}", *(_limits(card.get(key), unit) for card in cards.values())]
+        yield ["… of them matched", *(count_text(c.matched) if c else NOTHING for c in cells)]
+        yield ["Cells, precision", *(_share(c.precision, c.precision_interval) if c else NOTHING for c in cells)]
+        yield ["Cells, recall", *(_share(c.recall, c.recall_interval) if c else NOTHING for c in cells)]
+        yield ["Cells, quality", *(_share(c.quality, c.quality_interval) if c else NOTHING for c in cells)]
+    areas, depths = ([card.area_mm2 for card in cards.values()], [card.depth_mm for card in cards.values()])
+    for limits, title, unit in ((areas, "area of matched cells", "mm²"), (depths, "depth of matched cells", "mm")):
+        if any(limits):
+            yield [f"Second less first, {title}", *(_limits(of, unit) for of in limits)]
 
 
-def _with(scores: Mapping[str, Any], key: str, interval: str, shown_as: str | None = None) -> str:
-    """Return a value and its interval: "0.700 (0.50 to 0.90)"."""
-    if scores.get(key) is None:
+def _length(value_mm: float | None, interval: Pair | None) -> str:
+    """Return a length and its interval: "0.036 mm (0.027 to 0.046)"."""
+    return NOTHING if value_mm is None else length_text(value_mm) + _between(interval, 3)
+
+
+def _share(value: float | None, interval: Pair | None) -> str:
+    """Return a share and its interval: "0.700 (0.50 to 0.90)"."""
+    return NOTHING if value is None else share_text(value) + _between(interval, 2)
+
+
+def _between(interval: Pair | None, digits: int) -> str:
+    text = interval_text(interval, digits).removeprefix("95 % interval ")
+    return f" ({text})" if text else ""
+
+
+def _counts(cells: CellScores | None) -> str:
+    return f"{cells.of_reference} and {cells.of_other}" if cells else NOTHING
+
+
+def _limits(limits: Limits | None, unit: str) -> str:
+    if limits is None:
         return NOTHING
-    between = interval_text(scores.get(interval), 3 if key.endswith("_mm") else 2).removeprefix("95 % interval ")
-    return value_text(shown_as or key, scores[key]) + (f" ({between})" if between else "")
+    bias, low, high = (f"{value:.3f}".replace("-", "−") for value in (limits.bias, limits.low, limits.high))
+    return f"{bias} {unit} (limits {low} to {high}, n = {limits.pairs})"
 
 
-def _counts(cells: Mapping[str, Any]) -> str:
-    return f"{cells['of_reference']} and {cells['of_other']}" if cells else NOTHING
-
-
-def _limits(limits: Mapping[str, Any] | None, unit: str) -> str:
-    if not limits:
-        return NOTHING
-    bias, low, high = (f"{limits[key]:.3f}".replace("-", "−") for key in ("bias", "low", "high"))
-    return f"{bias} {unit} (limits {low} to {high}, n = {limits['pairs']})"
-
-
-def _raters(raters: Mapping[str, Any]) -> Iterator[str]:
+def _raters(raters: Raters) -> Iterator[str]:
     yield "<h3>Raters</h3>\n"
     rows = [
-        [f"{title}, median of {of['pairs']} pairs", *(value_text(key, of[key]) for key in RATER_COLUMNS)]
-        for key, title in (("within", "One rater, two sessions"), ("between", "Two raters"))
-        if (of := raters.get(key))
+        [f"{title}, median of {medians.pairs} pairs", *_pairwise(medians)]
+        for medians, title in ((raters.within, "One rater, two sessions"), (raters.between, "Two raters"))
+        if medians
     ]
-    rows += [
-        [
-            f"{' '.join(pair['first'])} and {' '.join(pair['second'])}",
-            *(value_text(key, pair[key]) for key in RATER_COLUMNS),
-        ]
-        for pair in raters["pairs"]
-    ]
-    yield table(rows, ["", *RATER_COLUMNS.values()])
-    methods = "; ".join(f"{name}: {of['method']}" for name, of in raters["consensus"].items())
+    rows += [[f"{' '.join(pair.first)} and {' '.join(pair.second)}", *_pairwise(pair)] for pair in raters.pairs]
+    yield table(rows, ["", *RATER_COLUMNS])
+    methods = "; ".join(f"{name}: {consensus.method}" for name, consensus in raters.consensus.items())
     yield f"<p class=soft>Consensus, {methods}. The majority's lies beside this page as consensus.png.</p>\n"
+
+
+def _pairwise(scores: PairwiseScores) -> Sequence[str]:
+    return (
+        share_text(scores.jaccard),
+        share_text(scores.dice),
+        length_text(scores.boundary_mean_mm),
+        length_text(scores.boundary_p95_mm),
+        share_text(scores.boundary_within_share),
+    )

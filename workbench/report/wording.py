@@ -29,6 +29,26 @@ def value_text(name: str, value: Any) -> str:
     return str(value)
 
 
+def share_text(value: float | None) -> str:
+    """Return a share with three decimals."""
+    return value_text("share", value)
+
+
+def length_text(value_mm: float | None) -> str:
+    """Return a length to a micrometre."""
+    return value_text("length_mm", value_mm)
+
+
+def area_text(value_mm2: float | None) -> str:
+    """Return an area to a hundredth of a square millimetre."""
+    return value_text("area_mm2", value_mm2)
+
+
+def count_text(value: int | None) -> str:
+    """Return a number of things."""
+    return NOTHING if value is None else str(value)
+
+
 def interval_text(interval: Sequence[float] | None, digits: int = 2) -> str:
     """Return "95 % interval 0.61 to 0.81"; "" where it is not known."""
     if interval is None:

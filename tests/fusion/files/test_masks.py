@@ -11,6 +11,7 @@ import zarr
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.drawings import is_label_store
 from endoct.fusion.files.masks import read_mask, score_against
+from endoct.fusion.result import Threshold
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 
@@ -30,8 +31,8 @@ def test_a_mask_on_the_other_sides_panorama_lies_there(pair, tmp_path: Path) -> 
     found = compare_panoramas(mask, pair.b, COARSE)
     assert found.alignment is not None
     assert (found.alignment.theta_shift_rad, found.alignment.z_shift_mm) == (0.0, 0.0)
-    assert found.result["threshold"]["mask"] == {"value": None, "unit": "1", "of": "mask as given"}
-    assert found.result["scores"]["own_rows"]["jaccard"] > 0.85
+    assert found.result.threshold["mask"] == Threshold(value=None, unit="1", of="mask as given")
+    assert found.result.own_rows_jaccard > 0.85
 
 
 @pytest.mark.parametrize("zarr_format", [2, 3])
@@ -74,7 +75,7 @@ def test_a_mask_with_a_sidecar_is_aligned(pair, tmp_path: Path) -> None:  # type
     assert found.alignment is not None
     assert abs(wrap_rad(found.alignment.theta_shift_rad - pair.truth.theta_shift_rad)) < 0.01
     assert abs(found.alignment.z_shift_mm - pair.truth.z_shift_mm) < 0.05
-    assert found.result["jaccard"] > 0.75
+    assert found.result.jaccard > 0.75
     assert np.array_equal(found.mask[0] & found.valid[0], found.mask[0])
 
 
@@ -83,8 +84,8 @@ def test_a_mask_tells_the_polarity_of_an_image(pair_of: Callable, tmp_path: Path
     (tmp_path / "m.toml").write_text(SIDECAR)
     mask = read_mask(drawn(tmp_path / "m.png", np.roll(pair.cells_a, 50, axis=1)))
     found = compare_panoramas(pair.a, mask, COARSE)
-    assert found.result["polarity"] == {"camera": "bright", "mask": None}
-    assert found.result["jaccard"] > 0.75
+    assert found.result.polarity == {"camera": "bright", "mask": None}
+    assert found.result.jaccard > 0.75
 
 
 def test_truth_scores_each_side(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -92,10 +93,10 @@ def test_truth_scores_each_side(pair, tmp_path: Path) -> None:  # type: ignore[n
     truth = read_mask(drawn(tmp_path / "truth.png", pair.cells_a), pair.a)
     scores = score_against(found, truth)
     assert set(scores) == {"camera", "ranger"}
-    assert scores["camera"]["jaccard"] > 0.85
-    assert scores["ranger"]["jaccard"] > 0.7
+    assert scores["camera"].jaccard > 0.85
+    assert scores["ranger"].jaccard > 0.7
     blurred = score_against(found, read_mask(drawn(tmp_path / "t.png", np.roll(pair.cells_a, 30, axis=1)), pair.a))
-    assert blurred["camera"]["jaccard"] < scores["camera"]["jaccard"] - 0.2
+    assert blurred["camera"].jaccard < scores["camera"].jaccard - 0.2
 
 
 def test_a_colour_mask_counts_any_channel(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -132,5 +133,5 @@ def test_an_empty_mask(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped
 def test_a_mask_on_bright_cells_tells_the_polarity_in_place(pair_of: Callable, tmp_path: Path) -> None:
     pair = pair_of(6, bright_cells=True)
     found = compare_panoramas(pair.a, read_mask(drawn(tmp_path / "m.png", pair.cells_a), pair.a), COARSE)
-    assert found.result["polarity"]["camera"] == "bright"
-    assert found.result["jaccard"] > 0.75
+    assert found.result.polarity["camera"] == "bright"
+    assert found.result.jaccard > 0.75

@@ -30,13 +30,13 @@ def test_a_twist_is_found_where_asked_for_and_said(pair_of: Callable[..., Any]) 
     pair = pair_of(3, known=True, rows=20)
     b, turn_rad = twisted(pair)
     compared = compare_panoramas(pair.a, b, CompareParameters(dz_mm=0.1, n_theta=256, correct_twist=True))
-    told = compared.result["twist"]
-    known = np.array(told["known"])
+    stated = compared.result.twist
+    known = np.array(stated.known)
     assert known.mean() > 0.5
-    left = turn_rad - np.array(told["twist_rad"])
+    left = turn_rad - np.array(stated.twist_rad)
     left = left[known] - left[known].mean()
     assert np.sqrt(np.mean(left**2)) < TWIST_RAD
     assert np.std(turn_rad) > 2 * TWIST_RAD
-    assert told["jaccard_with"] == compared.result["jaccard"]
-    assert told["jaccard_with"] > told["jaccard_without"] + 0.03
-    assert "raises the score" in told["note"]
+    assert stated.jaccard_with == compared.result.jaccard
+    assert stated.jaccard_with > stated.jaccard_without + 0.03
+    assert "raises the score" in stated.note

@@ -7,6 +7,7 @@ from tolerances import BUDGET, BUDGET_OF_ONE_CAUSE
 
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Samples
+from endoct.fusion.result import NotVisible
 from endoct.fusion.scoring.budget import PARTS, agreement_budget
 from endoct.fusion.scoring.cells import Surface, label_in_order, measure
 from endoct.fusion.scoring.visibility import invisible_cells
@@ -39,11 +40,12 @@ def budget(a: Surface, b: Surface, samples: tuple[Samples, Samples] = (FINE, FIN
     assert found is not None
     both = a.valid & b.valid
     j = (a.mask & b.mask & both).sum() / ((a.mask | b.mask) & both).sum()
-    assert found["one_minus_jaccard"] == pytest.approx(1 - j)
-    shares = {part: found["parts"][part]["share"] for part in PARTS}
+    assert found.one_minus_jaccard == pytest.approx(1 - j)
+    parts = found.parts.by_cause()
+    shares = {part: parts[part].share for part in PARTS}
     assert sum(shares.values()) == pytest.approx(1 - j)
     for part in PARTS:
-        low, high = found["parts"][part]["interval"]
+        low, high = parts[part].interval
         assert low <= shares[part] + 1e-9
         assert high >= shares[part] - 1e-9
     return found, shares
@@ -65,7 +67,7 @@ def test_a_misalignment_as_large_as_stated_is_alignment(moved: str) -> None:
         placing = Alignment(0.0, 0.0, covariance=covariance)  # type: ignore[arg-type]
         other = wall(GRID.z_mm - shift, GRID.theta_rad - turn)
         found, shares = budget(Surface("a", WALL, SEEN), Surface("b", other, SEEN), placing=placing)
-        lost.append(found["one_minus_jaccard"])
+        lost.append(found.one_minus_jaccard)
         predicted.append(shares["alignment"])
         assert shares["sampling"] == pytest.approx(0, abs=1e-9)
     assert np.mean(predicted) == pytest.approx(np.mean(lost), rel=BUDGET_OF_ONE_CAUSE)
@@ -81,8 +83,8 @@ def test_wide_rows_are_sampling() -> None:
         (Surface("a", mask, valid), Surface("b", WALL, SEEN), (coarse, FINE)),
     ):
         found, shares = budget(a, b, samples)
-        assert found["one_minus_jaccard"] > 0.05
-        assert shares["sampling"] == pytest.approx(found["one_minus_jaccard"], abs=BUDGET)
+        assert found.one_minus_jaccard > 0.05
+        assert shares["sampling"] == pytest.approx(found.one_minus_jaccard, abs=BUDGET)
         assert shares["visibility"] == 0
 
 
@@ -99,18 +101,18 @@ def test_cells_of_which_there_is_no_sign_are_visibility_and_others_segmentation(
     assert shares["alignment"] == shares["sampling"] == 0
     assert shares["visibility"] == pytest.approx(alone(hidden), abs=BUDGET)
     assert shares["segmentation"] == pytest.approx(alone(missed), abs=BUDGET)
-    assert found["not_visible"]["b"]["area_mm2"] == pytest.approx(
+    assert found.not_visible["b"].area_mm2 == pytest.approx(
         (hidden & ~b.mask).sum() * GRID.dz_mm * GRID.dtheta_mm, rel=0.1
     )
-    assert found["not_visible"]["a"] == {"cells": 0, "area_mm2": 0}
+    assert found.not_visible["a"] == NotVisible(cells=0, area_mm2=0)
 
 
 def test_what_one_side_did_not_cover_stands_beside() -> None:
     half = SEEN.copy()
     half[100:] = False
     found, shares = budget(Surface("a", WALL, SEEN), Surface("b", WALL & half, half))
-    assert found["not_covered"]["b"] == pytest.approx(WALL[100:].sum() * GRID.dz_mm * GRID.dtheta_mm)
-    assert found["not_covered"]["a"] == pytest.approx(0)
+    assert found.not_covered["b"] == pytest.approx(WALL[100:].sum() * GRID.dz_mm * GRID.dtheta_mm)
+    assert found.not_covered["a"] == pytest.approx(0)
     assert shares == pytest.approx(dict.fromkeys(PARTS, 0.0), abs=1e-12)
 
 

@@ -49,10 +49,10 @@ def test_limits_of_agreement_by_hand() -> None:
     a, b = np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.1, 2.3, 3.1, 4.3])
     found = bland_altman(a, b)
     assert found is not None
-    assert found["pairs"] == 4
-    assert found["bias"] == pytest.approx(0.2)
+    assert found.pairs == 4
+    assert found.bias == pytest.approx(0.2)
     spread = 1.96 * np.std([0.1, 0.3, 0.1, 0.3], ddof=1)
-    assert (found["low"], found["high"]) == pytest.approx((0.2 - spread, 0.2 + spread))
+    assert (found.low, found.high) == pytest.approx((0.2 - spread, 0.2 + spread))
     assert bland_altman(a[:2], b[:2]) is None
 
 

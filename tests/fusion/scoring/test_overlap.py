@@ -18,9 +18,10 @@ def test_by_hand() -> None:
     assert (found.both, found.only_a, found.only_b, found.neither) == (2, 1, 1, 3)
     assert found.jaccard == pytest.approx(2 / 4)
     assert found.dice == pytest.approx(4 / 6)
-    assert found.as_json() == pytest.approx(
-        {"jaccard": 0.5, "dice": 2 / 3, "both_mm2": 1.0, "only_a_mm2": 0.5, "only_b_mm2": 0.5, "neither_mm2": 1.5}
-    )
+    stated = found.overlap(sites=2, jaccard_interval=None, dice_interval=None)
+    assert (stated.jaccard, stated.dice) == pytest.approx((0.5, 2 / 3))
+    areas = stated.both_mm2, stated.only_a_mm2, stated.only_b_mm2, stated.neither_mm2
+    assert areas == pytest.approx((1.0, 0.5, 0.5, 1.5))
 
 
 def test_the_difference_image() -> None:

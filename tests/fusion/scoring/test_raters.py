@@ -116,12 +116,12 @@ def test_within_and_between_raters() -> None:
         GRID,
         0.15,
     )
-    assert [pair["within"] for pair in found["pairs"]] == [True, False, False]
-    assert found["within"]["pairs"] == 1
-    assert found["within"]["jaccard"] == pytest.approx(19 / 21)
-    assert found["between"]["jaccard"] == pytest.approx(np.median([15 / 25, 16 / 24]))
-    assert found["within"]["boundary_within_share"] == pytest.approx(1)
-    assert found["between"]["boundary_p95_mm"] > 3 * GRID.dtheta_mm
+    assert [pair.within for pair in found.pairs] == [True, False, False]
+    assert found.within.pairs == 1
+    assert found.within.jaccard == pytest.approx(19 / 21)
+    assert found.between.jaccard == pytest.approx(np.median([15 / 25, 16 / 24]))
+    assert found.within.boundary_within_share == pytest.approx(1)
+    assert found.between.boundary_p95_mm > 3 * GRID.dtheta_mm
 
 
 def test_the_majority_counts_raters_not_sessions() -> None:
@@ -142,10 +142,10 @@ def test_staple_finds_who_draws_well() -> None:
         Drawing(f"r{k}", "1", np.where(truth, rng.random(shape) < p, rng.random(shape) > q), np.ones(shape, np.bool_))
         for k, (p, q) in enumerate(performance)
     ]
-    consensus, told = staple(drawings, np.ones(shape, np.bool_))
-    for row, (p, q) in zip(told, performance, strict=True):
-        assert row["sensitivity"] == pytest.approx(p, abs=STAPLE)
-        assert row["specificity"] == pytest.approx(q, abs=STAPLE)
+    consensus, performed = staple(drawings, np.ones(shape, np.bool_))
+    for row, (p, q) in zip(performed, performance, strict=True):
+        assert row.sensitivity == pytest.approx(p, abs=STAPLE)
+        assert row.specificity == pytest.approx(q, abs=STAPLE)
     by_majority = majority(drawings)
     assert (consensus != truth).mean() < 0.75 * (by_majority != truth).mean()
     assert (consensus != truth).mean() < min((d.mask != truth).mean() for d in drawings)

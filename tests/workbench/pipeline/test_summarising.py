@@ -10,22 +10,39 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result import Budget, BudgetPart, BudgetParts, Overlap, PairScores, Result, StoredAlignment
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import cli, summarise
 
 
 def write(folder: Path, jaccard: float | None, digest: str = "", **changed: Any) -> Path:
     folder.mkdir(parents=True)
-    result = {
-        "aligned": jaccard is not None,
-        "jaccard": jaccard,
-        "scores": None if jaccard is None else {"grid": {"jaccard_interval": [jaccard - 0.1, jaccard + 0.1]}},
-        "budget": {"parts": {"sampling": {"share": 0.1, "interval": [0.05, 0.2]}}},
-        "inputs": {str(folder / "x"): digest} if digest else {},
-        **changed,
-    }
-    (folder / "result.json").write_text(json.dumps(result))
+    inputs = {str(folder / "x"): digest} if digest else {}
+    (folder / "result.json").write_text(json.dumps(stored(jaccard) | {"inputs": inputs} | changed))
     return folder
+
+
+def stored(jaccard: float | None) -> dict[str, Any]:
+    """Return what a ``result.json`` holds, not aligned where there is no Jaccard index."""
+    part = BudgetPart(share=0.1, interval=(0.05, 0.2))
+    result = Result(
+        sides=("endoscope", "oct"),
+        aligned=jaccard is not None,
+        alignment=None if jaccard is None else StoredAlignment.of(Alignment(0.1, 0.2, confidence=0.5)),
+        jaccard=jaccard,
+        dice=None,
+        scores=None if jaccard is None else PairScores(grid=Overlap(jaccard_interval=(jaccard - 0.1, jaccard + 0.1))),
+        budget=Budget(
+            one_minus_jaccard=0.4,
+            parts=BudgetParts(alignment=part, sampling=part, visibility=part, segmentation=part),
+            alignment_known=True,
+            not_visible={},
+            not_covered={},
+        ),
+        valid_fraction=1.0,
+    )
+    return result.to_json()
 
 
 def rows(tables: dict[str, list[dict[str, Any]]], name: str, score: str) -> list[dict[str, Any]]:
@@ -121,7 +138,7 @@ def test_what_is_no_comparison(tmp_path: Path) -> None:
 
 def _damaged() -> dict[str, str]:
     """Return texts of a ``result.json`` that is no result, by what is wrong with them."""
-    sound = {"aligned": True, "jaccard": 0.5, "inputs": {"x": "d"}}
+    sound = stored(0.5) | {"inputs": {"x": "d"}}
     put = {
         "aligned that is a word": {"aligned": "yes"},
         "aligned that is null": {"aligned": None},
@@ -153,7 +170,7 @@ def _damaged() -> dict[str, str]:
     return {
         "nesting": "[" * 100_000 + "]" * 100_000,
         "nesting of objects": '{"aligned":' * 100_000,
-        "a number of 5000 digits": '{"aligned": true, "jaccard": ' + "1" * 5000 + "}",
+        "a number of 5000 digits": json.dumps(sound).replace('"jaccard": 0.5', '"jaccard": ' + "1" * 5000),
         "no text": "\x00\x01",
         "a number": "1",
         **{what: json.dumps(sound | changed) for what, changed in put.items()},
@@ -179,6 +196,6 @@ def test_a_result_that_is_no_result_by_its_size(tmp_path: Path, monkeypatch: pyt
 
 
 def test_what_was_not_scored_may_be_missing_or_null(tmp_path: Path) -> None:
-    null = {"scores": {"grid": None, "own_rows": {"jaccard": None}}, "budget": None, "alignment": None, "truth": None}
-    tables = summarise([write(tmp_path / "a", 0.5, **null), write(tmp_path / "b", None, inputs=None)])
+    null = {"scores": {"own_rows": {"rows_of": "oct", "jaccard": None}}, "budget": None, "truth": None}
+    tables = summarise([write(tmp_path / "a", 0.5, **null), write(tmp_path / "b", None, scores=None)])
     assert rows(tables, "summary", "jaccard")[0]["specimens"] == 1

@@ -15,6 +15,7 @@ import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 from PIL import Image
 
+from endoct.fusion.result import CorrectedTwist, Drift, Line, MaskScores, PairScores, Result, Threshold
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.report.doubts import doubts
 from endoct.workbench.report.findings import read_findings
@@ -52,7 +53,7 @@ class _Page(HTMLParser):
             self.said.append(data)
 
 
-Made = tuple[Path, dict[str, Any], _Page]
+Made = tuple[Path, Result, _Page]
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +79,8 @@ def unaligned(make: Callable[..., Made]) -> Made:
 def test_the_headline_says_what_the_result_says(aligned: Made) -> None:
     _, result, page = aligned
     headline = page.text[: page.text.index("Panoramas")]
-    assert f"{result['jaccard']:.3f}" in headline
-    assert f"{result['dice']:.3f}" in headline
+    assert f"{result.jaccard:.3f}" in headline
+    assert f"{result.dice:.3f}" in headline
     assert f"{0.8765:.3f} cells of endoscope and oct, on the own rows of oct, not interpolated" in headline
     assert "Aligned with confidence 0.63 (correlation 0.93, 3.1 times the runner-up)" in headline
     assert "turned by 85.94° and shifted by −0.432 mm" in headline
@@ -150,10 +151,10 @@ def test_little_observed_wall_is_not_trusted(make: Callable[..., Made]) -> None:
 
 @pytest.mark.parametrize(("per_mm", "error", "doubted"), [(0.04, 0.01, True), (0.04, 0.03, False), (0.005, 0.0, False)])
 def test_cells_that_drift_apart_cast_doubt(tmp_path: Path, per_mm: float, error: float, doubted: bool) -> None:
-    still = {"mean": 0.0, "per_mm": 0.0, "per_mm_error": 0.01}
-    moving = {"mean": 0.0, "per_mm": per_mm, "per_mm_error": error}
-    drift = {"pairs": 12, "length_mm": 8.0, "z_mm": moving, "arc_mm": still}
-    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), scores={"grid": {}, "drift": drift})
+    still = Line(mean=0.0, per_mm=0.0, per_mm_error=0.01)
+    moving = Line(mean=0.0, per_mm=per_mm, per_mm_error=error)
+    scores = PairScores(drift=Drift(pairs=12, length_mm=8.0, z_mm=moving, arc_mm=still))
+    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), scores=scores)
     said = [sentence for sentence in doubts(read_findings(tmp_path / "c")) if "drift apart" in sentence]
     assert len(said) == doubted
     if doubted:
@@ -161,7 +162,7 @@ def test_cells_that_drift_apart_cast_doubt(tmp_path: Path, per_mm: float, error:
 
 
 def test_a_twist_corrected_against_the_other_side_is_said_with_both_figures(tmp_path: Path) -> None:
-    twist = {"jaccard_without": 0.71, "jaccard_with": 0.78}
+    twist = CorrectedTwist(jaccard_without=0.71, jaccard_with=0.78)
     write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), twist=twist)
     assert any("0.710 without it, 0.780 with it" in said for said in doubts(read_findings(tmp_path / "c")))
 
@@ -170,14 +171,14 @@ def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made
     folder, result, page = make(
         Kind("mask", depth=False, drawn=True),
         Kind("endoscope", depth=False),
-        truth={"truth/cells.png": {"endoscope": {"jaccard": 0.8125, "dice": 0.8965, "both_mm2": 1.0}}},
+        truth={"truth/cells.png": {"endoscope": MaskScores(jaccard=0.8125, dice=0.8965, both_mm2=1.0)}},
     )
     shown = {path.stem for path in (folder / "figures").iterdir()}
     assert {"panoramas", "masks", "alignment", "cylinder-endoscope"} <= shown
     assert not any(name.startswith("depth") or name.endswith("-mask") for name in shown)
     assert "endoscope and given truth, against cells.png" in page.text
     assert "0.812" in page.text
-    assert f"{result['jaccard']:.3f}" in page.text
+    assert f"{result.jaccard:.3f}" in page.text
 
 
 def test_texts_are_escaped(aligned: Made) -> None:
@@ -213,14 +214,14 @@ def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
     _, _, page = make(
         Kind("endoscope", depth=False),
         Kind("oct"),
-        notes={"endoscope": [hostile], "oct": []},
+        notes={"endoscope": (hostile,), "oct": ()},
         inputs={hostile: hostile},
         versions={hostile: hostile, "endoct": hostile},
         seconds={hostile: 1.0},
         parameters={hostile: {hostile: hostile}},
-        threshold={"endoscope": {"value": 0.5, "unit": hostile, "of": hostile}},
+        threshold={"endoscope": Threshold(value=0.5, unit=hostile, of=hostile)},
         polarity={"oct": hostile},
-        truth={f"truth/{hostile}.png": {"oct": {"jaccard": 0.8, "dice": 0.9}}},
+        truth={f"truth/{hostile}.png": {"oct": MaskScores(jaccard=0.8, dice=0.9)}},
     )
     assert {"script", "link", "iframe", "object", "base"}.isdisjoint(page.tags)
     assert all(image.startswith("data:image/webp;base64,") for image in page.images)

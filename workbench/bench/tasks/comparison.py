@@ -104,7 +104,7 @@ def judge(case: Case[Given, Path], answer: ComparedPair) -> dict[str, float]:
         scores, right = _against_drawn(folder, answer), 1.0
     if answer.comparison.alignment is None:
         raise Declined(answer.comparison.reason or "not aligned", {SUCCESS: 0.0} | scores)
-    doubted = any(answer.comparison.result["doubts"].values())
+    doubted = any(answer.comparison.result.doubts.values())
     return {SUCCESS: right, DOUBTED: float(doubted)} | scores
 
 
@@ -117,6 +117,6 @@ def _against_drawn(folder: Path, answer: ComparedPair) -> dict[str, float]:
             drawn = truths_of(folder, panorama).values()
             scores[name] = float(np.mean([jaccard(cells, one, panorama.valid) for one in drawn]))
     if answer.comparison.alignment is not None:
-        pair = answer.comparison.result["scores"]["own_rows"]["jaccard"]
-        scores |= {} if pair is None else {"pair_native": float(pair)}
+        pair = answer.comparison.result.own_rows_jaccard
+        scores |= {} if pair is None else {"pair_native": pair}
     return scores

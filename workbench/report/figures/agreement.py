@@ -1,14 +1,14 @@
 """How far two sides agree: the budget of what is missing as one bar, and scores by kinds of cells."""
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from endoct.fusion.result import Budget, Limits, Strata
+from endoct.fusion.scoring.matched_cells import areas_mm2
+from endoct.stitching.arrays import Coordinates
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     GREEN,
@@ -26,29 +26,29 @@ from endoct.workbench.report.figures.drawing import (
 )
 from endoct.workbench.report.findings import Findings
 
-PART_COLOURS = {"alignment": SKY, "sampling": ORANGE, "visibility": GREEN, "segmentation": VERMILION}
+CAUSE_COLOURS = {"alignment": SKY, "sampling": ORANGE, "visibility": GREEN, "segmentation": VERMILION}
 STRATA_TITLES = {"diameter_mm": "diameter (mm)", "depth_mm": "depth (mm)", "contrast": "contrast (1)"}
 
 
 def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
     """Draw the Jaccard index and what is missing of 1, by causes, as one bar; None where there is no budget."""
-    budget = findings.result.get("budget")
+    budget = findings.result.budget
     if not findings.aligned or not budget:
         return None
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 0.4)
         axes = place(figure, 0.1, 0.0, PAGE_WIDTH_IN - 0.2, 0.45)
-        jaccard = 1 - budget["one_minus_jaccard"]
+        jaccard = 1 - budget.one_minus_jaccard
         axes.barh(0, jaccard, color=PAPER, edgecolor=INK, linewidth=0.6)
         axes.text(jaccard / 2, 0, f"Jaccard index {jaccard:.3f}", ha="center", va="center")
         entries, left = [], jaccard
-        for part, colour in PART_COLOURS.items():
-            share, interval = budget["parts"][part]["share"], budget["parts"][part]["interval"]
+        for cause, part in budget.parts.by_cause().items():
+            share, interval, colour = part.share, part.interval, CAUSE_COLOURS[cause]
             width = min(max(share, 0.0), 1 - left)  # a negative rest takes from the part before it
             axes.barh(0, width, left=left, color=colour, edgecolor=INK, linewidth=0.6)
             left += width
             between = f" ({_number(interval[0])} to {_number(interval[1])})" if interval else ""
-            entries.append(Patch(facecolor=colour, edgecolor=INK, label=f"{part} {_number(share)}{between}"))
+            entries.append(Patch(facecolor=colour, edgecolor=INK, label=f"{cause} {_number(share)}{between}"))
         axes.set_xlim(0, 1)
         axes.set_ylim(-0.5, 0.5)
         axes.set_yticks([])
@@ -63,26 +63,24 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
     return Drawn(saved, "agreement", "What stands in the way of full agreement", _budget_caption(budget))
 
 
-def _budget_caption(budget: Mapping[str, Any]) -> str:
+def _budget_caption(budget: Budget) -> str:
     caption = (
         "On the common grid, where both observed the wall. Alignment: what the uncertainty of the found alignment "
         "costs masks that agree. Sampling: what such masks lose besides, seen at each side's own rows. Visibility: "
         "cells of one side of which the other has no sign. Segmentation: the rest, cells missed or drawn differently, "
         "and departures from a rigid alignment. In parentheses 95 % intervals over patches of wall. "
     )
-    if not budget["alignment_known"]:
+    if not budget.alignment_known:
         caption += "The uncertainty of the alignment is not known: what it costs counts as segmentation. "
-    if budget["parts"]["segmentation"]["share"] < 0:
+    if budget.parts.segmentation.share < 0:
         caption += "Segmentation is negative: the causes before it predict more loss than there is. "
     unseen = [
-        f"{of['cells']} cells ({of['area_mm2']:.2f} mm²) not visible to {name}"
-        for name, of in budget["not_visible"].items()
-        if of["cells"]
+        f"{of.cells} cells ({of.area_mm2:.2f} mm²) not visible to {name}"
+        for name, of in budget.not_visible.items()
+        if of.cells
     ]
     uncovered = [
-        f"{area:.2f} mm² of cells not covered by {name}"
-        for name, area in budget["not_covered"].items()
-        if area >= 0.005
+        f"{area:.2f} mm² of cells not covered by {name}" for name, area in budget.not_covered.items() if area >= 0.005
     ]
     said = ", ".join([*unseen, *(f"{text} (in no score)" for text in uncovered)])
     return caption + (f"{said[0].upper()}{said[1:]}." if said else "")
@@ -90,15 +88,16 @@ def _budget_caption(budget: Mapping[str, Any]) -> str:
 
 def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
     """Draw the Jaccard index by kinds of cells, and how areas of matched cells agree; None without scores."""
-    scores = findings.result.get("scores") or {}
-    strata: Mapping[str, Sequence[Mapping[str, Any]]] = scores.get("strata") or {}
-    if not findings.aligned or not strata:
+    scores = findings.result.scores
+    if not findings.aligned or scores is None or scores.strata is None or not scores.strata.by_kind():
         return None
-    pairs = _matched_areas(findings)
-    area = scores.get("area_mm2") if pairs.size else None
+    pairs = areas_mm2(*findings.result.sides, findings.cells)
+    area = scores.area_mm2 if pairs.size else None
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 2.2)
-        _by_kind(place(figure, 0.95, 0.0, 3.1 if area else 6.1, 1.95), strata, "(a) Jaccard index by kind of cell")
+        _by_kind(
+            place(figure, 0.95, 0.0, 3.1 if area else 6.1, 1.95), scores.strata, "(a) Jaccard index by kind of cell"
+        )
         if area:
             _bland_altman(place(figure, 4.7, 0.0, 2.45, 1.95), pairs, area, findings)
         saved = save(figure, folder / "scores.png")
@@ -110,25 +109,25 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
     if area:
         a, b = (side.name for side in findings.sides)
         caption += (
-            f" (b) Area of {area['pairs']} matched whole cells, {b} less {a}, against their mean (Bland and Altman): "
-            f"bias {_number(area['bias'])} mm² (line), 95 % of differences within {_number(area['low'])} to "
-            f"{_number(area['high'])} mm² (dashed)."
+            f" (b) Area of {area.pairs} matched whole cells, {b} less {a}, against their mean (Bland and Altman): "
+            f"bias {_number(area.bias)} mm² (line), 95 % of differences within {_number(area.low)} to "
+            f"{_number(area.high)} mm² (dashed)."
         )
     return Drawn(saved, "agreement", "Agreement by kinds of cells", caption)
 
 
-def _by_kind(axes: Axes, strata: Mapping[str, Sequence[Mapping[str, Any]]], title: str) -> None:
+def _by_kind(axes: Axes, strata: Strata, title: str) -> None:
     place, ticks, names = 0.0, [], []
-    for kind, rows in strata.items():
+    for kind, rows in strata.by_kind().items():
         axes.text(-0.02, place, STRATA_TITLES[kind], ha="right", va="center", fontweight="bold", fontsize=7.0)
         place += 1
         for row in rows:
             ticks.append(place)
-            names.append(f"{_range(row['from'], row['to'])}   n = {row['sites']}")
-            if row["jaccard"] is not None:
-                if row["jaccard_interval"]:
-                    axes.plot(row["jaccard_interval"], [place, place], color=BLUE, linewidth=1.4, solid_capstyle="butt")
-                axes.plot(row["jaccard"], place, "o", color=BLUE, markersize=4, clip_on=False)
+            names.append(f"{_range(row.low, row.to)}   n = {row.sites}")
+            if row.jaccard is not None:
+                if row.jaccard_interval:
+                    axes.plot(row.jaccard_interval, [place, place], color=BLUE, linewidth=1.4, solid_capstyle="butt")
+                axes.plot(row.jaccard, place, "o", color=BLUE, markersize=4, clip_on=False)
             place += 1
         place += 0.4
     axes.set_ylim(place - 0.6, -0.8)
@@ -142,12 +141,12 @@ def _by_kind(axes: Axes, strata: Mapping[str, Sequence[Mapping[str, Any]]], titl
     axes.set_xlabel("Jaccard index (1)")
 
 
-def _bland_altman(axes: Axes, pairs: np.ndarray[Any, Any], area: Mapping[str, Any], findings: Findings) -> None:
+def _bland_altman(axes: Axes, pairs: Coordinates, area: Limits, findings: Findings) -> None:
     a, b = (side.name for side in findings.sides)
     axes.plot(pairs.mean(axis=1), pairs[:, 1] - pairs[:, 0], "o", color=INK, markersize=2.5)
     axes.axhline(0, color="#b0b0b0", linewidth=0.6)
-    axes.axhline(area["bias"], color=VERMILION, linewidth=1.0)
-    for limit in (area["low"], area["high"]):
+    axes.axhline(area.bias, color=VERMILION, linewidth=1.0)
+    for limit in (area.low, area.high):
         axes.axhline(limit, color=VERMILION, linewidth=0.8, linestyle="--")
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -158,19 +157,6 @@ def _bland_altman(axes: Axes, pairs: np.ndarray[Any, Any], area: Mapping[str, An
     axes.set_ylabel(f"{b} − {a} (mm²)")
     for edge in ("top", "right"):
         axes.spines[edge].set_visible(False)
-
-
-def _matched_areas(findings: Findings) -> np.ndarray[Any, Any]:
-    """Return the areas (n, 2) of cells that both sides show whole."""
-    a, b = (side.name for side in findings.sides)
-    of_b = {cell.id: cell for cell in findings.cells if cell.side == b}
-    pairs = [
-        (cell.area_mm2, of_b[cell.partner].area_mm2)
-        for cell in findings.cells
-        if cell.side == a and cell.is_matched and cell.partner is not None
-        if not cell.touches_edge and not of_b[cell.partner].touches_edge
-    ]
-    return np.array(pairs, dtype=np.float64).reshape(-1, 2)
 
 
 def _range(low: float | None, high: float | None) -> str:

@@ -1,0 +1,70 @@
+"""The result of a comparison as types; only they know the keys of ``result.json``."""
+
+from endoct.fusion.result.budget import Budget, BudgetPart, BudgetParts, NotVisible
+from endoct.fusion.result.part import Interval
+from endoct.fusion.result.raters import (
+    Consensus,
+    DrawnBy,
+    PairwiseScores,
+    Performance,
+    RaterAgreement,
+    RaterMedians,
+    RaterPair,
+    Raters,
+)
+from endoct.fusion.result.result import (
+    Believable,
+    Bootstrap,
+    CorrectedTwist,
+    Result,
+    StoredAlignment,
+    Threshold,
+)
+from endoct.fusion.result.scores import (
+    BoundaryScores,
+    CellScores,
+    Drift,
+    Limits,
+    Line,
+    MaskScores,
+    Overlap,
+    OwnRows,
+    PairScores,
+    Scores,
+    Strata,
+    Stratum,
+)
+
+__all__ = [
+    "Believable",
+    "Bootstrap",
+    "BoundaryScores",
+    "Budget",
+    "BudgetPart",
+    "BudgetParts",
+    "CellScores",
+    "Consensus",
+    "CorrectedTwist",
+    "DrawnBy",
+    "Drift",
+    "Interval",
+    "Limits",
+    "Line",
+    "MaskScores",
+    "NotVisible",
+    "Overlap",
+    "OwnRows",
+    "PairScores",
+    "PairwiseScores",
+    "Performance",
+    "RaterAgreement",
+    "RaterMedians",
+    "RaterPair",
+    "Raters",
+    "Result",
+    "Scores",
+    "StoredAlignment",
+    "Strata",
+    "Stratum",
+    "Threshold",
+]

@@ -1,0 +1,178 @@
+"""The result of a comparison: what ``result.json`` says."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result.budget import Budget
+from endoct.fusion.result.part import Count, Flags, Number, Numbers, Part, Texts, as_json
+from endoct.fusion.result.raters import Raters
+from endoct.fusion.result.scores import MaskScores, Overlap, PairScores
+
+_Row = Annotated[tuple[Number, Number, Number], Field(strict=False)]
+_Matrix = Annotated[tuple[_Row, _Row, _Row], Field(strict=False)]
+
+
+class StoredAlignment(Part):
+    """An :class:`~endoct.fusion.geometry.alignment.Alignment` as it is stored; None for what was not stored."""
+
+    theta_shift_rad: Number
+    z_shift_mm: Number
+    z_scale: Number
+    mirrored: bool
+    z_reversed: bool
+    confidence: Number
+    correlation: Number | None = None
+    ratio: Number | None = None
+    chance: Number | None = None
+    overlap_mm2: Number | None = None
+    uneven_rad: Number | None = None
+    twist_rad_per_mm: Number | None = None
+    covariance: _Matrix | None = None
+
+    @classmethod
+    def of(cls, alignment: Alignment | None) -> "StoredAlignment | None":
+        """Return ``alignment`` as it is stored."""
+        return None if alignment is None else cls(**asdict(alignment))
+
+
+class Believable(Part):
+    """What an alignment must reach to be believed."""
+
+    confidence_at_least: Number
+    chance_at_most: Number
+
+
+class Threshold(Part):
+    """The evidence above which a sample is cell; ``value`` None for a mask, which is taken as given."""
+
+    value: Number | None = None
+    unit: str | None = None
+    of: str | None = None
+
+
+class Bootstrap(Part):
+    """How intervals were bootstrapped, and over what."""
+
+    resamples: Count
+    seed: Count
+    level: Number
+    over: str
+
+
+class CorrectedTwist(Part):
+    """By how much every row of B was turned to where it fits A best, and the Jaccard index without and with that."""
+
+    note: str | None = None
+    z_mm: Numbers = ()
+    twist_rad: Numbers = ()
+    known: Flags = ()
+    jaccard_without: Number | None = None
+    jaccard_with: Number | None = None
+
+
+class Result(Part):
+    """What a comparison found. Where the sides are not aligned, nothing is scored, and ``reason`` says why.
+
+    Attributes
+    ----------
+    sides: names of the two sides, A first.
+    alignment: where B lies in A's frame; ``best_unbelieved`` the best there was where none reached ``believed_if``.
+    jaccard, dice: of the two sides on the common grid.
+    threshold, polarity, polarity_from: by side: what its cells were segmented by, whether they are dark or bright, and
+        how that is known; None where the question does not arise.
+    scores, budget: of the two sides; None where they are not aligned, or neither shows a cell.
+    valid_fraction: share of the wall that both observed, over the ``overlap_mm`` of length that both cover.
+    doubts: by side, why its panorama or its cells are not to be trusted; ``notes`` these and all else it noted.
+    twist: where it was asked for to correct it.
+    truth: by the path of a mask given as truth, then by side; ``raters`` where there were several such masks.
+    versions, inputs, parameters, seconds: by package, path (sha256), side (or "compare") and stage.
+    """
+
+    sides: Annotated[tuple[str, str], Field(strict=False)]
+    aligned: bool
+    reason: str | None = None
+    alignment: StoredAlignment | None
+    believed_if: Believable | None = None
+    best_unbelieved: StoredAlignment | None = None
+    jaccard: Number | None
+    dice: Number | None
+    threshold: dict[str, Threshold] | None = None
+    polarity: dict[str, str | None] | None = None
+    polarity_from: dict[str, str | None] | None = None
+    scores: PairScores | None = None
+    budget: Budget | None = None
+    bootstrap: Bootstrap | None = None
+    valid_fraction: Number
+    overlap_mm: Number | None = None
+    doubts: dict[str, Texts] = Field(default_factory=dict)
+    twist: CorrectedTwist | None = None
+    truth: dict[str, dict[str, MaskScores]] | None = None
+    raters: Raters | None = None
+    notes: dict[str, Texts] = Field(default_factory=dict)
+    versions: dict[str, str] = Field(default_factory=dict)
+    inputs: dict[str, str] = Field(default_factory=dict)
+    parameters: dict[str, dict[str, Any] | None] = Field(default_factory=dict)
+    seconds: dict[str, Number] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _says_where(self) -> "Result":
+        if self.aligned and self.alignment is None:
+            raise ValueError("aligned, but not how")
+        if self.parameters.get("compare", {}) is None:
+            raise ValueError("no parameters of the comparison")
+        return self
+
+    @property
+    def overlap(self) -> Overlap | None:
+        """The overlap of the two sides on the common grid; None where they are not aligned."""
+        if not self.aligned:
+            return None
+        known = {"jaccard": self.jaccard, "dice": self.dice}
+        return Overlap(**known | (self.scores.grid.model_dump(exclude_unset=True) if self.scores else {}))
+
+    @property
+    def own_rows_jaccard(self) -> float | None:
+        """The Jaccard index on B's own samples; None where there is nothing to score."""
+        return self.scores.own_rows.jaccard if self.scores and self.scores.own_rows else None
+
+    @property
+    def forced(self) -> bool:
+        """Whether the alignment was to be believed however little it stood out."""
+        return bool((self.parameters.get("compare") or {}).get("force"))
+
+    def completed(
+        self,
+        *,
+        truth: Mapping[str, Mapping[str, MaskScores]],
+        raters: Raters | None,
+        notes: Mapping[str, Sequence[str]],
+        versions: Mapping[str, str],
+        inputs: Mapping[str, str],
+        parameters: Mapping[str, Mapping[str, Any]],
+        seconds: Mapping[str, float],
+    ) -> "Result":
+        """Return the whole result: this with the scores against masks, where there are any, and how it was made.
+
+        ``notes`` are what the sides' panoramas note; the sides' doubts join them.
+        """
+        noted = {side: tuple(dict.fromkeys([*said, *self.doubts.get(side, ())])) for side, said in notes.items()}
+        made = {"notes": noted, "versions": versions, "inputs": inputs, "parameters": parameters, "seconds": seconds}
+        against = {name: part for name, part in (("truth", truth), ("raters", raters)) if part}
+        return self.model_copy(update={**against, **made})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object that ``result.json`` holds, of lists, dicts, texts and numbers only."""
+        found: dict[str, Any] = as_json(self.model_dump(exclude_unset=True, by_alias=True))
+        return found
+
+    @classmethod
+    def from_json(cls, stored: Mapping[str, Any]) -> "Result":
+        """Return the result that the object ``stored`` of a ``result.json`` holds.
+
+        Raises ``ValueError`` (pydantic's) where something is missing, not of its kind, or a number beyond 10¹².
+        """
+        return cls.model_validate(stored)
