@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.task import AnyTask, Range
+from endoct.workbench.pipeline.vary import numbers, range_texts, words
 
 MOST_SEEDS = 1_000_000
 LONGEST_SEED = 18
@@ -27,35 +28,30 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return tuple(dict.fromkeys(seeds))
 
 
-def narrowed(task: AnyTask, wishes: Sequence[str], sweep: str | None = None) -> dict[str, Range]:
-    """Return the ranges of ``task`` with those that ``wishes`` ("name=low..high", "name=word|word") replace.
+def narrowed(task: AnyTask, wanted: Sequence[str], sweep: str | None = None) -> dict[str, Range]:
+    """Return the ranges of ``task``, of which those in ``wanted`` ("name=low..high", "name=word|word") are replaced.
 
-    With ``sweep``, that condition alone is varied: all others that were not wished for stay at the middle of their
-    range, or at their first word. Raises :class:`EndoctError` for a condition the task does not have, or a range
-    that cannot be drawn from. Where nothing is asked for, the task's usual ranges hold.
+    Where nothing is wanted, the task's usual ranges hold. With ``sweep``, that condition alone is varied: all others
+    that are not in ``wanted`` stay at the middle of their range, or at their first word. Raises :class:`EndoctError`
+    for a condition that the task does not have, or a range that cannot be drawn from.
     """
     ranges = {**task.ranges, **task.usual}
-    wished = set()
-    for wish in wishes:
-        name, _, value = (piece.strip() for piece in wish.partition("="))
+    texts = range_texts(wanted, "condition")
+    for name, text in texts.items():
         _check_name(name, task)
-        if name in wished:
-            raise EndoctError(f"the condition '{name}' is given twice", found=f"'{wish}'", expected="each once")
-        ranges[name] = _range(wish, value, _all(task)[name])
-        wished.add(name)
+        ranges[name] = _range(name, text, _all(task)[name])
     if sweep is not None:
         _check_name(sweep, task)
         ranges.setdefault(sweep, _all(task)[sweep])
-        for name in ranges.keys() - wished - {sweep}:
+        for name in ranges.keys() - texts.keys() - {sweep}:
             ranges[name] = middle(ranges[name])
     return ranges
 
 
 def middle(range_: Range) -> Range:
     """Return the middle of a range without width, or its first word alone."""
-    words = [word for word in range_ if isinstance(word, str)]
-    if words:
-        return (words[0],)
+    if known := [word for word in range_ if isinstance(word, str)]:
+        return (known[0],)
     value = sum(number for number in range_ if not isinstance(number, str)) / 2
     return value, value
 
@@ -75,18 +71,15 @@ def _is_seed(text: str) -> bool:
     return text.isascii() and text.isdecimal() and len(text) <= LONGEST_SEED
 
 
-def _range(wish: str, value: str, usual: Range) -> Range:
-    words = tuple(word for word in usual if isinstance(word, str))
-    if words:
-        chosen = tuple(word.strip() for word in value.split("|"))
-        if unknown := [word for word in chosen if word not in words]:
-            raise EndoctError(f"'{wish}' cannot be drawn", found=", ".join(unknown), expected=" or ".join(words))
-        return chosen
-    low, dots, high = value.partition("..")
-    try:
-        numbers = float(low), float(high if dots else low)
-    except ValueError:
-        raise EndoctError("a condition cannot be read", found=f"'{wish}'", expected="name=low..high") from None
-    if not (all(map(math.isfinite, numbers)) and numbers[0] <= numbers[1]):
-        raise EndoctError("a condition cannot be drawn", found=f"'{wish}'", expected="name=low..high, low first")
-    return numbers
+def _range(name: str, text: str, usual: Range) -> Range:
+    known = [word for word in usual if isinstance(word, str)]
+    if known:
+        if unknown := [word for word in words(text) if word not in known]:
+            raise EndoctError(f"'{name}={text}' cannot be drawn", found=", ".join(unknown), expected=" or ".join(known))
+        return words(text)
+    range_ = numbers(text)
+    if range_ is None:
+        raise EndoctError("a condition cannot be read", found=f"'{name}={text}'", expected="name=low..high")
+    if not (all(map(math.isfinite, range_)) and range_[0] <= range_[1]):
+        raise EndoctError("a condition cannot be drawn", found=f"'{name}={text}'", expected="name=low..high, low first")
+    return range_

@@ -23,6 +23,7 @@ from endoct.workbench.bench.results.plots import draw_plots
 from endoct.workbench.bench.results.tables import difference_table, footnotes, table
 from endoct.workbench.bench.runner import Plan, Row, run
 from endoct.workbench.bench.task import AnyTask
+from endoct.workbench.pipeline.vary import range_text
 from endoct.workbench.running.kinds import BENCH_RESULTS
 from endoct.workbench.running.progress import Stages
 
@@ -78,8 +79,8 @@ def describe_task(name: str) -> tuple[Facts, Lines]:
     task = load_task(name)
     lines: Lines = [f"{task.name}: {task.title}", f"a method: {task.signature}", ""]
     for title, entries in (
-        ("condition", {key: _range_text(range_) for key, range_ in task.ranges.items()}),
-        ("only on request", {key: _range_text(range_) for key, range_ in task.optional.items()}),
+        ("condition", {key: range_text(range_) for key, range_ in task.ranges.items()}),
+        ("only on request", {key: range_text(range_) for key, range_ in task.optional.items()}),
         ("score", task.scores),
         ("method", {method: origin(task, method) for method in method_names(task)}),
     ):
@@ -100,11 +101,6 @@ def _task_facts(task: AnyTask) -> Facts:
         "scores": dict(task.scores),
         "methods": {method: origin(task, method) for method in method_names(task)},
     }
-
-
-def _range_text(range_: Sequence[float | str]) -> str:
-    words = [value for value in range_ if isinstance(value, str)]
-    return "|".join(words) or "..".join(f"{value:g}" for value in range_)
 
 
 def run_bench(
