@@ -12,11 +12,11 @@ from endoct.stitching.files import sha256_of
 from endoct.stitching.names import is_left_by_system
 from endoct.stitching.parallel import thread_map
 from endoct.workbench.dataset.building import LOCK_NAME, TOP_FILES
+from endoct.workbench.dataset.files import DAMAGED, WRITTEN, changed_top_files, digest_of
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import read_identity
 from endoct.workbench.dataset.plan import Unit
 from endoct.workbench.dataset.records import RECORDS, Record, read_record
-from endoct.workbench.running.files import DAMAGED, WRITTEN, changed_top_files, digest_of
 from endoct.workbench.running.kinds import DATA_SET, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, SilentStages, Stages
 

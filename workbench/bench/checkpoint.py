@@ -23,7 +23,7 @@ from endoct.stitching.scratch import clear_dead_scratch, new_file
 from endoct.workbench.bench.facts import plan_facts
 from endoct.workbench.bench.methods import load_task, module_of
 from endoct.workbench.bench.runner import Plan, Row
-from endoct.workbench.running.files import disk_errors_told
+from endoct.workbench.running.disk_errors import refusing_disk_errors
 
 RUN = "run.json"
 _OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")
@@ -128,5 +128,5 @@ def _remove(folder: Path) -> None:
 
 
 def _write(path: Path, content: object) -> None:
-    with disk_errors_told(path.parent), new_file(path) as file:
+    with refusing_disk_errors(path.parent), new_file(path) as file:
         file.write(json.dumps(content).encode())

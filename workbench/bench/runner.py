@@ -16,7 +16,6 @@ import numpy as np
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.methods import Method, load_method, load_task
 from endoct.workbench.bench.task import AnyCase, AnyTask, Conditions, Declined, Range
-from endoct.workbench.dataset.working import own_cluster
 from endoct.workbench.running.progress import Advance
 from endoct.workbench.running.threads import one_blas_thread
 
@@ -104,6 +103,8 @@ def _run_by_processes(
     plan: Plan, wanted: Mapping[int, Source], workers: int, advance: Advance
 ) -> Iterator[tuple[int, list[Row]]]:
     from distributed import KilledWorker, as_completed
+
+    from endoct.workbench.running.cluster import own_cluster
 
     with own_cluster(max(1, min(workers, len(wanted)))) as client:
         places = {client.submit(run_source, plan, source, pure=False): place for place, source in wanted.items()}

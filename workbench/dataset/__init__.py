@@ -1,4 +1,4 @@
-"""Data sets of simulated specimens: making them on many processes, keeping them, reading them.
+"""Data sets of simulated specimens: making them with many processes, and reading them.
 
 ``from endoct.workbench.dataset import Specimens`` reads one. The names load on first use, so that a program that
 only reads a set does not load what makes it.

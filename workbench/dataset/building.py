@@ -14,17 +14,18 @@ from endoct.stitching.output import check_place
 from endoct.stitching.parallel import thread_map
 from endoct.stitching.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
+from endoct.workbench.dataset.contact_sheet import NAME as SHEET
+from endoct.workbench.dataset.contact_sheet import write_contact_sheet
+from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
 from endoct.workbench.dataset.manifest import write_manifest
 from endoct.workbench.dataset.plan import Plan, Unit, job, units
+from endoct.workbench.dataset.readme import LICENCE, readme
 from endoct.workbench.dataset.records import RECORDS, finished
-from endoct.workbench.dataset.sheet import NAME as SHEET
-from endoct.workbench.dataset.sheet import write_sheet
-from endoct.workbench.dataset.texts import LICENCE, readme
-from endoct.workbench.dataset.working import existing_cluster, make_here, make_on, own_cluster
-from endoct.workbench.running.files import DAMAGED, WRITTEN, count_damaged, disk_errors_told, top_file
+from endoct.workbench.dataset.workers import make_here, make_on
+from endoct.workbench.running.disk_errors import refusing_disk_errors
 from endoct.workbench.running.progress import SilentStages, Stages
 
 LOCK_NAME = ".lock"
@@ -33,7 +34,7 @@ TOP_FILES = (NAME, "LICENSE", "README.md", MANIFEST, SHEET)
 
 @dataclass(frozen=True)
 class Built:
-    """What a run did: specimens in the set, made now, and found finished; bytes of them all; seconds it took.
+    """What a run did: specimens in the set, made now, and finished before; bytes of them all; seconds it took.
 
     ``set_aside``: how many specimens or shards were not as their records say, and lie in ``damaged/`` now.
     """
@@ -48,7 +49,7 @@ class Built:
 
 @dataclass(frozen=True)
 class Forecast:
-    """What making the rest of a set would take, reckoned from one specimen that was made to see.
+    """What making the rest of a set would take, estimated from one specimen made for that.
 
     ``missing`` specimens in so many ``files`` and ``bytes``, where there is room for ``free_bytes``; ``seconds``
     for ``workers`` processes that do not slow one another down.
@@ -76,13 +77,13 @@ def make_dataset(
     ``workers`` processes of one thread each make it (default: one for each processor); one alone is this process.
     Or the workers of the dask ``scheduler`` at that address do, which must see ``output`` under the same name. The
     bytes depend on none of that. A script that calls this with more than one worker needs the usual
-    ``if __name__ == "__main__":``. Raises :class:`EndoctError` where ``output`` holds something else or somebody is
-    at work in it, a worker does not see it, the disk is full or read-only, or a specimen cannot be made.
+    ``if __name__ == "__main__":``. Raises :class:`EndoctError` where ``output`` holds something else or another run
+    is at work in it, a worker does not see it, the disk is full or read-only, or a specimen cannot be made.
     """
     start = time.perf_counter()
     stages = stages or SilentStages()
     root, workers = _checked(output, plan, workers, scheduler)
-    with disk_errors_told(root), _begun(root, plan):
+    with refusing_disk_errors(root), _begun(root, plan):
         _clear(root)
         set_aside = count_damaged(root)
         sizes = _finished_bytes(root, plan, stages)
@@ -105,7 +106,7 @@ def make_dataset(
                 _clear(root)  # what workers left that died, or that were ended with their cluster
         with stages.stage("manifest and contact sheet"):
             write_manifest(root, plan)
-            write_sheet(root)
+            write_contact_sheet(root)
     set_aside = count_damaged(root) - set_aside
     return Built(plan.count, made, plan.count - made, size, time.perf_counter() - start, set_aside)
 
@@ -126,10 +127,12 @@ def forecast(
     stages = stages or SilentStages()
     root, workers = _checked(output, plan, workers, scheduler)
     if scheduler is not None:
+        from endoct.workbench.running.cluster import existing_cluster
+
         with existing_cluster(scheduler) as client:
             workers = max(1, sum(client.nthreads().values()))
     missing = [unit for unit in units(plan) if finished(root, plan, unit) is None]
-    with stages.stage("one specimen to see"), TemporaryFolder("dry-run") as folder:
+    with stages.stage("one specimen for the estimate"), TemporaryFolder("dry-run") as folder:
         trial = replace(plan, count=1)
         unit = next(units(trial))
         _warm_up()
@@ -167,12 +170,12 @@ def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str
 
 @contextmanager
 def _begun(root: Path, plan: Plan) -> Iterator[None]:
-    """Hold the lock of ``root``, with what tells of the set in it; leave nothing where nothing was made."""
+    """Hold the lock of ``root``, with the files that describe the set in it; leave nothing where nothing was made."""
     existed = root.exists()
     root.mkdir(parents=True, exist_ok=True)
     try:
         with held(root / LOCK_NAME):
-            check_identity(root, plan)  # again: somebody may have begun another one just now
+            check_identity(root, plan)  # again: another run may have begun one just now
             write_identity(root, plan)
             for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan))):
                 with top_file(root, name) as file:
@@ -184,7 +187,7 @@ def _begun(root: Path, plan: Plan) -> Iterator[None]:
                     _leave_nothing(root)
     except HeldError as error:
         raise EndoctError(
-            f"somebody is at work in {root} already", found=str(error), remedy="wait for that, or end it"
+            f"another run is at work in {root}", found=str(error), remedy="wait for that, or end it"
         ) from error
 
 
@@ -192,7 +195,7 @@ def _finished_bytes(root: Path, plan: Plan, stages: Stages) -> dict[str, int]:
     """Return the bytes of every unit that is finished, by name; each byte is read and held against its record."""
     every = list(units(plan)) if (root / RECORDS).is_dir() else []
     sizes: dict[str, int] = {}
-    with stages.stage("what is there") as advance:
+    with stages.stage("check of what is there") as advance:
         records = thread_map(lambda unit: finished(root, plan, unit), every)
         for done, (unit, record) in enumerate(zip(every, records, strict=True), 1):
             if record is not None:
@@ -222,14 +225,17 @@ def _leave_nothing(root: Path) -> None:
 def _makers(
     root: Path, plan: Plan, missing: Sequence[Unit], workers: int, scheduler: str | None, make: Make
 ) -> Iterator[Iterator[Done]]:
+    if scheduler is None and workers == 1:
+        yield make_here(root, plan, missing, make)
+        return
+    from endoct.workbench.running.cluster import existing_cluster, own_cluster
+
     if scheduler is not None:
         with existing_cluster(scheduler) as client:
             yield make_on(client, root, plan, missing, make)
-    elif workers > 1:
+    else:
         with own_cluster(min(workers, len(missing))) as client:
             yield make_on(client, root, plan, missing, make)
-    else:
-        yield make_here(root, plan, missing, make)
 
 
 def _warm_up() -> None:

@@ -1,4 +1,4 @@
-"""What a data set says of itself in ``dataset.json``, and whether arguments agree with what is there."""
+"""What ``dataset.json`` says about a data set, and whether arguments agree with it."""
 
 import hashlib
 import json
@@ -10,10 +10,10 @@ import endoct.stitching
 import endoct.synthetic
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.json_values import read_object
+from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.vary import ranges_text
-from endoct.workbench.running.files import top_file
 
 NAME = "dataset.json"
 LICENCE = "CC0-1.0"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.scratch import scratch_beside
+from endoct.workbench.dataset.files import digest_of, put_unit, store_and_digest
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
 from endoct.workbench.dataset.records import (
     MadeSpecimen,
@@ -21,7 +22,7 @@ from endoct.workbench.dataset.records import (
     write_record,
 )
 from endoct.workbench.dataset.shards import add_specimen, copy_specimens, new_shard
-from endoct.workbench.running.files import digest_of, disk_errors_told, put_unit, store_and_digest
+from endoct.workbench.running.disk_errors import refusing_disk_errors
 
 Make = Callable[[Path, Plan, Job], None]
 """Makes a specimen in a folder that does not exist yet."""
@@ -56,10 +57,10 @@ def simulate_specimen(folder: Path, plan: Plan, job: Job) -> None:
 def make_unit(root: Path, plan: Plan, unit: Unit, make: Make = simulate_specimen) -> Done:
     """Make ``unit`` of the data set in ``root`` and write its record; leave what is finished already.
 
-    A unit may be asked for twice: the worker that had it may have died after finishing it and before saying so.
+    A unit may come twice: the worker that had it may have died after finishing it and before saying so.
     Raises :class:`EndoctError` where it cannot be made or written.
     """
-    with disk_errors_told(root):
+    with refusing_disk_errors(root):
         if (record := finished(root, plan, unit)) is not None:
             return Done(len(unit.indices), 0, 0.0, record.bytes)
         start = time.perf_counter()
@@ -72,7 +73,7 @@ def make_unit(root: Path, plan: Plan, unit: Unit, make: Make = simulate_specimen
                 specimens, n_made = (specimen,), 1
             else:
                 old = sound_record(root, unit)
-                specimens, n_made = _make_shard(made, place, old, scratch, plan, unit, make)
+                specimens, n_made = _make_shard(scratch, place, old, plan, unit, make)
                 files = {place.name: store_and_digest(made)}
             if (record := finished(root, plan, unit)) is not None:  # by a worker that an earlier run had left behind
                 return Done(len(unit.indices), 0, 0.0, record.bytes)
@@ -110,12 +111,12 @@ def _make_specimen(folder: Path, plan: Plan, job: Job, make: Make) -> tuple[Made
 
 
 def _make_shard(
-    shard: Path, place: Path, old: Record | None, scratch: Path, plan: Plan, unit: Unit, make: Make
+    scratch: Path, place: Path, old: Record | None, plan: Plan, unit: Unit, make: Make
 ) -> tuple[tuple[MadeSpecimen, ...], int]:
-    """Write the tar of ``unit``; what an ``old``, shorter one at ``place`` holds already is copied from it."""
+    """Write the tar of ``unit`` in ``scratch``; what an ``old``, shorter one at ``place`` holds is copied from it."""
     jobs = [job(plan, index) for index in unit.indices]
     specimens: list[MadeSpecimen] = []
-    with new_shard(shard) as tar:
+    with new_shard(scratch / place.name) as tar:
         if old is not None and _begins(unit, old) and old.files[place.name] == store_and_digest(place):
             copy_specimens(place, tar)
             specimens.extend(old.specimens)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.names import spreadsheet_text
+from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_of, units
 from endoct.workbench.dataset.records import MadeSpecimen, Scalar, read_record
-from endoct.workbench.running.files import top_file
 
 NAME = "manifest.csv"
 

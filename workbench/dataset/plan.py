@@ -57,7 +57,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Job:
-    """One specimen to make: its place in the set, and all that its bytes depend on beside the plan's."""
+    """One specimen to make: its place in the set, and all that its bytes depend on in addition to the plan."""
 
     index: int
     bore: int

@@ -42,7 +42,7 @@ class Specimens:
     - ``relief_mm`` f32, ``cell`` bool and ``cell_id`` i32, all (z, θ): the truth in the bore frame, row k at
       z = k·dz mm from the mouth, column j at θ = 2πj/n. It is cut where the set's shortest bore ends, beyond all
       recordings, so that truth of many specimens can be stacked;
-    - ``labels.STORE.NAME`` where the set was made with labels, as :mod:`endoct.synthetic.labels` tells;
+    - ``labels.STORE.NAME`` where the set was made with labels, as :mod:`endoct.synthetic.labels` describes;
     - ``index``, of the specimen in the set.
 
     ``rows`` holds the lines of ``manifest.csv``, column → text. Both formats can be read; for shards the
@@ -156,10 +156,10 @@ def _frames(folder: Path) -> NDArray[np.uint8]:
 
 
 def _labels(folder: Path) -> Arrays:
-    found: Arrays = {}
+    arrays: Arrays = {}
     for store in sorted(folder.glob("*.zarr")):
         if store.is_symlink():
             raise EndoctError(f"{store} cannot be part of a data set", found="a link", expected="files and folders")
         for name, values in sorted(read_arrays(store, together=WHOLE).items()):
-            found[f"labels.{store.stem}.{name}"] = values
-    return found
+            arrays[f"labels.{store.stem}.{name}"] = values
+    return arrays

@@ -1,4 +1,4 @@
-"""The records of what is finished: one file a unit, ``records/NAME.json``, written after what it tells of."""
+"""The records of what is finished: one file a unit, ``records/NAME.json``, written after what it describes."""
 
 import json
 from collections.abc import Mapping
@@ -69,7 +69,7 @@ def read_record(root: Path, unit: Unit) -> Record | None:
 def sound_record(root: Path, unit: Unit) -> Record | None:
     """Return the record of ``unit`` where every file it names is there with its bytes, else None.
 
-    It may tell of fewer specimens than ``unit`` has: of a shard that was the last of a smaller set.
+    It may list fewer specimens than ``unit`` has: of a shard that was the last of a smaller set.
     """
     record = read_record(root, unit)
     if record is None:

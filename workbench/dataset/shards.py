@@ -1,4 +1,4 @@
-"""Shards: tar files as the webdataset library reads them, the same bytes whoever writes them."""
+"""Shards: tar files as the webdataset library reads them, the same bytes from any machine."""
 
 import tarfile
 from collections.abc import Iterator

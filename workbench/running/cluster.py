@@ -1,15 +1,27 @@
-"""A cluster of this command alone: its parts speak with one another only, by credentials that nobody else has."""
+"""Clusters of worker processes: one of this command alone, or one that exists already.
+
+The parts of a command's own cluster talk to one another only, by credentials that are made for it.
+"""
 
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import dask
 from distributed import Client, Nanny, Scheduler, SpecCluster, Worker
 from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.scratch import TemporaryFolder
+
 HOST = "127.0.0.1"
+DEATHS = 5
+"""Workers that may die holding a piece of work before that piece is thought to be at fault."""
+CONNECT_S = 20.0
+# dask by itself has workers give memory back at once; fetching it anew for every array takes twice the processor's time
+WORKER_ENVIRONMENT = {"OMP_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1, "MKL_NUM_THREADS": 1}
 # a terminal sends Ctrl-C to every process it has; workers end with their cluster, without a traceback each
 LEAVE_INTERRUPTS_TO_THE_COMMAND = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
@@ -29,7 +41,55 @@ class WorkerWithoutPages(Worker):
 
 
 @contextmanager
-def private_cluster(workers: int, scratch: str) -> Iterator[Client]:
+def own_cluster(workers: int) -> Iterator[Client]:
+    """Yield the client of ``workers`` processes with one thread each, which end with this one and obey it alone."""
+    with (
+        TemporaryFolder("workers") as scratch,
+        dask.config.set(
+            {
+                "distributed.scheduler.allowed-failures": DEATHS,
+                "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
+            }
+        ),
+        _private_cluster(workers, scratch) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def existing_cluster(address: str) -> Iterator[Client]:
+    """Yield the client of the scheduler at ``address``.
+
+    Who answers there is trusted: what it sends is unpickled here, which may run anything. Raises :class:`EndoctError`
+    where there is none, or it has no worker.
+    """
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with refusing(
+        f"no scheduler answers at {address}",
+        expected="an address as tcp://host:8786 or tls://host:8786",
+        remedy="start one with `dask scheduler`, or leave --scheduler out",
+    ):
+        security = Security()
+        credentials = security.get_tls_config_for_role("client")
+        if address.startswith("tls://") and not (credentials["ca_file"] and credentials["cert"]):
+            raise EndoctError(
+                f"{address} cannot be reached without credentials",
+                expected="distributed.comm.tls in Dask's configuration",
+                remedy="see docs/datasets.md",
+            )
+        client = Client(address, security=security, timeout=CONNECT_S)
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_S)
+        except TimeoutError as error:
+            raise EndoctError(
+                f"the scheduler at {address} has no worker", remedy=f"start one with `dask worker {address}`"
+            ) from error
+        yield client
+
+
+@contextmanager
+def _private_cluster(workers: int, scratch: str) -> Iterator[Client]:
     """Yield the client of ``workers`` processes with one thread each, which end with this one.
 
     Loopback alone would not keep others out: who may connect may run code, and everybody on this machine can reach

@@ -26,7 +26,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.workbench.dataset.building import make_dataset
 from endoct.workbench.dataset.identity import check_worker
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.dataset.working import existing_cluster, own_cluster
+from endoct.workbench.running.cluster import existing_cluster, own_cluster
 
 PLAN = Plan(9, seed=5)
 
@@ -155,7 +155,7 @@ def test_an_error_of_a_worker_is_told_as_it_is(tmp_path: Path) -> None:
 
 
 def test_no_scheduler_and_a_worker_that_does_not_see_the_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("endoct.workbench.dataset.working.CONNECT_S", 0.3)
+    monkeypatch.setattr("endoct.workbench.running.cluster.CONNECT_S", 0.3)
     with (
         pytest.raises(EndoctError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"),
         existing_cluster("tcp://127.0.0.1:9"),

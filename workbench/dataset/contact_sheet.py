@@ -7,28 +7,28 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.reading import Specimens
-from endoct.workbench.running.files import top_file
 
 NAME = "contact_sheet.png"
-SHOWN = 8
+N_SPECIMENS = 8
 TITLES = ("B-scan, depth × A-scan", "OCT from above, slice × A-scan", "endoscope", "true depth, z × θ (cells outlined)")
 
 
-def write_sheet(root: Path) -> None:
+def write_contact_sheet(root: Path) -> None:
     """Draw specimens spread evenly over the set in ``root``: the middle frame of both recordings, and the truth."""
     specimens = Specimens(root)
-    chosen = np.unique(np.linspace(0, len(specimens) - 1, SHOWN).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(specimens) - 1, N_SPECIMENS).round().astype(int))
     figure = Figure(figsize=(14, 0.4 + 2.1 * chosen.size), dpi=80, layout="constrained")
     axes = figure.subplots(chosen.size, 4, squeeze=False, width_ratios=(1, 1, 0.85, 1.15))
     for row, index in zip(axes, chosen, strict=True):
-        shown, line = specimens[int(index)], specimens.rows[int(index)]
-        oct_, frames = shown["oct"], shown["endoscope"]
+        arrays, line = specimens[int(index)], specimens.rows[int(index)]
+        oct_, frames = arrays["oct"], arrays["endoscope"]
         _draw(row[0], oct_[len(oct_) // 2], "gray")
         _draw(row[1], oct_.mean(axis=1), "gray")
         row[2].imshow(frames[len(frames) // 2])
-        _draw(row[3], np.clip(shown["relief_mm"], 0, 1), "viridis")
-        row[3].contour(shown["cell"], levels=[0.5], colors="white", linewidths=0.5)
+        _draw(row[3], np.clip(arrays["relief_mm"], 0, 1), "viridis")
+        row[3].contour(arrays["cell"], levels=[0.5], colors="white", linewidths=0.5)
         row[0].set_ylabel(f"{line['name']}\n{line['split']}\n{line['bore.bone']}", fontsize=8)
         for panel in row:
             panel.set(xticks=[], yticks=[])

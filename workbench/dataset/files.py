@@ -1,6 +1,6 @@
-"""Files of a data set: their digests, how they come into it, and what the disk may do to them.
+"""Files of a data set: their digests, and how they come into it.
 
-Whatever is replaced is removed only where its record knows its bytes; else it is kept, in ``damaged/`` or beside.
+Whatever is replaced is removed only where its record lists its bytes; else it stays, in ``damaged/`` or nearby.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from endoct.stitching.scratch import REPLACED, keep_aside, new_file, scratch_bes
 
 DAMAGED = "damaged"
 WRITTEN = ".written.json"
-"""The digests of the files at the top of the set, by which those that somebody changed are known."""
+"""The digests of the files at the top of the set, by which changed ones are recognised."""
 
 Files = Mapping[str, tuple[int, str]]
 """Path → (bytes, sha256)."""
@@ -72,14 +72,14 @@ def count_damaged(root: Path) -> int:
 
 @contextmanager
 def top_file(root: Path, name: str) -> Iterator[IO[bytes]]:
-    """Open a file at the top of the set to write anew; one that somebody changed is kept beside it, as NAME.kept-1."""
+    """Open a file at the top of the set to write anew; one that was changed since stays, as NAME.kept-1."""
     path, written = root / name, _written(root)
     with scratch_beside(path) as scratch:
         made = scratch / name
         with made.open("wb") as file:
             yield file
         digest = store_and_digest(made)[1]
-        # noted before it is done, so that a run that dies in between leaves no file that nobody knows
+        # noted first, so that a run that dies in between leaves no unknown file
         _note_written(root, written | {name: [*written.get(name, [])[-1:], digest]})
         with uninterrupted():
             if os.path.lexists(path) and sha256_of(path) not in (digest, *written.get(name, ())):
@@ -102,22 +102,9 @@ def _written(root: Path) -> dict[str, list[str]]:
         stored = read_object(root / WRITTEN)
         return {name: [str(digest) for digest in digests] for name, digests in stored.items()}
     except (EndoctError, TypeError):
-        return {}  # then every file is kept that differs
+        return {}  # then every file that differs is kept
 
 
 def _note_written(root: Path, written: Mapping[str, list[str]]) -> None:
     with new_file(root / WRITTEN) as file:
         file.write((json.dumps(written, indent=1) + "\n").encode())
-
-
-@contextmanager
-def disk_errors_told(folder: Path) -> Iterator[None]:
-    """Turn what the disk may do to us into one :class:`EndoctError`."""
-    try:
-        yield
-    except OSError as error:
-        raise EndoctError(
-            f"{folder} cannot be written",
-            found=error.strerror or str(error),
-            remedy="mend that and start again with the same arguments; what is finished is kept",
-        ) from error

@@ -1,0 +1,20 @@
+"""Errors of the disk as one line for the user."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from endoct.stitching.errors import EndoctError
+
+
+@contextmanager
+def refusing_disk_errors(folder: Path) -> Iterator[None]:
+    """Turn whatever goes wrong in writing to ``folder`` into one :class:`EndoctError`."""
+    try:
+        yield
+    except OSError as error:
+        raise EndoctError(
+            f"{folder} cannot be written",
+            found=error.strerror or str(error),
+            remedy="mend that and start again with the same arguments; what is finished is kept",
+        ) from error
