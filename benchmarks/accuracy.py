@@ -1,71 +1,67 @@
 """How close a comparison comes to the truth of simulated specimens.
 
-    python benchmarks/accuracy.py --seeds 1000-1029 [--preset quick] [--literal] [--keep DIR] [--cache DIR] [--csv FILE]
+    python benchmarks/accuracy.py --seeds 1000-1029 [--preset quick] [--method main|literal] [--csv FILE]
 
-Seeds 0–99 are for tuning, from 1000 on for reporting. Both recordings are unrolled and compared as `endoct compare`
-does it, without its report. A row a specimen, then for each column the median with its 95 % interval, bootstrapped over
-specimens. :func:`endoct.workbench.pipeline.truth.held_against` says what the columns mean; ``lost_…`` are the parts of
-the agreement budget, of 1 − Jaccard on the grid.
+Cases, methods and scores are those of the task "ablate" of `endoct bench`, with the parts of the agreement budget, of
+1 − Jaccard on the grid, in addition (``lost_…``). Seeds 0–99 are for tuning, from 1000 on for reporting. A row a
+specimen, then for each score the median with its 95 % interval, bootstrapped over specimens.
+:func:`endoct.workbench.pipeline.truth.held_against` says what the scores mean.
 """
 
 import argparse
-import csv
 import sys
-import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from panoramas import both_unrolled, unrolled
 from scipy.stats import bootstrap
 
-from endoct.fusion.comparison import compare_panoramas
-from endoct.fusion.segmentation.segment import SegmentParameters
-from endoct.stitching.errors import EndoctError
-from endoct.workbench import simulate
-from endoct.workbench.pipeline.truth import held_against, load_truth
+from endoct.workbench.bench.case_selection import parse_seeds
+from endoct.workbench.bench.results.files import write_csv
+from endoct.workbench.bench.results.frame import SCORE, columns_of, frame_of
+from endoct.workbench.bench.runner import Row, run_method
+from endoct.workbench.bench.tasks import ablate
+from endoct.workbench.bench.tasks.comparison import ComparedPair, ComparisonCase, judge
 from endoct.workbench.running.threads import one_blas_thread
 
-EVEN_TURNS = {f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")}
-LITERAL = {"undistort": "sine", "wall": "maximum", **EVEN_TURNS}
 
-Row = dict[str, float | str]
+def judge_with_budget(case: ComparisonCase, answer: ComparedPair) -> Mapping[str, float]:
+    """Return the scores of the task, and the parts of the budget that are known."""
+    budget = answer.comparison.result.budget
+    parts = budget.parts.by_cause() if budget else {}
+    return {**judge(case, answer), **{f"lost_{cause}": part.share for cause, part in parts.items()}}
 
 
 @one_blas_thread()
-def evaluate(seed: int, preset: str, folder: Path, cache: Path, literal: bool) -> Row:
-    """Compare a specimen's recordings and hold the result against its truth. Cannot be unrolled: ``aligned`` 0."""
-    specimen, variant = folder / f"{preset}-{seed}", "literal" * literal
-    if not specimen.exists():
-        simulate(specimen, preset=preset, seed=seed)
-    both_unrolled(specimen, cache, variant, LITERAL if literal else None)
+def evaluate(seed: int, preset: str, method: str) -> Row:
+    """Simulate a specimen, and compare its recordings."""
+    task = replace(ablate.TASK, judge=judge_with_budget)
+    case = task.cases(seed, 0, {"preset": (preset,)})
     try:
-        endoscope, oct_ = unrolled(specimen, "endoscope", cache), unrolled(specimen, "oct", cache, variant)
-    except EndoctError as error:
-        return {"specimen": specimen.name, "aligned": 0.0, "reason": str(error)}
-    comparison = compare_panoramas(endoscope, oct_)
-    row: Row = {"specimen": specimen.name}
-    row |= held_against(load_truth(specimen), endoscope, oct_, comparison, SegmentParameters())
-    budget = comparison.result.budget
-    return row | {f"lost_{cause}": part.share for cause, part in (budget.parts.by_cause() if budget else {}).items()}
+        return run_method(task, method, case)
+    finally:
+        if case.scratch is not None:
+            case.scratch.cleanup()
 
 
 def summary(rows: Sequence[Row]) -> list[str]:
-    """Return a line a column: median, its interval, extremes."""
-    said = []
-    for key in dict.fromkeys(k for row in rows for k, v in row.items() if isinstance(v, float)):
-        values = np.array([row[key] for row in rows if key in row], dtype=float)
+    """Return a line a score: median, its interval, extremes."""
+    frame = frame_of(rows)
+    lines = []
+    for name in columns_of(frame, SCORE):
+        values = frame[name].dropna().to_numpy()
         low, high = values.min(), values.max()
         if values.size > 1 and low < high:
-            found = bootstrap((values,), np.median, method="percentile", rng=np.random.default_rng(0))
-            low, high = found.confidence_interval
-        said.append(
-            f"{key:18s} median {np.median(values):.3f} ({low:.3f} to {high:.3f})  min {values.min():.3f}  "
-            f"max {values.max():.3f}  n {values.size}"
+            interval = bootstrap((values,), np.median, method="percentile", rng=np.random.default_rng(0))
+            low, high = interval.confidence_interval
+        lines.append(
+            f"{name.removeprefix(SCORE):18s} median {np.median(values):.3f} ({low:.3f} to {high:.3f})  "
+            f"min {values.min():.3f}  max {values.max():.3f}  n {values.size}"
         )
-    return said
+    return lines
 
 
 def main() -> None:
@@ -73,31 +69,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", default="1000-1009", help="first-last")
     parser.add_argument("--preset", default="quick")
-    parser.add_argument("--literal", action="store_true", help="the paper's chain taken literally for the OCT")
+    parser.add_argument("--method", default=ablate.MAIN, choices=list(ablate.STEPS), help="a method of the task")
     parser.add_argument("--csv", type=Path)
-    parser.add_argument("--keep", type=Path, help="keep specimens here, PRESET-SEED, and reuse them")
-    parser.add_argument("--cache", type=Path, help="keep panoramas here, and reuse them")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
-    first, _, last = arguments.seeds.partition("-")
     rows: list[Row] = []
-    with tempfile.TemporaryDirectory() as scratch, ProcessPoolExecutor(arguments.workers) as pool:
-        work = partial(
-            evaluate,
-            preset=arguments.preset,
-            folder=arguments.keep or Path(scratch),
-            cache=arguments.cache or Path(scratch) / "panoramas",
-            literal=arguments.literal,
-        )
-        for row in pool.map(work, range(int(first), int(last or first) + 1)):
+    with ProcessPoolExecutor(arguments.workers) as pool:
+        work = partial(evaluate, preset=arguments.preset, method=arguments.method)
+        for row in pool.map(work, parse_seeds(arguments.seeds)):
             rows.append(row)
-            print("  ".join(f"{k}={v:.3f}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items()), flush=True)
+            scores = "  ".join(f"{name}={value:.3f}" for name, value in row.scores.items())
+            print(f"{row.case}  {row.status}  {scores}  {row.reason}", flush=True)
     print("\n".join(summary(rows)))
     if arguments.csv:
-        with arguments.csv.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, sorted({k for row in rows for k in row}))
-            writer.writeheader()
-            writer.writerows(rows)
+        write_csv(rows, ablate.TASK, arguments.csv)
 
 
 if __name__ == "__main__":

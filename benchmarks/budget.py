@@ -2,13 +2,13 @@
 
     python benchmarks/budget.py SPECIMEN … [--cache DIR] [--csv FILE]
 
-A row a specimen that ``endoct simulate`` wrote; its recordings are unrolled and compared. Beside the predicted parts of
-the budget stand the true losses, taken in the budget's own order (what is lost first hides part of what comes after):
+A row a specimen that ``endoct simulate`` wrote; its recordings are unrolled and compared. Next to the predicted parts
+of the budget stand the true losses, taken in the budget's own order (what is lost first hides part of what follows):
 
 - ``true_alignment``: 1 − J of the true cells at the true places of the endoscope's panorama and at those of the OCT's
-  where the found alignment puts them, both on the fine grid: its error, and what of both panoramas' z is not rigid.
-- ``true_sampling``: what is lost besides where both are seen at the panoramas' own samples only and brought from there
-  to the common grid as real masks are.
+  where the alignment puts them, both on the fine grid: its error, and what of both panoramas' z is not rigid.
+- ``true_sampling``: what is lost in addition where both are taken at the panoramas' own samples only and brought from
+  there to the common grid as real masks are.
 - ``true_rest``: the rest of 1 − J, which visibility and segmentation predict together.
 - ``error_z_um``, ``sd_z_um``: error of the alignment along z amid the overlap, and what its covariance says;
   ``error_arc_um``, ``sd_arc_um`` the same around the bore.
@@ -18,13 +18,13 @@ in units of their standard errors, which is 1 where the covariance tells the tru
 """
 
 import argparse
-import csv
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
-from panoramas import SIDES, both_unrolled, unrolled
+import pandas as pd
+from panoramas import SIDES, unroll_both, unrolled
 
 from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.geometry.alignment import Alignment
@@ -32,18 +32,18 @@ from endoct.fusion.geometry.placement import IN_PLACE, Placement
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.pipeline.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import Pose, TrueMap, Truth, jaccard, load_truth, true_cells, true_pose
 
 
 def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
     """Return the row of one specimen; of one that is not aligned the name only."""
-    both_unrolled(specimen, cache)
+    unroll_both(specimen, cache)
     a, b = (unrolled(specimen, side, cache) for side in SIDES)
     comparison = compare_panoramas(a, b)
-    found = comparison.alignment
-    if found is None or found.covariance is None:
+    alignment = comparison.alignment
+    if alignment is None or alignment.covariance is None:
         return {"specimen": specimen.name}
-    truth, grid, seen = load_truth(specimen), comparison.grid, comparison.valid.all(axis=0)
+    truth, grid, valid = load_truth(specimen), comparison.grid, comparison.valid.all(axis=0)
     pose_a, pose_b = true_pose(a, truth), true_pose(b, truth)
 
     def fine(pose: Pose, where: Alignment) -> Mask:
@@ -53,16 +53,15 @@ def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
         mask = true_cells(truth, pose, side)
         return Placement(side, where, grid, grid.z_mm, grid.dz_mm).mask(mask, np.ones_like(mask))[0]
 
-    put = jaccard(fine(pose_a, IN_PLACE), fine(pose_b, found), seen)
-    through = jaccard(sampled(a, pose_a, IN_PLACE), sampled(b, pose_b, found), seen)
-    z_a, z_b = pose_a.z_bore(a.z_mm), pose_b.z_bore(b.z_mm)
-    shared = (z_b >= z_a.min()) & (z_b <= z_a.max())
-    order = np.argsort(z_a)
-    error_mm = found.z_to_a(b.z_mm[shared]) - np.interp(z_b[shared], z_a[order], a.z_mm[order])
-    true_rad = (pose_b.theta_bore(b.grid.theta_rad) - pose_a.theta0_rad) * pose_a.sense
-    turn_rad = float(np.median(wrap_rad(found.theta_to_a(b.grid.theta_rad) - true_rad)))
-    covariance = np.array(found.covariance)
-    lever = np.array([0, 1, b.z_mm[shared].mean() * (-1 if found.z_reversed else 1)])
+    put = jaccard(fine(pose_a, IN_PLACE), fine(pose_b, alignment), valid)
+    through = jaccard(sampled(a, pose_a, IN_PLACE), sampled(b, pose_b, alignment), valid)
+    true = TrueMap(a.z_mm, pose_a, pose_b)
+    z_true_mm, theta_rad = true.z_to_a(b.z_mm), b.grid.theta_rad
+    shared = np.isfinite(z_true_mm)
+    error_mm = alignment.z_to_a(b.z_mm[shared]) - z_true_mm[shared]
+    turn_rad = float(np.median(wrap_rad(alignment.theta_to_a(theta_rad) - true.theta_to_a(theta_rad))))
+    covariance = np.array(alignment.covariance)
+    lever = np.array([0, 1, b.z_mm[shared].mean() * (-1 if alignment.z_reversed else 1)])
     budget, overlap = comparison.result.budget, comparison.result.jaccard
     if budget is None or overlap is None:
         return {"specimen": specimen.name}
@@ -102,16 +101,16 @@ def summarise(rows: list[dict[str, float | str]]) -> str:
 
     ratio = values("alignment") / values("true_alignment")
     within = int(np.sum((ratio > 1 / 1.5) & (ratio < 1.5)))
-    told = [
+    lines = [
         f"alignment, predicted / true: median {np.median(ratio):.2f}, {ratio.min():.2f} to {ratio.max():.2f}, "
         f"{within} of {len(rows)} within a factor of 1.5"
     ]
     for axis in ("z", "arc"):
         error, sd = values(f"error_{axis}_um"), values(f"sd_{axis}_um")
-        told.append(
+        lines.append(
             f"error of {axis} {rms(error):.1f} µm rms, mean {error.mean():.1f}, {rms(error / sd):.2f} deviations"
         )
-    return "; ".join(told)
+    return "; ".join(lines)
 
 
 def main() -> None:
@@ -132,10 +131,7 @@ def main() -> None:
     if known:
         print(summarise(known))
     if arguments.csv and known:
-        with arguments.csv.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(known[0]))
-            writer.writeheader()
-            writer.writerows(known)
+        pd.DataFrame(known).to_csv(arguments.csv, index=False)
     sys.exit(0 if known else 1)
 
 

@@ -18,7 +18,6 @@ A recording that cannot be unrolled counts as not aligned. Intervals are Clopper
 """
 
 import argparse
-import csv
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,24 +25,25 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from panoramas import both_unrolled, unrolled
+import pandas as pd
+from panoramas import unroll_both, unrolled
 from scipy.stats import binomtest
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
-from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align, open_orientations
+from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
+from endoct.workbench.bench.tasks.alignment import orientations_between
+from endoct.workbench.pipeline.truth import Pose, TrueMap, load_truth, true_pose
 
 SHARES = tuple(tenth / 10 for tenth in range(1, 11))
 RIGHT_RAD, RIGHT_MM = np.deg2rad(5), 0.2
-Row = dict[str, Any]
+Row = dict[str, str | float | bool]
 
 
 @dataclass(frozen=True)
@@ -67,24 +67,22 @@ def aligned(pairing: Pairing, cache_folder: Path) -> Row:
     row: Row = {"kind": pairing.kind, "a": pairing.a.name, "b": pairing.b.name, "share": pairing.share or ""}
     row |= {"aligned": False, "right": False}
     try:
-        (seen_a, a), (seen_b, b) = _side(pairing.a, "endoscope", cache_folder), _side(pairing.b, "oct", cache_folder)
+        panorama_a, a = _side(pairing.a, "endoscope", cache_folder)
+        panorama_b, b = _side(pairing.b, "oct", cache_folder)
     except EndoctError as error:
         return row | {"reason": str(error)}
-    poses = true_pose(seen_a, load_truth(pairing.a)), true_pose(seen_b, load_truth(pairing.b))
+    poses = true_pose(panorama_a, load_truth(pairing.a)), true_pose(panorama_b, load_truth(pairing.b))
     if pairing.share is not None:
         a, b = _cut(a, b, poses, pairing.share)
-    orientations = open_orientations(
-        handedness_known=seen_a.handedness_known and seen_b.handedness_known,
-        travel_known=seen_a.travel_known and seen_b.travel_known,
-    )
-    found = align(a, replace(b, radius_mm=a.radius_mm), orientations=orientations)
-    best = found if isinstance(found, Alignment) else found.best
-    row |= {"aligned": isinstance(found, Alignment), "reason": "" if isinstance(found, Alignment) else found.reason}
+    orientations = orientations_between(panorama_a, panorama_b)
+    answer = align(a, replace(b, radius_mm=a.radius_mm), orientations=orientations)
+    best = answer if isinstance(answer, Alignment) else answer.best
+    row |= {"aligned": isinstance(answer, Alignment), "reason": "" if isinstance(answer, Alignment) else answer.reason}
     if best is None:
         return row
     names = "confidence", "chance", "correlation", "ratio", "overlap_mm2"
     row |= {name: getattr(best, name) for name in names}
-    return row | {"right": pairing.a == pairing.b and _is_right(best, a, b, poses)}
+    return row | {"right": pairing.a == pairing.b and _is_right(best, TrueMap(a.z_mm, *poses), b.z_mm)}
 
 
 def _cut(a: Evidence, b: Evidence, poses: tuple[Pose, Pose], share: float) -> tuple[Evidence, Evidence]:
@@ -112,20 +110,14 @@ def _rows(evidence: Evidence, z_mm: Coordinates, reach: tuple[float, float]) -> 
     return replace(evidence, values=evidence.values[rows], valid=evidence.valid[rows], z_mm=evidence.z_mm[rows])
 
 
-def _is_right(found: Alignment, a: Evidence, b: Evidence, poses: tuple[Pose, Pose]) -> bool:
-    pose_a, pose_b = poses
+def _is_right(alignment: Alignment, true: TrueMap, z_b_mm: Coordinates) -> bool:
     theta_rad = np.linspace(0, 2 * np.pi, 32)
-    true_rad = (pose_b.theta_bore(theta_rad) - pose_a.theta0_rad) * pose_a.sense
-    z_a, z_b = pose_a.z_bore(a.z_mm), pose_b.z_bore(b.z_mm)
-    shared = (z_b >= z_a.min()) & (z_b <= z_a.max())
-    order = np.argsort(z_a)
-    off_mm = found.z_to_a(b.z_mm[shared]) - np.interp(z_b[shared], z_a[order], a.z_mm[order])
-    opposed = (z_a[-1] - z_a[0]) * (z_b[-1] - z_b[0]) < 0
+    off_mm = alignment.z_to_a(z_b_mm) - true.z_to_a(z_b_mm)
     return bool(
-        found.mirrored == (pose_a.sense != pose_b.sense)
-        and found.z_reversed == opposed
-        and abs(np.median(wrap_rad(found.theta_to_a(theta_rad) - true_rad))) < RIGHT_RAD
-        and abs(np.median(off_mm)) < RIGHT_MM
+        alignment.mirrored == true.mirrored
+        and alignment.z_reversed == true.z_reversed(z_b_mm)
+        and abs(np.median(wrap_rad(alignment.theta_to_a(theta_rad) - true.theta_to_a(theta_rad)))) < RIGHT_RAD
+        and abs(np.nanmedian(off_mm)) < RIGHT_MM
     )
 
 
@@ -202,7 +194,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     left.axvline(LIKELY_CHANCE, color="k", lw=0.8, ls="--")
     left.set(xscale="log", xlabel="chance", ylabel="confidence", title="believed: above and left of the lines")
     left.legend(fontsize=7)
-    for beside, kind in enumerate(dict.fromkeys(row["kind"] for row in rows if row["kind"].startswith("overlap"))):
+    for shift, kind in enumerate(dict.fromkeys(row["kind"] for row in rows if row["kind"].startswith("overlap"))):
         points = []
         for share in SHARES:
             of = [row for row in rows if row["kind"] == kind and row["share"] == share]
@@ -210,7 +202,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
             points.append((share, count / len(of), *interval(count, len(of))))
         x, middle, low, high = 100 * np.array(points).T
         right.errorbar(
-            x + beside, middle, np.stack([middle - low, high - middle]), fmt="o-", capsize=2, label=kind.split()[1]
+            x + shift, middle, np.stack([middle - low, high - middle]), fmt="o-", capsize=2, label=kind.split()[1]
         )
     if right.containers:
         right.legend()
@@ -234,14 +226,11 @@ def main() -> None:
     todo = list(pairings(arguments.folder, arguments.featureless, arguments.wrong, arguments.curve))
     specimens = sorted({path for pairing in todo for path in (pairing.a, pairing.b)})
     with ProcessPoolExecutor(arguments.workers) as pool:
-        list(pool.map(partial(both_unrolled, cache=work), specimens))
+        list(pool.map(partial(unroll_both, cache=work), specimens))
         rows = list(pool.map(partial(aligned, cache_folder=work), todo, chunksize=4))
     _print(_summary(rows))
     if arguments.csv:
-        with arguments.csv.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
-            writer.writeheader()
-            writer.writerows(rows)
+        pd.DataFrame(rows).to_csv(arguments.csv, index=False)
     if arguments.plot:
         plot(rows, arguments.plot)
 

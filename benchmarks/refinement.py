@@ -15,12 +15,12 @@ the answer differs when it is run again with one thread in place of all, px (0: 
 """
 
 import argparse
-import csv
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import torch
 from threadpoolctl import threadpool_limits
 
@@ -38,6 +38,7 @@ from endoct.fusion.registration.refinement import (
 )
 from endoct.fusion.registration.search import search
 from endoct.stitching.circle import wrap_rad
+from endoct.workbench.bench.case_selection import parse_seeds
 from endoct.workbench.bench.tasks.alignment import PX_MM, RADIUS_MM, RANGES, cases, judge
 
 Z_SCALES = 0.95, 1.05
@@ -191,14 +192,13 @@ def _apart_px(one: Alignment, other: Alignment, z_mm: np.ndarray) -> float:
 def summarise(rows: list[dict[str, float | str]]) -> str:
     """Return a line a method: what it got over all pairs."""
     lines = []
-    for name in dict.fromkeys(str(row["method"]) for row in rows):
-        of = {key: np.array([float(row[key]) for row in rows if row["method"] == name]) for key in list(rows[0])[2:]}
-        error, wall, cpu = of["error_px"], of["wall_s"], of["cpu_s"]
-        apart_px = of["one_thread_px"].max()
+    for name, own in pd.DataFrame(rows).groupby("method", sort=False):
+        error, wall, cpu = own["error_px"], own["wall_s"], own["cpu_s"]
+        apart_px = own["one_thread_px"].max()
         lines.append(
-            f"{name}: {error.size} pairs, error mean {error.mean():.4f}, median {np.median(error):.4f}, "
-            f"most {error.max():.4f} px; wall {np.median(wall):.2f}, most {wall.max():.2f} s; "
-            f"cpu {np.median(cpu):.2f}, most {cpu.max():.2f} s; with one thread at most {apart_px:.1g} px apart"
+            f"{name}: {error.size} pairs, error mean {error.mean():.4f}, median {error.median():.4f}, "
+            f"most {error.max():.4f} px; wall {wall.median():.2f}, most {wall.max():.2f} s; "
+            f"cpu {cpu.median():.2f}, most {cpu.max():.2f} s; with one thread at most {apart_px:.1g} px apart"
         )
     return "\n".join(lines)
 
@@ -210,18 +210,14 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=list(METHODS))
     parser.add_argument("--csv", type=Path)
     arguments = parser.parse_args()
-    first, _, last = arguments.seeds.partition("-")
     rows: list[dict[str, float | str]] = []
-    for seed in range(int(first), int(last or first) + 1):
+    for seed in parse_seeds(arguments.seeds):
         rows += evaluate(seed, arguments.methods)
         for row in rows[-len(arguments.methods) :]:
             print("  ".join(f"{k}={v:.4g}" if isinstance(v, float) else str(v) for k, v in row.items()), flush=True)
     print(summarise(rows))
     if arguments.csv and rows:
-        with arguments.csv.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        pd.DataFrame(rows).to_csv(arguments.csv, index=False)
 
 
 if __name__ == "__main__":

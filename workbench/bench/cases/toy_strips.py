@@ -1,4 +1,4 @@
-"""Strips of a made-up bore wall, each sampled where the probe truly was, in milliseconds.
+"""Strips of a toy bore wall, each sampled where the probe truly was, in milliseconds.
 
 A caricature, not the simulator: the wall is a fine random texture with dark pits whose floors are seen past their
 rims, the probe has light, dirt and scratches of its own, and the sensor noise. A pixel of a strip looks up the wall at

@@ -16,10 +16,10 @@ from skimage.registration import phase_cross_correlation
 from endoct.fusion.evidence.evidence import Evidence, clipped, on_grid, reoriented
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
-from endoct.fusion.registration.align import open_orientations
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.tasks.alignment import orientations_between
 
 SLOW_PX = 4
 """How many samples of A across a pixel is for those that would take minutes otherwise."""
@@ -201,10 +201,9 @@ def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
 def _best(a: Panorama, b: Panorama, method: Method, px: int = 1) -> Alignment | NotAligned:
     """Return what correlates best of all that ``method`` finds in the orientations that are open."""
-    known = a.handedness_known and b.handedness_known, a.travel_known and b.travel_known
     prepared = clipped(prepare(a)), clipped(prepare(b))
     found: list[tuple[float, Alignment]] = []
-    for orientation in open_orientations(handedness_known=known[0], travel_known=known[1]):
+    for orientation in orientations_between(a, b):
         flat = _flat(*prepared, orientation, px)
         found += [(flat.correlation(matrix), flat.place(matrix)) for matrix in method(flat)]
     if not found:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.fusion.geometry.alignment import Alignment, NotAligned
+from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
@@ -196,9 +196,15 @@ TASK = Task(
 def ours(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """Align with :mod:`endoct.fusion.registration.align`."""
     from endoct.fusion.evidence.prepare import prepare
-    from endoct.fusion.registration.align import align, open_orientations
+    from endoct.fusion.registration.align import align
 
-    orientations = open_orientations(
+    return align(prepare(a), prepare(b), orientations=orientations_between(a, b))
+
+
+def orientations_between(a: Panorama, b: Panorama) -> tuple[Orientation, ...]:
+    """Return the orientations that are open between two panoramas, as what is known of both leaves them."""
+    from endoct.fusion.registration.align import open_orientations
+
+    return open_orientations(
         handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known
     )
-    return align(prepare(a), prepare(b), orientations=orientations)
