@@ -9,7 +9,7 @@
 Integer index = pixel centre. Rows are z (mm, inward), columns are θ (rad). Columns are even; rows need not be.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +38,7 @@ class SurfaceGrid:
     theta0_rad: float
     dtheta_rad: float
     radius_mm: float
-    rows_mm: tuple[float, ...] | None = field(default=None, repr=False)
+    rows_mm: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.n_z < 1 or self.n_theta < 1:
@@ -62,6 +62,12 @@ class SurfaceGrid:
             rows = np.asarray(self.rows_mm)
             if rows.shape != (self.n_z,) or not np.isfinite(rows).all() or not np.all(np.diff(rows) > 0):
                 raise EndoctError("the rows of a panorama must have one ascending z each")
+
+    def __repr__(self) -> str:
+        return (
+            f"<SurfaceGrid {self.n_z} × {self.n_theta} (z, θ): z {self.z0_mm:.2f} to {self.z_mm[-1]:.2f} mm "
+            f"every {self.dz_mm:.4g} mm, bore ⌀ {2 * self.radius_mm:.3g} mm>"
+        )
 
     @classmethod
     def full_circle(
@@ -112,3 +118,8 @@ class SurfaceGrid:
         wrapped = np.mod(columns, self.n_theta)
         # a hair below 0 rounds up to n_theta itself, which is column 0
         return np.where(wrapped >= self.n_theta, 0.0, wrapped)
+
+
+def grid_attributes(grid: SurfaceGrid) -> dict[str, float]:
+    """Return the attributes of a store from which :func:`~endoct.stitching.store.stored_grid` makes ``grid`` again."""
+    return {"radius_mm": grid.radius_mm, "z0_mm": grid.z0_mm, "dz_mm": grid.dz_mm, "theta0_rad": grid.theta0_rad}

@@ -1,17 +1,24 @@
 """The unrolled wall of one bore as one instrument saw it."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask, readonly
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.names import plain_name
 from endoct.stitching.per_frame import PerFrame, per_frame
 
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+FORMAT = "endoct-panorama-1"
 SURFACE = ("intensity", "valid", "weight", "depth_mm", "z", "theta")
 """What a panorama's store calls its own; nothing per frame may have such a name."""
 _TAKEN = (*SURFACE, "volume")
@@ -78,6 +85,88 @@ class Panorama:
     def z_mm(self) -> Coordinates:
         """Centre of every row, float64 (n_z,), mm, ascending, even or not: the grid's."""
         return self.grid.z_mm
+
+    def __repr__(self) -> str:
+        depth = "with depth" if self.depth_mm is not None else "without depth"
+        facts = (
+            f"{self.grid.n_z} × {self.grid.n_theta} (z, θ), {self._extent()}, {self.valid.mean():.1%} valid, {depth}"
+        )
+        return f"<Panorama of {self.modality}: {facts}>"
+
+    def _repr_html_(self) -> str:
+        from endoct.stitching.notebook import card, wall_picture
+
+        facts = {
+            "rows × columns": f"{self.grid.n_z} × {self.grid.n_theta} (z, θ)",
+            "extent": self._extent(),
+            "valid": f"{self.valid.mean():.1%}",
+            "depth": "yes" if self.depth_mm is not None else "no",
+        }
+        if self.notes:
+            facts["not trusted"] = self.notes[0] + (f" (and {len(self.notes) - 1} more)" if self.notes[1:] else "")
+        picture = wall_picture(self.grid, self.intensity, self.valid)
+        return card(f"Panorama of {self.modality}", facts, [("intensity: θ across, z inward down", picture)])
+
+    def _extent(self) -> str:
+        return f"z {self.z_mm[0]:.2f} to {self.z_mm[-1]:.2f} mm, bore ⌀ {2 * self.grid.radius_mm:.3g} mm"
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the panorama as ``xarray.open_zarr`` reads its store: dims (z, theta), coordinates in mm and rad.
+
+        Variables ``intensity``, ``valid``, ``weight`` and, where there is depth, ``depth_mm``; the values per frame on
+        the dim named ``frame_dim``.
+        """
+        import xarray
+
+        variables = self.variables()
+        coordinates = {"z", "theta", f"{self.frame_dim}_z_mm"}
+        return xarray.Dataset(
+            {name: variable for name, variable in variables.items() if name not in coordinates},
+            {name: variable for name, variable in variables.items() if name in coordinates},
+            self.attributes(),
+        )
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Plot the intensity, z in mm against θ in degrees, into ``ax`` or a new figure; return the axes.
+
+        What was not observed stays pale blue. Needs matplotlib only when it is called.
+        """
+        from endoct.stitching.wall_plot import draw_wall, new_wall_axes
+
+        axes = ax if ax is not None else new_wall_axes(self.grid)[0]
+        image = draw_wall(axes, self.grid, self.intensity, self.valid)
+        axes.figure.colorbar(image, ax=axes, label="intensity (a.u.)")
+        axes.set_title(self.modality, loc="left")
+        return axes
+
+    def variables(self) -> dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, str]]]:
+        """Return every array by its name in a store: its dims, its values and its attributes, such as units."""
+        surface, units_mm = ("z", "theta"), {"units": "mm"}
+        variables: dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, str]]] = {
+            "intensity": (surface, self.intensity, {}),
+            "valid": (surface, self.valid, {}),
+            "weight": (surface, self.weight, {}),
+            "z": (("z",), self.z_mm, units_mm),
+            "theta": (("theta",), self.grid.theta_rad, {"units": "rad"}),
+        }
+        if self.depth_mm is not None:
+            variables["depth_mm"] = (surface, self.depth_mm, units_mm)
+        for name, one in self.per_frame.items():
+            dims = (self.frame_dim, *(f"{name}_{axis}" for axis in range(1, one.values.ndim)))
+            variables[name] = (dims, one.values, one.attributes())
+        return variables
+
+    def attributes(self) -> dict[str, Any]:
+        """Return what a store says of the panorama as a whole, JSON-serialisable."""
+        return {
+            "format": FORMAT,
+            "modality": self.modality,
+            "frame_dim": self.frame_dim,
+            "handedness_known": self.handedness_known,
+            "travel_known": self.travel_known,
+            **grid_attributes(self.grid),
+            "provenance": json.dumps({**self.provenance, "notes": list(self.notes), "doubts": list(self.doubts)}),
+        }
 
     def _check_frames(self) -> None:
         plain_name(self.modality, "a panorama's modality")

@@ -64,6 +64,12 @@ class PerFrame:
                 expected="true or false for every frame",
             )
 
+    def attributes(self) -> dict[str, str]:
+        """Return what a store says of the numbers: ``units``, ``long_name``, ``trusted_when``, where there are any."""
+        units = {"units": self.unit} if self.unit else {}
+        trusted = {} if self.trusted_when is None else {"trusted_when": str(self.trusted_when).lower()}
+        return {**units, "long_name": self.title, **trusted}
+
     @property
     def doubted(self) -> Mask:
         """The frames that a flag speaks against, bool (n_frames,); none where it says nothing about that."""

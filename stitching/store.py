@@ -12,11 +12,9 @@ from endoct.stitching.contents import check_intact
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.json_values import an_object, number, texts
-from endoct.stitching.panorama import SURFACE, Panorama
+from endoct.stitching.panorama import FORMAT, SURFACE, Panorama
 from endoct.stitching.per_frame import PerFrame, per_frame
 from endoct.stitching.zarr_store import Named, read_array_attributes, read_arrays, read_attributes, write_arrays
-
-FORMAT = "endoct-panorama-1"
 
 
 def save_panorama(panorama: Panorama, path: Path) -> None:
@@ -26,38 +24,9 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
     there is depth; the per-frame quality on the dim named ``frame_dim``,
     with what it means as ``units``, ``long_name`` and ``trusted_when``.
     """
-    surface, units_mm = ("z", "theta"), {"units": "mm"}
-    arrays = {
-        "intensity": Named(surface, panorama.intensity),
-        "valid": Named(surface, panorama.valid),
-        "weight": Named(surface, panorama.weight),
-        "z": Named(("z",), panorama.z_mm, units_mm),
-        "theta": Named(("theta",), panorama.grid.theta_rad, {"units": "rad"}),
-    }
-    if panorama.depth_mm is not None:
-        arrays["depth_mm"] = Named(surface, panorama.depth_mm, units_mm)
+    arrays = {name: Named(*variable) for name, variable in panorama.variables().items()}
     frame_z = f"{panorama.frame_dim}_z_mm"
-    for name, one in panorama.per_frame.items():
-        dims = (panorama.frame_dim, *(f"{name}_{axis}" for axis in range(1, one.values.ndim)))
-        arrays[name] = Named(dims, one.values, _meaning_attributes(one))
-    grid = panorama.grid
-    attributes = {
-        "format": FORMAT,
-        "modality": panorama.modality,
-        "frame_dim": panorama.frame_dim,
-        "handedness_known": panorama.handedness_known,
-        "travel_known": panorama.travel_known,
-        **grid_attributes(grid),
-        "provenance": json.dumps(
-            {**panorama.provenance, "notes": list(panorama.notes), "doubts": list(panorama.doubts)}
-        ),
-    }
-    write_arrays(path, arrays, attributes, coordinates=[frame_z] if frame_z in arrays else ())
-
-
-def grid_attributes(grid: SurfaceGrid) -> dict[str, float]:
-    """Return the attributes of a store from which :func:`stored_grid` makes ``grid`` again."""
-    return {"radius_mm": grid.radius_mm, "z0_mm": grid.z0_mm, "dz_mm": grid.dz_mm, "theta0_rad": grid.theta0_rad}
+    write_arrays(path, arrays, panorama.attributes(), coordinates=[frame_z] if frame_z in arrays else ())
 
 
 def stored_grid(attributes: Mapping[str, Any], shape: tuple[int, ...], what: str) -> SurfaceGrid:
@@ -129,12 +98,6 @@ def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mappin
         if not np.isfinite(getattr(panorama, name)[panorama.valid]).all():
             raise EndoctError(f"{name} of {what} cannot be used", found="NaN or infinity where it is valid")
     return panorama
-
-
-def _meaning_attributes(one: PerFrame) -> dict[str, str]:
-    units = {"units": one.unit} if one.unit else {}
-    trusted = {} if one.trusted_when is None else {"trusted_when": str(one.trusted_when).lower()}
-    return {**units, "long_name": one.title, **trusted}
 
 
 def _described(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -> PerFrame:

@@ -52,3 +52,9 @@ class Strip:
                     found=f"{array.shape}",
                     expected=f"{shape} (rows, θ)",
                 )
+
+    def __repr__(self) -> str:
+        return (
+            f"<Strip {self.z_mm.size} × {self.theta_rad.size} (z, θ): z {self.z_mm[0]:.2f} to {self.z_mm[-1]:.2f} mm, "
+            f"{self.valid.mean():.1%} valid>"
+        )

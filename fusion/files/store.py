@@ -15,9 +15,10 @@ from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison
 from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.grid import grid_attributes
 from endoct.stitching.json_values import an_object, number
 from endoct.stitching.names import plain_name
-from endoct.stitching.store import grid_attributes, stored_grid
+from endoct.stitching.store import stored_grid
 from endoct.stitching.zarr_store import Named, read_arrays, read_attributes, write_arrays
 
 FORMAT = "endoct-comparison-1"

@@ -1,9 +1,11 @@
 """Strips and panoramas check their shapes and cannot be written to; blending is a weighted mean."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 from tolerances import IMAGE_ATOL
 
 from endoct.stitching.blend import blend
@@ -49,6 +51,21 @@ def panorama() -> Panorama:
         notes=("Slice 1 was bridged.", "The wall lies 0.3 mm behind the nominal bore."),
         doubts=("The wall lies 0.3 mm behind the nominal bore.",),
     )
+
+
+def test_to_xarray_is_what_the_store_opens_as(tmp_path: Path) -> None:
+    save_panorama(panorama(), tmp_path / "p.zarr")
+    with xarray.open_zarr(tmp_path / "p.zarr") as stored:
+        xarray.testing.assert_identical(panorama().to_xarray(), stored.load())
+
+
+def test_representations_are_one_line() -> None:
+    assert repr(panorama()) == (
+        f"<Panorama of oct: 4 × 6 (z, θ), z 0.00 to 0.30 mm, bore ⌀ 2.5 mm, {panorama().valid.mean():.1%} valid, "
+        "with depth>"
+    )
+    assert repr(GRID) == "<SurfaceGrid 4 × 6 (z, θ): z 0.00 to 0.30 mm every 0.1 mm, bore ⌀ 2.5 mm>"
+    assert repr(strip(0, 2, 1.0)) == "<Strip 2 × 6 (z, θ): z 0.00 to 0.10 mm, 100.0% valid>"
 
 
 def test_arrays_are_read_only_and_not_the_callers() -> None:
