@@ -105,7 +105,7 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
             )
             raise EndoctError(
                 f"{where} lacks {told}",
-                remedy=f"add what is missing to {SIDECAR_NAME}, or give it with --set {missing[0]}=VALUE",
+                remedy=f"add what is missing to {SIDECAR_NAME}, or give it with settings={{'{missing[0]}': VALUE}}",
             ) from None
         raise EndoctError(
             f"'{key}' in {where} cannot be used",

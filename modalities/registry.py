@@ -63,7 +63,7 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
     if claims:
         raise EndoctError(
             f"{path} could be {' or '.join(claims)}",
-            remedy=f"say which with --modality, or with 'modality' in {sidecar_path(path)}",
+            remedy=f"say which with modality='NAME', or with 'modality' in {sidecar_path(path)}",
         )
     inside: list[str] = []
     with suppress(OSError):

@@ -12,7 +12,7 @@ from endoct.stitching.exchange import exchange, put_new, uninterrupted
 from endoct.stitching.files import State, state_of
 from endoct.stitching.scratch import NEW, REPLACED, clear_dead_scratch, keep_aside, remove_or_keep, scratch_beside
 
-OVERWRITE = "choose another output, or say --overwrite"
+OVERWRITE = "choose another output, or replace it with overwrite=True"
 MOVE_AWAY = "move that away, or choose another output"
 
 IsOurs = Callable[[Path], bool]

@@ -1,23 +1,33 @@
 """The public Python interface, the command line, the pipeline and the report.
 
-``from endoct.workbench import unroll, compare, simulate, summarise, verify``; they load on first use, so that the
-command line starts at once.
+``from endoct.workbench import compare, demo, simulate, summarise, unroll, verify``. Each loads on first use, so that
+the command line starts at once.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from endoct.workbench.api import compare, summarise, unroll
+    from endoct.workbench.api import compare, demo, summarise, unroll
     from endoct.workbench.pipeline.simulating import simulate
     from endoct.workbench.verifying import verify
 
-__all__ = ["compare", "simulate", "summarise", "unroll", "verify"]
+    __version__: str
 
-_MODULES = {"simulate": "pipeline.simulating", "verify": "verifying"}
+__all__ = ["compare", "demo", "simulate", "summarise", "unroll", "verify"]
+
+if not TYPE_CHECKING:  # else every misspelt name would be an object to type checkers
+
+    def __getattr__(name: str) -> object:
+        if name == "__version__":
+            from importlib.metadata import version  # takes 20 ms that the command line does not spend
+
+            return version("endoct")
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module = {"simulate": "pipeline.simulating", "verify": "verifying"}.get(name, "api")
+        return getattr(import_module(f"endoct.workbench.{module}"), name)
 
 
-def __getattr__(name: str) -> Any:
-    if name in __all__:
-        return getattr(import_module(f"endoct.workbench.{_MODULES.get(name, 'api')}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def __dir__() -> list[str]:
+    return [*__all__, "__doc__", "__name__", "__path__", "__version__"]

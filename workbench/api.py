@@ -3,22 +3,22 @@
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from endoct.fusion.comparison import CompareParameters
 from endoct.fusion.sides import Comparison
+from endoct.modalities.acquisition import validate
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import check_output, check_place, new_output, remove_output
+from endoct.stitching.output import OVERWRITE, check_output, check_place, new_output, remove_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.pipeline.comparing import Side, write_comparison
 from endoct.workbench.pipeline.simulating import simulate
+from endoct.workbench.pipeline.summarising import Row, write_summary
 from endoct.workbench.pipeline.summarising import summarise as _summarise
-from endoct.workbench.pipeline.summarising import write_summary
 from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
-from endoct.workbench.running.progress import SilentStages, Stages
+from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.threads import one_blas_thread
 
 __all__ = ["compare", "demo", "simulate", "summarise", "unroll"]
@@ -30,21 +30,31 @@ def unroll(
     output: Path | str | None = None,
     *,
     modality: str | None = None,
-    settings: Mapping[str, Any] | None = None,
+    settings: Mapping[str, object] | None = None,
     volume: bool = False,
     overwrite: bool = False,
-    stages: Stages | None = None,
+    progress: bool | Stages = True,
 ) -> Panorama:
     """Unroll the recording at ``path`` into a panorama of the wall, written to ``output`` where one is given.
 
-    ``settings`` replaces keys of the sidecar and parameters of the plug-in; ``volume`` adds the dense hollow
-    cylinder to the output. Raises :class:`EndoctError` where the recording cannot be used or ``output`` exists.
+    ``settings`` replaces keys of the sidecar and parameters of the plug-in, as ``--set`` does; ``volume`` adds the
+    dense hollow cylinder to the output; ``progress=False`` displays none. Raises :class:`EndoctError` where the
+    recording cannot be used or ``output`` exists and ``overwrite`` is not set.
+
+    With the specimen that :func:`demo` simulates in its example:
+
+    >>> from endoct.workbench import unroll
+    >>> wall = unroll("demo/specimen/oct", "oct.zarr", settings={"undistort": "sine"})
+    >>> wall.intensity.shape  # (z, θ), as is wall.depth_mm
+    (16, 512)
+    >>> wall.to_xarray()["depth_mm"].dims
+    ('z', 'theta')
     """
-    stages = stages or SilentStages()
+    stages = stages_for(progress)
     path = Path(path)
     if output is None:
         if volume:
-            raise EndoctError("a volume needs an output", remedy="name one")
+            raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
         return unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages).panorama
     with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch:
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
@@ -62,17 +72,27 @@ def compare(
     *,
     modality_a: str | None = None,
     modality_b: str | None = None,
-    settings_a: Mapping[str, Any] | None = None,
-    settings_b: Mapping[str, Any] | None = None,
-    parameters: CompareParameters | None = None,
+    settings: Mapping[str, object] | None = None,
+    settings_a: Mapping[str, object] | None = None,
+    settings_b: Mapping[str, object] | None = None,
     truth: Sequence[Path | str] = (),
     overwrite: bool = False,
-    stages: Stages | None = None,
+    progress: bool | Stages = True,
 ) -> Comparison:
     """Compare two sides, each a recording, a panorama or a mask image, and write the folder ``output``.
 
-    Whether the two could be aligned is in the comparison's ``alignment`` (None) and ``reason``. Raises
-    :class:`EndoctError` where a side cannot be used or ``output`` exists.
+    ``settings`` are parameters of the comparison, ``settings_a`` and ``settings_b`` keys of a side's sidecar and
+    parameters of its plug-in, as ``--set``, ``--set-a`` and ``--set-b``; ``truth`` are masks to score both sides
+    against; ``progress=False`` displays none. Where the two could not be aligned, the comparison's ``alignment`` is
+    None and its ``reason`` says why. Raises :class:`EndoctError` where a side or a setting cannot be used, or
+    ``output`` exists and ``overwrite`` is not set.
+
+    With the specimen that :func:`demo` simulates in its example:
+
+    >>> from endoct.workbench import compare
+    >>> comparison = compare("demo/comparison/panoramas/endoscope.zarr", "oct.zarr", "comparison")
+    >>> comparison.alignment is None
+    False
     """
     sides = (Side(Path(a), modality_a, settings_a or {}), Side(Path(b), modality_b, settings_b or {}))
     masks = tuple(Path(path) for path in truth)
@@ -81,9 +101,9 @@ def compare(
         return write_comparison(
             sides,
             scratch,
-            parameters=parameters or CompareParameters(),
+            parameters=validate(CompareParameters, settings or {}, "the settings of the comparison"),
             truth=masks,
-            stages=stages or SilentStages(),
+            stages=stages_for(progress),
         )
 
 
@@ -94,11 +114,18 @@ def summarise(
     against: Sequence[Path | str] = (),
     repeats: bool = False,
     overwrite: bool = False,
-) -> dict[str, list[dict[str, Any]]]:
+) -> dict[str, list[Row]]:
     """Summarise comparison folders, written to the folder ``output`` where one is given.
 
-    See :func:`endoct.workbench.pipeline.summarising.summarise`. Raises :class:`EndoctError` where a folder is no
-    comparison, no two of two sets can be paired, or ``output`` exists.
+    Returns tables by name, each a list of rows: ``scores``, ``summary``, ``paired`` (with ``against``) and
+    ``repeatability`` (with ``repeats``); see :func:`endoct.workbench.pipeline.summarising.summarise`. Raises
+    :class:`EndoctError` where a folder is no comparison, no comparisons of the two sets can be paired, or ``output``
+    exists and ``overwrite`` is not set.
+
+    >>> from endoct.workbench import summarise
+    >>> tables = summarise(["demo/comparison"])
+    >>> [row["specimens"] for row in tables["summary"] if row["score"] == "jaccard"]
+    [1]
     """
     first, second = [Path(f) for f in folders], [Path(f) for f in against]
     if output is None:
@@ -115,23 +142,29 @@ def demo(
     preset: PresetName = "quick",
     seed: int = 1,
     overwrite: bool = False,
-    stages: Stages | None = None,
+    progress: bool | Stages = True,
 ) -> Comparison:
     """Simulate a specimen in ``output``/specimen and compare its recordings in ``output``/comparison.
 
     Raises :class:`EndoctError` where ``output`` exists and ``overwrite`` is not set, or cannot be written.
+
+    >>> from endoct.workbench import demo
+    >>> comparison = demo("demo", preset="learning", seed=3)
+    >>> comparison.sides
+    ('endoscope', 'oct')
     """
+    stages = stages_for(progress)
     output = Path(output)
     existed = output.exists()
     if existed and not overwrite:
-        raise EndoctError(f"{output} exists already", remedy="choose another output, or say --overwrite")
+        raise EndoctError(f"{output} exists already", remedy=OVERWRITE)
     check_place(output)
     specimen, comparison = output / "specimen", output / "comparison"
     for part, kind in ((specimen, SPECIMEN), (comparison, COMPARISON)):
         check_output(part, kind, overwrite=overwrite)
     try:
-        simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, stages=stages)
-        return compare(specimen / "endoscope", specimen / "oct", comparison, overwrite=overwrite, stages=stages)
+        simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, progress=stages)
+        return compare(specimen / "endoscope", specimen / "oct", comparison, overwrite=overwrite, progress=stages)
     except BaseException:
         if not existed:
             remove_output(specimen, SPECIMEN)

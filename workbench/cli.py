@@ -9,7 +9,7 @@ from endoct.workbench.running.status import DONE, INTERRUPTED, UNUSABLE_INPUT
 
 
 def main() -> None:
-    """Run `endoct`: status 0 done, 1 unusable input, 2 wrong usage, 3 not aligned, 130 interrupted."""
+    """Run `endoct`: exit status 0 done, 1 unusable input, 2 wrong usage, 3 not aligned, 130 interrupted."""
     watch()
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may lack letters, as those of a file's name
@@ -17,23 +17,28 @@ def main() -> None:
         try:
             sys.exit(_run())
         finally:
-            sys.stdout.flush()  # whether it can be written is told below, not by Python at its end
+            sys.stdout.flush()  # a failure is reported below, not by Python as it ends
     except KeyboardInterrupt as stopped:
         kept = f"; {stopped}" if str(stopped) else ""
-        _say(f"interrupted; nothing was left half-written{kept}")
+        _print_error(f"interrupted; nothing was left half-written{kept}")
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
-        # the reader of our output went away (`endoct … | head`): nothing to tell it
+        # the reader of our output went away (`endoct … | head`)
         _drop_output()
         sys.exit(DONE)
     except OSError as error:
-        _say(f"what was to be printed could not be written; found {error.strerror or error}")
+        _print_error(f"the output could not be printed; found {error.strerror or error}")
         _drop_output()
         sys.exit(UNUSABLE_INPUT)
 
 
 def _run() -> int:
     # imported here, inside the handlers above, because the imports take a moment that a user may interrupt
+    if sys.argv[1:] == ["--version"]:
+        from endoct.workbench import __version__
+
+        print(f"endoct {__version__}")  # noqa: T201
+        return DONE
     from endoct.workbench.running.refusals import in_one_line, tame_libraries
 
     try:
@@ -45,19 +50,19 @@ def _run() -> int:
         raise
     except Exception as error:
         line = in_one_line(error)
-        if line is None:  # our fault: whoever mends it needs the whole trace
+        if line is None:  # our fault: its traceback is needed to fix it
             raise
-        _say(line)
+        _print_error(line)
         return UNUSABLE_INPUT
 
 
-def _say(line: str) -> None:
+def _print_error(line: str) -> None:
     from endoct.stitching.errors import visible
 
     print(f"endoct: {visible(line)}", file=sys.stderr)  # noqa: T201
 
 
 def _drop_output() -> None:
-    """Let what is still to be printed go nowhere, so that Python does not try again when it ends."""
+    """Discard what is still to be printed, so that Python does not try again as it ends."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())

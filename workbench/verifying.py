@@ -18,7 +18,7 @@ from endoct.workbench.dataset.identity import read_identity
 from endoct.workbench.dataset.plan import Unit
 from endoct.workbench.dataset.records import RECORDS, Record, read_record
 from endoct.workbench.running.kinds import DATA_SET, REPORT, SPECIMEN
-from endoct.workbench.running.progress import Advance, SilentStages, Stages
+from endoct.workbench.running.progress import Advance, Stages, stages_for
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,19 @@ class Verdict:
         return {**of, "intact": self.intact, **lists}
 
 
-def verify(path: Path | str, stages: Stages | None = None) -> list[Verdict]:
-    """Read every byte of an output of endoct's, and hold it against what was noted when it was written.
+def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]:
+    """Check every byte of an output of endoct against the digests noted when it was written.
 
     ``path`` is a panorama, a comparison, a report, a summary, results of the bench, a specimen, a data set or a part
     of one, or a folder of such, as `endoct demo` leaves it. Raises :class:`EndoctError` where it is none of these.
+
+    With the comparison that :func:`~endoct.workbench.api.demo` makes in its example:
+
+    >>> from endoct.workbench import verify
+    >>> [(verdict.kind, verdict.intact) for verdict in verify("demo")]
+    [('comparison', True), ('specimen', True)]
     """
-    path, stages = Path(path), stages or SilentStages()
+    path, stages = Path(path), stages_for(progress)
     if path.suffix == ".html" and path.is_file():
         return [_page(path)]
     found = [path] if _is_output(path) else [one for one in _folders(path) if _is_output(one) or _looks_like_one(one)]

@@ -43,7 +43,7 @@ def test_a_key_like_no_other_lists_all() -> None:
 def test_a_missing_key_says_why_it_matters() -> None:
     said = refused({"modality": "probe", "bore_diameter_mm": 2.5})
     assert "lacks 'pitch_mm' (distance between two turns; sets mm along z)" in said
-    assert "--set pitch_mm=VALUE" in said
+    assert "settings={'pitch_mm': VALUE}" in said
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def test_the_sidecar_beats_the_content_and_the_user_beats_both(tmp_path: Path) -
 def test_two_that_claim_one_path_are_both_named(tmp_path: Path) -> None:
     (tmp_path / "sonar").touch()
     (tmp_path / "lidar").touch()
-    with pytest.raises(EndoctError, match=r"could be lidar or sonar.*--modality"):
+    with pytest.raises(EndoctError, match=r"could be lidar or sonar.*modality='NAME'"):
         registry.manifest_for(tmp_path)
 
 

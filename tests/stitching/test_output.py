@@ -55,7 +55,7 @@ def test_a_file_and_a_folder_appear_at_the_end(tmp_path: Path) -> None:
 
 def test_an_existing_output_is_refused_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(EndoctError, match=r"exists already.*--overwrite"), new_output(tmp_path / "out", KIND):
+    with pytest.raises(EndoctError, match=r"exists already.*overwrite=True"), new_output(tmp_path / "out", KIND):
         pytest.fail("the work began")
     assert (tmp_path / "out").read_text() == "mine"
 

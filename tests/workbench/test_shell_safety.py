@@ -31,7 +31,7 @@ from endoct.workbench.bench.results.summary import Spread
 from endoct.workbench.bench.results.tables import difference_table, footnotes, table
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.tasks.segmentation import TASK
-from endoct.workbench.commands.telling import TextConsole, print_json, say
+from endoct.workbench.commands.console import TextConsole, print_json, print_line
 from endoct.workbench.pipeline.inputs import digests, json_text, path_text
 from endoct.workbench.pipeline.summarising import write_summary
 from endoct.workbench.running.progress import ConsoleStages
@@ -156,7 +156,7 @@ def test_notes_steer_no_terminal_and_are_no_markup(
     assert "[/x][red]:smile:" in out
     status, out, _ = run("info", panorama, "--json")
     assert json.loads(out)["notes"] == [HOSTILE]
-    say(f"not trusted: {HOSTILE}\nforged")
+    print_line(f"not trusted: {HOSTILE}\nforged")
     assert capsys.readouterr().out == f"not trusted: {SHOWN}\\nforged\n"
 
 

@@ -11,6 +11,7 @@ import tyro
 
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import compare, report, summarise
+from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import dataset, demo, simulate
@@ -31,12 +32,14 @@ def run(arguments: Sequence[str]) -> int:
         "info": info,
         "verify": verify,
         "modalities": modalities,
+        "completion": completion,
     }
     with nullcontext() if all(map(str.isprintable, arguments)) else _visible_errors():
         command: Callable[[], int] = tyro.extras.subcommand_cli_from_dict(
             {name: _later(command) for name, command in commands.items()},
             prog="endoct",
-            description="Compare what a cone-mirror endoscope and a catheter OCT see of one drill hole in bone.",
+            description="Compare what a cone-mirror endoscope and a catheter OCT see of one drill hole in bone. "
+            "`endoct --version` prints the version.",
             args=list(arguments),
             config=(tyro.conf.FlagCreatePairsOff,),
         )
@@ -44,7 +47,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
-    """Return what tyro calls in place of ``command``, with its signature, to get it with its arguments."""
+    """Return a function with the signature of ``command``, for tyro, that binds its arguments to it."""
 
     @functools.wraps(command)
     def bound(*arguments: Any, **named: Any) -> Callable[[], int]:
@@ -55,10 +58,10 @@ def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
 
 @contextmanager
 def _visible_errors() -> Iterator[None]:
-    """Show what would steer a terminal in tyro's messages, which quote arguments: `endoct compare *` has names."""
-    said = io.StringIO()
+    """Write out control characters in tyro's messages, which quote arguments, such as the names of files."""
+    message = io.StringIO()
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(message):
             yield
     finally:
-        sys.stderr.write(visible_lines(said.getvalue()))
+        sys.stderr.write(visible_lines(message.getvalue()))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from endoct.workbench.commands.telling import print_json, say, stages_for
+from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.running.status import DONE, UNUSABLE_INPUT
 
 
@@ -18,14 +18,14 @@ def verify(path: Positional[Path], json: bool = False) -> int:
     from endoct.stitching.errors import EndoctError
     from endoct.workbench.verifying import verify as check
 
-    verdicts = check(path, stages_for(json))
+    verdicts = check(path, progress=command_stages(json))
     wrong = [verdict for verdict in verdicts if not verdict.intact]
     if json:
         print_json([verdict.to_json() for verdict in verdicts])
         return UNUSABLE_INPUT if wrong else DONE
     for verdict in verdicts:
         state = "as it was written" if verdict.intact else str(verdict.differences)
-        say(f"{verdict.path}: {verdict.kind}, {verdict.files} files, {verdict.bytes / 1e6:.1f} MB: {state}")
+        print_line(f"{verdict.path}: {verdict.kind}, {verdict.files} files, {verdict.bytes / 1e6:.1f} MB: {state}")
     if wrong:
         raise EndoctError(
             f"{len(wrong)} of {len(verdicts)} outputs in {path} are not as they were written"

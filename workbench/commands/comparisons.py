@@ -5,8 +5,8 @@ from pathlib import Path
 from rich.table import Table
 from tyro.conf import Positional
 
+from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.options import ModalityName, Output, Settings
-from endoct.workbench.commands.telling import TextConsole, print_json, say, stages_for, tell_result
 from endoct.workbench.running.status import DONE
 
 _IN_FILES_ONLY = ("statistic", "quartile_1", "quartile_3")
@@ -47,8 +47,6 @@ def compare(
         overwrite: replace the output if it exists
         json: print the result as JSON
     """
-    from endoct.fusion.comparison import CompareParameters
-    from endoct.modalities.acquisition import validate
     from endoct.workbench import api
     from endoct.workbench.pipeline.settings import parse
 
@@ -58,16 +56,14 @@ def compare(
         output,
         modality_a=modality_a,
         modality_b=modality_b,
+        settings=parse(set) | ({"force": True} if force else {}),
         settings_a=parse(set_a),
         settings_b=parse(set_b),
-        parameters=validate(
-            CompareParameters, parse(set) | ({"force": True} if force else {}), "the settings of the comparison"
-        ),
         truth=truth,
         overwrite=overwrite,
-        stages=stages_for(json),
+        progress=command_stages(json),
     )
-    return tell_result(output, as_json=json)
+    return print_result(output, as_json=json)
 
 
 def report(folder: Positional[Path]) -> int:
@@ -79,9 +75,9 @@ def report(folder: Positional[Path]) -> int:
     from endoct.workbench.report.page import write_report
     from endoct.workbench.running.second_process import second_process
 
-    with stages_for(False).stage("report"), second_process() as process:
+    with command_stages(False).stage("report"), second_process() as process:
         path = write_report(folder, process)
-    say(f"report: {path}")
+    print_line(f"report: {path}")
     return DONE
 
 
@@ -121,5 +117,5 @@ def summarise(
             console = TextConsole()
             console.width = max(console.width, _WIDEST)
             console.print(table, crop=False)
-    say(f"summary: {output}")
+    print_line(f"summary: {output}")
     return DONE

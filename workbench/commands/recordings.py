@@ -5,8 +5,8 @@ from pathlib import Path
 from rich.table import Table
 from tyro.conf import Positional
 
+from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line
 from endoct.workbench.commands.options import ModalityName, Output, Settings
-from endoct.workbench.commands.telling import TextConsole, print_json, say, stages_for
 from endoct.workbench.pipeline.inputs import path_text
 from endoct.workbench.running.status import DONE
 
@@ -41,7 +41,7 @@ def unroll(
         settings=parse(set),
         volume=volume,
         overwrite=overwrite,
-        stages=stages_for(json),
+        progress=command_stages(json),
     )
     facts = {
         "output": path_text(output),
@@ -55,12 +55,12 @@ def unroll(
     if json:
         print_json(facts)
     else:
-        say(
+        print_line(
             f"panorama: {output} ({facts['rows']} rows × {facts['columns']} columns, "
             f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
         )
         for note in panorama.notes:
-            say(f"not trusted: {note}")
+            print_line(f"not trusted: {note}")
     return DONE
 
 
@@ -84,9 +84,9 @@ def info(
 
     if write_sidecar:
         sidecar, missing = write_sidecar_template(path, modality, overwrite=overwrite)
-        say(f"sidecar: {sidecar}")
+        print_line(f"sidecar: {sidecar}")
         for key, why in missing.items():
-            say(f"to fill in: {key} – {why}")
+            print_line(f"to fill in: {key} – {why}")
         return DONE
     facts = describe(path, modality)
     if json:

@@ -6,7 +6,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from endoct.stitching.errors import visible
-from endoct.workbench.commands.telling import TextConsole, print_json, stages_for
+from endoct.workbench.commands.console import TextConsole, command_stages, print_json
 from endoct.workbench.running.status import DONE
 
 WIDE = 200
@@ -53,7 +53,9 @@ def bench(
     else:
         names = [name.strip() for name in methods.split(",") if name.strip()]
         request = Request(task, conditions, names, seeds, count, sweep, against, data)
-        facts, shown = run_bench(request, output=output, workers=workers, overwrite=overwrite, stages=stages_for(json))
+        facts, shown = run_bench(
+            request, output=output, workers=workers, overwrite=overwrite, stages=command_stages(json)
+        )
     if json:
         print_json(facts)
         return DONE

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Literal
 
 from endoct.synthetic.sample.presets import PresetName
+from endoct.workbench.commands.console import command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.options import Output, Wishes
-from endoct.workbench.commands.telling import print_json, say, stages_for, tell_result
 from endoct.workbench.running.status import DONE
 
 
@@ -27,8 +27,8 @@ def demo(
     """
     from endoct.workbench import api
 
-    api.demo(output, preset=preset, seed=seed, overwrite=overwrite, stages=stages_for(json))
-    return tell_result(output / "comparison", as_json=json)
+    api.demo(output, preset=preset, seed=seed, overwrite=overwrite, progress=command_stages(json))
+    return print_result(output / "comparison", as_json=json)
 
 
 def simulate(
@@ -65,9 +65,9 @@ def simulate(
         labels=labels,
         spectra=spectra,
         overwrite=overwrite,
-        stages=stages_for(False),
+        progress=command_stages(False),
     )
-    say(f"specimen: {output}")
+    print_line(f"specimen: {output}")
     return DONE
 
 
@@ -112,11 +112,11 @@ def dataset(
 
     plan = Plan(count, preset, seed, parse_vary(vary), format, labels, recordings_per_bore)
     facts, lines = run_dataset(
-        output, plan, workers=workers, scheduler=scheduler, dry_run=dry_run, stages=stages_for(json)
+        output, plan, workers=workers, scheduler=scheduler, dry_run=dry_run, stages=command_stages(json)
     )
     if json:
         print_json(facts)
     else:
         for line in lines:
-            say(line)
+            print_line(line)
     return DONE

@@ -93,7 +93,7 @@ def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool)
     manifest = manifest_for(path, modality)
     sidecar = sidecar_path(path)
     if sidecar.exists() and not overwrite:
-        raise EndoctError(f"{sidecar} exists already", remedy="edit it, or say --overwrite to lay its keys out anew")
+        raise EndoctError(f"{sidecar} exists already", remedy="edit it, or lay its keys out anew with overwrite=True")
     kept = (read_toml(sidecar) if sidecar.exists() else {}) | {"modality": manifest.name}
     fields = manifest.acquisition.model_fields
     if unknown := sorted(kept.keys() - fields.keys()):

@@ -36,7 +36,7 @@ class _SentStages(SilentStages):
         self._send = send
 
     @contextmanager
-    def _shown(self, title: str) -> Iterator[Advance]:
+    def _displayed(self, title: str) -> Iterator[Advance]:
         self._send(title)
         yield self._send
         self._send(None)

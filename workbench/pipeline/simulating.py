@@ -12,7 +12,7 @@ from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.sample.ranges import NO_WISHES, Wish
 from endoct.synthetic.specimen import simulate as render
 from endoct.workbench.running.kinds import SPECIMEN
-from endoct.workbench.running.progress import SilentStages, Stages
+from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.threads import one_blas_thread
 
 MOST_SAMPLE_BYTES = 16_000_000
@@ -30,16 +30,23 @@ def simulate(
     labels: bool = False,
     spectra: bool = False,
     overwrite: bool = False,
-    stages: Stages | None = None,
+    progress: bool | Stages = True,
 ) -> None:
     """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
 
     ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. ``vary`` says what
-    parameters are drawn from, "part.name" → (low, high) or words, where not by the preset. ``labels`` adds what
-    people who train networks ask for, ``spectra`` the spectrometer's raw data. Raises :class:`EndoctError` where
-    something asked for cannot be, or ``output`` exists.
+    parameters are drawn from, "part.name" → (low, high) or words, where not by the preset. ``labels`` adds
+    truth/labels, for training networks; ``spectra`` the spectrometer's raw data; ``progress=False`` displays none.
+    Raises :class:`EndoctError` for a parameter that there is not or a range that cannot be, and where ``output``
+    exists and ``overwrite`` is not set.
+
+    >>> from endoct.workbench import simulate
+    >>> simulate("specimen", preset="learning", seed=7, vary={"oct.wall_db": (12.0, 14.0)})
+    >>> import pathlib
+    >>> sorted(folder.name for folder in pathlib.Path("specimen").glob("*/"))
+    ['endoscope', 'oct', 'truth']
     """
-    stages = stages or SilentStages()
+    stages = stages_for(progress)
     sample = _read_json(Path(replay)) if replay is not None else None
     inputs = [] if replay is None else [Path(replay)]
     with (

@@ -116,7 +116,7 @@ def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
     """Write the group ``volume`` into ``store``. Raises :class:`EndoctError` where the modality has none."""
     if "volume" not in unrolled.manifest.provides:
         raise EndoctError(
-            f"the modality '{unrolled.manifest.name}' has no volume", remedy="leave out --volume for this recording"
+            f"the modality '{unrolled.manifest.name}' has no volume", remedy="leave out volume=True for this recording"
         )
     implementation = cast(VolumetricModality, unrolled.manifest.load())
     with stages.stage("volume") as advance:

@@ -1,9 +1,10 @@
-"""What the user sees while something takes longer than two seconds."""
+"""Progress of a command or a function, stage by stage: on a terminal, in a log file, in a notebook, or not at all."""
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from threading import Lock
+from threading import Lock, Timer
 from typing import Protocol
 
 from rich.console import Console
@@ -15,9 +16,12 @@ from endoct.workbench.running.interruption import stop_if_asked
 Advance = Callable[[float], None]
 """Called with the share done, 0 to 1."""
 
+QUIET_S = 2.0
+"""Work that takes no longer shows no progress in Python."""
+
 
 class Stages(Protocol):
-    """Told which stage begins; times it and shows how far it is."""
+    """Times the stages of some work, and may display how far each is."""
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -27,8 +31,29 @@ class Stages(Protocol):
         """Open a stage; the value it yields is called with the share done."""
 
 
+def stages_for(progress: bool | Stages) -> Stages:
+    """Return what a Python function that was called with ``progress`` reports its stages to.
+
+    ``True`` displays work that takes longer than :data:`QUIET_S`, in a notebook or on a terminal; ``False`` nothing.
+    """
+    if not isinstance(progress, bool):
+        return progress
+    if progress and in_notebook():
+        from endoct.workbench.running.notebook import NotebookStages
+
+        return NotebookStages(QUIET_S)
+    console = Console(stderr=True)
+    return ConsoleStages(console, QUIET_S) if progress and console.is_terminal else SilentStages()
+
+
+def in_notebook() -> bool:
+    """Say whether this is the kernel of a notebook."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return type(shell).__name__ == "ZMQInteractiveShell"
+
+
 class SilentStages:
-    """Times the stages and shows nothing; the default of the Python interface."""
+    """Times the stages and displays nothing."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -37,33 +62,35 @@ class SilentStages:
     def stage(self, title: str) -> Iterator[Advance]:
         """Open a stage."""
         start = time.perf_counter()
-        with self._shown(title) as advance:
+        with self._displayed(title) as advance:
             yield advance
         self.seconds[title] = self.seconds.get(title, 0.0) + time.perf_counter() - start
 
     @contextmanager
-    def _shown(self, title: str) -> Iterator[Advance]:
+    def _displayed(self, title: str) -> Iterator[Advance]:
         del title
         yield lambda _: None
 
 
 class ConsoleStages(SilentStages):
-    """Shows a bar for each stage on a terminal; elsewhere a line now and then, for a log file.
+    """Displays a bar for each stage on a terminal; elsewhere prints a line now and then, for a log file.
 
-    Stages may run side by side, in threads.
+    Bars appear ``quiet_s`` seconds after the first stage began. Stages may run at once, in several threads.
     """
 
     LINE_EVERY_S = 5.0
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, quiet_s: float = 0.0) -> None:
         super().__init__()
         self._console = console
-        self._bars: Progress | None = None  # there can be only one at a time
+        self._quiet_s = quiet_s
+        self._begun: float | None = None
+        self._bars: Progress | None = None  # a terminal displays one set of bars at a time
         self._open = 0
-        self._opening = Lock()
+        self._lock = Lock()
 
     @contextmanager
-    def _shown(self, title: str) -> Iterator[Advance]:
+    def _displayed(self, title: str) -> Iterator[Advance]:
         stop_if_asked()
         if not self._console.is_terminal:
             yield self._lines(title)
@@ -81,7 +108,7 @@ class ConsoleStages(SilentStages):
     @contextmanager
     def _shared_bars(self) -> Iterator[Progress]:
         """Yield the bars of all stages that are open; they stay on the terminal when the last one ends."""
-        with self._opening:
+        with self._lock:
             if self._bars is None:
                 self._bars = Progress(
                     TextColumn("{task.description:<28}", markup=False),
@@ -91,29 +118,48 @@ class ConsoleStages(SilentStages):
                     TimeRemainingColumn(),
                     console=self._console,
                 )
-                self._bars.start()
+                self._start_in_time(self._bars)
             self._open += 1
             bars = self._bars
         try:
             yield bars
         finally:
-            with self._opening:
+            with self._lock:
                 self._open -= 1
                 if not self._open:
-                    bars.stop()
+                    if bars.live.is_started:
+                        bars.stop()
                     self._bars = None
+
+    def _start_in_time(self, bars: Progress) -> None:
+        """Display ``bars`` now, or as soon as the work has taken long enough and they are still wanted."""
+        now = time.monotonic()
+        self._begun = now if self._begun is None else self._begun
+        wait_s = self._begun + self._quiet_s - now
+        if wait_s <= 0:
+            bars.start()
+            return
+
+        def start() -> None:
+            with self._lock:
+                if self._bars is bars:
+                    bars.start()
+
+        timer = Timer(wait_s, start)
+        timer.daemon = True
+        timer.start()
 
     def _lines(self, title: str) -> Advance:
         start = time.monotonic()
-        said = start
+        printed = start
         title = visible(title)
         self._console.print(title, highlight=False, markup=False, emoji=False)
 
         def advance(share: float) -> None:
-            nonlocal said
+            nonlocal printed
             stop_if_asked()
-            if (now := time.monotonic()) - said >= self.LINE_EVERY_S:
-                said = now
+            if (now := time.monotonic()) - printed >= self.LINE_EVERY_S:
+                printed = now
                 line = f"{title}: {share:.0%} after {now - start:.0f} s"
                 self._console.print(line, highlight=False, markup=False, emoji=False)
 

@@ -1,6 +1,7 @@
 """What ends a command in one line: input that cannot be used, memory that runs out, a system that refuses."""
 
 import logging
+import re
 import warnings
 
 from endoct.stitching.errors import EndoctError, cause_of, visible
@@ -9,10 +10,20 @@ _SHORT_OF_MEMORY = ("(-4:Insufficient memory)", "can't start new thread")
 """What OpenCV and Python say in errors of another kind, which may come as text from another process."""
 
 
+_FLAGS = (
+    (re.compile(r"\b(overwrite|volume)=True\b"), r"--\1"),
+    (re.compile(r"\bmodality='(\w+)'"), r"--modality \1"),
+    (re.compile(r"\bmodality_([ab])='(\w+)'"), r"--modality-\1 \2"),
+    (re.compile(r"\bsettings=\{'(\w+)': (\w+)\}"), r"--set \1=\2"),
+    (re.compile(r"\bsettings_([ab])=\{'(\w+)': (\w+)\}"), r"--set-\1 \2=\3"),
+)
+"""How what a remedy names as arguments of a Python function is written on the command line."""
+
+
 def in_one_line(error: BaseException) -> str | None:
-    """Return the line to tell of an error with, None where it is a fault of endoct's own."""
+    """Return the line that the command line prints for an error, None where it is a fault of endoct's own."""
     if isinstance(error, EndoctError):
-        return str(error)
+        return str(with_flags(error))
     if isinstance(error, MemoryError) or any(words in str(error) for words in _SHORT_OF_MEMORY):
         return str(
             EndoctError(
@@ -46,6 +57,14 @@ def in_one_line(error: BaseException) -> str | None:
             )
         )
     return None
+
+
+def with_flags(error: EndoctError) -> EndoctError:
+    """Return the error with ``overwrite=True`` and other arguments of Python functions in its remedy as flags."""
+    remedy = error.remedy
+    for argument, flag in _FLAGS:
+        remedy = argument.sub(flag, remedy)
+    return type(error)(error.what, found=error.found, expected=error.expected, remedy=remedy)
 
 
 def tame_libraries() -> None:
