@@ -1,0 +1,94 @@
+"""Progress appears where somebody looks, and only for work that takes a while."""
+
+import io
+import sys
+import time
+from types import ModuleType
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from endoct.workbench.running.notebook import NotebookStages, progress_table
+from endoct.workbench.running.progress import ConsoleStages, SilentStages, Stages, stages_for
+
+
+class ZMQInteractiveShell:
+    """Named like the shell of a notebook's kernel."""
+
+
+class DisplayHandle:
+    """Notes what a notebook would display."""
+
+    displayed: list[str] = []  # noqa: RUF012 - of all handles
+
+    def display(self, data: dict[str, str], *, raw: bool) -> None:
+        self.displayed.append(data["text/html"])
+
+    def update(self, data: dict[str, str], *, raw: bool) -> None:
+        self.displayed[-1] = data["text/html"]
+
+
+@pytest.fixture
+def notebook(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A process that believes to be a notebook's kernel; returns what is displayed in it."""
+    ipython: Any = ModuleType("IPython")
+    ipython.get_ipython = ZMQInteractiveShell
+    ipython.display = ModuleType("IPython.display")
+    ipython.display.DisplayHandle = DisplayHandle
+    monkeypatch.setitem(sys.modules, "IPython", ipython)
+    monkeypatch.setitem(sys.modules, "IPython.display", ipython.display)
+    monkeypatch.setattr(DisplayHandle, "displayed", [])
+    return DisplayHandle.displayed
+
+
+def work(stages: Stages) -> None:
+    with stages.stage("survey") as advance:
+        advance(0.5)
+    with stages.stage("unroll"):
+        pass
+
+
+def terminal() -> tuple[io.StringIO, Console]:
+    shown = io.StringIO()
+    return shown, Console(file=shown, force_terminal=True, width=100)
+
+
+def test_where_nobody_looks_nothing_is_displayed() -> None:
+    assert type(stages_for(True)) is SilentStages
+    assert type(stages_for(False)) is SilentStages
+    own = SilentStages()
+    assert stages_for(own) is own
+    work(own)
+    assert list(own.seconds) == ["survey", "unroll"]
+
+
+def test_a_notebook_is_known(notebook: list[str]) -> None:
+    assert type(stages_for(True)) is NotebookStages
+    assert type(stages_for(False)) is SilentStages
+
+
+def test_a_notebook_displays_one_table(notebook: list[str]) -> None:
+    work(NotebookStages(0.0))
+    (table,) = notebook
+    assert table.count("<progress") == 2
+    assert table.count("100%") == 2
+    assert "<b>" not in progress_table({"<b>": 0.5})
+
+
+def test_short_work_displays_nothing(notebook: list[str]) -> None:
+    shown, console = terminal()
+    work(ConsoleStages(console, 1000.0))
+    work(NotebookStages(1000.0))
+    assert shown.getvalue() == ""
+    assert notebook == []
+
+
+def test_a_terminal_displays_bars_once_the_work_has_taken_a_while() -> None:
+    shown, console = terminal()
+    with ConsoleStages(console, 0.01).stage("align"):  # which never says how far it is
+        for _ in range(1000):
+            if "align" in shown.getvalue():
+                break
+            time.sleep(0.01)
+    assert "align" in shown.getvalue()
