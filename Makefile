@@ -14,7 +14,7 @@ $(shell rm -rf $(VENV))
 endif
 endif
 
-.PHONY: help demo test test-all lint types layers bench wheel-test clean
+.PHONY: help demo test test-all lint types layers site bench wheel-test clean
 
 help:
 	@echo "make demo        simulate a bore, compare both recordings, write demo/comparison/report.html"
@@ -22,6 +22,7 @@ help:
 	@echo "make lint        ruff: rules and format"
 	@echo "make types       mypy, strict"
 	@echo "make layers      import-linter: who may import whom"
+	@echo "make site        the documentation as a site: open site/index.html"
 	@echo "make bench       benchmarks against scikit-image"
 	@echo "make wheel-test  build the wheel, install it into a clean environment, run it there"
 	@echo "make clean       remove the environment and everything built"
@@ -46,6 +47,10 @@ types: $(VENV)/.ready-dev
 layers: $(VENV)/.ready-dev
 	$(VENV)/bin/lint-imports --no-logo
 
+site: $(VENV)/.ready-docs
+	NO_MKDOCS_2_WARNING=1 $(RUN) mkdocs build --strict --quiet
+	@echo "The site: $(CURDIR)/site/index.html (open it in a browser)"
+
 bench: $(VENV)/.ready-dev
 	$(RUN) pytest benchmarks
 
@@ -53,7 +58,7 @@ wheel-test: $(VENV)/.ready-dev
 	.ci/wheel-test $(VENV)/bin/python
 
 clean:
-	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	rm -rf $(VENV) build dist demo site *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 
 $(VENV)/.ready-run: constraints.txt pyproject.toml setup.py
 	$(call set-up,.)
@@ -62,6 +67,10 @@ $(VENV)/.ready-run: constraints.txt pyproject.toml setup.py
 $(VENV)/.ready-dev: constraints.txt pyproject.toml setup.py
 	$(call set-up,.[dev])
 	touch $(VENV)/.ready-run $@
+
+$(VENV)/.ready-docs: $(VENV)/.ready-dev
+	$(call set-up,.[dev,docs])
+	touch $(VENV)/.ready-run $(VENV)/.ready-dev $@
 
 # pip and setuptools come first and from the constraints, so that the build is as pinned as what is built
 define set-up

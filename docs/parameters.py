@@ -1,4 +1,4 @@
-"""Write docs/parameters.md, the table of everything the simulator draws: python docs/parameters.py."""
+"""Write docs/reference/parameters.md, the table of everything the simulator draws: python docs/parameters.py."""
 
 from pathlib import Path
 
@@ -63,4 +63,4 @@ def _summary(model: type[BaseModel]) -> str:
 
 
 if __name__ == "__main__":
-    (Path(__file__).parent / "parameters.md").write_text(table(), encoding="utf-8")
+    (Path(__file__).parent / "reference" / "parameters.md").write_text(table(), encoding="utf-8")

@@ -1,4 +1,7 @@
-"""Write docs/settings.md, the table of everything `--set` takes beside the sidecar's keys: python docs/settings.py."""
+"""Write docs/reference/settings.md, the table of everything but the sidecar's keys that `--set` takes.
+
+Run as python docs/settings.py.
+"""
 
 from pathlib import Path
 
@@ -8,10 +11,10 @@ from endoct.fusion.comparison import CompareParameters
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.oct.parameters import OctParameters
 
-HEAD = """# What can be set
+HEAD = """# Settings
 
 Made by `python docs/settings.py` from the parameters themselves; do not edit. The defaults are what all published
-figures were obtained with. A key of a recording's sidecar (README) can be replaced in the same way.
+figures were obtained with. A key of a recording's [sidecar](sidecar.md) can be replaced in the same way.
 """
 PARTS: dict[str, type[BaseModel]] = {
     "The comparison: `endoct compare … --set KEY=VALUE`": CompareParameters,
@@ -33,4 +36,4 @@ def table() -> str:
 
 
 if __name__ == "__main__":
-    (Path(__file__).parent / "settings.md").write_text(table(), encoding="utf-8")
+    (Path(__file__).parent / "reference" / "settings.md").write_text(table(), encoding="utf-8")

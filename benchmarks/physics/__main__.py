@@ -1,4 +1,4 @@
-"""Measure the simulator's physics, draw every figure of docs/simulator.md and print the table.
+"""Measure the simulator's physics, draw every figure of docs/results/physics.md and print the table.
 
     python -m benchmarks.physics [-o docs/figures]
 

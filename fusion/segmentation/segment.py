@@ -42,7 +42,7 @@ class SegmentParameters(BaseModel):
 
 
 MOST_NOISE = 0.04
-"""Above this ``noise_share``, Jaccard indices against the truth were under 0.7, mostly under 0.5 (docs/bench.md)."""
+"""Above this ``noise_share``, Jaccard indices against the truth were under 0.7, mostly under 0.5."""
 
 MOST_CELLS = 0.6
 """A wall of which more than this is cells is taken for one that was not found: bores have 0.08 to 0.3."""

@@ -56,7 +56,7 @@ def check_wishes(wishes: Mapping[str, Wish]) -> None:
             raise EndoctError(
                 f"'{path}' is no parameter that can be varied",
                 expected=f"'{nearest[0]}'" if nearest else "part.name, as oct.wall_db",
-                remedy="docs/parameters.md lists them all",
+                remedy="docs/reference/parameters.md lists them all",
             )
         if name in choices(model):
             if not all(word in choices(model)[name] for word in wish):

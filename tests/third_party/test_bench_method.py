@@ -1,4 +1,4 @@
-"""A method in a package of its own: installed beside endoct, on the bench, and as docs/bench.md prints it."""
+"""A method in a package of its own: installed beside endoct, on the bench, and as docs/how-to/bench.md prints it."""
 
 import shutil
 import subprocess
@@ -12,7 +12,7 @@ from endoct.workbench.bench.methods import check_names, load_task, origin
 from endoct.workbench.bench.runner import Plan, run
 
 PACKAGE = Path(__file__).parent / "endoct-behind-median"
-DOCS = Path(__file__).parents[2] / "docs" / "bench.md"
+DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "bench.md"
 
 
 @pytest.fixture

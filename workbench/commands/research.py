@@ -27,7 +27,7 @@ def bench(
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Run named methods on the same cases with truth: a table, results.csv, plots. docs/bench.md tells more.
+    """Run named methods on the same cases with truth: a table, results.csv, plots. docs/how-to/bench.md tells more.
 
     Args:
         task: alignment, stitching, segmentation, oct, ablate, sensitivity or another's; left out, all are listed

@@ -54,7 +54,7 @@ def _dry_run(
         f"({', '.join(f'{split} {count}' for split, count in counts.items())})",
         f"each: {size.n_slices} B-scans of {size.n_ascans} A-scans, {size.n_frames} endoscope frames, truth"
         f"{' and labels' if plan.labels else ''}; bone: {' or '.join(size.bone)}",
-        f"drawn otherwise than docs/parameters.md says: {ranges_text(drawn)}",
+        f"drawn otherwise than docs/reference/parameters.md says: {ranges_text(drawn)}",
         f"about {reckoned.files} files and {_size(reckoned.bytes)}; {_size(reckoned.free_bytes)} are free",
         f"about {_duration(reckoned.seconds)} with {reckoned.workers} processes, reckoned from one specimen made alone",
     ]

@@ -23,7 +23,7 @@ def score_tables(findings: Findings) -> Iterator[str]:
             "match where their intersection is at least half of their union. Precision: share of the second's cells "
             "that the first shows too; recall: share of the first's cells that the second shows; quality: both and "
             "the overlap in one (panoptic quality). Only cells of which the other observed half. Each cell is a line "
-            'of <span class="code">cells.csv</span>. What each score means: docs/scores.md.</p>\n'
+            'of <span class="code">cells.csv</span>. What each score means: docs/explanation/scores.md.</p>\n'
         )
     if raters := findings.result.raters:
         yield from _raters(raters)

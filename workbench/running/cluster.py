@@ -75,7 +75,7 @@ def existing_cluster(address: str) -> Iterator[Client]:
             raise EndoctError(
                 f"{address} cannot be reached without credentials",
                 expected="distributed.comm.tls in Dask's configuration",
-                remedy="see docs/datasets.md",
+                remedy="see docs/how-to/datasets.md",
             )
         client = Client(address, security=security, timeout=CONNECT_S)
     with client:

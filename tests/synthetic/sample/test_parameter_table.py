@@ -1,4 +1,4 @@
-"""docs/parameters.md is what docs/parameters.py makes of the parameters."""
+"""docs/reference/parameters.md is what docs/parameters.py makes of the parameters."""
 
 import runpy
 from pathlib import Path
@@ -8,4 +8,4 @@ DOCS = Path(__file__).parents[3] / "docs"
 
 def test_the_table_is_up_to_date() -> None:
     made = runpy.run_path(str(DOCS / "parameters.py"))["table"]()
-    assert (DOCS / "parameters.md").read_text(encoding="utf-8") == made, "run python docs/parameters.py"
+    assert (DOCS / "reference" / "parameters.md").read_text(encoding="utf-8") == made, "run python docs/parameters.py"

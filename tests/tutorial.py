@@ -1,0 +1,79 @@
+"""Runs the code blocks of a Markdown page in order, in one folder, and checks what they print.
+
+``bash`` and ``python`` blocks are run. A ``text`` block right after one is what it prints: ``...`` stands for any text,
+white space does not count, and numbers may differ by 5 % or one in the last digit shown.
+"""
+
+import contextlib
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from sybil import Document, Example
+from sybil.parsers.markdown import CodeBlockParser
+
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+RELATIVE = 0.05
+
+
+def run_page(page: Path, folder: Path) -> int:
+    """Run the blocks of ``page`` in ``folder``, the present folder while they run; return how many there were.
+
+    Raises :class:`AssertionError` where a command fails, or prints something else than the page says.
+    """
+    parsers = [
+        CodeBlockParser("bash", _run_bash),
+        CodeBlockParser("python", _run_python),
+        CodeBlockParser("text", _check),
+    ]
+    document = Document.parse(str(page), *parsers)
+    with contextlib.chdir(folder):
+        return sum(1 for example in document.examples() if example.evaluate() is None)
+
+
+def _run_bash(example: Example) -> None:
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", example.parsed], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{_place(example)}: exit status {done.returncode}\n{example.parsed}\n{done.stderr}"
+    example.namespace["_printed"] = done.stdout
+
+
+def _run_python(example: Example) -> None:
+    printed = io.StringIO()
+    code = compile("\n" * (example.line) + example.parsed, example.path, "exec")
+    with contextlib.redirect_stdout(printed):
+        exec(code, example.namespace)
+    example.namespace["_printed"] = printed.getvalue()
+
+
+def _check(example: Example) -> None:
+    said, printed = example.parsed, example.namespace["_printed"]
+    assert agrees(said, printed), f"{_place(example)}: the page says\n{said}\nand printed is\n{printed}"
+
+
+def _place(example: Example) -> str:
+    return f"{example.path}:{example.line}"
+
+
+def agrees(said: str, printed: str) -> bool:
+    """Return whether ``printed`` is what a page says."""
+    said, printed = " ".join(said.split()), " ".join(printed.split())
+    pattern = ".*?".join(_pattern(part) for part in said.split("..."))
+    match = re.fullmatch(pattern, printed, flags=re.DOTALL)
+    return match is not None and all(map(_near, NUMBER.findall(said), match.groups()))
+
+
+def _pattern(text: str) -> str:
+    """Return a pattern for ``text`` with a group for every number."""
+    words = [re.escape(word) for word in NUMBER.split(text)]
+    return f"({NUMBER.pattern})".join(words)
+
+
+def _near(said: str, printed: str) -> bool:
+    digits = len(said.partition(".")[2])
+    return abs(float(said) - float(printed)) <= max(RELATIVE * abs(float(said)), 1.01 * 10**-digits)
