@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -86,7 +85,8 @@ def _bore(one: Drawer, size: Preset) -> Bore:
     # room for two recordings that share 60 % of their length, with a visible band of up to 1.1 mm
     length_mm = 2 * MARGIN_MM + 1.4 * recorded_mm + 1.1 + one.rng.uniform(0, 0.5)
     bone = one.word("bore.bone", dict.fromkeys(size.bone, 1.0))
-    bore = Bore(**drawn | {"diameter_mm": round(drawn["diameter_mm"], 2), "bone": bone}, length_mm=length_mm)
+    drawn["diameter_mm"] = round(drawn["diameter_mm"], 2)
+    bore = Bore(**drawn, bone="mastoid" if bone == "mastoid" else "phantom", cells=(), length_mm=length_mm)
     return bore.model_copy(update={"cells": draw_cells(one.rng, bore)})
 
 
@@ -110,7 +110,7 @@ def _positions(
     return oct_z - mouth, frame_z + start + visible_mm / 2 - mouth
 
 
-def _oct(one: Drawer, size: Preset, drawn: dict[str, Any], z_mm: Coordinates, length_mm: float) -> Oct:
+def _oct(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, length_mm: float) -> Oct:
     n, rng = size.n_slices, one.rng
     sheath = _sheath(one, drawn["axial_pixel_mm"])
 
@@ -192,7 +192,7 @@ def _lost(rng: Generator, size: Preset, mean: float) -> tuple[LostAscans, ...]:
     )
 
 
-def _endoscope(one: Drawer, size: Preset, drawn: dict[str, Any], z_mm: Coordinates, bore: Bore) -> Endoscope:
+def _endoscope(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, bore: Bore) -> Endoscope:
     n, rng = z_mm.size, one.rng
     width, height = size.image_px[int(rng.integers(len(size.image_px)))]
     outer = float(rng.uniform(0.42, 0.46)) * height
@@ -265,5 +265,5 @@ def _fitting_annulus(
             )
 
 
-def _scaled(sizes: dict[str, Any], scale: float) -> dict[str, Any]:
+def _scaled(sizes: dict[str, float], scale: float) -> dict[str, float]:
     return {name: value * scale if name.endswith("_px") else value for name, value in sizes.items()}

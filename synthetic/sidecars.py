@@ -1,16 +1,17 @@
 """What the operator would have written down: the sidecars of both recordings."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 
+TomlValue = str | float | list[float] | dict[str, float]
 
-def oct_sidecar(sample: Sample) -> dict[str, Any]:
+
+def oct_sidecar(sample: Sample) -> dict[str, TomlValue]:
     """Return the keys of ``oct/acquisition.toml``; what the operator does not know is left out or "unknown"."""
     oct_ = sample.oct
-    keys: dict[str, Any] = {
+    keys: dict[str, TomlValue] = {
         "modality": "oct",
         "axial_pixel_mm": oct_.axial_pixel_mm,
         "pullback_pitch_mm": PRESETS[sample.preset].pitch_mm,
@@ -28,10 +29,10 @@ def oct_sidecar(sample: Sample) -> dict[str, Any]:
     return keys
 
 
-def endoscope_sidecar(sample: Sample) -> dict[str, Any]:
+def endoscope_sidecar(sample: Sample) -> dict[str, TomlValue]:
     """Return the keys of ``endoscope/acquisition.toml``."""
     camera = sample.endoscope
-    keys: dict[str, Any] = {
+    keys: dict[str, TomlValue] = {
         "modality": "endoscope",
         "bore_diameter_mm": sample.bore.diameter_mm,
         "feed_pitch_mm": PRESETS[sample.preset].pitch_mm,
@@ -52,12 +53,12 @@ def endoscope_sidecar(sample: Sample) -> dict[str, Any]:
     return keys
 
 
-def toml(keys: Mapping[str, Any]) -> str:
+def toml(keys: Mapping[str, TomlValue]) -> str:
     """Return ``keys`` (text, numbers, lists and flat tables of these) as TOML, rounded to 6 decimals."""
     return "".join(f"{key} = {_value(value)}\n" for key, value in keys.items())
 
 
-def _value(value: Any) -> str:
+def _value(value: TomlValue) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_value(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, str):

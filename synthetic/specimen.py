@@ -2,26 +2,22 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
 from endoct.modalities.keys import shown
 from endoct.stitching.errors import EndoctError, cause_of
-from endoct.stitching.worker_process import worker_process
+from endoct.stitching.worker_process import WorkerProcess, worker_process
 from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import NO_WISHES, Wish
-
-if TYPE_CHECKING:
-    from endoct.synthetic.model import Model
 
 MOST_WORKERS = 4
 
@@ -64,25 +60,45 @@ def simulate(
         from endoct.synthetic.draw import draw
 
         drawn = replayed or draw(preset, seed, bore_seed=bore_seed, wishes=wishes)
-        from endoct.synthetic.bone.wall import part_of_wall
+        write_specimen(folder, drawn, processes, progress, labels=labels, spectra=spectra)
 
-        parts = [process.call(part_of_wall, drawn, k, len(processes)) for k, process in enumerate(processes)]
-        from endoct.synthetic.model import build_model
-        from endoct.synthetic.recordings import write_recordings
 
-        progress("wall", 0.0)
-        model = build_model(drawn, [part.result for part in parts])
-        progress("wall", 1.0)
-        folder.mkdir()
-        with ThreadPoolExecutor(1) as pool:
-            truth = pool.submit(_write_truth, folder / "truth", model)
-            write_recordings(folder, model, processes, progress)
-            truth.result()
+def write_specimen(
+    folder: Path,
+    sample: Sample,
+    processes: Sequence[WorkerProcess],
+    progress: Progress,
+    *,
+    labels: bool,
+    spectra: bool,
+) -> None:
+    """Write what :func:`simulate` says of ``sample``; ``processes`` trace parts of the wall and render frames."""
+    from endoct.synthetic.bone.wall import part_of_wall
+
+    progress("wall", 0.0)
+    parts = [process.call(part_of_wall, sample, k, len(processes)) for k, process in enumerate(processes)]
+    from endoct.synthetic.model import build_model
+    from endoct.synthetic.recordings import write_recordings
+
+    model = build_model(sample, [part.result for part in parts])
+    progress("wall", 1.0)
+
+    def write_its_truth() -> None:
+        from endoct.synthetic.truth import write_truth  # takes a while to load: meanwhile others render
+
+        write_truth(folder / "truth", sample, model.wall)
+
+    folder.mkdir()
+    with ThreadPoolExecutor(1) as pool:
+        truth = pool.submit(write_its_truth)
+        write_recordings(folder, model, processes, progress)
+        truth.result()
+    workers = 1 + len(processes)
     if spectra:
         from endoct.synthetic.oct.raw import write_spectra
 
         advance = partial(progress, "spectra")
-        write_spectra(folder / "oct-spectra", drawn, model.wall, model.appearance, advance, workers)
+        write_spectra(folder / "oct-spectra", sample, model.wall, model.appearance, advance, workers)
     if labels:
         from endoct.synthetic.labels.writing import write_labels
 
@@ -97,12 +113,6 @@ def _prepare() -> None:
     import endoct.synthetic.endoscope.camera  # noqa: F401
 
     cv2.setNumThreads(1)
-
-
-def _write_truth(folder: Path, model: "Model") -> None:
-    from endoct.synthetic.truth import write_truth  # takes a while to load: meanwhile others render
-
-    write_truth(folder, model.sample, model.wall)
 
 
 def _check(preset: PresetName, seed: int, bore_seed: int | None) -> None:

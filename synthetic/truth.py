@@ -1,8 +1,7 @@
-"""What the recordings of a specimen cannot know of themselves, written beside them."""
+"""The truth about a specimen: its wall, how its recordings were made, and all that was drawn."""
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ def write_truth(folder: Path, sample: Sample, wall: Wall) -> None:
     (folder / "sample.json").write_text(sample.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
-def recording(sample: Sample) -> dict[str, Any]:
+def recording(sample: Sample) -> dict[str, object]:
     """Return per modality the transform to the bore frame, and what moved, per frame in the order recorded.
 
     ``z_mm``: place in the bore frame of every slice, and of the middle of the band every image shows.

@@ -11,7 +11,7 @@ import numpy as np
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.endoscope.camera import noise_free, sight
+from endoct.synthetic.endoscope.camera import noise_free, pixel_maps
 from endoct.synthetic.endoscope.cone import band_centre_mm, focal_length_px
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
@@ -53,7 +53,7 @@ def endoscope(half_angle_deg: float = 45.0, **camera: Any) -> tuple[Sample, Wall
 
 def _pixels(sample: Sample, wall: Wall) -> tuple[Coordinates, Coordinates, Coordinates]:
     """Return radius and angle in the image, and z from the apex, of all pixels that see the wall."""
-    seen = sight(sample, wall, 0)
+    seen = pixel_maps(sample, wall, 0)
     row, column = np.nonzero(seen.valid)
     cx, cy = sample.endoscope.centre_px[0]
     z = seen.z_mm[row, column].astype(np.float64) - APEX_MM

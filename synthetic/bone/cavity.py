@@ -9,7 +9,7 @@ No function here is given more than some 32 000 numbers at once, which fit a cac
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -19,6 +19,7 @@ from endoct.synthetic.bone.cavities import TABLE, Cavities
 from endoct.synthetic.elementary import Numbers, exp, log
 
 Indices = NDArray[np.intp]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 OWN_SIDE = 0.3  # cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite
 DUST_RIPPLE_MM = 0.004
@@ -68,7 +69,7 @@ class Near:
         return replace(self, **changed)
 
 
-def chosen(values: NDArray[Any], slot: Indices) -> NDArray[Any]:
+def chosen(values: NDArray[Scalar], slot: Indices) -> NDArray[Scalar]:
     """Return of each row of (n, k) the value in its ``slot``, (n,)."""
     return values[np.arange(len(slot)), slot]
 

@@ -8,7 +8,7 @@ from endoct.synthetic.sample.parameters import Bore, Cell
 
 
 def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
-    """Draw cells until ``bore.cell_fraction`` of the wall is cut away, and never more than 0.295 or that wish + 0.02.
+    """Draw cells until ``bore.cell_fraction`` of the wall is cut away, at most 0.02 more, and never more than 0.295.
 
     Raises :class:`EndoctError` where there is no room for so many.
     """

@@ -54,7 +54,7 @@ class WallMaps:
         np.clip(z_mm / self.dz_mm, 0, image.shape[0] - 1, out=rows[:n], casting="same_kind")
         columns[:n] = np.mod(theta_rad, 2 * np.pi) / self.dtheta_rad
         shape = (-1, LOOKUP_COLUMNS)
-        found = cv2.remap(
+        values = cv2.remap(
             image, columns.reshape(shape), rows.reshape(shape), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
         )
-        return np.asarray(found, dtype=np.float32).ravel()[:n]
+        return np.asarray(values, dtype=np.float32).ravel()[:n]

@@ -1,6 +1,6 @@
 """A pneumatised mastoid: air cells of many sizes, widest behind the wall, packed with thin septa between them.
 
-A cell is put beside one that is there already, so far that a septum of about ``septum_mm`` is left, or, for the
+A cell is placed next to one that is there already, so far that a septum of about ``septum_mm`` is left, or, for the
 share ``communicating``, so near that they run into each other. Distances are taken along the line of the centres.
 """
 
@@ -18,7 +18,7 @@ from endoct.synthetic.bone.opening import CutWall, drawn_contents, drawn_outline
 from endoct.synthetic.sample.parameters import Bore, Cell
 
 TRIES = 120  # for each mm² to be cut away, and at least ten times as many
-SEED_SHARE = 0.12  # of cells not put beside another
+SEED_SHARE = 0.12  # of cells that start a group of their own
 MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45  # of the log-normal openings
 SMALLER_AFTER = 12  # tries in vain, after each of which cells are drawn a tenth smaller
 HARMONICS = 4
@@ -38,12 +38,12 @@ def draw_network(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
         cell = _cell(rng, bore, 0.9 ** (vain / SMALLER_AFTER))
         joins = rng.random() < bore.communicating
         gap = -rng.uniform(0.02, 0.08) if joins else bore.septum_mm * rng.uniform(0.85, 1.15)
-        beside, direction = rng.random(), rng.uniform(0, 2 * np.pi)
+        share, direction = rng.random(), rng.uniform(0, 2 * np.pi)
         chosen = int(rng.integers(2**31))
         neighbour = None
-        if packed.cells and beside > SEED_SHARE:
+        if packed.cells and share > SEED_SHARE:
             neighbour = chosen % len(packed.cells)
-            cell = packed.beside(cell, neighbour, direction, gap)
+            cell = packed.placed_next_to(cell, neighbour, direction, gap)
         fits = 0 <= cell.z_mm <= bore.length_mm and packed.fits(cell, neighbour, 0.8 * bore.septum_mm, gap)
         if fits and wall.take(cell):
             packed.add(cell)
@@ -101,7 +101,7 @@ class _Packed:
         self._closed[n] = cell.bulge_mm > 0
         self.cells.append(cell)
 
-    def beside(self, cell: Cell, neighbour: int, direction_rad: float, gap_mm: float) -> Cell:
+    def placed_next_to(self, cell: Cell, neighbour: int, direction_rad: float, gap_mm: float) -> Cell:
         """Return ``cell`` moved along the wall to where it leaves ``gap_mm`` to the neighbour."""
         other = self.cells[neighbour]
         away = (cell.diameter_mm + other.diameter_mm) / 2
@@ -113,13 +113,13 @@ class _Packed:
         return cell
 
     def fits(self, cell: Cell, neighbour: int | None, least_mm: float, gap_mm: float) -> bool:
-        """Whether the cell leaves ``least_mm`` to all, and about ``gap_mm`` to the neighbour it was put beside."""
+        """Whether the cell leaves ``least_mm`` to all, and about ``gap_mm`` to the neighbour it was placed next to."""
         n = len(self.cells)
         close = np.flatnonzero(np.abs(self._centre[:n, 2] - cell.z_mm) < 3.0)
         gaps = self._gaps(cell, close)
         if neighbour is not None:
-            beside = gaps[close == neighbour]
-            if not beside.size or abs(float(beside[0]) - gap_mm) > 0.01:
+            gap_there = gaps[close == neighbour]
+            if not gap_there.size or abs(float(gap_there[0]) - gap_mm) > 0.01:
                 return False
             gaps = gaps[close != neighbour]
         return bool(np.all(gaps >= least_mm))

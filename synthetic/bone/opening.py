@@ -116,7 +116,7 @@ class CutWall:
                 "no room for as many cells as wished",
                 found=f"{self._n_cut / self._cut.size:.2f} of the wall cut away",
                 expected=f"bore.cell_fraction {self.bore.cell_fraction:.2f}",
-                remedy="wish for less, or for thinner septa",
+                remedy="lower bore.cell_fraction, or bore.septum_mm",
             )
         return tuple(self.cells)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from endoct.stitching.arrays import Image
-from endoct.stitching.circle import gaussian
+from endoct.stitching.circle import gaussian, pad_circle
 from endoct.stitching.parallel import thread_map
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
@@ -69,7 +69,7 @@ def texture(rng: Generator, grid: WallGrid, scale_mm: float) -> Image:
         noise = gaussian(rng.standard_normal(shape, dtype=np.float32), rows, columns)
         return np.asarray(noise / np.sqrt(np.mean(np.square(noise, dtype=np.float64))), dtype=np.float32)
     coarse = smooth_field(rng, shape, rows / every_row, columns / every_column)
-    wide = np.pad(coarse, ((0, 0), (BORDER, BORDER)), mode="wrap")
+    wide = pad_circle(coarse, BORDER)
     size = wide.shape[1] * every_column, wide.shape[0] * every_row
     large = cv2.resize(wide, size, interpolation=cv2.INTER_CUBIC)
     first = BORDER * every_column

@@ -79,7 +79,7 @@ def crossings(
 ) -> Crossings:
     """Return what rays meet between ``start_mm`` (n,), where they are in air, and ``reach_mm`` (n,).
 
-    ``origin_mm`` (n, 3) and ``direction`` (n, 3), unit, in the bore frame. Surfaces are found to 1e-4 mm; bone or air
+    ``origin_mm`` (n, 3) and ``direction`` (n, 3), unit, in the bore frame. Surfaces are exact to 1e-4 mm; bone or air
     thinner than 4 µm along the ray may be missed.
     """
     cell, count = _candidates(scene, origin_mm, direction)
@@ -180,7 +180,7 @@ class _BoreAlong:
         clear = _displacement(self.scene, z, azimuth(x / r, y / r)) + (self.scene.grid.radius_mm - r)
         return clear, 1 + self.scene.steepest * aside
 
-    def beside(self, axis: int, way_mm: float) -> "_BoreAlong":
+    def shifted(self, axis: int, way_mm: float) -> "_BoreAlong":
         name = "xyz"[axis]
         return replace(self, **{name: getattr(self, name) + way_mm})
 
@@ -210,7 +210,7 @@ def _normal(scene: Scene, rays: Near, bore: _BoreAlong, t: Numbers) -> Numbers:
     for axis in range(3):
         moved = []
         for way in (NORMAL_MM, -NORMAL_MM):
-            clear = bore.beside(axis, way).at(t)[0]
+            clear = bore.shifted(axis, way).at(t)[0]
             if rays.cell.shape[1]:
                 cells = clearance(scene.cells.inverse, _beside(scene, rays, axis, way), t).air_mm
                 clear = joined(clear, cells, rays.edge)

@@ -2,7 +2,7 @@
 
 The clearance of bore and cells together is a polynomial smooth maximum over each cell's ``edge_mm``, which adds at
 most a quarter of it. Rays step by what no surface can be nearer than, but at least ``STEP_MM``, within which the
-surface is then found by the secant rule.
+surface then follows from the secant rule.
 """
 
 import math
@@ -62,7 +62,7 @@ def first_air(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limi
 
 def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limit: Numbers, sign: int) -> Numbers:
     """Return where sign·clearance of rays first falls to 0 between ``start`` and ``limit``, NaN where it does not."""
-    found = np.full_like(start, math.nan)
+    crossing = np.full_like(start, math.nan)
     which = np.flatnonzero(start <= limit)
     part, along, t, stop = rays.of(which), bore.of(which), start[which], limit[which]
     last, last_clear = t, np.zeros_like(t)
@@ -107,8 +107,8 @@ def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers
         short = clear > 0
         low, at_low = np.where(short, middle, low), np.where(short, clear, at_low)
         high, at_high = np.where(short, high, middle), np.where(short, at_high, clear)
-        found[at] = _between(low, at_low, high, at_high)
-    return found
+        crossing[at] = _between(low, at_low, high, at_high)
+    return crossing
 
 
 def _look(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers, sign: int) -> tuple[Numbers, Numbers]:
@@ -149,7 +149,7 @@ def owner_of(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers) -> tuple[
 def first_fluid(cells: Cavities, rays: Near, start: Numbers, limit: Numbers) -> Numbers:
     """Return where rays enter fluid between ``start`` and ``limit`` (n,), NaN where they do not."""
     surface = cells.fluid[rays.cell].astype(rays.power.dtype)
-    found = np.full_like(start, math.inf)
+    nearest = np.full_like(start, math.inf)
     for slot in range(rays.cell.shape[1]):
         level = np.broadcast_to(surface[:, slot], start.shape)
         which = np.flatnonzero(np.isfinite(level))
@@ -165,7 +165,7 @@ def first_fluid(cells: Cavities, rays: Near, start: Numbers, limit: Numbers) -> 
         while len(which):
             step = clearance(cells.inverse, one, t).step_mm[:, 0]
             inside = (step > 0) & (t < stop)
-            found[which[inside]] = np.minimum(found[which[inside]], t[inside])
+            nearest[which[inside]] = np.minimum(nearest[which[inside]], t[inside])
             on = np.flatnonzero(~inside & (t < stop))
             which, t, stop, one = which[on], (t + np.maximum(-step, STEP_MM))[on], stop[on], one.of(on)
-    return np.where(np.isfinite(found), found, math.nan)
+    return np.where(np.isfinite(nearest), nearest, math.nan)

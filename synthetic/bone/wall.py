@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.circle import pad_circle
 from endoct.stitching.parallel import thread_map
 from endoct.synthetic.bone.cavity import Indices, Near, air_mm, covers
 from endoct.synthetic.bone.maps import WallMaps
@@ -29,7 +30,7 @@ from endoct.synthetic.sample.parameters import Cell, Sample
 DEEPEST_MM = 2.5
 OPEN_MM = 0.01  # a cell is open where the first surface lies this much beyond the bore's own wall
 RIM_MM = 0.02
-SHARE_ELSEWHERE = 2  # of the jobs, for each that this process does: it has more to load and to do beside them
+SHARE_ELSEWHERE = 2  # of the jobs, for each that this process does: it has more to load and other work besides
 
 Job = tuple[NDArray[np.intp], NDArray[np.int64]]
 """Nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
@@ -127,7 +128,7 @@ def _rims(cells: tuple[Cell, ...], baked: _Baked, grid: WallGrid) -> Image:
     bright = gain[baked.cell_id]
     sigma_z, sigma_theta = RIM_MM / grid.dz_mm, RIM_MM / grid.dtheta_mm
     pad = math.ceil(4 * sigma_theta)
-    wide = np.pad(bright, ((0, 0), (pad, pad)), mode="wrap")
+    wide = pad_circle(bright, pad)
     blurred = cv2.GaussianBlur(wide, (0, 0), sigmaX=sigma_theta, sigmaY=sigma_z)[:, pad:-pad]
     return np.asarray(2 * np.abs(bright - blurred), dtype=np.float32)
 
@@ -189,15 +190,15 @@ def _reached(scene: Scene, cells: Sequence[Cell], number: int) -> NDArray[np.int
     rows, columns = patch(grid, scene.cells, cells[number], number)
     if not (rows.size and columns.size):
         return np.zeros(0, np.intp)
-    every, found, at_once = fan(grid, scene.cells, rows, columns, number), [], max(1, BLOCK // columns.size)
+    every, reached, at_once = fan(grid, scene.cells, rows, columns, number), [], max(1, BLOCK // columns.size)
     for first in range(0, rows.size, at_once):
         part = rows[first : first + at_once]
         row, column = (index.ravel() for index in np.indices((part.size, columns.size)))
         rays, node = every.of(row + first, column), (part[:, None] * grid.n_theta + columns).ravel()
         own = displacement[node] + np.float32(grid.radius_mm)
         near_by = air_mm(scene.cells.inverse, rays, own)[:, 0] > -rays.edge[:, 0]
-        found.append(node[near_by])
-    return np.sort(np.concatenate(found))
+        reached.append(node[near_by])
+    return np.sort(np.concatenate(reached))
 
 
 def _traced(scene: Scene, job: Job) -> Traced:

@@ -16,7 +16,7 @@ from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
 from endoct.synthetic.sample.randomness import Stage, generator
 
-__all__ = ["Seen", "StoredFrame", "band_centre_mm", "noise_free", "render_frame", "sight", "stored_frame"]
+__all__ = ["PixelMaps", "StoredFrame", "band_centre_mm", "noise_free", "pixel_maps", "render_frame", "stored_frame"]
 
 StoredFrame = bytes | NDArray[np.uint8]
 """A frame as it is stored: the bytes of a PNG file, or for a video the frame itself."""
@@ -28,7 +28,7 @@ SURROUND_STEPS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class PixelMaps:
     """What every pixel of a frame sees of the wall, maps (row, column) of the image.
 
     ``z_mm`` from the mouth, ``theta_rad`` in [0, 2π) and ``depth_mm`` below the nominal radius, float32 in the
@@ -67,7 +67,7 @@ def noise_free(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np.u
     return displayed(_signal(sample, wall, frame_index))
 
 
-def sight(sample: Sample, wall: WallMaps, frame_index: int) -> Seen:
+def pixel_maps(sample: Sample, wall: WallMaps, frame_index: int) -> PixelMaps:
     """Return what every pixel of a frame sees of the wall."""
     camera = sample.endoscope
     shape = camera.height_px, camera.width_px
@@ -76,18 +76,18 @@ def sight(sample: Sample, wall: WallMaps, frame_index: int) -> Seen:
     n_z, n_theta = wall.relief_mm.shape
     reached = visible(wall, camera, frame_index)
     for rows in bands(camera):
-        seen = view(camera, frame_index, rows)
-        if not seen.pixel.size:
+        pixels = view(camera, frame_index, rows)
+        if not pixels.pixel.size:
             continue
-        hits = follow(reached, camera, frame_index, seen)
-        z_mm.flat[seen.pixel] = (hits.row + hits.first_row) * wall.dz_mm
-        theta_rad.flat[seen.pixel] = np.mod(hits.column * wall.dtheta_rad, 2 * np.pi)
-        depth_mm.flat[seen.pixel] = hits.radius_mm - wall.radius_mm
+        hits = follow(reached, camera, frame_index, pixels)
+        z_mm.flat[pixels.pixel] = (hits.row + hits.first_row) * wall.dz_mm
+        theta_rad.flat[pixels.pixel] = np.mod(hits.column * wall.dtheta_rad, 2 * np.pi)
+        depth_mm.flat[pixels.pixel] = hits.radius_mm - wall.radius_mm
         row = np.clip(np.rint(hits.row).astype(np.intp) + hits.first_row, 0, n_z - 1)
-        cell.flat[seen.pixel] = wall.cell_id[row, np.mod(np.rint(hits.column).astype(np.intp), n_theta)]
-        hidden.flat[seen.pixel] = obscured(camera, wall, seen, hits)
-        valid.flat[seen.pixel] = True
-    return Seen(z_mm, theta_rad, depth_mm, cell, hidden, valid)
+        cell.flat[pixels.pixel] = wall.cell_id[row, np.mod(np.rint(hits.column).astype(np.intp), n_theta)]
+        hidden.flat[pixels.pixel] = obscured(camera, wall, pixels, hits)
+        valid.flat[pixels.pixel] = True
+    return PixelMaps(z_mm, theta_rad, depth_mm, cell, hidden, valid)
 
 
 def _signal(sample: Sample, wall: WallMaps, frame_index: int) -> Image:
@@ -98,12 +98,12 @@ def _signal(sample: Sample, wall: WallMaps, frame_index: int) -> Image:
     colours = 3 if camera.colour else 1
     image = np.empty((camera.height_px, camera.width_px, colours), np.float32)
     for rows in bands(camera):
-        seen = view(camera, frame_index, rows)
+        pixels = view(camera, frame_index, rows)
         planes = np.repeat(around.light(rows)[None], colours, axis=0)
-        if seen.pixel.size:
-            arrived = light(sample, lit, seen, follow(reached, camera, frame_index, seen))
+        if pixels.pixel.size:
+            arrived = light(sample, lit, pixels, follow(reached, camera, frame_index, pixels))
             for plane, colour in zip(planes, arrived, strict=True):
-                plane.ravel()[seen.place] += colour
+                plane.ravel()[pixels.place] += colour
         image[rows] = cv2.merge(list(planes)).reshape(image[rows].shape)
     _defocus(camera, image, frame_index)
     return image if camera.colour else image[..., 0]
@@ -144,7 +144,7 @@ def _blurred(image: Image, sigma_px: float) -> Image:
 def _distance_px(
     camera: Endoscope, frame_index: int, rows: range, columns: range, shift: tuple[float, float] = (0.0, 0.0)
 ) -> Image:
-    """Return the distance of pixels from the annulus' centre, or from a place beside it."""
+    """Return the distance of pixels from the annulus' centre, or from a place next to it."""
     cx, cy = camera.centre_px[frame_index]
     x = (np.arange(columns.start, columns.stop) - cx - shift[0]).astype(np.float32)[None, :]
     y = (np.arange(rows.start, rows.stop) - cy - shift[1]).astype(np.float32)[:, None]

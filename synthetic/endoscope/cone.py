@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.endoscope.root import root
 from endoct.synthetic.sample.parameters import Endoscope
 
 STEEPEST = 0.97
-"""Largest tan ψ of a mirror that is to be seen, as a part of tan a, at which a ray runs along the cone."""
+"""Largest tan ψ at which the mirror counts as visible, as a part of tan a, at which a ray runs along the cone."""
 NEWTON_STEPS = 6
 
 Reals = NDArray[np.floating[Any]]
@@ -27,7 +26,7 @@ Reals = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class ConeRays:
-    """Rays off the mirror, of the shape and dtype of the image radii asked for.
+    """Rays off the mirror, of the shape and dtype of the image radii given.
 
     ``rho_mm`` from the probe's axis and ``z_mm`` from the apex, inward, where a ray leaves the cone; ``outward``
     and ``inward``, its unit direction across and along the axis; ``path_mm`` from the pinhole to the cone;
@@ -111,7 +110,9 @@ def focal_length_px(optics: Mapping[str, float], inner_px: float, outer_px: floa
             expected=f"up to {length + excess_mm(shortest):.2f} mm",
             remedy="vary visible_length_mm less, or mirror_distance_mm upwards",
         )
-    return root(excess_mm, shortest, 1e5 * outer_px, within=1e-9 * outer_px, share=1e-14)
+    from scipy.optimize import brentq  # takes a while to load, and only who draws a specimen needs it
+
+    return float(brentq(excess_mm, shortest, 1e5 * outer_px, xtol=1e-9 * outer_px, rtol=1e-14))
 
 
 def _undistorted(image: Reals, k1: float) -> Reals:

@@ -1,7 +1,7 @@
 """How much light comes back from what the endoscope's pixels see.
 
-The source sits at the pinhole, so light reaches the wall along the very rays that are seen: no shadows are, and the
-glossy part is brightest where the wall faces the ray. A cone mirror spreads light as a plane one does along the
+The source sits at the pinhole, so light reaches the wall along the rays that the camera sees: there are no shadows,
+and the glossy part is brightest where the wall faces the ray. A cone mirror spreads light as a plane one does along the
 bore, but around the bore it spreads it over the whole circle: a bundle of rays at ψ from the axis is, after a path
 L and at ρ from the axis, L·dψ wide and ρ·dθ, so that the irradiance falls as cos i·sin ψ/(L·ρ). Before a plane
 mirror ρ would be L·sin ψ, and this the inverse square of the path.
@@ -37,7 +37,7 @@ OBSCURED = 0.2
 class Surface:
     """What the light of one frame falls on.
 
-    ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are seen, crumbs included;
+    ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are pixels, crumbs included;
     ``wet`` (row, column), None where all is dry; ``irradiance`` of the nominal wall in the middle of the annulus, up
     to the source's strength; ``radius_mm`` of the bore.
     """
@@ -48,21 +48,21 @@ class Surface:
     radius_mm: float
 
 
-def surface(camera: Endoscope, wall: WallMaps, seen: Visible) -> Surface:
+def surface(camera: Endoscope, wall: WallMaps, reached: Visible) -> Surface:
     """Return what the light falls on in a frame that sees these rows of the wall."""
-    rows = slice(seen.first_row, seen.first_row + seen.relief_mm.shape[0])
+    rows = slice(reached.first_row, reached.first_row + reached.relief_mm.shape[0])
     slopes = [np.clip(slope[rows], -STEEPEST_SLOPE, STEEPEST_SLOPE) for slope in (wall.slope_z, wall.slope_theta)]
     maps = np.asarray(cv2.merge([wall.albedo[rows], wall.rim[rows], *slopes]), dtype=np.float32)
     for crumb in camera.debris:
-        _put(crumb, maps, wall, seen.first_row)
+        _put(crumb, maps, wall, reached.first_row)
     wet = wall.wet[rows]
     return Surface(maps, wet if wet.any() else None, _reference(camera, wall.radius_mm), wall.radius_mm)
 
 
-def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
+def light(sample: Sample, lit: Surface, pixels: View, hits: Hits) -> Image:
     """Return the light that arrives at each pixel of a view, float32 (1 or 3, n), 1 is saturation.
 
-    Bone seen squarely by a probe on the bore's axis has ``exposure`` in the middle of the annulus.
+    Bone at normal incidence to a probe on the bore's axis has ``exposure`` in the middle of the annulus.
     """
     camera = sample.endoscope
     albedo, rim, slope_z, slope_theta = (
@@ -99,11 +99,11 @@ def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
     lobe *= np.float32(0.5 / camera.gloss_rad**2)
     glossy = gloss * arriving * exp(lobe)
 
-    through = camera.exposure * _probe_light(camera, seen)
-    beside_ring = (seen.r_px - np.float32(camera.ring_px)) * np.float32(1 / RING_SIGMA_PX)
-    added = np.float32(camera.ring_gain) * exp(np.float32(-0.5) * beside_ring * beside_ring)
-    added += _droplet_shine(camera, seen)
-    kept = transmission(camera, seen)
+    through = camera.exposure * _probe_light(camera, pixels)
+    from_ring = (pixels.r_px - np.float32(camera.ring_px)) * np.float32(1 / RING_SIGMA_PX)
+    added = np.float32(camera.ring_gain) * exp(np.float32(-0.5) * from_ring * from_ring)
+    added += _droplet_shine(camera, pixels)
+    kept = transmission(camera, pixels)
     white = (through * glossy + added) * kept
     diffuse *= through * kept
     if not camera.colour:
@@ -116,26 +116,26 @@ def light(sample: Sample, lit: Surface, seen: View, hits: Hits) -> Image:
     return arrived
 
 
-def transmission(camera: Endoscope, seen: View) -> Image:
+def transmission(camera: Endoscope, pixels: View) -> Image:
     """Return which part of the light the dirt on the optics lets through, float32 (n,).
 
     A speck is a product of its courses across and down, so that these are enough to be worked out.
     """
-    kept = np.ones(seen.shape, np.float32)
+    kept = np.ones(pixels.shape, np.float32)
     for speck in camera.dirt:
         reach = 5 * speck.sigma_px
-        if not seen.down_px[0] - reach <= speck.y_px <= seen.down_px[-1] + reach:
+        if not pixels.down_px[0] - reach <= speck.y_px <= pixels.down_px[-1] + reach:
             continue
         columns, rows = (
             slice(*np.searchsorted(axis, np.array([at - reach, at + reach], np.float32)))
-            for axis, at in ((seen.across_px, speck.x_px), (seen.down_px, speck.y_px))
+            for axis, at in ((pixels.across_px, speck.x_px), (pixels.down_px, speck.y_px))
         )
         across, down = (
             np.exp((axis - np.float32(at)) ** 2 * np.float32(-0.5 / speck.sigma_px**2))
-            for axis, at in ((seen.across_px[columns], speck.x_px), (seen.down_px[rows], speck.y_px))
+            for axis, at in ((pixels.across_px[columns], speck.x_px), (pixels.down_px[rows], speck.y_px))
         )
         kept[rows, columns] *= 1 - np.float32(speck.loss) * down[:, None] * across
-    return kept.ravel().take(seen.place)
+    return kept.ravel().take(pixels.place)
 
 
 def _reference(camera: Endoscope, radius_mm: float) -> float:
@@ -145,22 +145,22 @@ def _reference(camera: Endoscope, radius_mm: float) -> float:
     return float((rays.sine / (path_mm * radius_mm))[0])
 
 
-def _probe_light(camera: Endoscope, seen: View) -> Image:
+def _probe_light(camera: Endoscope, pixels: View) -> Image:
     """Return vignetting and the light's first harmonic around the probe."""
     middle, half = (camera.inner_px + camera.outer_px) / 2, (camera.outer_px - camera.inner_px) / 2
-    vignette = 1 - camera.vignetting * ((seen.r_px - middle) / half) ** 2
+    vignette = 1 - camera.vignetting * ((pixels.r_px - middle) / half) ** 2
     cos, sin = np.cos(camera.bright_side_rad), np.sin(camera.bright_side_rad)
-    along = (seen.x_px * np.float32(cos) + seen.y_px * np.float32(sin)) / seen.r_px
+    along = (pixels.x_px * np.float32(cos) + pixels.y_px * np.float32(sin)) / pixels.r_px
     return np.asarray(vignette * (1 + camera.bright_side * along), dtype=np.float32)
 
 
-def _droplet_shine(camera: Endoscope, seen: View) -> Image:
+def _droplet_shine(camera: Endoscope, pixels: View) -> Image:
     """Return the highlight of every droplet, towards the probe's axis from its middle."""
-    shine = np.zeros_like(seen.r_px)
+    shine = np.zeros_like(pixels.r_px)
     for drop in camera.droplets:
         away = 1 - 0.45 * drop.radius_px / max(1.0, float(np.hypot(drop.x_px, drop.y_px)))
-        near = seen.near(drop.x_px, drop.y_px, 2 * drop.radius_px)
-        square = (seen.x_px[near] - away * drop.x_px) ** 2 + (seen.y_px[near] - away * drop.y_px) ** 2
+        near = pixels.near(drop.x_px, drop.y_px, 2 * drop.radius_px)
+        square = (pixels.x_px[near] - away * drop.x_px) ** 2 + (pixels.y_px[near] - away * drop.y_px) ** 2
         shine[near] += np.float32(drop.shine) * np.exp(-0.5 * square / np.float32(0.2 * drop.radius_px) ** 2)
     return shine
 
@@ -188,12 +188,12 @@ def _put(crumb: Debris, maps: Image, wall: WallMaps, first_row: int) -> None:
     maps[low:high, columns] = part
 
 
-def obscured(camera: Endoscope, wall: WallMaps, seen: View, hits: Hits) -> Mask:
+def obscured(camera: Endoscope, wall: WallMaps, pixels: View, hits: Hits) -> Mask:
     """Say for each pixel of a view whether dirt, a droplet or a crumb keeps it from showing the wall, bool (n,)."""
-    hidden: Mask = transmission(camera, seen) < 1 - OBSCURED
+    hidden: Mask = transmission(camera, pixels) < 1 - OBSCURED
     for drop in camera.droplets:
-        near = seen.near(drop.x_px, drop.y_px, drop.radius_px)
-        away = (seen.x_px[near] - drop.x_px) ** 2 + (seen.y_px[near] - drop.y_px) ** 2
+        near = pixels.near(drop.x_px, drop.y_px, drop.radius_px)
+        away = (pixels.x_px[near] - drop.x_px) ** 2 + (pixels.y_px[near] - drop.y_px) ** 2
         hidden[near] |= away < drop.radius_px**2
     theta = hits.column * wall.dtheta_rad
     z_mm = (hits.row + hits.first_row) * wall.dz_mm

@@ -15,7 +15,7 @@ from endoct.synthetic.sample.parameters import Endoscope
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Rays in the bore's frame, each seen from its own azimuth ``theta_rad``; float32 (n,) each.
+    """Rays in the bore's frame, each relative to its own azimuth ``theta_rad``; float32 (n,) each.
 
     At a distance t from the cone a ray is at u0 + t·u1 along its azimuth, v0 + t·v1 across it (towards larger θ),
     and at z = z0 + t·z1 from the apex.

@@ -39,7 +39,7 @@ def compressed(camera: Endoscope, frame: NDArray[np.uint8]) -> NDArray[np.uint8]
     """Return ``frame``, grey or RGB, as it comes out of JPEG compression."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, round(camera.jpeg_quality)]
     done, data = cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR) if frame.ndim == 3 else frame, quality)
-    found = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if done else None
-    if found is None:
+    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if done else None
+    if decoded is None:
         raise EndoctError("a frame could not be compressed as JPEG")
-    return np.asarray(cv2.cvtColor(found, cv2.COLOR_BGR2RGB) if found.ndim == 3 else found, dtype=np.uint8)
+    return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB) if decoded.ndim == 3 else decoded, dtype=np.uint8)

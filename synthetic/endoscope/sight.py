@@ -142,13 +142,13 @@ def _arcsine(x: Image) -> Image:
 
 def lookup(maps: Image, row: Image, column: Image) -> Image:
     """Return maps (row, column) or (row, column, 2–4) at fractional places (n,), bilinear, cyclic in columns."""
-    found = np.empty((row.size, *maps.shape[2:]), np.float32)
+    values = np.empty((row.size, *maps.shape[2:]), np.float32)
     for first in range(0, row.size, LOOKUP_COLUMNS):
         part = slice(first, first + LOOKUP_COLUMNS)
-        found[part] = cv2.remap(
+        values[part] = cv2.remap(
             maps, column[None, part], row[None, part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
         )[0]
-    return found
+    return values
 
 
 def bands(camera: Endoscope) -> Iterator[slice]:
@@ -172,22 +172,22 @@ def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View
     row, column = np.divmod(place, camera.width_px)
     x, y = across[column], down[row]
     r = np.sqrt(square.ravel()[place])
-    seen = View(place + top * camera.width_px, place, across, down, x, y, r, x.copy(), y.copy())
+    pixels = View(place + top * camera.width_px, place, across, down, x, y, r, x.copy(), y.copy())
     for drop in camera.droplets:
-        near = seen.near(drop.x_px, drop.y_px, drop.radius_px)
+        near = pixels.near(drop.x_px, drop.y_px, drop.radius_px)
         dx, dy = x[near] - np.float32(drop.x_px), y[near] - np.float32(drop.y_px)
         q = np.minimum((dx * dx + dy * dy) / np.float32(drop.radius_px**2), 1)
         # a lens that is flat at its middle and its rim: q(1 − q²) is at most 2/√27
         bend = np.float32(drop.bend_px / drop.radius_px * math.sqrt(27) / 2) * (1 - q)
-        seen.look_x_px[near] -= bend * dx
-        seen.look_y_px[near] -= bend * dy
-    return seen
+        pixels.look_x_px[near] -= bend * dx
+        pixels.look_y_px[near] -= bend * dy
+    return pixels
 
 
 def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
     """Return the rows of the wall that a frame's rays can reach before they are behind all of it.
 
-    That is found from the rays at the annulus' rims: between these, they end between.
+    That follows from the rays at the annulus' rims: between these, they end between.
     """
     least, most = wall.relief_range_mm
     bend_px = max((drop.bend_px for drop in camera.droplets), default=0.0)
@@ -214,9 +214,9 @@ def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
     )
 
 
-def follow(wall: Visible, camera: Endoscope, frame_index: int, seen: View) -> Hits:
+def follow(wall: Visible, camera: Endoscope, frame_index: int, pixels: View) -> Hits:
     """Return where the pixels' rays meet the wall."""
-    rays, off_cone = rays_of(camera, frame_index, seen.look_x_px, seen.look_y_px)
+    rays, off_cone = rays_of(camera, frame_index, pixels.look_x_px, pixels.look_y_px)
     t = _march(wall, rays)
     radius, row, column = wall.place(rays, t)
     u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1
@@ -238,7 +238,7 @@ def _march(wall: Visible, rays: Rays) -> Image:
     """Return t where each ray falls behind the relief.
 
     A step goes as far as the ray stays over one place of the maps, so that no septum is stepped over; the place
-    itself is then found between the last two looks by the rule of false position.
+    itself then follows from the last two looks by the rule of false position.
     """
     before = rays.to_radius_mm(wall.radius_mm + wall.least_mm - CLEARANCE_MM)
     around = np.abs(rays.v1) + np.abs(rays.v0) / np.float32(wall.radius_mm)
@@ -248,25 +248,27 @@ def _march(wall: Visible, rays: Rays) -> Image:
     excess = wall.behind(rays, before)
     excess_ahead = wall.behind(rays, ahead)
     on = np.flatnonzero(excess_ahead < 0)
-    part, there, found, stride = rays.of(on), ahead[on], excess_ahead[on], step[on]
+    part, there, level_there, stride = rays.of(on), ahead[on], excess_ahead[on], step[on]
     while on.size:
         further = there + stride
         level = wall.behind(part, further)
         short = level < 0
         met, kept = np.flatnonzero(~short), np.flatnonzero(short)
         at = on.take(met)
-        before[at], excess[at], ahead[at], excess_ahead[at] = (a.take(met) for a in (there, found, further, level))
-        on, there, found, stride = on.take(kept), further.take(kept), level.take(kept), stride.take(kept)
+        before[at], excess[at], ahead[at], excess_ahead[at] = (
+            a.take(met) for a in (there, level_there, further, level)
+        )
+        on, there, level_there, stride = on.take(kept), further.take(kept), level.take(kept), stride.take(kept)
         part = part.of(kept)
     for _ in range(2):
         middle = _crossing(before, excess, ahead, excess_ahead)
-        found = wall.behind(rays, middle)
-        share = (found < 0).astype(np.float32)
+        between = wall.behind(rays, middle)
+        share = (between < 0).astype(np.float32)
         _moved(before, middle, share)
-        _moved(excess, found, share)
+        _moved(excess, between, share)
         np.subtract(1, share, out=share)
         _moved(ahead, middle, share)
-        _moved(excess_ahead, found, share)
+        _moved(excess_ahead, between, share)
     return _crossing(before, excess, ahead, excess_ahead)
 
 

@@ -1,7 +1,7 @@
 """Writes frames as one video file: FFV1 in Matroska.
 
 FFV1 (RFC 9043) is lossless, also for RGB and grey, so the video holds the very pixels that a folder of PNG would; it
-codes every frame on its own, so that any of them is found without decoding others; it is what archives use, and VLC,
+codes every frame on its own, so that any of them can be read without decoding others; it is what archives use, and VLC,
 Fiji (through its FFMPEG plug-in), Python and everything else built on FFmpeg read it. H.264 and MPEG-4 change the
 pixels, and their encoders need not give the same bytes on every machine. Matroska is written without its random
 identifiers and dates, so the same frames give the same bytes.

@@ -1,1 +1,1 @@
-"""What people who train networks ask for beside the truth: labels of every A-scan, every pixel and every cell."""
+"""Labels for training networks, in addition to the truth: of every A-scan, every pixel and every cell."""

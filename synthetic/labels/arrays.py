@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from endoct.stitching.zarr_store import new_array, write_arrays
 
@@ -10,9 +13,16 @@ Described = Mapping[str, tuple[tuple[str, ...], str, str]]
 """Name → (dims, dtype, what it is)."""
 
 
-def create(path: Path, sizes: Mapping[str, int], arrays: Described, attrs: Mapping[str, object]) -> dict[str, Any]:
+class Writable(Protocol):
+    """An array on disk."""
+
+    def __setitem__(self, index: int | slice, values: NDArray[np.generic], /) -> None: ...
+
+
+def create(path: Path, sizes: Mapping[str, int], arrays: Described, attrs: Mapping[str, object]) -> dict[str, Writable]:
     """Create a store and return its empty arrays by name, one frame a chunk; consolidate it once they are filled."""
-    group, made = write_arrays(path, {}, attrs), {}
+    group = write_arrays(path, {}, attrs)
+    made: dict[str, Writable] = {}
     for name, (dims, dtype, about) in arrays.items():
         shape = tuple(sizes[dim] for dim in dims)
         made[name] = new_array(

@@ -35,7 +35,7 @@ def artefacts(model: Model, slice_index: int) -> NDArray[np.uint8]:
             _draw(flags, light.delay_px[k], level_db[k] > FAINTEST_DB, n, reach_px, kind)
     for k in range(instrument):
         for other in range(k):
-            # |E|² against 2·Re E: the product of two amplitudes stands beside twice one
+            # |E|² against 2·Re E: the product of two amplitudes compares with twice one
             ghost_db = level_db[k] + level_db[other] + 20 * np.log10(unit)
             apart = light.delay_px[k] - light.delay_px[other]
             _draw(flags, apart, ghost_db > FAINTEST_DB, n, reach_px, AUTOCORRELATION)
@@ -44,10 +44,10 @@ def artefacts(model: Model, slice_index: int) -> NDArray[np.uint8]:
     return flags
 
 
-def _draw(flags: NDArray[np.uint8], delay_px: Coordinates, seen: Mask, n: int, reach_px: float, kind: int) -> None:
+def _draw(flags: NDArray[np.uint8], delay_px: Coordinates, visible: Mask, n: int, reach_px: float, kind: int) -> None:
     """Set ``kind`` around where a path difference shows, folded at zero delay and at full depth, in place."""
     row = np.abs(np.mod(delay_px + n / 2, n) - n / 2)
     for k in range(-int(reach_px) - 1, int(reach_px) + 2):
         at = np.rint(row).astype(np.intp) + k
-        drawn = np.flatnonzero(seen & (np.abs(at - row) <= reach_px) & (at >= 0) & (at < flags.shape[0]))
+        drawn = np.flatnonzero(visible & (np.abs(at - row) <= reach_px) & (at >= 0) & (at < flags.shape[0]))
         flags[at[drawn], drawn] |= kind

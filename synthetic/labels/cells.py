@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from endoct.stitching.circle import mean_angle_rad
 from endoct.synthetic.labels.pullback import Pullback
 from endoct.synthetic.model import Model
 from endoct.synthetic.sample.presets import PRESETS
@@ -39,7 +40,7 @@ def write_cells(path: Path, model: Model, pullback: Pullback, pixels: NDArray[np
             row, column = np.nonzero(wall.cell_id == number)
             if not row.size:
                 continue
-            centre = np.angle(np.exp(1j * column * wall.dtheta_rad).mean()) % (2 * np.pi)
+            centre = mean_angle_rad(column * wall.dtheta_rad) % (2 * np.pi)
             opening = row.size * wall.dz_mm * wall.dtheta_rad * wall.radius_mm
             oct_covered, endoscope_covered = (float(near[row].mean()) for near in covered)
             depth = float(wall.relief_mm[row, column].max())

@@ -12,7 +12,7 @@ from endoct.stitching.arrays import Coordinates, Image
 from endoct.synthetic.labels.pullback import Pullback
 
 SAME_PLACE_MM = 0.05
-"""A pixel covers up to 0.02 mm of the wall; farther away lies something else, as the floor beside a lip."""
+"""A pixel covers up to 0.02 mm of the wall; farther away lies something else, as the floor next to a lip."""
 
 
 def ascans_of_places(pullback: Pullback, z_mm: Coordinates, theta_rad: Coordinates) -> tuple[Image, Image]:
@@ -40,11 +40,11 @@ def ascans_of_places(pullback: Pullback, z_mm: Coordinates, theta_rad: Coordinat
     return slice_.astype(np.float32), ascan.astype(np.float32)
 
 
-def nearest_places(seen_mm: Coordinates, wanted_mm: Coordinates) -> NDArray[np.intp]:
-    """Return for each wanted place, float64 (m, 3), the index of the same among those seen (n, 3), −1 for none."""
-    if not len(seen_mm):
+def nearest_places(places_mm: Coordinates, wanted_mm: Coordinates) -> NDArray[np.intp]:
+    """Return for each wanted place, float64 (m, 3), the index of the same among ``places_mm`` (n, 3), −1 for none."""
+    if not len(places_mm):
         return np.full(len(wanted_mm), -1, np.intp)
-    distance, index = cKDTree(seen_mm).query(np.nan_to_num(wanted_mm, nan=1e6), distance_upper_bound=SAME_PLACE_MM)
+    distance, index = cKDTree(places_mm).query(np.nan_to_num(wanted_mm, nan=1e6), distance_upper_bound=SAME_PLACE_MM)
     return np.where(np.isfinite(distance), index, -1)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image
 from endoct.stitching.parallel import thread_map
 from endoct.stitching.zarr_store import consolidate
-from endoct.synthetic.endoscope.camera import Seen, noise_free, sight
+from endoct.synthetic.endoscope.camera import PixelMaps, noise_free, pixel_maps
 from endoct.synthetic.endoscope.png import write_png
 from endoct.synthetic.labels.arrays import create
 from endoct.synthetic.labels.correspondence import ascans_of_places, cartesian_mm, nearest_places
@@ -44,34 +44,34 @@ def write_endoscope_labels(
     twins = folder / "endoscope_clean"
     twins.mkdir()
     pixels = np.full((3, *pullback.z_mm.shape), -1, np.int32)
-    seen_cells = np.zeros(len(sample.bore.cells) + 1, np.intp)
+    per_cell = np.zeros(len(sample.bore.cells) + 1, np.intp)
     squarest = _squarest_frame(np.asarray(camera.z_mm), camera.visible_length_mm, pullback.z_mm)
 
-    def look(i: int) -> tuple[Seen, Image, Image, NDArray[np.uint8]]:
-        seen = sight(sample, wall, i)
-        slice_, ascan = (np.full(seen.valid.shape, np.nan, np.float32) for _ in range(2))
-        z_mm, theta_rad = (values[seen.valid].astype(np.float64) for values in (seen.z_mm, seen.theta_rad))
-        slice_[seen.valid], ascan[seen.valid] = ascans_of_places(pullback, z_mm, theta_rad)
+    def look(i: int) -> tuple[PixelMaps, Image, Image, NDArray[np.uint8]]:
+        view = pixel_maps(sample, wall, i)
+        slice_, ascan = (np.full(view.valid.shape, np.nan, np.float32) for _ in range(2))
+        z_mm, theta_rad = (values[view.valid].astype(np.float64) for values in (view.z_mm, view.theta_rad))
+        slice_[view.valid], ascan[view.valid] = ascans_of_places(pullback, z_mm, theta_rad)
         mine = squarest == i
         places = cartesian_mm(pullback.z_mm[mine], pullback.theta_rad[mine], pullback.radius_mm[mine])
-        row, column = np.nonzero(seen.valid)
-        radius_mm = wall.radius_mm + seen.depth_mm[seen.valid]
-        found = nearest_places(cartesian_mm(seen.z_mm[seen.valid], seen.theta_rad[seen.valid], radius_mm), places)
-        pixels[:, mine] = np.where(found >= 0, np.stack([np.full(found.size, i), row[found], column[found]]), -1)
-        return seen, slice_, ascan, noise_free(sample, wall, i)
+        row, column = np.nonzero(view.valid)
+        radius_mm = wall.radius_mm + view.depth_mm[view.valid]
+        same = nearest_places(cartesian_mm(view.z_mm[view.valid], view.theta_rad[view.valid], radius_mm), places)
+        pixels[:, mine] = np.where(same >= 0, np.stack([np.full(same.size, i), row[same], column[same]]), -1)
+        return view, slice_, ascan, noise_free(sample, wall, i)
 
-    for i, (seen, slice_, ascan, twin) in enumerate(thread_map(look, range(n_frames), workers)):
+    for i, (view, slice_, ascan, twin) in enumerate(thread_map(look, range(n_frames), workers)):
         values = {
-            "z_mm": seen.z_mm, "theta_rad": seen.theta_rad, "depth_mm": seen.depth_mm, "cell_id": seen.cell,
-            "obscured": seen.obscured, "valid": seen.valid, "oct_slice": slice_, "oct_ascan": ascan,
+            "z_mm": view.z_mm, "theta_rad": view.theta_rad, "depth_mm": view.depth_mm, "cell_id": view.cell,
+            "obscured": view.obscured, "valid": view.valid, "oct_slice": slice_, "oct_ascan": ascan,
         }  # fmt: skip
         for name, value in values.items():
             arrays[name][i] = value
         write_png(twins / f"frame_{i:04d}.png", twin)
-        seen_cells += np.bincount(seen.cell[seen.valid & ~seen.obscured], minlength=seen_cells.size)
+        per_cell += np.bincount(view.cell[view.valid & ~view.obscured], minlength=per_cell.size)
         advance((i + 1) / n_frames)
     consolidate(folder / "endoscope.zarr")
-    return pixels, seen_cells
+    return pixels, per_cell
 
 
 def _squarest_frame(frame_z_mm: NDArray[np.float64], visible_mm: float, z_mm: Image) -> NDArray[np.intp]:

@@ -26,8 +26,8 @@ class Appearance:
         """Return one of the maps at scattered places (1-D arrays of one length), bilinear, cyclic in θ."""
         rows = np.clip(z_mm / self.dz_mm, 0, image.shape[0] - 1).astype(np.float32)
         columns = (np.mod(theta_rad, 2 * np.pi) / (2 * np.pi) * image.shape[1]).astype(np.float32)
-        found = cv2.remap(image, columns[None], rows[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-        return np.asarray(found[0], dtype=np.float64)
+        values = cv2.remap(image, columns[None], rows[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+        return np.asarray(values[0], dtype=np.float64)
 
 
 def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance:

@@ -129,7 +129,7 @@ def trace(sample: Sample, scene: Scene, slice_index: int, position: Coordinates)
     """Return what the beams of one slice meet.
 
     ``position`` counts A-scans taken since the slice began, see :func:`stream_position`; any real number will do.
-    Surfaces are looked for as far as twice the depth of a B-scan, from where they would still be seen folded back.
+    Surfaces count as far as twice the depth of a B-scan, from where they still appear, folded back.
     """
     return trace_slices(sample, scene, [slice_index], [position])[0]
 

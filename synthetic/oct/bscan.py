@@ -12,7 +12,8 @@ from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.beams import Echoes, stream_position, trace, trace_slices
-from endoct.synthetic.oct.field import Scattered, lateral_taps, scattered
+from endoct.synthetic.oct.field import Scattered, scattered
+from endoct.synthetic.oct.speckle import lateral_taps
 from endoct.synthetic.oct.spectrometer import (
     FULL_SCALE,
     Spectrometer,
@@ -24,6 +25,7 @@ from endoct.synthetic.oct.spectrometer import (
     reconstruct,
     spectrometer,
 )
+from endoct.synthetic.oct.sweep import Sweep
 from endoct.synthetic.oct.turn import Turn
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
@@ -171,14 +173,18 @@ def _turns(sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[
         np.arange(-margin, -(-int(position[-1] + 1) // every) + margin, dtype=np.float64)
         for position, margin in zip(taken, margins, strict=True)
     ]
-    # a column is seen at the middle of its A-scans
+    # a column stands for the middle of its A-scans
     traced = trace_slices(sample, wall.scene, slices, [(k + 0.5) * every - 0.5 for k in columns])
     for i, position, n_ring, margin, echoes in zip(slices, taken, rings, margins, traced, strict=True):
         n = echoes.alpha_rad.size
         # one turn on, a helical scan is a pitch away
         turn = Turn(n if oct_.scan == "helical" else n_ring, -margin, n)
         rng = generator(sample.seed, Stage.OCT, 1 + i)
-        light = scattered(oct_, one, echoes, appearance, wall.radius_mm, turn, rng)
+        wall_db, glint_db = (
+            appearance.at(image, echoes.wall_z_mm, echoes.wall_theta_rad)
+            for image in (appearance.wall_db, appearance.glint_db)
+        )
+        light = scattered(Sweep(oct_, one, turn, echoes, wall_db, glint_db, wall.radius_mm), rng)
         yield _Slice(sample, one, light, rng, position, every, margin)
 
 

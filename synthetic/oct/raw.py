@@ -1,4 +1,4 @@
-"""Raw spectra as the rig writes them: headerless little-endian u16, beside its two vectors."""
+"""Raw spectra as the rig writes them: headerless little-endian u16, with its two vectors."""
 
 import json
 from pathlib import Path

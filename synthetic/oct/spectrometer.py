@@ -38,7 +38,7 @@ class Spectrometer:
     ``sigma``: of the Gaussian spectrum, samples (infinite: flat). ``peak_counts``: of the reference alone.
     ``noise_counts2``: variance of the noise per count of reference, counts². ``unit``: relative amplitude of a
     reflector at 0 dB, the level of the mean noise. ``bone_unit2``: |a|² of white scatterers, one for each axial
-    pixel, that are seen at 0 dB together.
+    pixel, that together show at 0 dB.
     """
 
     window: Coordinates

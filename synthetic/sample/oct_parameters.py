@@ -81,18 +81,20 @@ class Oct(Parameters):
         8, 16, "noise over shot noise; the more, the stronger the autocorrelation (chosen)", (0, 30)
     )
     # signal; 0 dB is the noise floor before roll-off
-    wall_db: float = drawn(14, 22, "bone, mean at its surface seen squarely, dB (rig: barely seen in places)", (-5, 40))
-    outer_face_db: float = drawn(30, 38, "capillary's outer face seen squarely, dB (chosen)", (0, 60))
-    inner_face_db: float = drawn(26, 36, "capillary's inner face seen squarely, dB (chosen)", (0, 60))
+    wall_db: float = drawn(
+        14, 22, "bone, mean at its surface at normal incidence, dB (rig: barely visible in places)", (-5, 40)
+    )
+    outer_face_db: float = drawn(30, 38, "capillary's outer face at normal incidence, dB (chosen)", (0, 60))
+    inner_face_db: float = drawn(26, 36, "capillary's inner face at normal incidence, dB (chosen)", (0, 60))
     catheter_face_db: float = drawn(
-        20, 34, "the catheter's own exit, at a path of 0; often seen mirrored, dB (chosen)", (0, 60)
+        20, 34, "the catheter's own exit, at a path of 0; often mirrored, dB (chosen)", (0, 60)
     )
     flare_db: float = drawn(
         15, 32, "extra, of a face within a few A-scans of square, in flare slices, dB (chosen)", (0, 50)
     )
     flare_share: float = drawn(0.0, 0.3, "of slices in which such a flare occurs (chosen)", (0, 1))
     glint_rad: float = drawn(0.10, 0.20, "incidence at which a face has lost 8.7 dB, rad (chosen)", (0.02, 1))
-    matt_db: float = drawn(-22, -16, "what a face returns obliquely, against squarely, dB (chosen)", (-40, 0))
+    matt_db: float = drawn(-22, -16, "what a face returns obliquely, against normal incidence, dB (chosen)", (-40, 0))
     detector_line_px: float = drawn(130, 330, "depth row of the detector's fixed line (rig: 218–227)", (5, 500))
     detector_line_db: float = drawn(16, 26, "dB (chosen)", (-20, 50))
     attenuation_mm: float = drawn(

@@ -1,8 +1,9 @@
 """Fields of parameters: numbers with their bounds, what they are drawn from, unit and source."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
 
 Travel = Literal["in", "out"]
 Stated = Literal["in", "out", "unknown"]
@@ -22,14 +23,22 @@ MOST_HARMONICS = 64
 LARGEST_SEED = 2**64
 
 
-def drawn(low: float, high: float, about: str, allowed: tuple[float, float] | None = None) -> Any:
-    """Return a number that is drawn between ``low`` and ``high``; a wish may take it as far as ``allowed``."""
-    return between(*(allowed or (low, high)), about, draw=[low, high])
+def drawn(low: float, high: float, about: str, allowed: tuple[float, float] | None = None) -> float:
+    """Return the field of a number drawn from ``low`` to ``high`` unless the user states a range within ``allowed``.
+
+    ``about`` holds its unit and its source.
+    """
+    return _field(*(allowed or (low, high)), about, {"draw": [low, high]})
 
 
-def between(least: float, most: float, about: str, **more: Any) -> Any:
-    """Return a number within these bounds; ``about`` holds its unit and its source."""
-    return Field(ge=least, le=most, description=about, json_schema_extra=more)
+def between(least: float, most: float, about: str) -> float:
+    """Return the field of a number within these bounds; ``about`` holds its unit and its source."""
+    return _field(least, most, about, {})
+
+
+def _field(least: float, most: float, about: str, more: JsonDict) -> float:
+    field: float = Field(ge=least, le=most, description=about, json_schema_extra=more)
+    return field
 
 
 class Parameters(BaseModel):

@@ -2,8 +2,8 @@
 
 A :class:`Sample` is all that the renderer reads: the same sample gives the same bytes. A field made by
 ``drawn`` is drawn uniformly between its first two numbers by :mod:`endoct.synthetic.draw`, unless its text
-says otherwise; a wish may take it as far as ``allowed``. Sources: "§9" and "§6" are those of the project's
-design, "rig" is the measured OCT rig, "chosen" has no source but plausibility.
+says otherwise; users may have it drawn from any range within ``allowed``. Sources: "§9" and "§6" are those of the
+project's design, "rig" is the measured OCT rig, "chosen" has no source but plausibility.
 """
 
 from typing import Literal, Self
@@ -59,12 +59,12 @@ class Droplet(Parameters):
     x_px: Pixel = Field(description="columns from the annulus' centre, pixels")
     y_px: Pixel = Field(description="rows from the annulus' centre, pixels")
     radius_px: float = drawn(4, 14, "pixels (chosen)", (1, 100))
-    bend_px: float = drawn(1, 5, "largest displacement of what is seen through it, pixels (chosen)", (0, 50))
+    bend_px: float = drawn(1, 5, "largest displacement of the image behind it, pixels (chosen)", (0, 50))
     shine: float = drawn(0.1, 0.5, "light of its highlight, 1 is saturation (chosen)", (0, 3))
 
 
 class Debris(Parameters):
-    """A crumb of bone on the wall while the endoscope looked; washed away before the OCT came."""
+    """A crumb of bone on the wall in the endoscope's recording; washed away before the OCT's."""
 
     z_mm: Place = Field(description="centre, mm from the mouth")
     theta_rad: float = drawn(0, 6.2832, "centre, rad")
@@ -99,7 +99,7 @@ class Endoscope(Parameters):
     )
     focus_at_outer: bool = Field(description="whether the outer rim of the annulus is in focus, or the inner")
     # light, as a fraction of saturation
-    exposure: float = drawn(0.6, 0.9, "of bone seen squarely (chosen)", (0.02, 3))
+    exposure: float = drawn(0.6, 0.9, "of bone at normal incidence (chosen)", (0.02, 3))
     bright_side: float = drawn(0.15, 0.4, "first harmonic of the light around the probe, relative (§9)", (0, 0.9))
     bright_side_rad: float = drawn(0, 6.2832, "where it is brightest, image angle, rad")
     vignetting: float = drawn(0.2, 0.5, "loss from the middle of the annulus to its rims (§9)", (0, 1))

@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from numpy.random import Generator
 from pydantic import BaseModel
@@ -91,7 +91,7 @@ class Drawer:
                 low, high = (float(value) for value in wish)
         return float(self.rng.uniform(low, high))
 
-    def numbers(self, model: type[BaseModel]) -> dict[str, Any]:
+    def numbers(self, model: type[BaseModel]) -> dict[str, float]:
         """Draw every number of ``model`` that has a range."""
         return {name: self.number(model, name) for name in default_ranges(model)}
 

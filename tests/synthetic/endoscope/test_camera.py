@@ -9,7 +9,7 @@ from tolerances import LIGHT_REL, NOISE_REL
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.endoscope.camera import noise_free, render_frame, sight
+from endoct.synthetic.endoscope.camera import noise_free, pixel_maps, render_frame
 from endoct.synthetic.endoscope.cone import cone_of, focal_length_px
 from endoct.synthetic.endoscope.light import light, surface
 from endoct.synthetic.endoscope.sensor import compressed, displayed, noisy
@@ -174,7 +174,7 @@ def test_what_lies_on_mirror_and_wall_is_seen_there() -> None:
     )
     seen, without = seen_light(plain, wall_of())
     found = seen_light(things, wall_of())[1]
-    frame = sight(things, wall_of(), 0)
+    frame = pixel_maps(things, wall_of(), 0)
     hidden = frame.obscured.ravel()[seen.pixel]
     changed = np.abs(found - without)[:, 0] > 0.25 * without[:, 0]
     assert changed.sum() > 100
@@ -184,12 +184,12 @@ def test_what_lies_on_mirror_and_wall_is_seen_there() -> None:
     kept = 1 - 0.8 * math.exp(-0.5 * (away / 3) ** 2)
     assert found[speck, 0] == pytest.approx(kept * without[speck, 0], rel=LIGHT_REL)
     # through the droplet everything looks larger: the view leads towards its middle by at most bend_px
-    z, bent = (sight(one, wall_of(), 0).z_mm for one in (plain, things))
+    z, bent = (pixel_maps(one, wall_of(), 0).z_mm for one in (plain, things))
     mm_per_px = 1.0 / (OUTER_PX - INNER_PX)
     assert np.nanmax(np.abs(bent - z)) == pytest.approx(4 * mm_per_px, rel=0.05)
     column, row = round(CENTRE[0]), round(CENTRE[1] + 75)
     assert (bent - z)[row + 5, column] < 0 < (bent - z)[row - 5, column]
-    assert not sight(plain, wall_of(), 0).obscured.any()
+    assert not pixel_maps(plain, wall_of(), 0).obscured.any()
 
 
 def test_noise_grows_with_the_light_as_shot_noise_does() -> None:
@@ -228,7 +228,7 @@ def test_a_frame_and_its_twin_without_noise(colour: bool) -> None:
     assert frame.dtype == twin.dtype == np.uint8
     np.testing.assert_array_equal(frame, render_frame(sample, wall, 3))
     assert (frame != render_frame(sample, wall, 4)).any(), "every frame has noise of its own"
-    seen = sight(sample, wall, 3)
+    seen = pixel_maps(sample, wall, 3)
     # even at its best, JPEG halves the resolution of colour
     assert np.abs(frame[seen.valid].astype(int) - twin[seen.valid]).mean() < 2
     # the annulus stands out of its surround

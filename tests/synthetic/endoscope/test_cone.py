@@ -13,7 +13,7 @@ from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.endoscope.camera import Seen, sight
+from endoct.synthetic.endoscope.camera import PixelMaps, pixel_maps
 from endoct.synthetic.endoscope.cone import Cone, band_centre_mm, cone_of, focal_length_px
 from endoct.synthetic.sample.parameters import Endoscope, Sample
 
@@ -77,7 +77,7 @@ def closed_form_mm(camera: Endoscope, r_px: Coordinates, radius_mm: float = RADI
     return -d * math.cos(2 * a) + (radius_mm + d * math.sin(2 * a)) * m, m
 
 
-def pixels(seen: Seen) -> tuple[Coordinates, Coordinates, Coordinates, Coordinates]:
+def pixels(seen: PixelMaps) -> tuple[Coordinates, Coordinates, Coordinates, Coordinates]:
     """Radius and angle in the image, z from the apex, and θ, of the pixels that see the wall."""
     row, column = np.nonzero(seen.valid)
     dx, dy = column - CENTRE[0], row - CENTRE[1]
@@ -129,7 +129,7 @@ def test_a_mirror_that_cannot_show_so_much_is_refused() -> None:
 @pytest.mark.parametrize("distortion", [-0.05, 0.0, 0.02])
 def test_pixels_see_the_wall_where_the_closed_form_says(half_angle_deg: float, distortion: float) -> None:
     sample = sample_of(half_angle_deg, distortion)
-    r_px, angle, z, theta = pixels(sight(sample, wall_of(), 0))
+    r_px, angle, z, theta = pixels(pixel_maps(sample, wall_of(), 0))
     np.testing.assert_allclose(z, closed_form_mm(sample.endoscope, r_px)[0], atol=RAY_MM)
     np.testing.assert_allclose(RADIUS_MM * apart(theta, angle + 0.7), 0, atol=RAY_MM)
     assert r_px.size == pytest.approx(math.pi * (205.0**2 - 100.0**2), rel=0.001)
@@ -138,7 +138,7 @@ def test_pixels_see_the_wall_where_the_closed_form_says(half_angle_deg: float, d
 @pytest.mark.parametrize("half_angle_deg", [30.0, 45.0, 60.0])
 def test_a_deeper_wall_is_seen_farther_along_the_ray(half_angle_deg: float) -> None:
     sample, deeper = sample_of(half_angle_deg), 0.3
-    near, far = (sight(sample, wall_of(relief), 0) for relief in (0.0, deeper))
+    near, far = (pixel_maps(sample, wall_of(relief), 0) for relief in (0.0, deeper))
     r_px, _, z, _ = pixels(near)
     m = closed_form_mm(sample.endoscope, r_px)[1]
     np.testing.assert_allclose(pixels(far)[2] - z, deeper * m, atol=RAY_MM)
@@ -157,7 +157,7 @@ MISALIGNED = {
 @pytest.mark.parametrize("half_angle_deg", [42.0, 45.0, 48.0])
 def test_an_offset_and_a_tilt_move_what_is_seen_as_the_closed_form_says(half_angle_deg: float) -> None:
     sample = sample_of(half_angle_deg, 0.02, **MISALIGNED)
-    r_px, angle, z, theta = pixels(sight(sample, wall_of(), 0))
+    r_px, angle, z, theta = pixels(pixel_maps(sample, wall_of(), 0))
     z0, m = closed_form_mm(sample.endoscope, r_px)
     off = E_MM + TAU_RAD * z0
     angle = angle + 0.7
@@ -172,7 +172,7 @@ def test_an_offset_and_a_tilt_move_what_is_seen_as_the_closed_form_says(half_ang
 def test_the_centres_of_rings_drift_with_their_radius_as_the_closed_form_says(half_angle_deg: float) -> None:
     sample = sample_of(half_angle_deg, 0.02, roll_rad=(0.0,) * 16, **MISALIGNED)
     camera = sample.endoscope
-    r_px, angle, z, _ = pixels(sight(sample, wall_of(), 0))
+    r_px, angle, z, _ = pixels(pixel_maps(sample, wall_of(), 0))
     ring_px = np.array([115.0, 150.0, 190.0])
     z0, m = closed_form_mm(camera, ring_px)
     steps = (closed_form_mm(camera, ring_px + 0.5)[0] - closed_form_mm(camera, ring_px - 0.5)[0]).astype(float)
@@ -199,7 +199,7 @@ def test_a_ray_ends_on_the_first_bone_it_meets() -> None:
         inside = np.hypot((z - at_z) * DZ_MM, around) < size
         relief[inside] = np.maximum(relief[inside], rng.uniform(0.05, 1.0))
     sample, wall = sample_of(42.0, offset_mm=((0.03, -0.02),) * 16), wall_of(relief)
-    camera, seen = sample.endoscope, sight(sample, wall, 0)
+    camera, seen = sample.endoscope, pixel_maps(sample, wall, 0)
     chosen = rng.choice(np.flatnonzero(seen.valid), 150, replace=False)
     row, col = np.divmod(chosen, camera.width_px)
     dx, dy = col - CENTRE[0], row - CENTRE[1]

@@ -16,6 +16,7 @@ from endoct.synthetic.oct.beams import Echoes, trace
 from endoct.synthetic.oct.bscan import noise_free, offset, render_bscan, render_bscans, spectra
 from endoct.synthetic.oct.field import scattered
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, Spectrometer, chirp, roll_off, spectrometer
+from endoct.synthetic.oct.sweep import Sweep
 from endoct.synthetic.oct.turn import Turn
 from endoct.synthetic.sample.parameters import LostAscans, Oct, Sample
 
@@ -87,13 +88,11 @@ def _flat(n: int, path_mm: float) -> Echoes:
     )
 
 
-EVEN = Appearance(1.0, np.zeros((2, 8), np.float32), np.full((2, 8), -60, np.float32))
-
-
 def _seen(oct_: Oct, one: Spectrometer, echoes: Echoes, seed: int = 0) -> NDArray[np.complex128]:
     """Return the field in depth, (column, 512), 0 dB a magnitude of 1."""
     n = echoes.alpha_rad.size
-    light = scattered(oct_, one, echoes, EVEN, RADIUS_MM, Turn(N_RING, 0, n), np.random.default_rng(seed))
+    sweep = Sweep(oct_, one, Turn(N_RING, 0, n), echoes, np.zeros(n), np.full(n, -60.0), RADIUS_MM)
+    light = scattered(sweep, np.random.default_rng(seed))
     m = np.arange(N, dtype=np.float64)
     reference = one.reference(m)
     field = np.concatenate([part for _, part in light.field(0, 1, N, with_line=False)]).real * 2 * reference
