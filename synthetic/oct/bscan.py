@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
-from endoct.synthetic.oct.beams import Echoes, stream_position, trace, trace_slices
+from endoct.synthetic.oct.beams import Echoes, stream_position, trace
 from endoct.synthetic.oct.field import Scattered, scattered
-from endoct.synthetic.oct.speckle import lateral_taps
 from endoct.synthetic.oct.spectrometer import (
     FULL_SCALE,
     Spectrometer,
@@ -23,16 +22,13 @@ from endoct.synthetic.oct.spectrometer import (
     digitised,
     logarithmic,
     reconstruct,
-    spectrometer,
 )
-from endoct.synthetic.oct.sweep import Sweep
-from endoct.synthetic.oct.turn import Turn
+from endoct.synthetic.oct.sweep import BEYOND, sweeps
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator
 
 FINER = 4  # samples of the field between two of the spectrum, to be read between them
-BEYOND = 3  # columns beyond a block that the interpolation reads
 
 
 def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
@@ -44,9 +40,9 @@ def render_bscans(
     sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[int]
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield several slices, u8 (depth, A-scan), the same as one by one, in less time."""
-    for turn in _turns(sample, wall, appearance, slices):
-        m = np.arange(turn.one.window.size, dtype=np.float64)
-        yield reconstruct(sample.oct, turn.one, turn.recorded(m, turn.at_even_samples()))
+    for slice_ in _slices(sample, wall, appearance, slices):
+        m = np.arange(slice_.one.window.size, dtype=np.float64)
+        yield reconstruct(sample.oct, slice_.one, slice_.recorded(m, slice_.at_even_samples()))
 
 
 def spectra(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint16]:
@@ -55,9 +51,9 @@ def spectra(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
     Pixel p was recorded at sample :func:`endoct.synthetic.oct.spectrometer.chirp` [p] of even wavenumbers. The same
     noise falls on it as on that sample of :func:`render_bscan`.
     """
-    turn = next(_turns(sample, wall, appearance, [slice_index]))
-    m = chirp(turn.one.window.size)
-    return turn.recorded(m, turn.at(m))
+    slice_ = next(_slices(sample, wall, appearance, [slice_index]))
+    m = chirp(slice_.one.window.size)
+    return slice_.recorded(m, slice_.at(m))
 
 
 def offset(sample: Sample) -> Coordinates:
@@ -71,13 +67,13 @@ def noise_free(sample: Sample, wall: Wall, appearance: Appearance, slice_index: 
     Speckle, sheath, faces, mirror image and roll-off are the same; off are its noise, rounding and clipping, its
     fixed line, the autocorrelation and the loss of what does not change from A-scan to A-scan.
     """
-    turn = next(_turns(sample, wall, appearance, [slice_index]))
-    reference = turn.one.reference(np.arange(turn.one.window.size, dtype=np.float64)).astype(np.float32)
-    linear = np.empty((turn.n_columns, reference.size), np.float32)
-    for columns, field in turn.light.field(0, 1, reference.size, with_line=False):
+    slice_ = next(_slices(sample, wall, appearance, [slice_index]))
+    reference = slice_.one.reference(np.arange(slice_.one.window.size, dtype=np.float64)).astype(np.float32)
+    linear = np.empty((slice_.n_columns, reference.size), np.float32)
+    for columns, field in slice_.light.field(0, 1, reference.size, with_line=False):
         np.multiply(field.real, 2 * reference, out=linear[columns])
-    ascans = np.concatenate([block for _, block in turn.interpolated(linear)])
-    return logarithmic(sample.oct, turn.one, ascans, np.zeros(reference.size, np.float32))
+    ascans = np.concatenate([block for _, block in slice_.interpolated(linear)])
+    return logarithmic(sample.oct, slice_.one, ascans, np.zeros(reference.size, np.float32))
 
 
 def _dark(sample: Sample) -> Coordinates:
@@ -89,10 +85,10 @@ def artificial(
     sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
 ) -> tuple[Scattered, NDArray[np.intp], Mask]:
     """Return what a slice returns, for every recorded A-scan the column of it, and whether the detector clipped it."""
-    turn = next(_turns(sample, wall, appearance, [slice_index]))
-    column = turn.margin + turn.position // turn.every
-    brightest = turn.at_even_samples().max(axis=1) + float(_dark(sample).max())
-    return turn.light, column, (brightest > FULL_SCALE)[column]
+    slice_ = next(_slices(sample, wall, appearance, [slice_index]))
+    column = slice_.margin + slice_.position // slice_.every
+    brightest = slice_.at_even_samples().max(axis=1) + float(_dark(sample).max())
+    return slice_.light, column, (brightest > FULL_SCALE)[column]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,30 +158,13 @@ class _Slice:
         return ascans
 
 
-def _turns(sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[int]) -> Iterator[_Slice]:
+def _slices(sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence[int]) -> Iterator[_Slice]:
     """Yield slices, ready to be recorded."""
-    oct_, size = sample.oct, PRESETS[sample.preset]
-    every, one = size.ascans_per_column, spectrometer(oct_, 2 * size.n_depth)
-    taken = [stream_position(oct_, i, size.n_ascans) for i in slices]
-    rings = [round(size.n_ascans / every / oct_.turn_length[i]) for i in slices]
-    margins = [lateral_taps(oct_, wall.radius_mm, n_ring).size // 2 + BEYOND for n_ring in rings]
-    columns = [
-        np.arange(-margin, -(-int(position[-1] + 1) // every) + margin, dtype=np.float64)
-        for position, margin in zip(taken, margins, strict=True)
-    ]
-    # a column stands for the middle of its A-scans
-    traced = trace_slices(sample, wall.scene, slices, [(k + 0.5) * every - 0.5 for k in columns])
-    for i, position, n_ring, margin, echoes in zip(slices, taken, rings, margins, traced, strict=True):
-        n = echoes.alpha_rad.size
-        # one turn on, a helical scan is a pitch away
-        turn = Turn(n if oct_.scan == "helical" else n_ring, -margin, n)
+    every = PRESETS[sample.preset].ascans_per_column
+    for i, (sweep, position) in zip(slices, sweeps(sample, wall, appearance, slices), strict=True):
         rng = generator(sample.seed, Stage.OCT, 1 + i)
-        wall_db, glint_db = (
-            appearance.at(image, echoes.wall_z_mm, echoes.wall_theta_rad)
-            for image in (appearance.wall_db, appearance.glint_db)
-        )
-        light = scattered(Sweep(oct_, one, turn, echoes, wall_db, glint_db, wall.radius_mm), rng)
-        yield _Slice(sample, one, light, rng, position, every, margin)
+        light = scattered(sweep, rng)
+        yield _Slice(sample, sweep.spectrometer, light, rng, position, every, -sweep.turn.first)
 
 
 def ascan_echoes(sample: Sample, wall: Wall, slice_index: int) -> Echoes:

@@ -3,8 +3,6 @@
 Summed over the width of the beam, they are fully developed speckle. Arrays are (column, sample).
 """
 
-import math
-
 import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -15,10 +13,10 @@ from endoct.stitching.arrays import Coordinates, Image
 from endoct.synthetic.oct.beams import BONE_INDEX, Echoes
 from endoct.synthetic.oct.spectrometer import roll_off
 from endoct.synthetic.oct.sweep import Sweep
+from endoct.synthetic.oct.turn import lateral_taps
 from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import bell
 
-FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
 COLUMNS = 128  # worked on at a time
 DUST_DB = 2.0  # dust scatters more than bone, and its surface is rougher (chosen)
 DUST_ROUGHNESS_MM = 0.008
@@ -100,14 +98,6 @@ def _negligible_from(oct_: Oct, most: float, first: int, n: int) -> int:
     left = _profile(oct_, bins - first, np.ones_like(bins))
     bright = np.flatnonzero(most * left * roll_off(oct_, bins, n) ** 2 > 10 ** (NEGLIGIBLE_DB / 10))
     return first + (int(bright[-1]) + 1 if bright.size else 1)
-
-
-def lateral_taps(oct_: Oct, radius_mm: float, n_ring: int) -> Image:
-    """Return the beam's field across the columns of a turn, of unit power; √2 wider than its intensity."""
-    sigma = math.sqrt(2) * oct_.lateral_resolution_mm / FWHM / (2 * np.pi * radius_mm / n_ring)
-    reach = math.ceil(3.5 * sigma)
-    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    return np.asarray(taps / np.sqrt(np.sum(taps**2)), dtype=np.float32)
 
 
 def _summed(image: Image, taps: Image) -> Image:
