@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from endoct.synthetic.bone.wall import TracedElsewhere, Wall, build_wall
+from endoct.synthetic.bone.baking import TracedElsewhere
+from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.oct.appearance import Appearance, build_appearance
 from endoct.synthetic.sample.parameters import Sample
 

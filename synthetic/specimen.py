@@ -73,7 +73,7 @@ def write_specimen(
     spectra: bool,
 ) -> None:
     """Write what :func:`simulate` says of ``sample``; ``processes`` trace parts of the wall and render frames."""
-    from endoct.synthetic.bone.wall import part_of_wall
+    from endoct.synthetic.bone.baking import part_of_wall
 
     progress("wall", 0.0)
     parts = [process.call(part_of_wall, sample, k, len(processes)) for k, process in enumerate(processes)]
@@ -109,7 +109,7 @@ def _prepare() -> None:
     """Load what it takes to trace the wall and to render frames; for a process of its own, which keeps to a thread."""
     import cv2
 
-    import endoct.synthetic.bone.wall
+    import endoct.synthetic.bone.baking
     import endoct.synthetic.endoscope.camera  # noqa: F401
 
     cv2.setNumThreads(1)

@@ -1,7 +1,6 @@
 """Bores without any unevenness and with chosen cells, whose surfaces can be worked out by hand."""
 
 from functools import cache
-from typing import Any
 
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Cell, Sample
@@ -16,10 +15,11 @@ EVEN = {
 }
 
 
-def bone(*cells: Cell, **bore: Any) -> Sample:
+def bone(*cells: Cell, **bore: object) -> Sample:
     """Return a ``learning`` sample whose bore is a cylinder of 1.25 mm, 5 mm long, with those cells."""
     sample = _any()
-    return sample.model_copy(update={"bore": sample.bore.model_copy(update=EVEN | {"cells": cells} | bore)})
+    chosen: dict[str, object] = {**EVEN, "cells": cells, **bore}
+    return sample.model_copy(update={"bore": sample.bore.model_copy(update=chosen)})
 
 
 @cache
@@ -27,9 +27,9 @@ def _any() -> Sample:
     return draw("learning", 0)
 
 
-def hole(**given: Any) -> Cell:
+def hole(**given: object) -> Cell:
     """Return a straight round hole, 0.6 mm across and deep, at z = 3 mm and θ = 1, but for what is ``given``."""
-    usual = {
+    usual: dict[str, object] = {
         "z_mm": 3.0,
         "theta_rad": 1.0,
         "diameter_mm": 0.6,
@@ -47,4 +47,4 @@ def hole(**given: Any) -> Cell:
         "filling": "air",
         "fill_mm": 0.6,
     }
-    return Cell.model_validate(usual | given)
+    return Cell.model_validate({**usual, **given})
