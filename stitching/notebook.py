@@ -62,12 +62,12 @@ def _coarse(grid: SurfaceGrid, values: Image, valid: Mask) -> tuple[Image, Mask]
     """Return the mean of the valid values on the pixels of a small picture, and where it has any."""
     rows = evenly_spaced_rows(grid)
     turn = round(grid.theta0_rad / grid.dtheta_rad)
-    seen = np.roll(valid[rows], turn, axis=1) & np.isfinite(values := np.roll(values[rows], turn, axis=1))
+    usable = np.roll(valid[rows], turn, axis=1) & np.isfinite(values := np.roll(values[rows], turn, axis=1))
     length_mm, around_mm = rows.size * grid.dz_mm, 2 * math.pi * grid.radius_mm
     height_px = round(min(HEIGHT_PX, max(40, WIDTH_PX * length_mm / around_mm)))
     size = WIDTH_PX, height_px
-    total = cv2.resize(np.where(seen, values, np.float32(0)), size, interpolation=cv2.INTER_AREA)
-    share = cv2.resize(seen.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    total = cv2.resize(np.where(usable, values, np.float32(0)), size, interpolation=cv2.INTER_AREA)
+    share = cv2.resize(usable.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     observed: Mask = share > 0.5
     return np.where(observed, total / np.maximum(share, 1e-6), 0).astype(np.float32), observed
 

@@ -1,4 +1,4 @@
-"""Commands that compare two sides, and tell of comparisons."""
+"""Commands that compare two sides, report a comparison and summarise many."""
 
 from pathlib import Path
 
@@ -34,8 +34,8 @@ def compare(
     Args:
         a: first side; the comparison is in its frame
         b: second side
-        output: folder to write
-        truth: mask drawn over side A's panorama to score both against: an image, labels in Zarr, shapes of napari
+        output: folder to write to
+        truth: mask drawn over side A's panorama, to score both against: an image, labels in Zarr, shapes of napari
             (.csv) or regions of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png; or a simulated
             specimen's truth folder
         modality_a: plug-in to read side A with
@@ -43,7 +43,7 @@ def compare(
         set: a parameter of the comparison; repeat for more
         set_a: a key of side A's sidecar or a parameter of its processing
         set_b: a key of side B's sidecar or a parameter of its processing
-        force: show the best alignment even where it does not stand out; the report says that it was asked for
+        force: accept the best alignment even where it does not stand out; the report says so
         overwrite: replace the output if it exists
         json: print the result as JSON
     """
@@ -70,7 +70,7 @@ def report(folder: Positional[Path]) -> int:
     """Write the report of a comparison again.
 
     Args:
-        folder: what `endoct compare` wrote
+        folder: a folder written by `endoct compare`
     """
     from endoct.workbench.report.page import write_report
     from endoct.workbench.running.second_process import second_process
@@ -92,10 +92,10 @@ def summarise(
     """Summarise many comparisons: a tidy table, medians over specimens with intervals, differences, repeatability.
 
     Args:
-        folders: what `endoct compare` wrote, several
-        output: folder to write
-        against: a second set of comparisons, paired with the first by their recordings, or else by the folders' names
-        repeats: comparisons in one folder are of one specimen; say how well they repeat
+        folders: folders written by `endoct compare`
+        output: folder to write to
+        against: a second set of comparisons, paired with the first by their recordings, or else by folder names
+        repeats: comparisons in one folder are of one specimen; report their repeatability
         overwrite: replace the output if it exists
         json: print the summary as JSON
     """

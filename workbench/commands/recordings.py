@@ -29,7 +29,7 @@ def unroll(
         set: a key of the sidecar or a processing parameter; repeat for more
         volume: add the dense hollow cylinder, sub-surface included
         overwrite: replace the output if it exists
-        json: print what was found as JSON
+        json: print as JSON
     """
     from endoct.workbench import api
     from endoct.workbench.pipeline.settings import parse
@@ -71,7 +71,7 @@ def info(
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Say what a recording, a panorama or a comparison is, and what its sidecar lacks.
+    """Describe a recording, a panorama or a comparison, and what its sidecar lacks.
 
     Args:
         path: folder or file

@@ -27,33 +27,35 @@ def bench(
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Run named methods on the same cases with truth: a table, results.csv, plots. docs/how-to/bench.md tells more.
+    """Run named methods on the same cases with truth: a table, results.csv, plots (see docs/how-to/bench.md).
 
     Args:
-        task: alignment, stitching, segmentation, oct, ablate, sensitivity or another's; left out, all are listed
-        conditions: what cases are drawn from, as cell_mm=0.2..1 or modality=depth|intensity; next to the task
+        task: alignment, stitching, segmentation, oct, ablate, sensitivity or a task of another package; without one,
+            all tasks are listed
+        conditions: ranges or choices to draw cases from, right after the task, such as cell_mm=0.2..1 or
+            modality=depth|intensity
         output: folder for results.csv, bench.json and plots
-        methods: which methods, with commas; default: all
-        seeds: first-last, or numbers with commas; 0-99 are for tuning
-        count: cases a seed
-        sweep: vary this condition alone and hold the others at the middle of their range
-        against: tell differences from this method too, case by case
-        data: folders of your own data with truth, or folders of such folders, in place of simulated cases
-        workers: processes that share the cases; with more than one, seconds are those of a busy machine
-        describe: say what the task gives, asks for and scores, and run nothing
+        methods: names of methods, separated by commas; default: all
+        seeds: a range as 1000-1009, or numbers separated by commas; 0-99 are reserved for tuning
+        count: cases per seed
+        sweep: vary only this condition; the others stay at the middle of their range
+        against: print differences from this method too, case by case
+        data: folders of your own data with truth, or folders of such folders, instead of simulated cases
+        workers: processes that share the cases; with more than one, timings are those of a busy machine
+        describe: describe what the task gives, expects and scores, and run nothing
         overwrite: replace the output if it exists
         json: print as JSON
     """
     from endoct.workbench.bench.command import Request, describe_task, list_tasks, run_bench
 
     if task is None:
-        facts, shown = list_tasks()
+        facts, parts = list_tasks()
     elif describe:
-        facts, shown = describe_task(task)
+        facts, parts = describe_task(task)
     else:
         names = [name.strip() for name in methods.split(",") if name.strip()]
         request = Request(task, conditions, names, seeds, count, sweep, against, data)
-        facts, shown = run_bench(
+        facts, parts = run_bench(
             request, output=output, workers=workers, overwrite=overwrite, stages=command_stages(json)
         )
     if json:
@@ -61,7 +63,7 @@ def bench(
         return DONE
     console = TextConsole()
     if not console.is_terminal:
-        console = TextConsole(width=WIDE)  # nobody's window is too narrow
-    for part in shown:
+        console = TextConsole(width=WIDE)  # nothing is cut off in a file
+    for part in parts:
         console.print(visible(part) if isinstance(part, str) else part, soft_wrap=isinstance(part, str))
     return DONE

@@ -21,7 +21,7 @@ def demo(
     Args:
         output: folder for the specimen and the comparison
         preset: size and difficulty of the recordings
-        seed: which specimen
+        seed: seed of the specimen
         overwrite: replace the folder if it exists
         json: print the result as JSON
     """
@@ -46,11 +46,11 @@ def simulate(
     Args:
         output: folder for the specimen
         preset: size and difficulty of the recordings
-        seed: which specimen; the same seed gives the same bytes
-        replay: truth/sample.json of a specimen to make again; nothing is drawn then
-        vary: what a parameter is drawn from, as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
+        seed: seed of the specimen; the same seed gives the same bytes
+        replay: truth/sample.json of a specimen to simulate again; nothing is drawn then
+        vary: range or choices of a parameter, such as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
         labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
-        spectra: add oct-spectra: the spectrometer's raw data, 2 kB an A-scan
+        spectra: add oct-spectra: the spectrometer's raw data, 2 kB per A-scan
         overwrite: replace the folder if it exists
     """
     from endoct.workbench.pipeline.simulating import simulate as write_specimen
@@ -85,25 +85,25 @@ def dataset(
     dry_run: bool = False,
     json: bool = False,
 ) -> int:
-    """Make a data set of many simulated specimens, or what is missing of one.
+    """Make a data set of many simulated specimens, or complete one.
 
-    The same arguments give the same bytes, whoever makes them; started again, it makes only what is missing, and
-    with a larger count it adds to what is there.
+    The same arguments give the same bytes on any machine. Started again, the command makes only what is missing;
+    with a larger count it adds specimens.
 
     Args:
         output: folder of the data set
         count: specimens
         preset: size and difficulty of the recordings
-        seed: which data set
-        vary: what a parameter is drawn from, as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
+        seed: seed of the data set
+        vary: range or choices of a parameter, such as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
         format: a folder for each specimen, or tar files for the webdataset library
         labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
-        recordings_per_bore: specimens in a row that show one bore
-        workers: processes that make it; default: one for each processor
-        scheduler: address of a dask scheduler, whose workers make it; they must see the output folder under its name.
-            Whoever can reach that scheduler can run code on its workers and on this machine: let it be one you trust,
-            on a network you trust, and use tls://
-        dry_run: make one specimen in a temporary folder and say what all would take
+        recordings_per_bore: consecutive specimens that show the same bore
+        workers: number of processes; default: one per processor
+        scheduler: address of a dask scheduler whose workers do the work; they must see the output folder under this
+            path. Whoever can reach that scheduler can run code on its workers and on this machine: use one that you
+            trust, on a network that you trust, and tls://
+        dry_run: make one specimen in a temporary folder and estimate what all would take
         json: print the result as JSON
     """
     from endoct.workbench.dataset.command import run_dataset

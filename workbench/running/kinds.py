@@ -1,4 +1,4 @@
-"""Kinds of outputs, as an output says of itself which it is."""
+"""Kinds of outputs, by the names that outputs note for themselves."""
 
 PANORAMA = "panorama"
 COMPARISON = "comparison"

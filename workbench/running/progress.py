@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from endoct.stitching.errors import visible
-from endoct.workbench.running.interruption import stop_if_asked
+from endoct.workbench.running.interruption import stop_if_interrupted
 
 Advance = Callable[[float], None]
 """Called with the share done, 0 to 1."""
@@ -91,7 +91,7 @@ class ConsoleStages(SilentStages):
 
     @contextmanager
     def _displayed(self, title: str) -> Iterator[Advance]:
-        stop_if_asked()
+        stop_if_interrupted()
         if not self._console.is_terminal:
             yield self._lines(title)
             return
@@ -99,7 +99,7 @@ class ConsoleStages(SilentStages):
             task = bars.add_task(visible(title), total=1.0)
 
             def advance(share: float) -> None:
-                stop_if_asked()
+                stop_if_interrupted()
                 bars.update(task, completed=share)
 
             yield advance
@@ -157,7 +157,7 @@ class ConsoleStages(SilentStages):
 
         def advance(share: float) -> None:
             nonlocal printed
-            stop_if_asked()
+            stop_if_interrupted()
             if (now := time.monotonic()) - printed >= self.LINE_EVERY_S:
                 printed = now
                 line = f"{title}: {share:.0%} after {now - start:.0f} s"

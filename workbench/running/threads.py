@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keep BLAS to one thread within, also as a decorator: less processor time, and sums in one order.
+    """Limit BLAS to one thread, as a context or a decorator: less processor time, and sums in one order.
 
     Solving for a catheter's uneven turns took some seven times the processor time with two threads.
     """

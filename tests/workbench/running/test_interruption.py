@@ -11,7 +11,7 @@ from endoct.workbench.running.progress import ConsoleStages
 
 
 def test_a_swallowed_interrupt_stops_the_next_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interruption, "_asked", interruption.Event())
+    monkeypatch.setattr(interruption, "_interrupted", interruption.Event())
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     interruption.watch()
     try:
