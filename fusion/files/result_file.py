@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -38,7 +37,7 @@ def read_result(folder: Path) -> Result:
     return result
 
 
-def _stored(folder: Path) -> dict[str, Any]:
+def _stored(folder: Path) -> dict[str, object]:
     try:
         check_intact(folder, lambda name: name == "result.json")
         stored = read_object(folder / "result.json", MOST_BYTES)

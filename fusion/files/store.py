@@ -105,11 +105,12 @@ def _comparison(
     )
 
 
-def _stored(attributes: Mapping[str, Any], name: str, what: str) -> Any:
+def _stored(attributes: Mapping[str, object], name: str, what: str) -> object:
     text = attributes.get(name)
     if not isinstance(text, str):
         raise EndoctError(f"{what} is not whole", found=f"no '{name}' in its attributes")
-    return json.loads(text)
+    value: object = json.loads(text)
+    return value
 
 
 def _sides(stored: NDArray[Any], what: str) -> tuple[str, str]:

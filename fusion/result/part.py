@@ -4,7 +4,7 @@ A key that was not stated is absent from the JSON again; None is null, and stand
 not there. Keys that no part names are kept as they came, so that results of other versions can be read and written.
 """
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -25,7 +25,7 @@ class Part(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="allow", populate_by_name=True)
 
 
-def as_json(value: Any) -> Any:
+def as_json(value: object) -> object:
     """Return the dumped ``value`` with lists for its tuples, as JSON read back has it."""
     if isinstance(value, dict):
         return {key: as_json(inner) for key, inner in value.items()}

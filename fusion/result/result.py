@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -115,7 +115,7 @@ class Result(Part):
     notes: dict[str, Texts] = Field(default_factory=dict)
     versions: dict[str, str] = Field(default_factory=dict)
     inputs: dict[str, str] = Field(default_factory=dict)
-    parameters: dict[str, dict[str, Any] | None] = Field(default_factory=dict)
+    parameters: dict[str, dict[str, object] | None] = Field(default_factory=dict)
     seconds: dict[str, Number] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -152,7 +152,7 @@ class Result(Part):
         notes: Mapping[str, Sequence[str]],
         versions: Mapping[str, str],
         inputs: Mapping[str, str],
-        parameters: Mapping[str, Mapping[str, Any]],
+        parameters: Mapping[str, Mapping[str, object]],
         seconds: Mapping[str, float],
     ) -> "Result":
         """Return the whole result: this with the scores against masks, where there are any, and how it was made.
@@ -164,13 +164,12 @@ class Result(Part):
         against = {name: part for name, part in (("truth", truth), ("raters", raters)) if part}
         return self.model_copy(update={**against, **made})
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         """Return the object that ``result.json`` holds, of lists, dicts, texts and numbers only."""
-        found: dict[str, Any] = as_json(self.model_dump(exclude_unset=True, by_alias=True))
-        return found
+        return {key: as_json(value) for key, value in self.model_dump(exclude_unset=True, by_alias=True).items()}
 
     @classmethod
-    def from_json(cls, stored: Mapping[str, Any]) -> "Result":
+    def from_json(cls, stored: Mapping[str, object]) -> "Result":
         """Return the result that the object ``stored`` of a ``result.json`` holds.
 
         Raises ``ValueError`` (pydantic's) where something is missing, not of its kind, or a number beyond 10¹².

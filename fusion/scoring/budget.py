@@ -6,7 +6,7 @@ Ideal masks are sent through what is known to lie between them, one cause after 
    the other of which it shows nothing. J₀ = 1.
 2. **Alignment**: B really lies where a draw from the alignment's covariance says, but is placed where the alignment
    says. J₁; the part is 1 − J₁.
-3. **Sampling**: each side sees the wall only at its own rows and columns (at a phase of the rows that is drawn as
+3. **Sampling**: each side samples the wall only at its own rows and columns (at a phase of the rows that is drawn as
    well), and is brought from there to the common grid as real masks are. J₂; the part is J₁ − J₂.
 4. **Visibility**: each side loses the cells of the other of which it has no sign: not a sample of a cell in its mask
    worth mentioning, and evidence over the cell no stronger than over 95 % of its bare wall on patches of that size.
@@ -15,7 +15,7 @@ Ideal masks are sent through what is known to lie between them, one cause after 
    was a sign of them, and departures from a rigid alignment. It is negative where more loss is predicted than there is.
 
 Every J is over the samples that both sides observed, and the mean over draws; so the parts sum to 1 − J exactly.
-What one side did not cover at all is in no J and stands beside, as a share of the cells' area. Intervals are
+What one side did not cover at all is in no J; it is given separately, as an area. Intervals are
 bootstrapped over patches of wall and draws together.
 """
 
@@ -36,6 +36,7 @@ from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weight
 from endoct.fusion.scoring.overlap import agreement
 from endoct.fusion.scoring.visibility import invisible_cells
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.circle import largest_divisor
 from endoct.stitching.grid import SurfaceGrid
 
 PARTS = tuple(BudgetParts.model_fields)
@@ -45,7 +46,7 @@ FINEST_DZ_MM = 0.04
 MOST_COLUMNS = 512
 """Outlines are moved by fractions of a sample, as distances; so samples may be this wide."""
 PATCH_MM = 1.0
-UNSEEN = 0.1
+SHOWN_SHARE = 0.1
 """A cell of which the other side's mask covers less than this is one that it does not show."""
 
 T = TypeVar("T", bound=np.generic)
@@ -76,25 +77,25 @@ def agreement_budget(
     alone = [_listed(cells, side.name) for side in surfaces]
     fine = 0 if samples[0].grid.dz_mm <= placing.z_scale * samples[1].grid.dz_mm else 1
     wall = (a.mask, b.mask)[fine] | np.isin(thin_labels[1 - fine], alone[1 - fine])
-    unseen = [
+    invisible = [
         invisible_cells(side, of, ids, coarse.grid)
         for side, of, ids in ((a, thin_labels[1], alone[1]), (b, thin_labels[0], alone[0]))
     ]
     ideal = _Ideal(signed_distance(wall, (coarse.grid.dz_mm, coarse.grid.dtheta_mm)), coarse.grid, samples, placing)
-    hidden = [_zone(wall, np.isin(of, ids), coarse.grid) for of, ids in zip(thin_labels[::-1], unseen, strict=True)]
+    hidden = [_zone(wall, np.isin(of, ids), coarse.grid) for of, ids in zip(thin_labels[::-1], invisible, strict=True)]
     patches = _patches(coarse.grid)
     stages: list[list[Count]] = [[], [], []]
     for drawn, phase_mm in _draws(placing, max(s.grid.dz_mm for s in samples)):
-        placed = ideal.seen(0, IN_PLACE, phase_mm, sampled=False), ideal.seen(1, drawn, phase_mm, sampled=False)
+        placed = ideal.mask(0, IN_PLACE, phase_mm, sampled=False), ideal.mask(1, drawn, phase_mm, sampled=False)
         stages[0].append(_count(*placed, both, patches))
-        sampled = ideal.seen(0, IN_PLACE, phase_mm, sampled=True), ideal.seen(1, drawn, phase_mm, sampled=True)
+        sampled = ideal.mask(0, IN_PLACE, phase_mm, sampled=True), ideal.mask(1, drawn, phase_mm, sampled=True)
         stages[1].append(_count(*sampled, both, patches))
         visible = [mask & ~zone for mask, zone in zip(sampled, hidden, strict=True)]
         stages[2].append(_count(visible[0], visible[1], both, patches))
     observed = _count(a.mask, b.mask, both, patches)
-    seen_by_both = surfaces[0].valid & surfaces[1].valid
-    counted = agreement(surfaces[0].mask, surfaces[1].mask, seen_by_both, grid.dz_mm * grid.dtheta_mm)
-    return _budget(surfaces, cells, stages, observed, counted.jaccard or 0.0, placing, unseen)
+    both_valid = surfaces[0].valid & surfaces[1].valid
+    counted = agreement(surfaces[0].mask, surfaces[1].mask, both_valid, grid.dz_mm * grid.dtheta_mm)
+    return _budget(surfaces, cells, stages, observed, counted.jaccard or 0.0, placing, invisible)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +117,7 @@ class _Ideal:
         self._everywhere = np.ones(grid.shape, np.bool_)
         self._grid, self._samples, self._found = grid, samples, (IN_PLACE, placing)
 
-    def seen(self, k: int, truly: Alignment, phase_mm: float, *, sampled: bool) -> Mask:
+    def mask(self, k: int, truly: Alignment, phase_mm: float, *, sampled: bool) -> Mask:
         """Return what side ``k``, which lies ``truly`` there, shows of the wall shifted by ``phase_mm``."""
         grid, found, own = self._grid, self._found[k], self._samples[k]
         wall = Samples(grid, grid.z_mm + phase_mm)
@@ -163,7 +164,7 @@ def _draws(placing: Alignment, pitch_mm: float) -> list[tuple[Alignment, float]]
 
 def _listed(cells: Sequence[Cell], side: str) -> list[int]:
     """Return the ids of the side's cells of which the other shows nothing though it looked."""
-    return [c.id for c in cells if c.side == side and c.covered is not None and c.covered < UNSEEN]
+    return [c.id for c in cells if c.side == side and c.covered is not None and c.covered < SHOWN_SHARE]
 
 
 def _zone(wall: Mask, cells: Mask, grid: SurfaceGrid) -> Mask:
@@ -176,9 +177,7 @@ def _zone(wall: Mask, cells: Mask, grid: SurfaceGrid) -> Mask:
 
 def _thin(grid: SurfaceGrid) -> _Thin:
     down = max(1, int(FINEST_DZ_MM / grid.dz_mm + 1e-6))
-    across = max(1, grid.n_theta // MOST_COLUMNS)
-    while grid.n_theta % across:
-        across -= 1
+    across = largest_divisor(grid.n_theta, at_most=max(1, grid.n_theta // MOST_COLUMNS))
     rows, columns = slice(None, None, down), slice(None, None, across)
     thin = SurfaceGrid.full_circle(
         len(range(grid.n_z)[rows]),
@@ -220,13 +219,13 @@ def _budget(
     observed: Count,
     jaccard: float,
     placing: Alignment,
-    unseen: list[list[int]],
+    invisible: list[list[int]],
 ) -> Budget:
     levels = [1.0, *(float(np.mean([_jaccard(*c) for c in stage])) for stage in stages), jaccard]
     shares = -np.diff(levels)
     intervals = _intervals(stages, observed, jaccard)
     names = [side.name for side in surfaces]
-    missed = [[c for c in cells if c.side == names[1 - k] and c.id in set(unseen[k])] for k in (0, 1)]
+    missed = [[c for c in cells if c.side == names[1 - k] and c.id in set(invisible[k])] for k in (0, 1)]
     parts = {
         part: BudgetPart(share=float(share), interval=interval)
         for part, share, interval in zip(PARTS, shares, intervals, strict=True)

@@ -29,7 +29,7 @@ class Cell:
     depth_median_mm, depth_p95_mm: of the relief behind the wall; ``volume_mm3`` between the nominal bore and that
         relief, the fan of a cylinder; ``depth_of`` the side that measured them: its own, else the other, over what
         that one observed. None where no side has depth there.
-    contrast: median of ± log of intensity relative to the wall's, where the side's cells are told by intensity.
+    contrast: median of ± log of intensity relative to the wall's, where the side's cells are segmented by intensity.
     touches_edge: whether it reaches the end of what its side observed, and so may be larger than it looks.
     observed_by_other: share of its area that the other side observed; ``covered`` share of that in which the other
         side shows cells too, None where it observed nothing.
@@ -77,7 +77,7 @@ class Surface:
     """What one side knows of the wall on a common grid, all (n_z, n_theta).
 
     ``mask``, ``valid`` bool; ``relief_mm`` float32 or None: behind the wall, NaN where unknown; ``contrast`` float32
-    or None: the evidence its cells were told by, where that is intensity.
+    or None: the evidence its cells were segmented by, where that is intensity.
     """
 
     name: str
@@ -108,7 +108,7 @@ class Matched:
         return partner, best
 
     def turned(self) -> "Matched":
-        """Return the same, seen from B."""
+        """Return the same with B first."""
         return Matched(self.area_b, self.area_a, self.common.T.tocsr())
 
 
@@ -171,7 +171,7 @@ def _of_side(
     cells = []
     for k in range(1, n + 1):
         depth = next((d for d in depths if d is not None and d.median_mm[k] is not None), None)
-        seen = float(matched.area_a[k])
+        observed = float(matched.area_a[k])
         cells.append(
             Cell(
                 side=own.name,
@@ -185,8 +185,8 @@ def _of_side(
                 depth_of=depth.of if depth else None,
                 contrast=contrast[k],
                 touches_edge=bool(at_edge[k]),
-                observed_by_other=seen / float(area_px[k]),
-                covered=float(cover[k]) / seen if seen else None,
+                observed_by_other=observed / float(area_px[k]),
+                covered=float(cover[k]) / observed if observed else None,
                 seen_by="both" if cover[k] > 0 else own.name,
                 partner=int(partner[k]) or None,
                 overlap=float(overlap[k]),

@@ -1,7 +1,6 @@
 """Bootstrap intervals over things that were drawn independently: cells, patches of wall, specimens. Never pixels."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +31,7 @@ def ratio_interval(numerators: Coordinates, denominators: Coordinates) -> Interv
     return percentiles(above[below > 0] / below[below > 0])
 
 
-def interval_of(values: Coordinates, statistic: Callable[..., Any] = np.median) -> Interval:
+def interval_of(values: Coordinates, statistic: Callable[..., object] = np.median) -> Interval:
     """Return the percentile bootstrap interval of ``statistic`` (with an ``axis``) of ``values`` (n,)."""
     if values.size < FEWEST:
         return None

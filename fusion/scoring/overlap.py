@@ -12,6 +12,8 @@ from endoct.fusion.scoring.sites import Sites
 from endoct.stitching.arrays import Coordinates, Mask
 
 FEWEST_PAIRS = 3
+NEITHER, BOTH, ONLY_A, ONLY_B = range(4)
+"""What a sample of two masks is."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +69,8 @@ def overlap(a: Surface, b: Surface, sites: Sites) -> Overlap:
 
 
 def difference(a: Mask, b: Mask, valid: Mask) -> NDArray[np.int8]:
-    """Return the difference image, int8: 0 neither, 1 both, 2 only ``a``, 3 only ``b``, −1 not observed by both."""
-    codes = np.select([a & b, a & ~b, ~a & b], [1, 2, 3], default=0)
+    """Return per sample NEITHER, BOTH, ONLY_A or ONLY_B, and −1 where it is not ``valid``, int8."""
+    codes = np.select([a & b, a & ~b, ~a & b], [BOTH, ONLY_A, ONLY_B], default=NEITHER)
     return np.where(valid, codes, -1).astype(np.int8)
 
 

@@ -80,7 +80,7 @@ def staple(drawings: Sequence[Drawing], valid: Mask) -> tuple[Mask, tuple[Perfor
 def _expectation_maximisation(
     says: Coordinates, count: NDArray[np.int64]
 ) -> tuple[Coordinates, Coordinates, Coordinates]:
-    """Return (posterior (n_patterns,), sensitivity, specificity (n_drawings,)) of patterns seen ``count`` times."""
+    """Return (posterior (n_patterns,), sensitivity, specificity (n_drawings,)) of patterns, each ``count`` times."""
     prior = float(count @ says.mean(axis=1) / count.sum())
     sensitivity, specificity = np.full(says.shape[1], 0.99), np.full(says.shape[1], 0.99)
     posterior = np.zeros(count.size)

@@ -2,16 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.fusion.result import Strata, Stratum
 from endoct.fusion.scoring.cells import Labels, Surface, label_in_order
 from endoct.fusion.scoring.intervals import Interval, ratio_interval
 from endoct.fusion.segmentation.regions import quantiles
-from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.arrays import Coordinates, Image, Mask
 
 SIZE_EDGES_MM = (0.3, 0.6)
 """Diameters of the circle of a site's area at which sizes are parted."""
@@ -46,7 +44,7 @@ class Sites:
         """Return the interval of Dice."""
         return ratio_interval(2 * self.both, 2 * self.both + self.only_a + self.only_b)
 
-    def median_of(self, values: NDArray[Any] | None) -> Coordinates:
+    def median_of(self, values: Image | None) -> Coordinates:
         """Return the median of the finite ``values`` (n_z, n_theta) over every site, NaN where there are none."""
         if values is None:
             return np.full(self.both.size, np.nan)

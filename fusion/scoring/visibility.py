@@ -26,23 +26,23 @@ def invisible_cells(side: Surface, labels: Labels, ids: Sequence[int], grid: Sur
     evidence = _evidence(side)
     if evidence is None or not ids:
         return []
-    seen = side.valid & np.isfinite(evidence)
-    wall = seen & ~side.mask & (labels == 0)
+    known = side.valid & np.isfinite(evidence)
+    wall = known & ~side.mask & (labels == 0)
     if np.count_nonzero(wall) < LEAST_WALL:
         return []
-    found = labels[seen]
+    found = labels[known]
     n = max(int(labels.max()), *ids)  # specks may have no sample here
     count = np.bincount(found, minlength=n + 1)
-    mean = np.bincount(found, evidence[seen], n + 1) / np.maximum(count, 1)
+    mean = np.bincount(found, evidence[known], n + 1) / np.maximum(count, 1)
     diameter_mm = 2 * np.sqrt(count * grid.dz_mm * grid.dtheta_mm / np.pi)
-    known = [k for k in ids if count[k] > 0]
-    octave = {k: int(np.round(np.log2(diameter_mm[k]))) for k in known}
+    counted = [k for k in ids if count[k] > 0]
+    octave = {k: int(np.round(np.log2(diameter_mm[k]))) for k in counted}
     limit = {o: _limit(evidence, wall, 2.0**o, grid) for o in set(octave.values())}
-    return [k for k in known if mean[k] <= limit[octave[k]]]
+    return [k for k in counted if mean[k] <= limit[octave[k]]]
 
 
 def _evidence(side: Surface) -> Image | None:
-    """Return what the side's cells are told by, within what says something."""
+    """Return the evidence by which the side's cells were segmented, within the range that says something."""
     if side.contrast is not None:
         return np.clip(side.contrast, *CLIP["darkness"])
     return None if side.relief_mm is None else np.clip(side.relief_mm, *CLIP["relief"])

@@ -105,14 +105,14 @@ def modalities(json: bool = False) -> int:
     Args:
         json: print as JSON
     """
+    from endoct.modalities.registry import manifests
     from endoct.workbench.pipeline.information import installed_modalities
 
-    rows = installed_modalities()
     if json:
-        print_json(rows)
+        print_json(installed_modalities())
         return DONE
     table = Table("name", "title", "provides", "reads", box=None)
-    for row in rows:
-        table.add_row(row["name"], row["title"], ", ".join(row["provides"]), " ".join(row["suffixes"]))
+    for manifest in manifests().values():
+        table.add_row(manifest.name, manifest.title, ", ".join(sorted(manifest.provides)), " ".join(manifest.suffixes))
     TextConsole().print(table)
     return DONE

@@ -90,7 +90,7 @@ def _check(drawings: list[Drawing]) -> None:
             "two masks are of one rater and session",
             found=f"rater {twice[0]}, session {twice[1]}",
             expected="each once",
-            remedy="name the files RATER_SESSION.png, or say rater and session in their sidecars",
+            remedy="name the files RATER_SESSION.png, or give rater and session in their sidecars",
         )
     if len(drawings) > MOST_DRAWINGS:
         raise EndoctError("too many masks", found=str(len(drawings)), expected=f"{MOST_DRAWINGS} at most")

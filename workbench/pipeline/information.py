@@ -3,7 +3,6 @@
 import json
 import tomllib
 from pathlib import Path
-from typing import Any
 
 from pydantic.fields import FieldInfo
 
@@ -20,7 +19,7 @@ from endoct.workbench.running.kinds import SIDECAR
 _FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."
 
 
-def installed_modalities() -> list[dict[str, Any]]:
+def installed_modalities() -> list[dict[str, object]]:
     """Return name, title, what it provides and reads, of every installed modality."""
     return [
         {
@@ -34,7 +33,7 @@ def installed_modalities() -> list[dict[str, Any]]:
     ]
 
 
-def describe(path: Path, modality: str | None = None) -> dict[str, Any]:
+def describe(path: Path, modality: str | None = None) -> dict[str, object]:
     """Return what ``path`` is: a comparison, a panorama or a recording with its sidecar's state.
 
     Raises :class:`EndoctError` where it is none of them.
@@ -88,7 +87,7 @@ def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool)
     """Write an ``acquisition.toml`` to fill in; return its path and the keys still missing, with why they matter.
 
     Keys that an existing sidecar has are kept. Raises :class:`EndoctError` where one exists and ``overwrite`` is
-    not set, or it is no such template or holds comments of the user's own, or the modality cannot be told.
+    not set, or it is no such template or holds comments of the user's own, or nothing says which modality it is.
     """
     manifest = manifest_for(path, modality)
     sidecar = sidecar_path(path)
@@ -129,12 +128,12 @@ def _about(field: FieldInfo) -> str:
     return f"{field.description}" + (" (required)" if field.is_required() else "")
 
 
-def _missing(manifest: Manifest, keys: dict[str, Any]) -> dict[str, str]:
+def _missing(manifest: Manifest, keys: dict[str, object]) -> dict[str, str]:
     fields = manifest.acquisition.model_fields
     return {k: f.description or "required" for k, f in fields.items() if f.is_required() and k not in keys}
 
 
-def _line(key: str, field: FieldInfo, kept: dict[str, Any]) -> str:
+def _line(key: str, field: FieldInfo, kept: dict[str, object]) -> str:
     if key in kept and isinstance(kept[key], str | int | float | bool | list):
         return f"{key} = {json.dumps(kept[key], ensure_ascii=False)}"
     if key in kept:

@@ -70,14 +70,14 @@ def _draw_there(folder: Path, figures: Path) -> list[Drawn]:
 
 def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
     """Return the whole page, figures and style embedded; figures by section, in the order given."""
-    shown = dict.fromkeys((*FIGURE_SECTIONS, "quality"), "")
-    for number, figure in enumerate(sorted(drawn, key=lambda one: list(shown).index(one.section)), 1):
-        shown[figure.section] += _figure(number, figure)
-    shown["agreement"] += "".join(score_tables(findings))
+    bodies = dict.fromkeys((*FIGURE_SECTIONS, "quality"), "")
+    for number, figure in enumerate(sorted(drawn, key=lambda one: list(bodies).index(one.section)), 1):
+        bodies[figure.section] += _figure(number, figure)
+    bodies["agreement"] += "".join(score_tables(findings))
     sections = [
-        *(_section(name, title, shown[name]) for name, title in FIGURE_SECTIONS.items()),
+        *(_section(name, title, bodies[name]) for name, title in FIGURE_SECTIONS.items()),
         _section("numbers", "Numbers", "".join(numbers(findings))),
-        _section("quality", "Quality along the bore", shown["quality"]),
+        _section("quality", "Quality along the bore", bodies["quality"]),
         _section("doubts", "What was not trusted", _doubts(findings)),
         _section("provenance", "How it was made", "".join(provenance(findings.result))),
     ]

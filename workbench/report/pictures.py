@@ -88,19 +88,19 @@ def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
     for path in paths:
         with refusing(f"the picture {path} cannot be read", remedy="run the comparison again"):
             arrays = read_npz(path)
-            told = _Metadata.model_validate_json(str(arrays["metadata"]))
+            metadata = _Metadata.model_validate_json(str(arrays["metadata"]))
             picture = Picture(
-                name=told.name,
-                title=told.title,
+                name=metadata.name,
+                title=metadata.title,
                 image=_image(arrays["image"]),
-                x_label=told.x_label,
-                y_label=told.y_label,
-                x_extent=told.x_extent,
-                y_extent=told.y_extent,
-                curves={label: _curve(arrays[f"curve_{k}"]) for k, label in enumerate(told.curves)},
+                x_label=metadata.x_label,
+                y_label=metadata.y_label,
+                x_extent=metadata.x_extent,
+                y_extent=metadata.y_extent,
+                curves={label: _curve(arrays[f"curve_{k}"]) for k, label in enumerate(metadata.curves)},
             )
-        plain_name(told.name, f"the picture {path}")
-        found.append((plain_name(told.side, f"a side in {path}"), told.place, told.order, picture))
+        plain_name(metadata.name, f"the picture {path}")
+        found.append((plain_name(metadata.side, f"a side in {path}"), metadata.place, metadata.order, picture))
     pictures: dict[str, dict[int, tuple[Picture, ...]]] = {}
     for side, place, _, picture in sorted(found, key=lambda entry: entry[:3]):
         of_side = pictures.setdefault(side, {})

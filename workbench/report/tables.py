@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from html import escape
-from typing import Any
 
 import numpy as np
 
@@ -74,7 +73,7 @@ def threshold_text(threshold: Threshold | None) -> str:
     return of if threshold.value is None else f"{of}, above {threshold.value:.3g}{unit}"
 
 
-def _leaves(values: Mapping[str, Any]) -> str:
+def _leaves(values: Mapping[str, object]) -> str:
     return table((name, value_text(key, value)) for name, key, value in flattened(values))
 
 
@@ -93,6 +92,6 @@ def _side_facts(side: SideFindings, result: Result) -> dict[str, str]:
         "Observed of the common grid": f"{side.valid.mean():.1%}",
         "Cells, of the wall it observed": f"{cells:.1%}" if math.isfinite(cells) else "–",
         "Depth, 5th to 95th percentile": depth,
-        "Cells told by": threshold_text((result.threshold or {}).get(side.name)),
+        "Cells segmented by": threshold_text((result.threshold or {}).get(side.name)),
         "Cells look": (result.polarity or {}).get(side.name) or NOTHING,
     }

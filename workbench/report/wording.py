@@ -3,14 +3,13 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
-from typing import Any
 
 UNIT_BY_SUFFIX = {"mm": "mm", "mm2": "mm²", "rad": "rad", "px": "px", "hz": "Hz", "db": "dB", "s": "s"}
 SHARES = ("jaccard", "dice", "fraction", "confidence", "correlation", "recall", "precision", "share")
 NOTHING = "–"
 
 
-def value_text(name: str, value: Any) -> str:
+def value_text(name: str, value: object) -> str:
     """Return ``value`` of the key ``name`` as text: its unit from the name, its digits from what it is.
 
     Shares (Jaccard, Dice, fractions, …) have three decimals, lengths are given to a micrometre, angles in radians
@@ -58,11 +57,11 @@ def interval_text(interval: Sequence[float] | None, digits: int = 2) -> str:
 
 
 def key_text(key: str) -> str:
-    """Return a key in words, without the unit that its value is shown with: "z_shift_mm" as "z shift"."""
+    """Return a key in words, without the unit that goes to its value: "z_shift_mm" as "z shift"."""
     return " ".join(_words_and_unit(key)[0])
 
 
-def flattened(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str, Any]]:
+def flattened(values: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str, object]]:
     """Yield (name in words with the names above it, key, value) of every leaf."""
     for key, value in values.items():
         name = f"{path} › {key_text(str(key))}" if path else key_text(str(key))

@@ -10,10 +10,10 @@ from matplotlib.colors import Normalize
 from numpy.typing import ArrayLike
 from tolerances import COORDINATE_ATOL
 
+from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.report.figures.cylinder import CUT_FACE, END_FACE, TILT_RAD, UNSEEN, cast_half
+from endoct.workbench.report.figures.cylinder import CUT_FACE, END_FACE, NOT_OBSERVED, TILT_RAD, cast_half
 from endoct.workbench.report.figures.drawing import MARGIN_IN, new_figure, place, width_of, wrapped
-from endoct.workbench.report.figures.surfaces import BOTH, NEITHER, ONLY_A, ONLY_B, difference_image
 from endoct.workbench.report.figures.wall_panels import show_surface, thinned, wall_panel
 from endoct.workbench.report.wording import value_text
 
@@ -23,7 +23,7 @@ OUTER_MM = 2.5
 
 def test_the_difference_image_tells_the_four_cases() -> None:
     a, b = np.array([[True, True, False, False]]), np.array([[True, False, True, False]])
-    np.testing.assert_array_equal(difference_image(a, b), [[BOTH, ONLY_A, ONLY_B, NEITHER]])
+    np.testing.assert_array_equal(difference(a, b, np.ones_like(a)), [[BOTH, ONLY_A, ONLY_B, NEITHER]])
 
 
 def test_a_wall_panel_is_drawn_to_scale_with_z_downwards() -> None:
@@ -158,7 +158,7 @@ def test_a_pit_is_seen_where_it_is_in_the_right_half_and_a_deeper_one_by_its_dep
 def test_wall_that_was_not_observed_is_marked_in_the_shell() -> None:
     seen = np.zeros(GRID.shape, np.bool_)
     shell = _Shell(np.zeros(GRID.shape), seen, 90)
-    np.testing.assert_allclose(_hue(shell.at(2, 0)), _hue(UNSEEN), atol=1e-3)
+    np.testing.assert_allclose(_hue(shell.at(2, 0)), _hue(NOT_OBSERVED), atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
 def _budget_caption(budget: Budget) -> str:
     caption = (
         "On the common grid, where both observed the wall. Alignment: what the uncertainty of the found alignment "
-        "costs masks that agree. Sampling: what such masks lose besides, seen at each side's own rows. Visibility: "
+        "costs masks that agree. Sampling: what such masks lose besides, sampled at each side's own rows. Visibility: "
         "cells of one side of which the other has no sign. Segmentation: the rest, cells missed or drawn differently, "
         "and departures from a rigid alignment. In parentheses 95 % intervals over patches of wall. "
     )
@@ -74,7 +74,7 @@ def _budget_caption(budget: Budget) -> str:
         caption += "The uncertainty of the alignment is not known: what it costs counts as segmentation. "
     if budget.parts.segmentation.share < 0:
         caption += "Segmentation is negative: the causes before it predict more loss than there is. "
-    unseen = [
+    invisible = [
         f"{of.cells} cells ({of.area_mm2:.2f} mm²) not visible to {name}"
         for name, of in budget.not_visible.items()
         if of.cells
@@ -82,8 +82,8 @@ def _budget_caption(budget: Budget) -> str:
     uncovered = [
         f"{area:.2f} mm² of cells not covered by {name}" for name, area in budget.not_covered.items() if area >= 0.005
     ]
-    said = ", ".join([*unseen, *(f"{text} (in no score)" for text in uncovered)])
-    return caption + (f"{said[0].upper()}{said[1:]}." if said else "")
+    text_after = ", ".join([*invisible, *(f"{text} (in no score)" for text in uncovered)])
+    return caption + (f"{text_after[0].upper()}{text_after[1:]}." if text_after else "")
 
 
 def draw_scores(findings: Findings, folder: Path) -> Drawn | None:

@@ -1,7 +1,7 @@
-"""The bore as a solid, cut open lengthwise and seen into, cast ray by ray in NumPy.
+"""The bore as a solid, cut open lengthwise, cast ray by ray in NumPy.
 
 The bone is what lies between the wall, r = R + depth(θ, z), and an outer radius. Its axis lies in the cut; one
-half shell is seen at a time, the mouth to the left, θ growing upwards, from a little beyond the mouth, so that
+half shell is drawn at a time, the mouth to the left, θ growing upwards, from a little beyond the mouth, so that
 the mouth's end face shows::
 
       v ↑   ┌ end face
@@ -42,13 +42,13 @@ from endoct.workbench.report.findings import SideFindings
 
 TILT_RAD = math.radians(25)
 REST_MM = 0.25
-"""Bone shown beyond the deepest place, mm."""
+"""Bone drawn beyond the deepest place, mm."""
 PIXELS_ALONG, PIXELS_ACROSS = 1500, 700
 STEP_MM = 0.015
 SLOPE_CAP = 3.0
 """Steeper walls are shaded as if so steep: the flank of a cell rises within one sample."""
 
-CUT_FACE, END_FACE, UNSEEN = (np.array(to_rgb(c), np.float32) for c in ("#e2d6bd", "#c4b595", "#b4bfd6"))
+CUT_FACE, END_FACE, NOT_OBSERVED = (np.array(to_rgb(c), np.float32) for c in ("#e2d6bd", "#c4b595", "#b4bfd6"))
 Floats = NDArray[np.float32]
 
 
@@ -58,33 +58,35 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
         return None
     by_depth = side.depth_mm is not None
     values = np.where(side.valid, side.depth_mm if side.depth_mm is not None else side.intensity, np.nan)
-    coarse, seen_values = thinned(grid, values)
-    seen = np.isfinite(seen_values)
-    low, high = robust_limits(seen_values, seen)
+    coarse, thin_values = thinned(grid, values)
+    observed = np.isfinite(thin_values)
+    low, high = robust_limits(thin_values, observed)
     mapping = ScalarMappable(Normalize(low, high), DEPTH_COLOURS if by_depth else INTENSITY_COLOURS)
-    depth_mm = np.where(seen, seen_values, 0).astype(np.float32) if by_depth else np.zeros(seen.shape, np.float32)
+    depth_mm = (
+        np.where(observed, thin_values, 0).astype(np.float32) if by_depth else np.zeros(observed.shape, np.float32)
+    )
     length_mm = grid.n_z * grid.dz_mm
     outer_mm = grid.radius_mm + float(np.percentile(depth_mm, 99.9)) + REST_MM
-    beside = length_mm < 6 * outer_mm
-    width_in = PAGE_WIDTH_IN / 2 - 0.65 if beside else PAGE_WIDTH_IN - 0.7
+    side_by_side = length_mm < 6 * outer_mm
+    width_in = PAGE_WIDTH_IN / 2 - 0.65 if side_by_side else PAGE_WIDTH_IN - 0.7
     # across and along are drawn to one scale
     height_in = width_in * 2 * outer_mm / (length_mm * math.cos(TILT_RAD) + outer_mm * math.sin(TILT_RAD))
     with journal_style():
-        figure = new_figure(PAGE_WIDTH_IN, height_in if beside else 2 * height_in + 0.5)
+        figure = new_figure(PAGE_WIDTH_IN, height_in if side_by_side else 2 * height_in + 0.5)
         for k, middle_deg in enumerate((90, 270)):
-            left_in, top_in = (k * (width_in + 0.7), 0.0) if beside else (0.0, k * (height_in + 0.5))
+            left_in, top_in = (k * (width_in + 0.7), 0.0) if side_by_side else (0.0, k * (height_in + 0.5))
             axes = place(figure, 0.4 + left_in, top_in, width_in, height_in)
             middle_rad = math.radians(middle_deg)
-            image, extent = cast_half(coarse, depth_mm, seen_values, seen, mapping, outer_mm, middle_rad, by_depth)
+            image, extent = cast_half(coarse, depth_mm, thin_values, observed, mapping, outer_mm, middle_rad, by_depth)
             axes.imshow(image, extent=extent, aspect=1 / math.cos(TILT_RAD), interpolation="auto")
             axes.set_title(f"({'ab'[k]}) θ from {middle_deg - 90}° to {middle_deg + 90}°", pad=2)
             axes.set_yticks([-grid.radius_mm, 0, grid.radius_mm], [f"{middle_deg + d}°" for d in (-90, 0, 90)])
-            if k == 1 or beside:
+            if k == 1 or side_by_side:
                 axes.set_xlabel("z at the cut (mm)")
             for spine in axes.spines.values():
                 spine.set_visible(False)
             _scale_bar(axes, extent[1], -outer_mm)
-        below_in = (height_in if beside else 2 * height_in + 0.5) + 0.5
+        below_in = (height_in if side_by_side else 2 * height_in + 0.5) + 0.5
         bar = place(figure, PAGE_WIDTH_IN / 2 - 1.3, below_in, 2.6, 0.08)
         bar_under(bar, mapping, "wall radius − bore radius (mm)" if by_depth else "intensity (a.u.)")
         saved = save(figure, folder / f"cylinder-{side.name}.png")
@@ -102,7 +104,7 @@ def cast_half(
     grid: SurfaceGrid,
     depth_mm: Floats,
     values: NDArray[np.float64],
-    seen: Mask,
+    observed: Mask,
     mapping: ScalarMappable,
     outer_mm: float,
     middle_rad: float,
@@ -110,7 +112,7 @@ def cast_half(
 ) -> tuple[Floats, tuple[float, float, float, float]]:
     """Return RGBA float32 (v, z) of the half shell around θ = ``middle_rad``, and its extent in mm of the cut.
 
-    ``depth_mm``, ``values`` and ``seen`` lie on ``grid``. Flanks of cells take the colour of the depth at which a
+    ``depth_mm``, ``values`` and ``observed`` lie on ``grid``. Flanks of cells take the colour of the depth at which a
     ray meets them where ``by_depth``, every other wall the colour of its ``values``.
     """
     slope = math.tan(TILT_RAD)
@@ -149,9 +151,11 @@ def cast_half(
         hit = (r >= grid.radius_mm + depth_mm[row, column]) | (r >= outer_mm)
         if hit.any():
             pixels, rows, columns = active[hit], row[hit], column[hit]
-            shown = np.minimum(r[hit] - grid.radius_mm, depth_mm[rows, columns]) if by_depth else values[rows, columns]
-            colour = mapping.to_rgba(shown)[:, :3].astype(np.float32)
-            colour[~seen[rows, columns]] = UNSEEN
+            coloured_by = (
+                np.minimum(r[hit] - grid.radius_mm, depth_mm[rows, columns]) if by_depth else values[rows, columns]
+            )
+            colour = mapping.to_rgba(coloured_by)[:, :3].astype(np.float32)
+            colour[~observed[rows, columns]] = NOT_OBSERVED
             image[pixels, :3] = colour * _light(normal, rows, columns, np.arctan2(v[pixels], w[hit]))[:, np.newaxis]
             image[pixels, 3] = 1
             active, w = active[~hit], w[~hit]

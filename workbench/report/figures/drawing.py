@@ -45,11 +45,11 @@ _STYLE: Any = {  # Any: matplotlib types its keys as literals
     "axes.titley": 1.0,  # fixed: matplotlib would measure every label to find a place for it
 }
 
-# Okabe and Ito's palette, told apart by colour-blind readers, and by their lightness in grey print
+# Okabe and Ito's palette: colour-blind readers can distinguish them, and so can readers of a grey print
 ORANGE, BLUE, GREEN, VERMILION, PURPLE, SKY = "#E69F00", "#0072B2", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 INK, PAPER = "#3a3a3a", "#f4f4f2"
-UNSEEN, HATCH = "#b9d0f2", "#7f9fd0"
-"""What was not observed: blue enough to be told from bright samples where it is too small for the hatch to show."""
+NOT_OBSERVED, HATCH = "#b9d0f2", "#7f9fd0"
+"""What was not observed: blue enough to differ from bright samples where it is too small for the hatch."""
 CURVES = (VERMILION, SKY, GREEN, ORANGE)
 PLACES = (PURPLE, ORANGE, BLUE)
 
@@ -131,9 +131,9 @@ def save(figure: Figure, path: Path) -> Saved:
     return Saved(path, image.width / DPI, webp.getvalue())
 
 
-def hatch_unseen(axes: Axes) -> None:
+def hatch_not_observed(axes: Axes) -> None:
     """Have whatever is not drawn over in ``axes`` look as what was not observed does in every figure."""
-    axes.patch.set(facecolor=UNSEEN, edgecolor=HATCH, hatch="//////", linewidth=0)
+    axes.patch.set(facecolor=NOT_OBSERVED, edgecolor=HATCH, hatch="//////", linewidth=0)
 
 
 def bar_under(axes: Axes, image: ScalarMappable, label: str) -> None:
@@ -146,10 +146,10 @@ def bar_under(axes: Axes, image: ScalarMappable, label: str) -> None:
 
 def robust_limits(values: NDArray[Any], valid: Mask, low: float = 0.5, high: float = 99.5) -> tuple[float, float]:
     """Return the percentiles ``low`` and ``high`` of the valid, finite values; (0, 1) where there are none."""
-    seen = values[valid & np.isfinite(values)]
-    if not seen.size:
+    known = values[valid & np.isfinite(values)]
+    if not known.size:
         return 0.0, 1.0
-    bottom, top = (float(v) for v in np.percentile(seen[:: max(1, seen.size // 400_000)], [low, high]))
+    bottom, top = (float(v) for v in np.percentile(known[:: max(1, known.size // 400_000)], [low, high]))
     return (bottom, top) if top > bottom else (bottom - 0.5, bottom + 0.5)
 
 

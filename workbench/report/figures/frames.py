@@ -16,7 +16,7 @@ from endoct.workbench.report.figures.drawing import (
     PAGE_WIDTH_IN,
     PLACES,
     Drawn,
-    hatch_unseen,
+    hatch_not_observed,
     journal_style,
     new_figure,
     place,
@@ -37,12 +37,12 @@ from endoct.workbench.report.figures.wall_panels import (
 from endoct.workbench.report.findings import SideFindings
 
 DASHES: tuple[Any, ...] = ("-", (0, (4, 4)))
-"""Every other curve is dashed, so that two that coincide are both seen."""
+"""Every other curve is dashed, so that two that coincide both show."""
 TITLE_LINE_IN = 0.15
 
 
 def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
-    """Draw every picture of a side: a row for each frame, as recorded and then as it was understood."""
+    """Draw every picture of a side: a row for each frame, as recorded and then as processed."""
     if not side.pictures:
         return None
     frames = list(side.pictures.items())
@@ -52,16 +52,16 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     rows, columns = (len(frames), most) if down else (most, len(frames))
     pitch_in = PAGE_WIDTH_IN / columns
     width_in = pitch_in - 0.58
-    shown = {
+    panels = {
         (k, n) if down else (n, k): (place_of, picture)
         for k, (place_of, pictures) in enumerate(frames)
         for n, picture in enumerate(pictures)
     }
     last = frames[-1][0]
-    titles = {at: wrapped(_title(side, *what), width_in) for at, what in shown.items()}
+    titles = {at: wrapped(_title(side, *what), width_in) for at, what in panels.items()}
     heights_in, tops_in, below_in = [], [], 0.0
     for row in range(rows):
-        of_row = {at: what for at, what in shown.items() if at[0] == row}
+        of_row = {at: what for at, what in panels.items() if at[0] == row}
         lines = max(titles[at].count("\n") + 1 for at in of_row)
         entries = max((len(picture.curves) for place_of, picture in of_row.values() if place_of == last), default=0)
         tops_in.append(below_in + TITLE_LINE_IN * lines)
@@ -69,15 +69,15 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
         below_in = tops_in[row] + heights_in[row] + 0.45 + TITLE_LINE_IN * math.ceil(entries / 2)
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, below_in)
-        for (row, column), (place_of, picture) in shown.items():
+        for (row, column), (place_of, picture) in panels.items():
             axes = place(figure, column * pitch_in + 0.5, tops_in[row], width_in, heights_in[row])
             show_picture(axes, picture, legend=place_of == last, y_label=down or column == 0)
             axes.set_title(titles[row, column], pad=3)
         saved = save(figure, folder / f"frames-{side.name}.png")
     names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
     drawn = f" Drawn in: {', '.join(names)}." if names else ""
-    unseen = any(np.isnan(p.image).any() for ps in side.pictures.values() for p in ps if p.image.dtype.kind == "f")
-    hatched = " Hatched: not valid." if unseen else ""
+    gaps = any(np.isnan(p.image).any() for ps in side.pictures.values() for p in ps if p.image.dtype.kind == "f")
+    hatched = " Hatched: not valid." if gaps else ""
     return Drawn(
         saved,
         "frames",
@@ -88,7 +88,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
 
 
 def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
-    """Draw the colour-coded depth of a side on its own rows, with its pictured frames beside (Laves 2019, Fig. 4)."""
+    """Draw the colour-coded depth of a side on its own rows, next to its pictured frames (Laves 2019, Fig. 4)."""
     panorama = side.panorama
     if panorama.depth_mm is None or not (panorama.valid & np.isfinite(panorama.depth_mm)).any():
         return None
@@ -96,7 +96,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
     length_mm, around_mm = grid.n_z * grid.dz_mm * z_stretch(grid), 2 * np.pi * grid.radius_mm
     wall_in = float(np.clip(MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 1.2, 3.4))
     wall_height_in = wall_in * length_mm / around_mm
-    beside_in = LEFT_IN + wall_in + 0.65
+    right_in = LEFT_IN + wall_in + 0.65
     pitch_in = max(wall_height_in / max(1, len(side.pictures)), 1.2)
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, max(wall_height_in, pitch_in * len(side.pictures)))
@@ -110,7 +110,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
             colour = PLACES[k % len(PLACES)]
             if place_of < side.frame_z_mm.size:
                 _mark_place(axes, float(side.frame_z_mm[place_of]), colour)
-            part = place(figure, beside_in, k * pitch_in, PAGE_WIDTH_IN - beside_in - 0.1, min(pitch_in - 0.3, 2.2))
+            part = place(figure, right_in, k * pitch_in, PAGE_WIDTH_IN - right_in - 0.1, min(pitch_in - 0.3, 2.2))
             last = k == len(side.pictures) - 1
             show_picture(part, pictures[-1], legend=last, x_label=last, y_label=k == len(side.pictures) // 2)
             part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place_of)}", pad=3)
@@ -143,7 +143,7 @@ def show_picture(
     }
     if image.ndim == 2:
         low, high = robust_limits(image, np.isfinite(image), 1, 99.7)
-        hatch_unseen(axes)  # NaN is left out
+        hatch_not_observed(axes)  # NaN is left out
         axes.imshow(image, cmap="gray", vmin=low, vmax=high, **options)
     else:
         axes.imshow(image, **options)

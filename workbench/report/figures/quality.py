@@ -98,14 +98,14 @@ def _numbers(side: SideFindings) -> dict[str, _Number]:
 def _plot(axes: Axes, one: _Number, z_mm: NDArray[Any], flagged: Mask) -> None:
     is_angle = one.unit == "rad"
     unit = "°" if is_angle else one.unit
-    shown = np.degrees(_around_mean(one.values)) if is_angle else one.values
+    plotted = np.degrees(_around_mean(one.values)) if is_angle else one.values
     # an angle that runs right round gets no lines over its jumps
-    wraps = is_angle and np.nanmax(shown) - np.nanmin(shown) > 300
-    axes.plot(z_mm, shown, ".", color=BLUE, markersize=2.5)
+    wraps = is_angle and np.nanmax(plotted) - np.nanmin(plotted) > 300
+    axes.plot(z_mm, plotted, ".", color=BLUE, markersize=2.5)
     if not wraps:
-        axes.plot(z_mm, shown, "-", color=BLUE, linewidth=0.5, alpha=0.5)
+        axes.plot(z_mm, plotted, "-", color=BLUE, linewidth=0.5, alpha=0.5)
     if flagged.any():
-        axes.plot(z_mm[flagged], shown[flagged], "x", color=VERMILION, markersize=4.5, markeredgewidth=1.0)
+        axes.plot(z_mm[flagged], plotted[flagged], "x", color=VERMILION, markersize=4.5, markeredgewidth=1.0)
     axes.set_title(f"{one.title} ({unit})" if unit else one.title, pad=2, fontsize=7.5)
     axes.grid(color="#e6e6e6", linewidth=0.4)
     for edge in ("top", "right"):

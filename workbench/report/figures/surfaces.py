@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, difference
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
@@ -39,7 +40,6 @@ from endoct.workbench.report.figures.wall_panels import (
 )
 from endoct.workbench.report.findings import Findings, SideFindings
 
-NEITHER, BOTH, ONLY_A, ONLY_B = range(4)
 DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
 
 
@@ -91,13 +91,12 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
         title, caption = "Cells", "Air cells found by each side. "
         if findings.aligned:
             wall_panel(axes[2], findings.grid, "(c) difference", first=False)
-            coarse, mask_a, mask_b, seen = thinned(findings.grid, a.mask, b.mask, observed)
-            show_surface(
-                axes[2], coarse, difference_image(mask_a, mask_b), seen, ListedColormap(DIFFERENCE_COLOURS), 0, 3
-            )
-            difference = difference_image(a.mask, b.mask)
+            coarse, mask_a, mask_b, known = thinned(findings.grid, a.mask, b.mask, observed)
+            thin_kinds = difference(mask_a, mask_b, known)
+            show_surface(axes[2], coarse, thin_kinds, known, ListedColormap(DIFFERENCE_COLOURS), 0, 3)
+            kinds = difference(a.mask, b.mask, observed)
             area_mm2 = findings.grid.dz_mm * findings.grid.dtheta_mm
-            counts = {kind: int(((difference == kind) & observed).sum()) for kind in (BOTH, ONLY_A, ONLY_B)}
+            counts = {kind: int((kinds == kind).sum()) for kind in (BOTH, ONLY_A, ONLY_B)}
             names = {BOTH: "both", ONLY_A: f"only {a.name}", ONLY_B: f"only {b.name}"}
             handles = [
                 Patch(facecolor=DIFFERENCE_COLOURS[kind], label=f"{names[kind]}, {count * area_mm2:.2f} mm²")
@@ -115,15 +114,6 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
     return Drawn(saved, "masks", title, caption)
 
 
-def difference_image(a: Mask, b: Mask) -> NDArray[np.uint8]:
-    """Return per sample one of NEITHER, BOTH, ONLY_A, ONLY_B; same shape as the masks."""
-    difference = np.full(a.shape, NEITHER, np.uint8)
-    difference[a & b] = BOTH
-    difference[a & ~b] = ONLY_A
-    difference[~a & b] = ONLY_B
-    return difference
-
-
 def draw_alignment(findings: Findings, folder: Path) -> Drawn | None:
     """Draw how the two sides lie on each other: checkerboard, outlines, and agreement along the bore."""
     if not findings.aligned:
@@ -131,17 +121,17 @@ def draw_alignment(findings: Findings, folder: Path) -> Drawn | None:
     a, b = findings.sides
     grid = findings.grid
     observed = a.valid & b.valid
-    coarse, left, right, seen = thinned(grid, _features(a), _features(b), observed)
-    left, right = _scaled(left, seen), _scaled(right, seen)
-    both = left[seen], right[seen]
-    flipped = seen.any() and float(np.mean((both[0] - both[0].mean()) * (both[1] - both[1].mean()))) < 0
+    coarse, left, right, known = thinned(grid, _features(a), _features(b), observed)
+    left, right = _scaled(left, known), _scaled(right, known)
+    both = left[known], right[known]
+    flipped = known.any() and float(np.mean((both[0] - both[0].mean()) * (both[1] - both[1].mean()))) < 0
     right = 1 - right if flipped else right
     with journal_style():
         figure, axes = panel_figure(grid, 3)
         wall_panel(axes[0], grid, f"(a) {a.name} | {b.name}")
-        show_surface(axes[0], coarse, np.where(_tiles(coarse), left, right), seen, "gray")
+        show_surface(axes[0], coarse, np.where(_tiles(coarse), left, right), known, "gray")
         wall_panel(axes[1], grid, f"(b) outlines on {a.name}", first=False)
-        show_surface(axes[1], coarse, left, seen, "gray", -0.3, 1)
+        show_surface(axes[1], coarse, left, known, "gray", -0.3, 1)
         _outline(axes[1], grid, a.mask & observed, ORANGE)
         _outline(axes[1], grid, b.mask & observed, BLUE)
         _legend(axes[1], [Line2D([], [], color=ORANGE, label=a.name), Line2D([], [], color=BLUE, label=b.name)])
@@ -200,9 +190,9 @@ def _feature_name(side: SideFindings) -> str:
     return f"{side.name}'s " + ("depth" if side.depth_mm is not None else "mask" if side.is_drawn_mask else "intensity")
 
 
-def _scaled(values: NDArray[Any], seen: Mask) -> NDArray[Any]:
-    """Return ``values`` scaled so that most of what was seen lies within 0 and 1, whatever the unit."""
-    low, high = robust_limits(values, seen, 2, 98)
+def _scaled(values: NDArray[Any], known: Mask) -> NDArray[Any]:
+    """Return ``values`` scaled so that most of what is known lies within 0 and 1, whatever the unit."""
+    low, high = robust_limits(values, known, 2, 98)
     return np.clip((values - low) / (high - low), 0, 1)
 
 

@@ -17,14 +17,15 @@ from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
+from endoct.stitching.circle import largest_divisor
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
     DPI,
     HATCH,
+    NOT_OBSERVED,
     PAGE_WIDTH_IN,
-    UNSEEN,
     bar_under,
-    hatch_unseen,
+    hatch_not_observed,
     new_figure,
     place,
     width_of,
@@ -39,7 +40,7 @@ ABOVE_PT = 21.0
 
 
 def z_stretch(grid: SurfaceGrid) -> float:
-    """Return how many times z is drawn longer than the arc: 1, but more on a wall too short to be seen at scale."""
+    """Return how many times z is drawn longer than the arc: 1, but more on a wall too short to be drawn to scale."""
     return max(1.0, 0.2 * 2 * math.pi * grid.radius_mm / (grid.n_z * grid.dz_mm))
 
 
@@ -73,7 +74,7 @@ def wall_panel(axes: Axes, grid: SurfaceGrid, title: str, *, first: bool = True)
     else:
         axes.tick_params(labelleft=False)
     axes.set_title(wrapped(title, width_of(axes)), pad=ABOVE_PT)
-    hatch_unseen(axes)
+    hatch_not_observed(axes)
     _arc_scale(axes, grid)
     _scale_bar(axes, grid)
 
@@ -104,9 +105,7 @@ def thinned(grid: SurfaceGrid, *arrays: NDArray[Any]) -> list[Any]:
     Boolean arrays keep what the majority of a block is; numbers are averaged over a block's finite samples.
     """
     pixel_mm = max(grid.n_z * grid.dz_mm / 1650, 2 * math.pi * grid.radius_mm / 900)
-    across = max(1, math.floor(pixel_mm / grid.dtheta_mm))
-    while grid.n_theta % across:
-        across -= 1
+    across = largest_divisor(grid.n_theta, at_most=max(1, math.floor(pixel_mm / grid.dtheta_mm)))
     down = min(grid.n_z, max(1, math.floor(pixel_mm / grid.dz_mm)))
     whole = grid.n_z // down * down
     coarse = SurfaceGrid.full_circle(
@@ -142,7 +141,7 @@ def colour_bar(axes: Axes, image: ScalarMappable, label: str) -> None:
 
 def not_observed_patch() -> Patch:
     """Return the legend's entry for samples that were not observed."""
-    return Patch(facecolor=UNSEEN, edgecolor=HATCH, hatch="//////", label="not observed")
+    return Patch(facecolor=NOT_OBSERVED, edgecolor=HATCH, hatch="//////", label="not observed")
 
 
 def _columns_to_zero(grid: SurfaceGrid) -> int:
