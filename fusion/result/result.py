@@ -126,6 +126,13 @@ class Result(Part):
             raise ValueError("no parameters of the comparison")
         return self
 
+    def __repr__(self) -> str:
+        a, b = self.sides
+        scored = f"Jaccard index {self.jaccard:.3f}" if self.jaccard is not None else "nothing to score"
+        return f"<Result of {a} and {b}: {scored if self.aligned else 'not aligned'}>"
+
+    __str__ = __repr__
+
     @property
     def overlap(self) -> Overlap | None:
         """The overlap of the two sides on the common grid; None where they are not aligned."""

@@ -34,7 +34,7 @@ FIGURE_SECTIONS = {
     "agreement": "How far they agree, and what stands in the way",
     "alignment": "Alignment",
     "depth": "Depth",
-    "frames": "Single frames, as recorded and as understood",
+    "frames": "Single frames, as recorded and as processed",
     "cylinder": "The bore in three dimensions",
 }
 

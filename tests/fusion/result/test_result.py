@@ -1,6 +1,7 @@
 """What a result says in JSON: the same again when read and written, whichever version wrote it."""
 
 import json
+import re
 from typing import Any
 
 import pytest
@@ -64,6 +65,11 @@ def test_the_overlap_is_that_of_the_grid_where_the_sides_are_aligned() -> None:
         sides=("a", "b"), aligned=True, alignment=alignment, jaccard=0.5, dice=0.6, valid_fraction=1.0, scores=None
     )
     assert (older.overlap.jaccard, older.overlap.dice, older.own_rows_jaccard) == (0.5, 0.6, None)
+
+
+def test_a_result_is_shown_in_one_line() -> None:
+    assert re.fullmatch(r"<Result of endoscope and oct: Jaccard index 0\.\d{3}>", repr(Result.from_json(stored())))
+    assert str(Result.from_json(stored(aligned=False))) == "<Result of endoscope and oct: not aligned>"
 
 
 def test_a_result_is_completed_by_how_it_was_made() -> None:
