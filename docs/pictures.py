@@ -1,0 +1,80 @@
+"""Make the pictures of the README and the tutorials again: python docs/pictures.py [--recordings FOLDER].
+
+Needs Chromium for the picture of the report, and for that of the real pullback the folder of real recordings.
+"""
+
+import argparse
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import xarray
+from PIL import Image
+
+from endoct.workbench import compare, simulate, unroll
+
+DOCS = Path(__file__).parent
+FIGURES = DOCS / "figures"
+COLOURS = 128
+REPORT_SIZE = 1160, 1560
+"""Width and height in pixels: the top of a report, with its first two figures."""
+
+
+def main() -> None:
+    """Write every picture."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=Path)
+    recordings = parser.parse_args().recordings
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        first_comparison(folder)
+        report(folder)
+        if recordings:
+            real_pullback(recordings, folder)
+
+
+def first_comparison(folder: Path) -> None:
+    """Write the pictures of the first tutorial."""
+    simulate(folder / "specimen", preset="learning", seed=3)
+    compare(folder / "specimen" / "endoscope", folder / "specimen" / "oct", folder / "result")
+    for name in ("panoramas", "masks", "frames-oct"):
+        picture = Image.open(folder / "result" / "figures" / f"{name}.png")
+        save(picture, FIGURES / f"tutorial_{name.replace('-', '_')}.png", width=1400)
+
+
+def report(folder: Path) -> None:
+    """Write the picture of a report's top."""
+    specimen, result, picture = folder / "quick", folder / "quick-result", folder / "report.png"
+    simulate(specimen, preset="quick", seed=1006)
+    compare(specimen / "endoscope", specimen / "oct", result)
+    chromium = shutil.which("chromium") or "chromium"
+    size = ",".join(map(str, REPORT_SIZE))
+    options = ["--headless", "--no-sandbox", "--hide-scrollbars", f"--window-size={size}", f"--screenshot={picture}"]
+    subprocess.run([chromium, *options, (result / "report.html").as_uri()], check=True, capture_output=True)
+    save(Image.open(picture), DOCS / "report.png", width=REPORT_SIZE[0])
+
+
+def real_pullback(recordings: Path, folder: Path) -> None:
+    """Write the picture of the second tutorial."""
+    unroll(recordings / "coronary-oct", folder / "wall.zarr", settings={"bore_diameter_mm": 2.2})
+    wall = xarray.open_zarr(folder / "wall.zarr").load()
+    figure, axes = plt.subplots(figsize=(7, 6))
+    wall["depth_mm"].where(wall["valid"]).plot(ax=axes, yincrease=False, robust=True, cmap="magma_r")
+    axes.set(title="Wall radius − nominal radius, mm", xlabel="θ, rad", ylabel="z, mm")
+    figure.savefig(folder / "wall.png", dpi=120)
+    picture = Image.open(folder / "wall.png")
+    save(picture, FIGURES / "tutorial_pullback.png", width=picture.width)
+
+
+def save(picture: Image.Image, path: Path, *, width: int) -> None:
+    """Write ``picture`` with few colours, at most ``width`` pixels wide."""
+    width = min(width, picture.width)
+    size = width, round(picture.height * width / picture.width)
+    small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    small.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    main()
