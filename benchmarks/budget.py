@@ -43,7 +43,7 @@ def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
     alignment = comparison.alignment
     if alignment is None or alignment.covariance is None:
         return {"specimen": specimen.name}
-    truth, grid, valid = load_truth(specimen), comparison.grid, comparison.valid.all(axis=0)
+    truth, grid, valid = load_truth(specimen), comparison.grid, comparison.sides[0].valid & comparison.sides[1].valid
     pose_a, pose_b = true_pose(a, truth), true_pose(b, truth)
 
     def fine(pose: Pose, where: Alignment) -> Mask:
@@ -51,7 +51,7 @@ def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
 
     def sampled(side: Panorama, pose: Pose, where: Alignment) -> Mask:
         mask = true_cells(truth, pose, side)
-        return Placement(side, where, grid, grid.z_mm, grid.dz_mm).mask(mask, np.ones_like(mask))[0]
+        return Placement.averaging(side.grid, where, grid).mask(mask, np.ones_like(mask))[0]
 
     put = jaccard(fine(pose_a, IN_PLACE), fine(pose_b, alignment), valid)
     through = jaccard(sampled(a, pose_a, IN_PLACE), sampled(b, pose_b, alignment), valid)

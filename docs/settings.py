@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from endoct.fusion.comparison import CompareParameters
+from endoct.fusion.parameters import CompareParameters
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.oct.parameters import OctParameters
 

@@ -10,7 +10,7 @@ import numpy as np
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Overlap, OwnRows, PairScores, Result, StoredAlignment, Threshold
-from endoct.fusion.sides import Comparison
+from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -50,8 +50,11 @@ def write_comparison(folder: Path, a: Kind, b: Kind, *, aligned: bool = True, **
     folder.mkdir(parents=True)
     intensities = np.stack([mask[k] if side.drawn else intensity for k, side in enumerate((a, b))])
     result = _result(names, jaccard if aligned else None).model_copy(update=changed)
-    comparison = Comparison(GRID, names, intensities, depths, mask, valid, None, None, result)
-    save_comparison(comparison, folder / "comparison.zarr")
+    one, two = (
+        PlacedSide(name=names[k], intensity=intensities[k], depth_mm=depths[k], mask=mask[k], valid=valid[k])
+        for k in (0, 1)
+    )
+    save_comparison(Comparison(GRID, (one, two), None, None, result), folder / "comparison.zarr")
     for k, side in enumerate((a, b)):
         save_panorama(_panorama(side, intensities[k], depths[k], valid[k]), folder / "panoramas" / f"{side.name}.zarr")
         if not side.drawn:

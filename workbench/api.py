@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from endoct.fusion.comparison import CompareParameters
+from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
 from endoct.stitching.errors import EndoctError
@@ -12,8 +12,9 @@ from endoct.stitching.output import OVERWRITE, check_output, check_place, new_ou
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.pipeline.comparing import Side, write_comparison
+from endoct.workbench.pipeline.comparing import write_comparison
 from endoct.workbench.pipeline.simulating import simulate
+from endoct.workbench.pipeline.sources import Source
 from endoct.workbench.pipeline.summarising import Row, write_summary
 from endoct.workbench.pipeline.summarising import summarise as _summarise
 from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
@@ -94,7 +95,7 @@ def compare(
     >>> comparison.alignment is None
     False
     """
-    sides = (Side(Path(a), modality_a, settings_a or {}), Side(Path(b), modality_b, settings_b or {}))
+    sides = (Source(Path(a), modality_a, settings_a or {}), Source(Path(b), modality_b, settings_b or {}))
     masks = tuple(Path(path) for path in truth)
     inputs = [sides[0].path, sides[1].path, *masks]
     with new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs) as scratch:

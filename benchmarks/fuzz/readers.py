@@ -104,7 +104,7 @@ def _drawing(path: Path) -> None:
 
 def _mask(path: Path) -> None:
     from endoct.fusion.files.masks import read_mask
-    from endoct.workbench.pipeline.comparing import is_mask_image
+    from endoct.workbench.pipeline.sources import is_mask_image
 
     is_mask_image(path)
     read_mask(path, _drawn_on())

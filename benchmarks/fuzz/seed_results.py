@@ -107,9 +107,10 @@ def comparison_files(*, aligned: bool = True) -> dict[str, bytes]:
     renamed = Result.from_json(json.loads(json.dumps(result.to_json()).replace('"mask"', '"oct"')))
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
+        endoscope, drawn = found.sides
         cells = tuple(replace(cell, **_renamed(cell)) for cell in found.cells)
-        sides = replace(found, sides=("endoscope", "oct"), result=renamed, cells=cells)
-        save_comparison(sides, folder / "comparison.zarr")
+        sides = endoscope, replace(drawn, name="oct")
+        save_comparison(replace(found, sides=sides, result=renamed, cells=cells), folder / "comparison.zarr")
         for side in (a, b):
             save_panorama(side, folder / "panoramas" / f"{side.modality}.zarr")
         (folder / "result.json").write_text(json.dumps(renamed.to_json()), encoding="utf-8")

@@ -64,6 +64,15 @@ def clipped(evidence: Evidence) -> Evidence:
     return replace(evidence, values=np.clip(evidence.values, *CLIP[evidence.kind]))
 
 
+def correlation(one: Evidence, other: Evidence) -> float:
+    """Return the correlation of two kinds of evidence on the same samples, 0 where one of them is constant."""
+    both = one.valid & other.valid
+    if both.sum() < 2:
+        return 0.0
+    (of_one, common), (_, of_other) = np.cov(clipped(one).values[both], clipped(other).values[both])
+    return float(common / np.sqrt(of_one * of_other)) if of_one > 0 and of_other > 0 else 0.0
+
+
 def blurred(evidence: Evidence, sigma_mm: float) -> Evidence:
     """Return ``evidence`` smoothed by a Gaussian over its valid samples."""
     sigmas = sigma_mm / evidence.dz_mm, sigma_mm / evidence.column_mm

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
 from endoct.fusion.evidence.evidence import Evidence, Kind, Polarity, on_grid
 from endoct.fusion.evidence.relief import WALL_QUANTILE, relief, trust_in
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
@@ -17,8 +18,8 @@ from endoct.stitching.arrays import Image
 from endoct.stitching.circle import gaussian
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.robust import SIGMA_PER_MEDIAN
 
-MASK_MODALITY = "mask"
 LIGHT_SIGMA_MM = 1.2
 LIGHT_WIDTHS = (1.0, 0.6, 0.4, 0.3, 0.2, 0.15, 0.15)
 LIGHT_GRID_MM = 0.05
@@ -36,18 +37,18 @@ def prepare(
     :class:`EndoctError` where no sample is valid or the intensity is constant.
     """
     valid = panorama.valid & np.isfinite(panorama.intensity)
-    shown, kind = panorama.intensity, _KIND_OF[polarity]
+    image, kind = panorama.intensity, _KIND_OF[polarity]
     if panorama.modality == MASK_MODALITY:
         kind = "mask"
     elif panorama.depth_mm is not None and prefer == "relief":
         valid = panorama.valid & np.isfinite(panorama.depth_mm)
-        shown, kind = panorama.depth_mm, "relief"
+        image, kind = panorama.depth_mm, "relief"
     if not valid.any():
         raise EndoctError(
             f"nothing of the wall is valid in the {panorama.modality} panorama", remedy="look at how it was unrolled"
         )
     grid = panorama.grid
-    values = np.where(valid, shown, np.float32(0))
+    values = np.where(valid, image, np.float32(0))
     slants = panorama.per_frame.get("view_slant")
     slant = None if slants is None or not np.isfinite(slants.values).all() else float(np.mean(slants.values))
     raw = Evidence(values, valid, panorama.z_mm, grid.dz_mm, grid.theta0_rad, grid.radius_mm, kind, slant)
@@ -65,11 +66,13 @@ def contrast(evidence: Evidence, polarity: Polarity) -> Image:
     ``evidence`` holds intensity; the light is its slow course over the wall, cells (which are dark, or bright) left
     out. Intensities that may be negative are first shifted so that one in a thousand lies below zero.
     """
-    seen = evidence.values[evidence.valid]
-    least = min(0.0, float(np.quantile(seen, 0.001)))
-    typical = float(np.median(seen)) - least or float(seen.max()) - least
-    if not typical > 0 or seen.min() == seen.max():
-        raise EndoctError("the intensity of a panorama is constant", found=f"{seen[0]:g}", expected="a wall with cells")
+    intensities = evidence.values[evidence.valid]
+    least = min(0.0, float(np.quantile(intensities, 0.001)))
+    typical = float(np.median(intensities)) - least or float(intensities.max()) - least
+    if not typical > 0 or intensities.min() == intensities.max():
+        raise EndoctError(
+            "the intensity of a panorama is constant", found=f"{intensities[0]:g}", expected="a wall with cells"
+        )
     log = np.log(np.maximum((evidence.values - np.float32(least)) / np.float32(typical), np.float32(FAINTEST)))
     behind = -log if polarity == "dark" else log
     light = _light(replace(evidence, values=behind))
@@ -92,12 +95,12 @@ def _light(behind: Evidence) -> Image:
     n_rows = 1 + int(np.ptp(behind.z_mm) / max(LIGHT_GRID_MM, behind.dz_mm))
     coarse = on_grid(behind, np.linspace(behind.z_mm[0], behind.z_mm[-1], n_rows), n_theta)
     sigmas = LIGHT_SIGMA_MM / coarse.dz_mm, LIGHT_SIGMA_MM / coarse.column_mm
-    seen = coarse.values[coarse.valid]
-    level = np.full_like(coarse.values, np.quantile(seen, WALL_QUANTILE) if seen.size else 0.0)
+    known = coarse.values[coarse.valid]
+    level = np.full_like(coarse.values, np.quantile(known, WALL_QUANTILE) if known.size else 0.0)
     for width in LIGHT_WIDTHS:
         residual = coarse.values - level
         front = -residual[coarse.valid & (residual < 0)]
-        reach = max(2.5 * 1.4826 * float(np.median(front)) if front.size else 0.0, width)
+        reach = max(2.5 * SIGMA_PER_MEDIAN * float(np.median(front)) if front.size else 0.0, width)
         weight = (coarse.valid * trust_in(residual, reach)).astype(np.float32)
         # where there is no wall in reach, the level stays
         level = level + gaussian(weight * residual, *sigmas) / (gaussian(weight, *sigmas) + np.float32(1e-3))

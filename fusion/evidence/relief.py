@@ -3,6 +3,8 @@
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.circle import harmonics
+from endoct.stitching.robust import SIGMA_PER_MEDIAN, robust_sigmas
 
 WALL_HARMONICS = 2
 WALL_QUANTILE = 0.25
@@ -15,7 +17,7 @@ LEAST_TRUST = 0.15
 WALL_SCATTER_MM = (0.008, 0.05)
 NEIGHBOURHOOD_MM = 1.2
 STEADINESS_MM = (0.003, 0.02)
-"""Bounds of how far a slice's wall departs from the course along z; how far it does is seen in slices mostly wall."""
+"""Bounds of how far a slice's wall departs from the course along z; slices that are mostly wall show how far."""
 SAMPLES_A_SPECKLE = 8.0
 
 
@@ -31,19 +33,19 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
     """
     n_theta = depth_mm.shape[1]
     step = max(1, n_theta // 512)
-    seen = valid[:, ::step]
-    basis = _harmonics(2 * np.pi / n_theta * np.arange(n_theta))
-    depth = np.where(seen, depth_mm[:, ::step], 0.0).astype(np.float64)
+    observed = valid[:, ::step]
+    basis = _basis(2 * np.pi / n_theta * np.arange(n_theta))
+    depth = np.where(observed, depth_mm[:, ::step], 0.0).astype(np.float64)
     near = _nearness(z_mm)
-    wall = _first_wall(depth, seen, basis[::step], z_mm)
+    wall = _first_wall(depth, observed, basis[::step], z_mm)
     products = basis[::step, :, np.newaxis] * basis[::step, np.newaxis, :]
     for least_mm in REACHES_MM:
         residual = depth - wall @ basis[::step].T
-        scatter = np.clip(1.4826 * _median_size(residual, seen & (residual < 0)), *WALL_SCATTER_MM)
+        scatter = np.clip(SIGMA_PER_MEDIAN * _median_size(residual, observed & (residual < 0)), *WALL_SCATTER_MM)
         reach = np.maximum(2.5 * scatter, least_mm)[:, np.newaxis]
-        weight = seen * trust_in(residual, reach)
-        missed = near @ weight.sum(axis=1) < LEAST_TRUST * (near @ seen.sum(axis=1))
-        weight[missed] = (seen * trust_in(residual, 3 * reach))[missed]
+        weight = observed * trust_in(residual, reach)
+        missed = near @ weight.sum(axis=1) < LEAST_TRUST * (near @ observed.sum(axis=1))
+        weight[missed] = (observed * trust_in(residual, 3 * reach))[missed]
         trust = weight.sum(axis=1)
         course = (near * trust) @ wall / np.maximum((near * trust).sum(axis=1), 1e-9)[:, np.newaxis]
         normal = np.tensordot(weight, products, axes=1)
@@ -56,9 +58,9 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
     return np.where(valid, depth_mm - wall @ basis.T, 0.0).astype(np.float32)
 
 
-def _harmonics(theta_rad: Coordinates) -> Coordinates:
-    waves = [f(k * theta_rad) for k in range(1, WALL_HARMONICS + 1) for f in (np.cos, np.sin)]
-    return np.stack([np.ones_like(theta_rad), *waves], axis=1)
+def _basis(theta_rad: Coordinates) -> Coordinates:
+    """Return an offset and the harmonics of θ, float64 (n, k)."""
+    return np.column_stack([np.ones_like(theta_rad), harmonics(theta_rad, range(1, WALL_HARMONICS + 1))])
 
 
 def _steadiness(departures_mm: Coordinates, trusted: Coordinates) -> Coordinates:
@@ -66,7 +68,7 @@ def _steadiness(departures_mm: Coordinates, trusted: Coordinates) -> Coordinates
     mostly_wall = trusted > 0.5
     if mostly_wall.sum() < 5:
         return np.full(departures_mm.shape[1], STEADINESS_MM[0])
-    return np.clip(1.4826 * np.median(np.abs(departures_mm[mostly_wall]), axis=0), *STEADINESS_MM)
+    return np.clip(robust_sigmas(departures_mm[mostly_wall]), *STEADINESS_MM)
 
 
 def _nearness(z_mm: Coordinates) -> Coordinates:
@@ -75,9 +77,9 @@ def _nearness(z_mm: Coordinates) -> Coordinates:
     return near
 
 
-def _first_wall(depth_mm: Coordinates, seen: Mask, basis: Coordinates, z_mm: Coordinates) -> Coordinates:
+def _first_wall(depth_mm: Coordinates, observed: Mask, basis: Coordinates, z_mm: Coordinates) -> Coordinates:
     """Return coefficients (n_z, k) of a wall through low quantiles of the neighbourhood, by sectors of θ."""
-    depth = np.where(seen, depth_mm, np.nan)
+    depth = np.where(observed, depth_mm, np.nan)
     overall = np.nanquantile(depth, WALL_QUANTILE)
     sectors = np.array_split(np.arange(depth.shape[1]), SECTORS)
     middles = np.stack([basis[sector].mean(axis=0) for sector in sectors])

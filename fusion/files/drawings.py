@@ -59,7 +59,7 @@ def read_drawing(path: Path, shape: tuple[int, int] | None) -> Mask:
 
 
 def is_label_store(path: Path) -> bool:
-    """Say whether ``path`` is a Zarr store with one plane of whole numbers or truth values, as labels are."""
+    """Whether ``path`` is a Zarr store with one plane of whole numbers or truth values, as labels are."""
     if not any((path / name).is_file() for name in _STORE_FILES):
         return False
     try:
@@ -93,10 +93,10 @@ def _finest(path: Path) -> Declared:
         third = (path / "zarr.json").is_file()
         if not third and (path / ".zarray").is_file():
             return declared(path, LABELS)
-        told = read_object(path / ("zarr.json" if third else ".zattrs"))
-        if third and told.get("node_type") == "array":
+        stored = read_object(path / ("zarr.json" if third else ".zattrs"))
+        if third and stored.get("node_type") == "array":
             return declared(path, LABELS)
-        attributes = an_object(told.get("attributes", {}), "its attributes") if third else told
+        attributes = an_object(stored.get("attributes", {}), "its attributes") if third else stored
         listed = an_object(attributes.get("ome", attributes), "'ome'")["multiscales"][0]["datasets"][0]["path"]
         finest = inside(path, listed, f"the finest level of {path}")
         folders = [finest, *finest.parents]

@@ -6,12 +6,13 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from endoct.fusion.evidence.prepare import MASK_MODALITY
+from endoct.fusion.evidence.drawn_mask import MASK_MODALITY, DrawnMask
 from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
 from endoct.fusion.result import MaskScores
-from endoct.fusion.scoring.cells import Surface, label_in_order, measure
+from endoct.fusion.scoring.cells import measure
 from endoct.fusion.scoring.scores import mask_scores
+from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import read_toml, validate
 from endoct.stitching.arrays import Mask
@@ -35,40 +36,48 @@ class MaskSidecar(BaseModel):
     session: str | None = Field(default=None, max_length=100, description="when; else as the file's name says")
 
 
-def read_mask(path: Path, like: Panorama | None = None) -> Panorama:
-    """Read a mask as a panorama of the modality "mask": an image, labels in Zarr, or outlines of napari or Fiji.
+def read_mask(path: Path, like: Panorama | None = None) -> DrawnMask:
+    """Read a mask: an image, labels in Zarr, or outlines of napari or Fiji.
 
     :mod:`endoct.fusion.files.drawings` says which files. Rows are z, ascending, columns the full circle of θ from 0. A
-    sidecar NAME.toml beside it says where its rows lie; without one it must have as many rows and columns as ``like``
-    and lies on its samples, also where these are uneven. Intensity is 0 or 1 and everything is valid. Its provenance
-    names ``rater`` and ``session``: by the sidecar, else by the file's name, RATER_SESSION.png; a name without "_" is
-    a rater's only session, "1".
+    sidecar NAME.toml next to it says where its rows lie; without one it must have as many rows and columns as ``like``
+    and lies on its samples, also where these are uneven. Rater and session are named by the sidecar, else by the
+    file's name, RATER_SESSION.png; a name without "_" is a rater's only session, "1".
 
     Raises :class:`EndoctError` where the image cannot be read, shows nothing, or nothing says where it lies.
     """
-    cell = read_drawing(path, None if like is None else like.grid.shape)
+    cells = read_drawing(path, None if like is None else like.grid.shape)
     sidecar = path.with_suffix(".toml")
     if sidecar.is_file():
-        told = validate(MaskSidecar, read_toml(sidecar), str(sidecar))
-        return _panorama(cell, _grid(cell, told), path, on=None, told=told)
-    if like is None or cell.shape != like.grid.shape:
-        found = f"{cell.shape[0]} × {cell.shape[1]} samples"
+        stated = validate(MaskSidecar, read_toml(sidecar), str(sidecar))
+        return DrawnMask(_grid(cells, stated), cells, *_rater_and_session(path, stated), None, path.name)
+    if like is None or cells.shape != like.grid.shape:
+        found = f"{cells.shape[0]} × {cells.shape[1]} samples"
         raise EndoctError(
             f"nothing says where the mask {path} lies",
             found=found,
             expected=f"{like.grid.n_z} × {like.grid.n_theta}, as the {like.modality} panorama has" if like else "",
-            remedy=f"draw it on that panorama, or write {sidecar.name} beside it with "
+            remedy=f"draw it on that panorama, or write {sidecar.name} next to it with "
             'modality = "mask", bore_diameter_mm, z0_mm and dz_mm',
         )
-    return mask_on(cell, like, path)
+    return mask_on(cells, like, path)
 
 
-def mask_on(cell: Mask, like: Panorama, path: Path) -> Panorama:
-    """Return ``cell``, bool on the samples of ``like``, as :func:`read_mask` returns what is drawn there."""
-    return _panorama(cell, like.grid, path, on=like)
+def mask_on(cells: Mask, like: Panorama, path: Path) -> DrawnMask:
+    """Return ``cells``, bool on the samples of ``like``, as :func:`read_mask` returns what is drawn there."""
+    return DrawnMask(like.grid, cells, *_rater_and_session(path), like, path.name)
 
 
-def score_against(comparison: Comparison, truth: Panorama, tolerance_mm: float = 0.1) -> dict[str, MaskScores]:
+def stored_mask(panorama: Panorama) -> DrawnMask | None:
+    """Return the mask that ``panorama``, read from a store, was saved from; None for a panorama of another kind."""
+    stated = panorama.provenance
+    if panorama.modality != MASK_MODALITY or not stated.get("drawn_on_other_side"):
+        return None
+    rater, session, file = (str(stated.get(name, "")) for name in ("rater", "session", "mask"))
+    return DrawnMask(panorama.grid, panorama.intensity > 0.5, rater, session, panorama, file)
+
+
+def score_against(comparison: Comparison, truth: DrawnMask, tolerance_mm: float = 0.1) -> dict[str, MaskScores]:
     """Return the scores of each side against a mask in side A's frame, by side, over what that side observed.
 
     On the comparison's grid. Raises :class:`EndoctError` for another bore diameter.
@@ -76,50 +85,32 @@ def score_against(comparison: Comparison, truth: Panorama, tolerance_mm: float =
     return score_surface(comparison, on_comparison(comparison, truth), tolerance_mm)
 
 
-def on_comparison(comparison: Comparison, truth: Panorama) -> Surface:
+def on_comparison(comparison: Comparison, truth: DrawnMask) -> Surface:
     """Return a mask in side A's frame on the comparison's grid."""
     grid = comparison.grid
     check_same_bore(grid.radius_mm, truth.grid.radius_mm)
-    cells, seen = Placement(truth, IN_PLACE, grid, grid.z_mm, grid.dz_mm).mask(truth.intensity > 0.5, truth.valid)
-    return Surface("given truth", cells, seen)
+    everywhere = np.ones(truth.mask.shape, np.bool_)
+    return Surface("given truth", *Placement.averaging(truth.grid, IN_PLACE, grid).mask(truth.mask, everywhere))
 
 
 def score_surface(comparison: Comparison, truth: Surface, tolerance_mm: float) -> dict[str, MaskScores]:
     """Return as :func:`score_against` the scores of each side against ``truth`` on the comparison's grid."""
     grid, scores = comparison.grid, {}
-    of_truth = label_in_order(truth.mask)
-    for k, name in enumerate(comparison.sides):
-        side = Surface(name, comparison.mask[k], comparison.valid[k])
-        cells = measure((truth, side), (of_truth, label_in_order(side.mask)), grid, aligned=True)
-        scores[name] = mask_scores(truth, side, cells, grid, tolerance_mm)
+    for side in comparison.sides:
+        outlined = Surface(side.name, side.mask, side.valid)  # a mask has no relief to compare with
+        cells = measure(truth, outlined, grid, aligned=True)
+        scores[side.name] = mask_scores(truth, outlined, cells, grid, tolerance_mm)
     return scores
 
 
-def _grid(cell: Mask, sidecar: MaskSidecar) -> SurfaceGrid:
-    n_z, n_theta = cell.shape
+def _grid(cells: Mask, sidecar: MaskSidecar) -> SurfaceGrid:
+    n_z, n_theta = cells.shape
     radius_mm = sidecar.bore_diameter_mm / 2
     return SurfaceGrid.full_circle(n_z, n_theta, z0_mm=sidecar.z0_mm, dz_mm=sidecar.dz_mm, radius_mm=radius_mm)
 
 
-def _panorama(
-    cell: Mask, grid: SurfaceGrid, path: Path, *, on: Panorama | None, told: MaskSidecar | None = None
-) -> Panorama:
+def _rater_and_session(path: Path, sidecar: MaskSidecar | None = None) -> tuple[str, str]:
+    """Return who drew the mask at ``path`` and when: by its sidecar, else by its name, RATER_SESSION.png."""
     rater, _, session = path.stem.rpartition("_")
     rater, session = (rater, session) if rater else (session, "1")
-    return Panorama(
-        grid=grid,
-        intensity=cell.astype(np.float32),
-        depth_mm=None,
-        valid=np.ones(cell.shape, np.bool_),
-        weight=np.ones(cell.shape, np.float32),
-        modality=MASK_MODALITY,
-        # a mask drawn on the other side's panorama has its frame; of any other, nobody said
-        handedness_known=on is not None,
-        travel_known=on is not None,
-        provenance={
-            "drawn_on_other_side": on is not None,
-            "mask": path.name,
-            "rater": (told and told.rater) or rater,
-            "session": (told and told.session) or session,
-        },
-    )
+    return (sidecar and sidecar.rater) or rater, (sidecar and sidecar.session) or session

@@ -13,7 +13,7 @@ from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.result import Result
-from endoct.fusion.sides import Comparison
+from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import grid_attributes
 from endoct.stitching.json_values import an_object, number
@@ -37,13 +37,19 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
     grid, dims = comparison.grid, ("side", "z", "theta")
     chunks = (1, min(grid.n_z, 512), grid.n_theta)
     cells = "cells as objects; sides by their place among the sides, both = 2"
+    said: dict[str, dict[str, str]] = {
+        "intensity": {},
+        "depth_mm": {"units": "mm"},
+        "mask": {"long_name": "cells"},
+        "valid": {"long_name": "observed by this side"},
+    }
     arrays = {
-        "intensity": Named(dims, comparison.intensity, chunks=chunks),
-        "depth_mm": Named(dims, comparison.depth_mm, {"units": "mm"}, chunks),
-        "mask": Named(dims, comparison.mask, {"long_name": "cells"}, chunks),
-        "valid": Named(dims, comparison.valid, {"long_name": "observed by this side"}, chunks),
-        "cells": Named(("cell", "property"), as_numbers(comparison.cells, comparison.sides), {"long_name": cells}),
-        "side": Named(("side",), np.array(comparison.sides, object)),
+        **{
+            name: Named(dims, np.stack([getattr(side, name) for side in comparison.sides]), said[name], chunks)
+            for name in IMAGES
+        },
+        "cells": Named(("cell", "property"), as_numbers(comparison.cells, comparison.names), {"long_name": cells}),
+        "side": Named(("side",), np.array(comparison.names, object)),
         "property": Named(("property",), np.array(PROPERTIES, object)),
         "z": Named(("z",), grid.z_mm, {"units": "mm"}),
         "theta": Named(("theta",), grid.theta_rad, {"units": "rad"}),
@@ -85,23 +91,19 @@ def _comparison(
     alignment, reason = (_stored(attributes, name, what) for name in ("alignment", "reason"))
     if not isinstance(reason, str | None):
         raise EndoctError(f"'reason' of {what} cannot be used", expected="a text or null")
-    sides = _sides(arrays["side"], what)
-    if result.sides != sides:
+    names = _names(arrays["side"], what)
+    if result.sides != names:
         raise EndoctError(
             f"result.json and comparison.zarr in {path.parent} have other sides",
-            found=f"{', '.join(result.sides)} and {', '.join(sides)}",
+            found=f"{', '.join(result.sides)} and {', '.join(names)}",
         )
     return Comparison(
         grid=stored_grid(attributes, shape, what),
-        sides=sides,
-        intensity=arrays["intensity"],
-        depth_mm=arrays["depth_mm"],
-        mask=arrays["mask"].astype(np.bool_),
-        valid=arrays["valid"].astype(np.bool_),
+        sides=(_side(names[0], arrays, 0), _side(names[1], arrays, 1)),
         alignment=None if alignment is None else _alignment(alignment, what),
         reason=reason,
         result=result,
-        cells=from_numbers(arrays["cells"], sides) if "cells" in arrays else (),
+        cells=from_numbers(arrays["cells"], names) if "cells" in arrays else (),
     )
 
 
@@ -113,7 +115,17 @@ def _stored(attributes: Mapping[str, object], name: str, what: str) -> object:
     return value
 
 
-def _sides(stored: NDArray[Any], what: str) -> tuple[str, str]:
+def _side(name: str, arrays: Mapping[str, NDArray[Any]], k: int) -> PlacedSide:
+    return PlacedSide(
+        name=name,
+        intensity=arrays["intensity"][k],
+        depth_mm=arrays["depth_mm"][k],
+        mask=arrays["mask"][k].astype(np.bool_),
+        valid=arrays["valid"][k].astype(np.bool_),
+    )
+
+
+def _names(stored: NDArray[Any], what: str) -> tuple[str, str]:
     """Return the names of the sides, which become names of files."""
     names = [plain_name(name, f"a side of {what}") for name in stored.ravel().tolist()]
     if len(names) != 2 or names[0] == names[1] or "both" in names:

@@ -18,10 +18,10 @@ class Alignment:
     for cells in place (its sign says whether they agree or are each other's negative), ``ratio`` how its score
     compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``chance`` how likely a
     bore that does not match would reach that score (:mod:`endoct.fusion.registration.chance`), ``overlap_mm2`` the
-    wall both have seen. ``uneven_rad`` is the largest smooth departure from a rigid turn that was found and left
-    uncorrected: what uneven rotation and an off-axis probe leave in θ; ``twist_rad_per_mm`` a turn along A's z that was
-    found and left as well. ``covariance`` is that of the error of
-    (theta_shift_rad, z_shift_mm, z_scale), 3 × 3 in their units; None where it was not estimated.
+    wall that both have observed. ``uneven_rad`` is the largest smooth departure from a rigid turn, which is estimated
+    but left uncorrected: what uneven rotation and an off-axis probe leave in θ; ``twist_rad_per_mm`` a turn along A's
+    z, likewise. ``covariance`` is that of the error of (theta_shift_rad, z_shift_mm, z_scale), 3 × 3 in their units;
+    None where it was not estimated.
     """
 
     theta_shift_rad: float

@@ -46,8 +46,8 @@ def resample(
 
     A new sample is valid where ``at_least`` that share of it was observed; elsewhere the image is 0.
     """
-    seen = valid.astype(np.float32)
-    share = _apply(seen, rows, columns)
+    weight = valid.astype(np.float32)
+    share = _apply(weight, rows, columns)
     total = _apply(np.where(valid, image, np.float32(0)).astype(np.float32, copy=False), rows, columns)
     observed = share >= at_least - 1e-6
     return np.divide(total, share, out=np.zeros_like(total), where=observed), observed

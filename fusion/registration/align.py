@@ -1,4 +1,4 @@
-"""Where one side's wall lies in the other side's frame, found globally and refined, or not at all.
+"""Where one side's wall lies in the other side's frame: searched for globally, refined, and believed or not.
 
 The search is exhaustive: masked normalised cross-correlation over every turn (θ is a circle), every shift, a
 range of z scales and every orientation left open. Its sign carries no information and is not used. The best
@@ -14,13 +14,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from endoct.fusion.evidence.evidence import Evidence, clipped
+from endoct.fusion.evidence.evidence import Evidence, clipped, correlation
 from endoct.fusion.evidence.prepare import brightness
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
+from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.search import search
 
-__all__ = ["Alignment", "NotAligned", "align", "open_orientations"]
+__all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations"]
 
 BELIEVABLE = 0.18
 """Least confidence of an alignment that is believed."""
@@ -30,11 +32,11 @@ LIKELY_CHANCE = 1e-4
 Of tuning specimens (benchmarks/confidence.py), 120 wrong and 32 featureless pairs had a confidence of 0.145 at most and
 a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most."""
 LEFT_BY_INSTRUMENTS = 0.0043, 0.0055, 0.002
-"""What depth and light of one wall are apart after perfect alignment: rad, mm, and of the scale of z. Rotation and feed
-are known only so well; residuals do not show it. Root mean square of 24 simulated specimens (`quick` and `hard`, seeds
-0–11) against their truth."""
+"""By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
+Rotation and feed are known no better, and residuals do not show it. Root mean square of 24 simulated specimens (`quick`
+and `hard`, seeds 0–11) against their truth."""
 UNKNOWN_SLANT_MM = 0.016
-"""The same along z where nothing is known of the direction in which the light was seen."""
+"""The same along z where nothing is known of the direction of view."""
 CELL_MM = 0.04
 """Relief beyond which a sample counts as cell when the depth of cells is averaged."""
 
@@ -42,16 +44,34 @@ CELL_MM = 0.04
 def open_orientations(*, handedness_known: bool, travel_known: bool) -> tuple[Orientation, ...]:
     """Return the orientations (mirrored, z_reversed) to search.
 
-    With the direction of travel unknown all four: the wall seen from its other end is mirrored as well.
+    With the direction of travel unknown all four: from its other end the wall is mirrored as well.
     """
     if not travel_known:
         return ALL_ORIENTATIONS
     return ALL_ORIENTATIONS[:1] if handedness_known else ALL_ORIENTATIONS[:2]
 
 
-def believable(found: Alignment) -> bool:
-    """Say whether ``found`` stands out enough to be believed."""
-    return found.confidence >= BELIEVABLE and found.chance <= LIKELY_CHANCE
+def believable(alignment: Alignment) -> bool:
+    """Whether ``alignment`` stands out enough to be believed."""
+    return alignment.confidence >= BELIEVABLE and alignment.chance <= LIKELY_CHANCE
+
+
+def align_sides(
+    a: Side, b: Side, *, z_scale_range: tuple[float, float] = (0.95, 1.05), force: bool = False
+) -> Alignment | NotAligned:
+    """Return where ``b`` lies on ``a`` as :func:`align` does, in every orientation that the two leave open.
+
+    A mask drawn on the samples of the other side lies there, without a search.
+    """
+    if a.is_drawn_on(b) or b.is_drawn_on(a):
+        exact = as_covariance(np.zeros((3, 3)))
+        return replace(IN_PLACE, confidence=1.0, correlation=correlation(a.evidence, b.evidence), covariance=exact)
+    one, two = a.panorama, b.panorama
+    orientations = open_orientations(
+        handedness_known=one.handedness_known and two.handedness_known,
+        travel_known=one.travel_known and two.travel_known,
+    )
+    return align(a.evidence, b.evidence, orientations=orientations, z_scale_range=z_scale_range, force=force)
 
 
 def align(
@@ -66,28 +86,28 @@ def align(
 
     ``force`` believes the best place however little it stands out.
     """
-    found = search(clipped(a), clipped(b), orientations, z_scale_range)
-    if found is None:
+    best = search(clipped(a), clipped(b), orientations, z_scale_range)
+    if best is None:
         return NotAligned("The two sides share no structure: at least one shows no cells.")
-    if not (force or believable(found)):
+    if not (force or believable(best)):
         reason = (
-            f"No place of one side on the other stands out: the best correlates at {abs(found.correlation):.2f}, its "
-            f"score is {found.ratio:.2f} times the runner-up's, and chance would give as much with a probability of "
-            f"{found.chance:.1g}."
+            f"No place of one side on the other stands out: the best correlates at {abs(best.correlation):.2f}, its "
+            f"score is {best.ratio:.2f} times the runner-up's, and chance would give as much with a probability of "
+            f"{best.chance:.1g}."
         )
-        return NotAligned(reason + _what_if(clipped(a), clipped(b), orientations, z_scale_range), found)
-    if found.correlation < 0 and "darkness" in (a.kind, b.kind):
-        # bright cells: clipping has cut away just what tells them from the wall
+        return NotAligned(reason + _if_turned(clipped(a), clipped(b), orientations, z_scale_range), best)
+    if best.correlation < 0 and "darkness" in (a.kind, b.kind):
+        # bright cells: clipping has cut away just what distinguishes them from the wall
         a, b = (a, brightness(b)) if b.kind == "darkness" else (brightness(a), b)
-        refined = refine(clipped(a), clipped(b), found, z_scale_range)
+        refined = refine(clipped(a), clipped(b), best, z_scale_range)
         refined = replace(refined, correlation=-refined.correlation)
     else:
-        refined = refine(clipped(a), clipped(b), found, z_scale_range)
-    return _as_instruments_see(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
+        refined = refine(clipped(a), clipped(b), best, z_scale_range)
+    return _corrected_for_instruments(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
 
 
-def _as_instruments_see(found: Alignment, a: Evidence, b: Evidence) -> Alignment:
-    """Return ``found`` with what depth and light always are apart put right, and the rest in its covariance.
+def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
+    """Return ``alignment`` with what always separates depth and light taken off, and the rest added to its covariance.
 
     Rays that meet the wall at a slant see a cell's near rim where it is, but before its far rim the wall below that
     rim: until these are as deep as what still counts, the cell's dark part ends early, and its middle lies half of
@@ -96,16 +116,16 @@ def _as_instruments_see(found: Alignment, a: Evidence, b: Evidence) -> Alignment
     light, relief = (b, a) if a.kind == "relief" else (a, b)
     known = light.kind == "darkness" and light.slant is not None
     lag_mm = 0.5 * (light.slant or 0.0) * _depth_mm(relief) if known else 0.0
-    direction = -1.0 if found.z_reversed else 1.0
-    shift_mm = lag_mm if light is a else -direction * found.z_scale * lag_mm
-    found = replace(found, z_shift_mm=found.z_shift_mm + shift_mm)
-    if found.covariance is None:
-        return found
+    direction = -1.0 if alignment.z_reversed else 1.0
+    shift_mm = lag_mm if light is a else -direction * alignment.z_scale * lag_mm
+    alignment = replace(alignment, z_shift_mm=alignment.z_shift_mm + shift_mm)
+    if alignment.covariance is None:
+        return alignment
     turn_rad, along_mm, of_scale = LEFT_BY_INSTRUMENTS
     middle_mm = direction * float(b.z_mm[[0, -1]].mean())
     left = turn_rad, along_mm if known else UNKNOWN_SLANT_MM, of_scale
     to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * left
-    return replace(found, covariance=as_covariance(np.array(found.covariance) + to_origin @ to_origin.T))
+    return replace(alignment, covariance=as_covariance(np.array(alignment.covariance) + to_origin @ to_origin.T))
 
 
 def _depth_mm(relief: Evidence) -> float:
@@ -115,13 +135,13 @@ def _depth_mm(relief: Evidence) -> float:
     return float(cells.mean()) if cells.size else 0.0
 
 
-def _what_if(
+def _if_turned(
     a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
 ) -> str:
-    """Say whether an orientation that the sidecars rule out would have been believed."""
+    """Return a sentence on an orientation that the sidecars rule out and that would have been believed, or nothing."""
     ruled_out = tuple(orientation for orientation in ALL_ORIENTATIONS if orientation not in orientations)
-    found = search(a, b, ruled_out, z_scale_range) if ruled_out else None
-    if found is None or not believable(found):
+    best = search(a, b, ruled_out, z_scale_range) if ruled_out else None
+    if best is None or not believable(best):
         return ""
-    turned = " and ".join(["mirrored"] * found.mirrored + ["with z reversed"] * found.z_reversed)
+    turned = " and ".join(["mirrored"] * best.mirrored + ["with z reversed"] * best.z_reversed)
     return f" {turned.capitalize()} they would align: check handedness and travel in the sidecars."

@@ -6,7 +6,7 @@ import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence, reoriented
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Orientation
-from endoct.fusion.registration.correlation import masked_correlation, padded_rows, spectra
+from endoct.fusion.registration.correlation import correlate, padded_rows, spectra
 from endoct.stitching.arrays import Image
 
 PIECE_MM2 = 0.25
@@ -29,26 +29,25 @@ def score(correlation: Image, overlap_mm2: Image) -> Image:
     return np.asarray(strength * np.sqrt(np.maximum(pieces, 0)), dtype=np.float32)
 
 
-def chance_of(best: float, a: Evidence, b: Evidence, found: Orientation, n_maps: int) -> float:
+def chance_of(best: float, a: Evidence, b: Evidence, orientation: Orientation, n_maps: int) -> float:
     """Return how likely ``b`` would reach the score ``best`` somewhere on ``a`` in ``n_maps`` maps if it did not match.
 
     A permutation null: rings of ``b``, ``SLICE_MM`` high, are turned at random against each other, so that cells and
-    light stay as they are but no place is right any more; nor are the orientations other than ``found``, in which
+    light stay as they are but no place is right any more; nor are the orientations other than ``orientation``, in which
     alone the shuffled are laid on ``a``. To the highest scores of all these maps Gumbel's distribution of extremes is
     fitted. ``a`` and ``b`` have rows and columns of one spacing. The same arguments give the same answer.
     """
     random = np.random.default_rng(0)
-    n_padded = padded_rows(a.z_mm.size, b.z_mm.size)
-    fixed = spectra(a.values, a.valid, n_padded)
+    fixed = spectra(a.values, a.valid, padded_rows(a.z_mm.size, b.z_mm.size))
     sample_mm2 = np.float32(a.dz_mm * a.column_mm)
     highest = []
     for _ in range(SHUFFLES):
         shuffled = _shuffled(b, random)
         for mirrored, z_reversed in ALL_ORIENTATIONS:
-            if (mirrored, z_reversed) == found:
+            if (mirrored, z_reversed) == orientation:
                 continue
             turned = reoriented(shuffled, mirrored=mirrored, z_reversed=z_reversed, z_scale=1.0)
-            correlation, overlap = masked_correlation(fixed, spectra(turned.values, turned.valid, n_padded))
+            correlation, overlap = correlate(fixed, turned)
             highest.append(float(score(correlation, overlap * sample_mm2).max()))
     width = max(float(np.std(highest, ddof=1)) * np.sqrt(6) / np.pi, 1e-6)
     mode = float(np.mean(highest)) - EULER * width

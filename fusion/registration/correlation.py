@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from endoct.fusion.evidence.evidence import Evidence
 from endoct.stitching.arrays import Image, Mask
 
 
@@ -36,6 +37,11 @@ def spectra(image: Image, valid: Mask, n_padded: int) -> Spectra:
 def padded_rows(n_a: int, n_b: int) -> int:
     """Return to how many rows images of ``n_a`` and ``n_b`` rows must be padded for their correlation."""
     return int(fft.next_fast_len(n_a + n_b - 1, real=True))
+
+
+def correlate(fixed: Spectra, moved: Evidence) -> tuple[Image, Image]:
+    """Return (correlation, overlap) of ``moved`` shifted over ``fixed``, as :func:`masked_correlation`."""
+    return masked_correlation(fixed, spectra(moved.values, moved.valid, fixed.n_padded))
 
 
 def masked_correlation(a: Spectra, b: Spectra) -> tuple[Image, Image]:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.circle import harmonics
+from endoct.stitching.robust import robust_sigma
 
 WAVES = 2
 """Harmonics of θ by which the two sides may depart from a rigid turn while it is sought."""
@@ -28,7 +30,7 @@ BLOCK_SAMPLES = 1 << 15
 
 @dataclass(frozen=True)
 class Fit:
-    """An alignment, and beside it how θ bends: a twist, rad per mm of z, and the coefficients of the waves, rad."""
+    """An alignment, and how θ bends besides: a twist, rad per mm of z, and the coefficients of the waves, rad."""
 
     alignment: Alignment
     bends: Coordinates
@@ -52,7 +54,7 @@ class Level:
 
 
 @dataclass(frozen=True, eq=False)
-class _Met:
+class _Overlap:
     """The rows of the coarse side where the two meet, and the fine one interpolated there, float32 (n, n_theta) each.
 
     ``use`` is None where all of it counts, ``count`` how many samples do; z counts from ``middle_mm``.
@@ -75,6 +77,19 @@ class _Met:
 
 
 @dataclass(frozen=True, eq=False)
+class _Residuals:
+    """What the values of the coarse side differ by from the tone of the fine one, float32 (n, n_theta).
+
+    ``size`` is how large they typically are, ``rising`` holds the coefficients of the tone's derivative.
+    """
+
+    overlap: _Overlap
+    values: Image
+    rising: Coordinates
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
 class Equations:
     """``normal`` (k, k) and ``slope`` (k,) of one step, for turn, shift, scale, bends and tone.
 
@@ -85,26 +100,23 @@ class Equations:
     slope: Coordinates
     middle_mm: float
     correlation: float
-    _met: _Met
-    _residual: Image
-    _rising: Coordinates
-    _size: float
+    residuals: _Residuals
 
     def pulls(self, radius_mm: float) -> Coordinates:
         """Return how residuals pull on every unknown, summed over each patch of wall that has any, (k, n)."""
-        met, k = self._met, self.slope.size
-        n_theta = met.value.shape[1]
+        overlap, residual, k = self.residuals.overlap, self.residuals.values, self.slope.size
+        n_theta = residual.shape[1]
         n_around = max(3, round(2 * np.pi * radius_mm / PATCH_MM))
         starts = -(-np.arange(n_around) * n_theta // n_around)
-        total = np.zeros((int(met.patch_of_row[-1]) + 1, k, n_around))
-        seen = np.zeros((total.shape[0], n_around))
-        for rows in met.blocks():
-            effects, weight = _effects(met, rows, self._residual, self._rising, self._size, k)
-            effects *= weight * self._residual[rows]
-            np.add.at(total, met.patch_of_row[rows], np.add.reduceat(effects, starts, axis=2).transpose(1, 0, 2))
+        total = np.zeros((int(overlap.patch_of_row[-1]) + 1, k, n_around))
+        counted = np.zeros((total.shape[0], n_around))
+        for rows in overlap.blocks():
+            effects, weight = _effects(self.residuals, rows, k)
+            effects *= weight * residual[rows]
+            np.add.at(total, overlap.patch_of_row[rows], np.add.reduceat(effects, starts, axis=2).transpose(1, 0, 2))
             used = np.add.reduceat((weight > 0).astype(np.float32), starts, axis=1)
-            np.add.at(seen, met.patch_of_row[rows], used)
-        return total.transpose(1, 0, 2)[:, seen > 0]
+            np.add.at(counted, overlap.patch_of_row[rows], used)
+        return total.transpose(1, 0, 2)[:, counted > 0]
 
 
 def level(fine: Evidence, coarse: Evidence, degree: int, sigma_mm: float) -> Level:
@@ -112,8 +124,8 @@ def level(fine: Evidence, coarse: Evidence, degree: int, sigma_mm: float) -> Lev
     dtheta_rad = 2 * np.pi / fine.values.shape[1]
     dtheta = (np.roll(fine.values, -1, axis=1) - np.roll(fine.values, 1, axis=1)) / np.float32(2 * dtheta_rad)
     dz = np.gradient(fine.values, fine.z_mm, axis=0) if fine.z_mm.size > 1 else np.zeros_like(fine.values)
-    seen = fine.values[fine.valid]
-    centre, spread = (float(seen.mean()), float(seen.std())) if seen.size else (0.0, 0.0)
+    known = fine.values[fine.valid]
+    centre, spread = (float(known.mean()), float(known.std())) if known.size else (0.0, 0.0)
     values = ((fine.values - np.float32(centre)) / np.float32(max(spread, 1e-12))).astype(np.float32)
     return Level(
         fine, coarse, (values, dz.astype(np.float32), dtheta.astype(np.float32)), max(spread, 1e-12), degree, sigma_mm
@@ -122,28 +134,29 @@ def level(fine: Evidence, coarse: Evidence, degree: int, sigma_mm: float) -> Lev
 
 def waves(theta_rad: Coordinates) -> Coordinates:
     """Return the harmonics of θ, (2·WAVES, n)."""
-    return np.stack([f(k * theta_rad) for k in range(1, WAVES + 1) for f in (np.cos, np.sin)])
+    return np.ascontiguousarray(harmonics(theta_rad, range(1, WAVES + 1)).T)
 
 
 def equations(of: Level, fit: Fit) -> Equations | None:
     """Return the equations of a step from ``fit``; None where the two hardly overlap or one is constant there."""
-    met = _meet(of, fit)
-    if met is None or met.count < FEWEST_SAMPLES:
+    overlap = _overlap(of, fit)
+    if overlap is None or overlap.count < FEWEST_SAMPLES:
         return None
-    found = _tone(met, of.degree)
-    if found is None:
+    fitted = _tone(overlap, of.degree)
+    if fitted is None:
         return None
-    tone, correlation = found
+    tone, correlation = fitted
     rising = tone[1:] * np.arange(1, of.degree + 1) / of.spread
-    residual = np.empty_like(met.value)
-    for rows in met.blocks():
-        residual[rows] = met.target[rows] - _polynomial(met.value[rows], tone)
-    size = 1.4826 * float(np.median(np.abs(residual if met.use is None else residual[met.use]))) + 1e-6
+    residual = np.empty_like(overlap.value)
+    for rows in overlap.blocks():
+        residual[rows] = overlap.target[rows] - _polynomial(overlap.value[rows], tone)
+    size = robust_sigma(residual if overlap.use is None else residual[overlap.use]) + 1e-6
+    residuals = _Residuals(overlap, residual, rising, size)
     n_bends = fit.bends.size
     k = MOVES + n_bends + of.degree + 1
     normal, slope, cost = np.zeros((k, k)), np.zeros(k), 0.0
-    for rows in met.blocks():
-        effects, weight = _effects(met, rows, residual, rising, size, k)
+    for rows in overlap.blocks():
+        effects, weight = _effects(residuals, rows, k)
         pulls = weight * residual[rows]
         slope += effects.reshape(k, -1) @ pulls.ravel()
         effects *= np.sqrt(weight)  # a matrix times itself is what BLAS is quickest at
@@ -152,37 +165,37 @@ def equations(of: Level, fit: Fit) -> Equations | None:
         cost += float(np.vdot(pulls, residual[rows]))
     # BEND_RAD as a prior, against residuals of which all within one blur count as one
     one_px = 4 * np.pi * of.sigma_mm**2 / (of.coarse.dz_mm * of.coarse.column_mm)
-    half_mm = max(float(np.ptp(met.from_middle_mm)) / 2, 1e-3)
+    half_mm = max(float(np.ptp(overlap.from_middle_mm)) / 2, 1e-3)
     typical = BEND_RAD * np.r_[1 / half_mm, np.ones(n_bends - 1)]
-    stiffness = max(1.0, one_px) * cost / met.count / typical**2
+    stiffness = max(1.0, one_px) * cost / overlap.count / typical**2
     bends = np.arange(MOVES, MOVES + n_bends)
     normal[np.diag_indices(k)] *= 1 + 1e-9
     normal[bends, bends] += stiffness
     slope[bends] -= stiffness * fit.bends
-    return Equations(normal, slope, met.middle_mm, correlation, met, residual, rising, size)
+    return Equations(normal, slope, overlap.middle_mm, correlation, residuals)
 
 
-def _meet(of: Level, fit: Fit) -> _Met | None:
+def _overlap(of: Level, fit: Fit) -> _Overlap | None:
     """Interpolate the fine side where the samples of the coarse one meet it; None where none does."""
-    fine, coarse, found = of.fine, of.coarse, fit.alignment
+    fine, coarse, alignment = of.fine, of.coarse, fit.alignment
     (n_z, n_theta), n_columns = fine.values.shape, coarse.values.shape[1]
-    row = np.interp(found.z_to_a(coarse.z_mm), fine.z_mm, np.arange(n_z), left=-1, right=-1)
+    row = np.interp(alignment.z_to_a(coarse.z_mm), fine.z_mm, np.arange(n_z), left=-1, right=-1)
     met = np.flatnonzero(row >= 0)
     if met.size == 0:
         return None
-    along_mm = (-1.0 if found.z_reversed else 1.0) * coarse.z_mm[met]
+    along_mm = (-1.0 if alignment.z_reversed else 1.0) * coarse.z_mm[met]
     middle_mm = float(along_mm.mean())
     from_middle_mm = along_mm - middle_mm
     theta_rad = coarse.theta0_rad + 2 * np.pi / n_columns * np.arange(n_columns)
     around = waves(theta_rad)
-    column = (found.theta_to_a(theta_rad) + fit.bends[1:] @ around - fine.theta0_rad) * n_theta / (2 * np.pi)
+    column = (alignment.theta_to_a(theta_rad) + fit.bends[1:] @ around - fine.theta0_rad) * n_theta / (2 * np.pi)
     further = fit.bends[0] * from_middle_mm * n_theta / (2 * np.pi)
     above = np.clip(np.floor(row[met]).astype(np.intp), 0, max(n_z - 2, 0))
     below = np.minimum(above + 1, n_z - 1)
     down = (row[met] - above).astype(np.float32)[:, np.newaxis]
     whole = bool(fine.valid.all())
     images = of.channels if whole else (*of.channels, fine.valid.astype(np.float32))
-    shown: list[Image] = [np.empty((met.size, n_columns), np.float32) for _ in images]
+    interpolated: list[Image] = [np.empty((met.size, n_columns), np.float32) for _ in images]
     for rows in _blocks(met.size, n_columns):
         at = column + further[rows, np.newaxis]
         left = np.floor(at)
@@ -190,64 +203,66 @@ def _meet(of: Level, fit: Fit) -> _Met | None:
         left = np.mod(left, n_theta).astype(np.intp)
         line = n_theta * np.arange(left.shape[0])[:, np.newaxis]
         before, after = left + line, np.where(left == n_theta - 1, 0, left + 1) + line
-        for image, out in zip(images, shown, strict=True):
+        for image, out in zip(images, interpolated, strict=True):
             lines = image[above[rows]]
             lines += (image[below[rows]] - lines) * down[rows]
             first = lines.take(before)
             out[rows] = first + (lines.take(after) - first) * aside
     use = None
     if not (whole and coarse.valid[met].all()):
-        use = coarse.valid[met] if whole else coarse.valid[met] & (shown[3] > 0.999)
-    return _Met(
-        coarse.values[met],
-        shown[0],
-        shown[1],
-        shown[2],
-        use,
-        shown[0].size if use is None else int(use.sum()),
-        around.astype(np.float32),
-        from_middle_mm.astype(np.float32),
-        middle_mm,
-        ((coarse.z_mm[met] - coarse.z_mm[0]) / PATCH_MM).astype(np.intp),
+        use = coarse.valid[met] if whole else coarse.valid[met] & (interpolated[3] > 0.999)
+    value, dz, dtheta = interpolated[:3]
+    return _Overlap(
+        target=coarse.values[met],
+        value=value,
+        dz=dz,
+        dtheta=dtheta,
+        use=use,
+        count=value.size if use is None else int(use.sum()),
+        waves=around.astype(np.float32),
+        from_middle_mm=from_middle_mm.astype(np.float32),
+        middle_mm=middle_mm,
+        patch_of_row=((coarse.z_mm[met] - coarse.z_mm[0]) / PATCH_MM).astype(np.intp),
     )
 
 
-def _tone(met: _Met, degree: int) -> tuple[Coordinates, float] | None:
+def _tone(overlap: _Overlap, degree: int) -> tuple[Coordinates, float] | None:
     """Return the polynomial that takes values to targets, rising powers, and the correlation of the two."""
     products = np.zeros((degree + 2, degree + 2))
-    for rows in met.blocks():
-        sums = np.empty((degree + 2, *met.value[rows].shape), np.float32)
-        _powers(met.value[rows], sums[:-1])
-        sums[-1] = met.target[rows]
-        if met.use is not None:
-            sums *= met.use[rows]
+    for rows in overlap.blocks():
+        sums = np.empty((degree + 2, *overlap.value[rows].shape), np.float32)
+        _powers(overlap.value[rows], sums[:-1])
+        sums[-1] = overlap.target[rows]
+        if overlap.use is not None:
+            sums *= overlap.use[rows]
         flat = sums.reshape(degree + 2, -1)
         products += flat @ flat.T
-    mean = products[0] / met.count
-    common = products / met.count - np.outer(mean, mean)
+    mean = products[0] / overlap.count
+    common = products / overlap.count - np.outer(mean, mean)
     of_value, of_target = common[1, 1], common[-1, -1]
     if not (of_value > 0 and of_target > 0):
         return None
-    tone = np.linalg.solve(products[:-1, :-1] + 1e-6 * met.count * np.eye(degree + 1), products[:-1, -1])
+    tone = np.linalg.solve(products[:-1, :-1] + 1e-6 * overlap.count * np.eye(degree + 1), products[:-1, -1])
     return np.asarray(tone, dtype=np.float64), float(common[1, -1] / np.sqrt(of_value * of_target))
 
 
-def _effects(met: _Met, rows: slice, residual: Image, rising: Coordinates, size: float, k: int) -> tuple[Image, Image]:
+def _effects(residuals: _Residuals, rows: slice, k: int) -> tuple[Image, Image]:
     """Return how values change with each of ``k`` unknowns, float32 (k, n, n_theta), and how much samples count."""
-    weight: Image = np.maximum(np.abs(residual[rows]) / np.float32(2 * size), np.float32(1))
+    overlap = residuals.overlap
+    weight: Image = np.maximum(np.abs(residuals.values[rows]) / np.float32(2 * residuals.size), np.float32(1))
     np.divide(np.float32(1), weight, out=weight)
-    if met.use is not None:
-        weight *= met.use[rows]
-    gain = _polynomial(met.value[rows], rising)
-    turn, shift = gain * met.dtheta[rows], gain * met.dz[rows]
-    from_middle = met.from_middle_mm[rows, np.newaxis]
+    if overlap.use is not None:
+        weight *= overlap.use[rows]
+    gain = _polynomial(overlap.value[rows], residuals.rising)
+    turn, shift = gain * overlap.dtheta[rows], gain * overlap.dz[rows]
+    from_middle = overlap.from_middle_mm[rows, np.newaxis]
     effects = np.empty((k, *gain.shape), np.float32)
     effects[0], effects[1] = turn, shift
     np.multiply(shift, from_middle, out=effects[2])
     np.multiply(turn, from_middle, out=effects[3])
-    bends_end = 4 + len(met.waves)
-    np.multiply(turn, met.waves[:, np.newaxis], out=effects[4:bends_end])
-    _powers(met.value[rows], effects[bends_end:])
+    bends_end = 4 + len(overlap.waves)
+    np.multiply(turn, overlap.waves[:, np.newaxis], out=effects[4:bends_end])
+    _powers(overlap.value[rows], effects[bends_end:])
     return effects, weight
 
 

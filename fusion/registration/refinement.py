@@ -10,6 +10,7 @@ from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.geometry.resample import column_weights, resample
 from endoct.fusion.registration.equations import MOVES, WAVES, Equations, Fit, Level, equations, level, waves
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.circle import largest_divisor
 
 BLURS_MM = (0.12, 0.06, 0.03)
 FINER_MM = (0.015, 0.0075)
@@ -25,9 +26,9 @@ a logarithm, moves fine edges; where edges are wide anyway it would rather follo
 STILL, LAST_STILL = 1e-3, 1e-5
 """A step below this share of the blur ends a level, and the last one. Below 1e-6 steps are float32's rounding."""
 MEMORY = 3
-"""Steps from whose course the next is foretold."""
+"""Steps from whose course the next is extrapolated."""
 BOLDEST = 4.0
-"""How many times as far as its own step a foretold one may go."""
+"""How many times as far as its own step an extrapolated one may go."""
 
 
 def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
@@ -55,15 +56,15 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
         still_mm = sigma_mm * (LAST_STILL if sigma_mm == blurs_mm[-1] else STILL)
         degree = FINE_TONE if sigma_mm in FINER_MM else TONE
         fit = _gauss_newton(level(fine, coarse, degree, sigma_mm), fit, z_scale_range, still_mm)
-    found = fit.alignment
+    refined = fit.alignment
     middle_mm = b.z_mm[[0, -1]].mean()
-    moved_mm = abs(float(found.z_to_a(middle_mm) - start.z_to_a(middle_mm)))
-    turned_rad = abs(float(np.angle(np.exp(1j * (found.theta_shift_rad - start.theta_shift_rad)))))
+    moved_mm = abs(float(refined.z_to_a(middle_mm) - start.z_to_a(middle_mm)))
+    turned_rad = abs(float(np.angle(np.exp(1j * (refined.theta_shift_rad - start.theta_shift_rad)))))
     if not (moved_mm < FARTHEST_MM and turned_rad * a.radius_mm < FARTHEST_MM):
         return start
     return replace(
-        found,
-        theta_shift_rad=float(np.mod(found.theta_shift_rad, 2 * np.pi)),
+        refined,
+        theta_shift_rad=float(np.mod(refined.theta_shift_rad, 2 * np.pi)),
         uneven_rad=float(np.abs(fit.bends[1:] @ waves(np.linspace(0, 2 * np.pi, 360))).max()),
         twist_rad_per_mm=float(fit.bends[0]),
     )
@@ -76,7 +77,7 @@ def sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
     """
     n_theta = evidence.values.shape[1]
     most = max(1, int(spacing_mm / evidence.column_mm + 1e-9))
-    wanted = n_theta // max(each for each in range(1, most + 1) if n_theta % each == 0)
+    wanted = n_theta // largest_divisor(n_theta, most)
     if evidence.dz_mm < spacing_mm:
         n = int(np.ptp(evidence.z_mm) / spacing_mm) + 1
         from_zero = replace(evidence, theta0_rad=0.0)
@@ -98,30 +99,30 @@ def _gauss_newton(of: Level, start: Fit, z_scale_range: tuple[float, float], sti
     most = np.r_[0.1, 0.1, np.inf, np.full(1 + 2 * WAVES, 0.05)]
     fit, places, steps, middle_mm = start, list[Coordinates](), list[Coordinates](), 0.0
     for last in (*[False] * (ROUNDS - 1), True):
-        found = equations(of, fit)
-        if found is None:
+        system = equations(of, fit)
+        if system is None:
             return start
         try:
-            step = np.linalg.solve(found.normal, found.slope)[: reach_mm.size]
+            step = np.linalg.solve(system.normal, system.slope)[: reach_mm.size]
         except np.linalg.LinAlgError:
             return start
         if not np.isfinite(step).all():
             return start
-        middle_mm = middle_mm if steps else found.middle_mm
+        middle_mm = middle_mm if steps else system.middle_mm
         step = np.clip(step, -most, most)
-        step[1] += step[2] * (middle_mm - found.middle_mm)
+        step[1] += step[2] * (middle_mm - system.middle_mm)
         places.append(_unknowns(fit, middle_mm))
         steps.append(step)
         still = float((np.abs(step) * reach_mm)[:MOVES].max()) < still_mm
-        there = places[-1] + (step if still or last else _foretold(places, steps, reach_mm))
-        fit = _fit_at(there, fit, middle_mm, z_scale_range, found.correlation)
+        there = places[-1] + (step if still or last else _extrapolated(places, steps, reach_mm))
+        fit = _fit_at(there, fit, middle_mm, z_scale_range, system.correlation)
         if still or last:
-            covariance = as_covariance(_covariance(found, radius_mm))
+            covariance = as_covariance(_covariance(system, radius_mm))
             return replace(fit, alignment=replace(fit.alignment, covariance=covariance))
     return fit
 
 
-def _foretold(places: list[Coordinates], steps: list[Coordinates], reach_mm: Coordinates) -> Coordinates:
+def _extrapolated(places: list[Coordinates], steps: list[Coordinates], reach_mm: Coordinates) -> Coordinates:
     """Return the step that leads to where the course of the last ones says that there is none left to make.
 
     Weights that depend on residuals make steps shrink by a constant share only; this spares half of them (Anderson
@@ -139,23 +140,23 @@ def _foretold(places: list[Coordinates], steps: list[Coordinates], reach_mm: Coo
 
 
 def _unknowns(fit: Fit, middle_mm: float) -> Coordinates:
-    found = fit.alignment
-    shift_mm = found.z_shift_mm + found.z_scale * middle_mm
-    return np.concatenate([[found.theta_shift_rad, shift_mm, found.z_scale], fit.bends])
+    alignment = fit.alignment
+    shift_mm = alignment.z_shift_mm + alignment.z_scale * middle_mm
+    return np.concatenate([[alignment.theta_shift_rad, shift_mm, alignment.z_scale], fit.bends])
 
 
 def _fit_at(
     there: Coordinates, before: Fit, middle_mm: float, z_scale_range: tuple[float, float], correlation: float
 ) -> Fit:
     scale = float(np.clip(there[2], *z_scale_range))
-    found = replace(
+    alignment = replace(
         before.alignment,
         theta_shift_rad=float(there[0]),
         z_shift_mm=float(there[1]) - scale * middle_mm,
         z_scale=scale,
         correlation=correlation,
     )
-    return Fit(found, there[MOVES:])
+    return Fit(alignment, there[MOVES:])
 
 
 def _covariance(of: Equations, radius_mm: float) -> Coordinates:

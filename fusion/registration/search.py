@@ -8,14 +8,14 @@ import numpy as np
 from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid, reoriented
 from endoct.fusion.geometry.alignment import Alignment, Orientation
 from endoct.fusion.registration.chance import chance_of, score
-from endoct.fusion.registration.correlation import masked_correlation, padded_rows, spectra
+from endoct.fusion.registration.correlation import correlate, padded_rows, spectra
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.circle import wrap_rad
 
 SEARCH_DZ_MM = 0.08
 SEARCH_COLUMNS = 128
 SEARCH_BAND_MM = (0.06, 0.3)
-"""Structure the search looks at, as sigmas of two Gaussians: what is smaller is noise; what is larger has too few
+"""The structure that is searched for, as sigmas of two Gaussians: what is smaller is noise; what is larger has too few
 independent pieces on one bore's wall to tell places apart."""
 DISTINCT_MM = 0.75
 """Two places nearer than this are one peak."""
@@ -29,11 +29,10 @@ def search(
     candidates: list[tuple[float, Alignment]] = []
     for scale in _scales(a, b, z_scale_range):
         grid_b = _searchable(reoriented(b, mirrored=False, z_reversed=False, z_scale=float(scale)))
-        n_padded = padded_rows(grid_a.z_mm.size, grid_b.z_mm.size)
-        fixed = spectra(grid_a.values, grid_a.valid, n_padded)
+        fixed = spectra(grid_a.values, grid_a.valid, padded_rows(grid_a.z_mm.size, grid_b.z_mm.size))
         for mirrored, z_reversed in orientations:
             turned = reoriented(grid_b, mirrored=mirrored, z_reversed=z_reversed, z_scale=1.0)
-            maps = masked_correlation(fixed, spectra(turned.values, turned.valid, n_padded))
+            maps = correlate(fixed, turned)
             start = Alignment(
                 theta_shift_rad=-turned.theta0_rad,
                 z_shift_mm=float(grid_a.z_mm[0] - turned.z_mm[0]) - (turned.z_mm.size - 1) * SEARCH_DZ_MM,

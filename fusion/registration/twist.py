@@ -1,4 +1,4 @@
-"""A twist of one side along z, found against the other side.
+"""A twist of one side along z, estimated against the other side.
 
 Both are brought to B's rows; every row of B is turned to where it correlates best with A's, held together along z by
 what a catheter may twist. This fits one side to the other, cells and noise alike, and so raises whatever score is taken
@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from endoct.fusion.evidence.evidence import Evidence, clipped
+from endoct.fusion.evidence.evidence import clipped
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Placement
 from endoct.stitching.arrays import Coordinates, Mask
@@ -25,7 +26,7 @@ TRUST = 20.0  # logarithm of the odds for which a correlation of 1 stands
 class Twist:
     """By how much every row of B is turned against where the alignment has it, rad in B's own θ, with its ``z_mm``.
 
-    float64 (n_z,); ``known``, bool (n_z,), where both sides saw something that tells.
+    float64 (n_z,); ``known``, bool (n_z,), where both sides show enough contrast.
     """
 
     z_mm: Coordinates
@@ -33,12 +34,13 @@ class Twist:
     known: Mask
 
 
-def find_twist(a: Panorama, b: Panorama, evidence: tuple[Evidence, Evidence], alignment: Alignment) -> Twist:
+def find_twist(a: Side, b: Side, alignment: Alignment) -> Twist:
     """Return the twist of B's rows against A, its mean over known rows 0: that is the alignment's."""
-    of_a, of_b = (clipped(one) for one in evidence)
-    placement = Placement(a, alignment.inverse(), b.grid, b.z_mm, b.grid.dz_mm)
-    there, seen = placement.image(of_a.values, of_a.valid)
-    both = seen & of_b.valid
+    of_a, of_b = clipped(a.evidence), clipped(b.evidence)
+    grid, z_mm = b.grid, b.grid.z_mm
+    placement = Placement.averaging(a.grid, alignment.inverse(), grid)
+    there, observed = placement.image(of_a.values, of_a.valid)
+    both = observed & of_b.valid
     count = np.maximum(both.sum(axis=1, keepdims=True), 1)
     one, two = (
         np.where(both, v - np.sum(np.where(both, v, 0), axis=1, keepdims=True) / count, 0) for v in (there, of_b.values)
@@ -47,17 +49,17 @@ def find_twist(a: Panorama, b: Panorama, evidence: tuple[Evidence, Evidence], al
     spectrum = np.fft.rfft(two, axis=1) * np.conj(np.fft.rfft(one, axis=1))
     alike = np.fft.irfft(spectrum, n=n, axis=1) * (1.0 if alignment.correlation >= 0 else -1.0)
     shift_rad = np.arange(-FARTHEST_RAD, FARTHEST_RAD + STEP_RAD / 2, STEP_RAD)
-    column = np.mod(shift_rad / b.grid.dtheta_rad, n)
+    column = np.mod(shift_rad / grid.dtheta_rad, n)
     low, part = np.floor(column).astype(int), column - np.floor(column)
     near = (1 - part) * alike[:, low % n] + part * alike[:, (low + 1) % n]
-    # rows with little to tell say little: against the contrast that rows have in common
+    # rows of little contrast, against what rows have in common, count little
     scale = np.sqrt(np.sum(one**2, axis=1) * np.sum(two**2, axis=1))
     known = (scale > 0.1 * np.max(scale, initial=0.0)) & (2 * both.sum(axis=1) > n)
     weight = np.where(known, 1 / np.maximum(np.median(scale[known]) if known.any() else 1.0, 1e-12), 0)
-    twist = _best_course(TRUST * near * weight[:, None], shift_rad, b.z_mm)
+    twist = _best_course(TRUST * near * weight[:, None], shift_rad, z_mm)
     if known.any():
         twist = twist - twist[known].mean()
-    return Twist(b.z_mm, twist, known)
+    return Twist(z_mm, twist, known)
 
 
 def untwisted(panorama: Panorama, twist: Twist) -> Panorama:

@@ -29,12 +29,14 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.placement import IN_PLACE, Placement, Samples, signed_distance
+from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, signed_distance
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
-from endoct.fusion.scoring.cells import Cell, Labels, Surface
+from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weights
 from endoct.fusion.scoring.overlap import agreement
+from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.scoring.visibility import invisible_cells
+from endoct.fusion.segmentation.regions import Labels
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.circle import largest_divisor
 from endoct.stitching.grid import SurfaceGrid
@@ -57,42 +59,41 @@ Count = tuple[Coordinates, Coordinates]
 
 def agreement_budget(
     surfaces: tuple[Surface, Surface],
-    labels: tuple[Labels, Labels],
+    samplings: tuple[Sampling, Sampling],
     cells: Sequence[Cell],
     grid: SurfaceGrid,
-    samples: tuple[Samples, Samples],
-    placing: Alignment,
 ) -> Budget | None:
     """Return the budget, see the module; None where neither side shows a cell.
 
-    ``surfaces``, ``labels`` and ``cells`` are what both sides show on ``grid``, ``samples`` where their own rows and
-    columns lie, ``placing`` where B lies in A's frame.
+    ``surfaces`` and ``cells`` are what both sides show on ``grid``, ``samplings`` how they came there.
     """
+    placing = samplings[1].where
     coarse = _thin(grid)
     a, b = (_thinned(side, coarse) for side in surfaces)
     both = a.valid & b.valid
     if not ((a.mask | b.mask) & both).any():
         return None
-    thin_labels = [each[coarse.rows, coarse.columns] for each in labels]
+    thin_labels = [side.labels[coarse.rows, coarse.columns] for side in surfaces]
     alone = [_listed(cells, side.name) for side in surfaces]
-    fine = 0 if samples[0].grid.dz_mm <= placing.z_scale * samples[1].grid.dz_mm else 1
+    fine = 0 if samplings[0].spacing_mm <= samplings[1].spacing_mm else 1
     wall = (a.mask, b.mask)[fine] | np.isin(thin_labels[1 - fine], alone[1 - fine])
     invisible = [
         invisible_cells(side, of, ids, coarse.grid)
         for side, of, ids in ((a, thin_labels[1], alone[1]), (b, thin_labels[0], alone[0]))
     ]
-    ideal = _Ideal(signed_distance(wall, (coarse.grid.dz_mm, coarse.grid.dtheta_mm)), coarse.grid, samples, placing)
+    ideal = _Ideal(signed_distance(wall, (coarse.grid.dz_mm, coarse.grid.dtheta_mm)), coarse.grid)
     hidden = [_zone(wall, np.isin(of, ids), coarse.grid) for of, ids in zip(thin_labels[::-1], invisible, strict=True)]
     patches = _patches(coarse.grid)
     stages: list[list[Count]] = [[], [], []]
-    for drawn, phase_mm in _draws(placing, max(s.grid.dz_mm for s in samples)):
-        placed = ideal.mask(0, IN_PLACE, phase_mm, sampled=False), ideal.mask(1, drawn, phase_mm, sampled=False)
-        stages[0].append(_count(*placed, both, patches))
-        sampled = ideal.mask(0, IN_PLACE, phase_mm, sampled=True), ideal.mask(1, drawn, phase_mm, sampled=True)
-        stages[1].append(_count(*sampled, both, patches))
+    for drawn, phase_mm in _draws(placing, max(each.grid.dz_mm for each in samplings)):
+        truly = IN_PLACE, drawn
+        placed = [ideal.placed(*each, phase_mm) for each in zip(samplings, truly, strict=True)]
+        stages[0].append(_count(placed, both, patches))
+        sampled = [ideal.sampled(*each, phase_mm) for each in zip(samplings, truly, strict=True)]
+        stages[1].append(_count(sampled, both, patches))
         visible = [mask & ~zone for mask, zone in zip(sampled, hidden, strict=True)]
-        stages[2].append(_count(visible[0], visible[1], both, patches))
-    observed = _count(a.mask, b.mask, both, patches)
+        stages[2].append(_count(visible, both, patches))
+    observed = _count((a.mask, b.mask), both, patches)
     both_valid = surfaces[0].valid & surfaces[1].valid
     counted = agreement(surfaces[0].mask, surfaces[1].mask, both_valid, grid.dz_mm * grid.dtheta_mm)
     return _budget(surfaces, cells, stages, observed, counted.jaccard or 0.0, placing, invisible)
@@ -108,30 +109,28 @@ class _Thin:
 
 
 class _Ideal:
-    """What each side would show of a wall with clean edges."""
+    """What each side would show of a wall with clean edges, on a common grid."""
 
-    def __init__(
-        self, distance_mm: Image, grid: SurfaceGrid, samples: tuple[Samples, Samples], placing: Alignment
-    ) -> None:
-        self._distance_mm = distance_mm
+    def __init__(self, distance_mm: Image, grid: SurfaceGrid) -> None:
+        self._distance_mm, self._grid = distance_mm, grid
         self._everywhere = np.ones(grid.shape, np.bool_)
-        self._grid, self._samples, self._found = grid, samples, (IN_PLACE, placing)
 
-    def mask(self, k: int, truly: Alignment, phase_mm: float, *, sampled: bool) -> Mask:
-        """Return what side ``k``, which lies ``truly`` there, shows of the wall shifted by ``phase_mm``."""
-        grid, found, own = self._grid, self._found[k], self._samples[k]
-        wall = Samples(grid, grid.z_mm + phase_mm)
-        fine = found.z_scale * own.grid.dz_mm < 1.5 * grid.dz_mm and own.grid.n_theta >= grid.n_theta
-        if fine or not sampled:
-            distance, _ = Placement(wall, _between(found, truly), grid, grid.z_mm, 0.0).image(
-                self._distance_mm, self._everywhere
-            )
-            return distance > 0
-        distance, _ = Placement(wall, truly.inverse(), own.grid, own.z_mm, 0.0).image(
-            self._distance_mm, self._everywhere
-        )
-        placement = Placement(own, found, grid, grid.z_mm, grid.dz_mm)
-        return placement.mask(distance > 0, np.ones(distance.shape, np.bool_))[0]
+    def placed(self, side: Sampling, truly: Alignment, phase_mm: float) -> Mask:
+        """Return the wall, shifted by ``phase_mm``, as ``side`` places it, which ``truly`` lies there."""
+        distance = self._distance(_between(side.where, truly), self._grid, phase_mm)
+        return distance > 0
+
+    def sampled(self, side: Sampling, truly: Alignment, phase_mm: float) -> Mask:
+        """Return the same as seen only on the samples of ``side``."""
+        grid, own = self._grid, side.grid
+        if side.spacing_mm < 1.5 * grid.dz_mm and own.n_theta >= grid.n_theta:
+            return self.placed(side, truly, phase_mm)
+        distance = self._distance(truly.inverse(), own, phase_mm)
+        return side.onto(grid).mask(distance > 0, np.ones(distance.shape, np.bool_))[0]
+
+    def _distance(self, where: Alignment, grid: SurfaceGrid, phase_mm: float) -> Image:
+        wall = self._grid.with_rows(self._grid.z_mm + phase_mm)
+        return Placement(wall, where, grid, 0.0).image(self._distance_mm, self._everywhere)[0]
 
 
 def _between(found: Alignment, truly: Alignment) -> Alignment:
@@ -177,7 +176,7 @@ def _zone(wall: Mask, cells: Mask, grid: SurfaceGrid) -> Mask:
 
 def _thin(grid: SurfaceGrid) -> _Thin:
     down = max(1, int(FINEST_DZ_MM / grid.dz_mm + 1e-6))
-    across = largest_divisor(grid.n_theta, at_most=max(1, grid.n_theta // MOST_COLUMNS))
+    across = largest_divisor(grid.n_theta, grid.n_theta // MOST_COLUMNS)
     rows, columns = slice(None, None, down), slice(None, None, across)
     thin = SurfaceGrid.full_circle(
         len(range(grid.n_z)[rows]),
@@ -206,7 +205,8 @@ def _patches(grid: SurfaceGrid) -> Labels:
     return row[:, np.newaxis] * np.int32(around) + column
 
 
-def _count(a: Mask, b: Mask, both: Mask, patches: Labels) -> Count:
+def _count(masks: Sequence[Mask], both: Mask, patches: Labels) -> Count:
+    a, b = masks
     n = int(patches[-1, -1]) + 1
     shared, either = (np.bincount(patches[mask & both], minlength=n) for mask in (a & b, a | b))
     return shared.astype(np.float64), either.astype(np.float64)

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from endoct.fusion.segmentation.regions import label, quantiles
+from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.segmentation.regions import Labels, quantiles
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 
@@ -14,8 +15,6 @@ SAME_CELL = 0.5
 """Intersection over union from which two cells are one; above one half no cell can have two partners."""
 OBSERVED = 0.5
 """Share of a cell that the other side must have observed for it to count in scores of cells."""
-
-Labels = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -73,21 +72,6 @@ class Cell:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """What one side knows of the wall on a common grid, all (n_z, n_theta).
-
-    ``mask``, ``valid`` bool; ``relief_mm`` float32 or None: behind the wall, NaN where unknown; ``contrast`` float32
-    or None: the evidence its cells were segmented by, where that is intensity.
-    """
-
-    name: str
-    mask: Mask
-    valid: Mask
-    relief_mm: Image | None = None
-    contrast: Image | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Matched:
     """How the labelled cells of two sides overlap where both observed.
 
@@ -112,19 +96,6 @@ class Matched:
         return Matched(self.area_b, self.area_a, self.common.T.tocsr())
 
 
-def label_in_order(mask: Mask) -> Labels:
-    """Return labels (n_z, n_theta) of connected cells over the seam of θ, from 1 in the order of their mean z."""
-    labels, n = label(mask)
-    if n == 0:
-        return labels
-    row, column = np.nonzero(labels)
-    found = labels[row, column]
-    mean_row = np.bincount(found, row, n + 1)[1:] / np.bincount(found, minlength=n + 1)[1:]
-    new = np.zeros(n + 1, np.int32)
-    new[1 + np.argsort(mean_row, kind="stable")] = np.arange(1, n + 1)
-    return new[labels]
-
-
 def match(a: Labels, b: Labels, both: Mask) -> Matched:
     """Count how the cells labelled in ``a`` and ``b`` overlap within ``both``, bool (n_z, n_theta)."""
     n_a, n_b = int(a.max(initial=0)), int(b.max(initial=0))
@@ -137,26 +108,22 @@ def match(a: Labels, b: Labels, both: Mask) -> Matched:
     return Matched(area_a.astype(np.float64), area_b.astype(np.float64), common)
 
 
-def measure(
-    sides: tuple[Surface, Surface], labels: tuple[Labels, Labels], grid: SurfaceGrid, *, aligned: bool
-) -> tuple[Cell, ...]:
+def measure(a: Surface, b: Surface, grid: SurfaceGrid, *, aligned: bool) -> tuple[Cell, ...]:
     """Return every cell of both sides, A's first. Where not ``aligned``, cells have no partners and no depth but
     their own side's.
     """
-    both = sides[0].valid & sides[1].valid if aligned else np.zeros(grid.shape, np.bool_)
-    matched = match(*labels, both)
+    both = a.valid & b.valid if aligned else np.zeros(grid.shape, np.bool_)
+    matched = match(a.labels, b.labels, both)
     return (
-        *_of_side(sides[0], sides[1], labels[0], matched, grid, aligned=aligned),
-        *_of_side(sides[1], sides[0], labels[1], matched.turned(), grid, aligned=aligned),
+        *_of_side(a, b, matched, grid, aligned=aligned),
+        *_of_side(b, a, matched.turned(), grid, aligned=aligned),
     )
 
 
-def _of_side(
-    own: Surface, other: Surface, labels: Labels, matched: Matched, grid: SurfaceGrid, *, aligned: bool
-) -> list[Cell]:
+def _of_side(own: Surface, other: Surface, matched: Matched, grid: SurfaceGrid, *, aligned: bool) -> list[Cell]:
     n = matched.area_a.size - 1
-    row, column = np.nonzero(labels)
-    found = labels[row, column]
+    row, column = np.nonzero(own.labels)
+    found = own.labels[row, column]
     area_px = np.bincount(found, minlength=n + 1)
     turn = np.bincount(found, np.cos(grid.theta_rad)[column], n + 1) + 1j * np.bincount(
         found, np.sin(grid.theta_rad)[column], n + 1

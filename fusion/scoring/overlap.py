@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.fusion.result import Limits, Overlap
-from endoct.fusion.scoring.cells import Surface
 from endoct.fusion.scoring.intervals import Interval, interval_of
 from endoct.fusion.scoring.sites import Sites
+from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.arrays import Coordinates, Mask
 
 FEWEST_PAIRS = 3

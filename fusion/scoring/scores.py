@@ -3,18 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.placement import Samples
+from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Bootstrap, Budget, MaskScores, PairScores, Scores
 from endoct.fusion.scoring.boundary import boundary_scores
 from endoct.fusion.scoring.budget import agreement_budget
-from endoct.fusion.scoring.cells import Cell, Surface, label_in_order, measure
+from endoct.fusion.scoring.cells import Cell, measure
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED
 from endoct.fusion.scoring.matched_cells import area_limits, cell_scores, depth_limits, drift
 from endoct.fusion.scoring.overlap import overlap
 from endoct.fusion.scoring.sites import Sites, find_sites, strata
+from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.panorama import Panorama
 
 BOOTSTRAP = Bootstrap(resamples=RESAMPLES, seed=SEED, level=LEVEL, over="sites: places where either shows a cell")
 
@@ -29,23 +28,20 @@ class Scored:
 
 
 def score_sides(
-    sides: tuple[Panorama, Panorama],
     surfaces: tuple[Surface, Surface],
     grid: SurfaceGrid,
-    alignment: Alignment | None,
+    samplings: tuple[Sampling, Sampling] | None,
     tolerance_mm: float,
 ) -> Scored:
-    """Return the cells and scores of ``surfaces``, what two ``sides`` show on ``grid``.
+    """Return the cells and scores of ``surfaces``, what two sides show on ``grid``.
 
-    With ``alignment`` None each side's cells are measured by themselves, and nothing is scored. The scores lack the
-    overlap on B's own rows.
+    ``samplings`` say how each came there. None where the sides are not aligned: then each side's cells are measured by
+    themselves, and nothing is scored. The scores lack the overlap on B's own rows.
     """
-    labels = label_in_order(surfaces[0].mask), label_in_order(surfaces[1].mask)
-    cells = measure(surfaces, labels, grid, aligned=alignment is not None)
-    if alignment is None:
+    cells = measure(*surfaces, grid, aligned=samplings is not None)
+    if samplings is None:
         return Scored(cells, None, None)
-    samples = Samples(sides[0].grid, sides[0].z_mm), Samples(sides[1].grid, sides[1].z_mm)
-    budget = agreement_budget(surfaces, labels, cells, grid, samples, alignment)
+    budget = agreement_budget(surfaces, samplings, cells, grid)
     return Scored(cells, pair_scores(*surfaces, cells, grid, tolerance_mm), budget)
 
 

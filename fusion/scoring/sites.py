@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.fusion.result import Strata, Stratum
-from endoct.fusion.scoring.cells import Labels, Surface, label_in_order
 from endoct.fusion.scoring.intervals import Interval, ratio_interval
-from endoct.fusion.segmentation.regions import quantiles
+from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.segmentation.regions import Labels, label_in_order, quantiles
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
 SIZE_EDGES_MM = (0.3, 0.6)

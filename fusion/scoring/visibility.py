@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from endoct.fusion.evidence.evidence import CLIP
-from endoct.fusion.scoring.cells import Labels, Surface
+from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.segmentation.regions import Labels
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import masked_gaussian
 from endoct.stitching.grid import SurfaceGrid

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.segmentation.regions import label, morphology, remove_small
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.regions import Labels, clean, label
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import masked_gaussian
+from endoct.stitching.circle import masked_gaussian, pad_circle
 
 COARSEST_MM = 0.06
-"""With samples farther apart than this an outline cannot be told from a fading."""
+"""With samples farther apart than this an outline cannot be distinguished from a fading."""
 N_LEVELS = 9
 LEVELS = (0.5, 1.2)
 """The lowest as part of Li's threshold, the highest as it is."""
@@ -34,24 +34,15 @@ HALF_REACH_MM = 0.06
 HALF_CAP = 0.8
 
 
-@dataclass(frozen=True)
-class Outlining:
-    """How regions are cleaned, as in :class:`endoct.fusion.segmentation.segment.SegmentParameters`; mm and mm²."""
-
-    open_mm: float
-    close_mm: float
-    smallest_mm2: float
-
-
 @dataclass(frozen=True, eq=False)
 class _Level:
     """Labels of the regions above one level (0 outside), and by label what their outlines count."""
 
-    labels: NDArray[np.int32]
+    labels: Labels
     score: Coordinates
 
 
-def clearest_regions(behind: Evidence, prepared: Image, threshold: float, how: Outlining) -> Mask | None:
+def clearest_regions(behind: Evidence, prepared: Image, threshold: float, parameters: SegmentParameters) -> Mask | None:
     """Return the regions of ``behind`` with the clearest outlines, bool (n_z, n_theta), or None.
 
     ``prepared``: its values smoothed, floored and capped, float32; ``threshold``: Li's of these. None where samples lie
@@ -67,15 +58,15 @@ def clearest_regions(behind: Evidence, prepared: Image, threshold: float, how: O
     count = np.minimum(slope / np.float32(typical), np.float32(MOST_SLOPE)) - np.float32(LEAST_SLOPE)
     count[~_eroded(behind.valid)] = 0
     levels = np.geomspace(LEVELS[0] * threshold, max(LEVELS[1], 2 * threshold), N_LEVELS)
-    tree = [_level(behind, prepared > level, count, how) for level in levels]
+    tree = [_level(behind, prepared > level, count, parameters) for level in levels]
     mask = _clearest(tree)
     if not mask.any():
         return None
-    return _cleaned(_cut_at_half(behind, prepared, mask), behind, how) & behind.valid
+    return _cleaned(_cut_at_half(behind, prepared, mask), behind, parameters) & behind.valid
 
 
-def _level(behind: Evidence, above: Mask, count: Image, how: Outlining) -> _Level:
-    mask = _cleaned(above & behind.valid, behind, how)
+def _level(behind: Evidence, above: Mask, count: Image, parameters: SegmentParameters) -> _Level:
+    mask = _cleaned(above & behind.valid, behind, parameters)
     labels, n = label(mask)
     outline = mask & ~_eroded(mask)
     score = np.bincount(labels[outline], count[outline], n + 1).astype(np.float64)
@@ -105,7 +96,7 @@ def _clearest(tree: list[_Level]) -> Mask:
 
 
 def _cut_at_half(behind: Evidence, prepared: Image, mask: Mask) -> Mask:
-    """Return ``mask`` without what, near its outline, is less than half as dark as the darkest beside it."""
+    """Return ``mask`` without what, near its outline, is less than half as dark as the darkest near it."""
     reach = HALF_REACH_MM / behind.dz_mm, HALF_REACH_MM / behind.column_mm
     darkest = np.minimum(_highest(prepared, *reach), np.float32(HALF_CAP))
     near = _near_outside(mask, *reach)
@@ -122,23 +113,18 @@ def _highest(image: Image, rows_px: float, columns_px: float) -> Image:
     up, across = max(1, round(rows_px)), max(1, round(columns_px))
     y, x = np.mgrid[-up : up + 1, -across : across + 1]
     ellipse = ((y / up) ** 2 + (x / across) ** 2 <= 1).astype(np.uint8)
-    padded = np.pad(image, ((0, 0), (across, across)), mode="wrap")
+    padded = pad_circle(image, across)
     return np.asarray(cv2.dilate(padded, ellipse)[:, across:-across], dtype=np.float32)
 
 
-def _cleaned(mask: Mask, behind: Evidence, how: Outlining) -> Mask:
-    """Return ``mask`` opened, closed, without small regions, and with what its regions enclose."""
-    mask = morphology(mask, "open", how.open_mm / behind.dz_mm, how.open_mm / behind.column_mm)
-    mask = morphology(mask, "close", how.close_mm / behind.dz_mm, how.close_mm / behind.column_mm)
-    sample_mm2 = behind.dz_mm * behind.column_mm
-    mask = remove_small(mask, how.smallest_mm2 / sample_mm2)
-    return ~remove_small(~mask, LARGEST_FLOOR_MM2 / sample_mm2)
+def _cleaned(mask: Mask, behind: Evidence, parameters: SegmentParameters) -> Mask:
+    """Return ``mask`` cleaned, and with what its regions enclose."""
+    return clean(mask, behind.dz_mm, behind.column_mm, parameters, largest_hole_mm2=LARGEST_FLOOR_MM2)
 
 
 def _eroded(mask: Mask) -> Mask:
     """Return the samples of ``mask`` with all eight neighbours in it; beyond the ends of z it goes on."""
-    padded = np.pad(mask.astype(np.uint8), ((0, 0), (1, 1)), mode="wrap")
-    padded = np.pad(padded, ((1, 1), (0, 0)), mode="edge")
+    padded = np.pad(pad_circle(mask.astype(np.uint8), 1), ((1, 1), (0, 0)), mode="edge")
     return np.asarray(cv2.erode(padded, np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0)
 
 

@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 
+from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.circle import pad_circle
+
+Labels = NDArray[np.int32]
+"""Number of the region that each sample is of, 0 outside all."""
 
 
 def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, columns_px: float) -> Mask:
@@ -22,13 +27,13 @@ def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, 
     y, x = np.mgrid[-up : up + 1, -across : across + 1]
     ellipse = ((y / max(rows_px, 1e-9)) ** 2 + (x / max(columns_px, 1e-9)) ** 2 <= 1 + 1e-9).astype(np.uint8)
     pad = min(2 * across, mask.shape[1])
-    padded = np.pad(mask.astype(np.uint8), ((0, 0), (pad, pad)), mode="wrap")
+    padded = pad_circle(mask.astype(np.uint8), pad)
     kind = cv2.MORPH_OPEN if operation == "open" else cv2.MORPH_CLOSE
     done = cv2.morphologyEx(padded, kind, ellipse, borderType=cv2.BORDER_CONSTANT)
     return np.asarray(done[:, pad : pad + mask.shape[1]] > 0)
 
 
-def label(mask: Mask) -> tuple[NDArray[np.int32], int]:
+def label(mask: Mask) -> tuple[Labels, int]:
     """Return (labels (n_z, n_theta), 0 outside, 1 … n; n) of connected cells, joined over the seam of θ.
 
     Samples that touch at a corner are connected.
@@ -44,6 +49,19 @@ def label(mask: Mask) -> tuple[NDArray[np.int32], int]:
     return component.astype(np.int32)[labels], int(n_joined) - 1
 
 
+def label_in_order(mask: Mask) -> Labels:
+    """Return labels (n_z, n_theta) of connected cells over the seam of θ, from 1 in the order of their mean z."""
+    labels, n = label(mask)
+    if n == 0:
+        return labels
+    row, column = np.nonzero(labels)
+    of = labels[row, column]
+    mean_row = np.bincount(of, row, n + 1)[1:] / np.bincount(of, minlength=n + 1)[1:]
+    new = np.zeros(n + 1, np.int32)
+    new[1 + np.argsort(mean_row, kind="stable")] = np.arange(1, n + 1)
+    return new[labels]
+
+
 def remove_small(mask: Mask, smallest_px: float) -> Mask:
     """Return ``mask`` without connected cells of fewer than ``smallest_px`` samples."""
     if smallest_px <= 1:
@@ -52,6 +70,27 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
     keep = np.bincount(labels.ravel()) >= smallest_px
     keep[0] = False
     return np.asarray(keep[labels])
+
+
+def clean(
+    mask: Mask,
+    dz_mm: float,
+    column_mm: float,
+    parameters: SegmentParameters,
+    *,
+    largest_hole_mm2: float | None = None,
+) -> Mask:
+    """Return ``mask`` opened, closed, and without small cells and holes.
+
+    A cell is small below ``smallest_mm2``, and so is a hole unless ``largest_hole_mm2`` is given.
+    """
+    p = parameters
+    mask = morphology(mask, "open", p.open_mm / dz_mm, p.open_mm / column_mm)
+    mask = morphology(mask, "close", p.close_mm / dz_mm, p.close_mm / column_mm)
+    sample_mm2 = dz_mm * column_mm
+    hole_mm2 = p.smallest_mm2 if largest_hole_mm2 is None else largest_hole_mm2
+    mask = remove_small(mask, p.smallest_mm2 / sample_mm2)
+    return ~remove_small(~mask, hole_mm2 / sample_mm2)
 
 
 def quantiles(values: Image, labels: NDArray[np.integer], n: int, share: float) -> Coordinates:
@@ -64,6 +103,6 @@ def quantiles(values: Image, labels: NDArray[np.integer], n: int, share: float) 
     order = np.lexsort((values, labels))
     count = np.bincount(labels, minlength=n + 1)
     at = np.cumsum(count) - count + np.floor(share * np.maximum(count - 1, 0)).astype(np.intp)
-    found = np.full(n + 1, np.nan)
-    found[count > 0] = values[order[at[count > 0]]]
-    return found
+    lower = np.full(n + 1, np.nan)
+    lower[count > 0] = values[order[at[count > 0]]]
+    return lower

@@ -52,12 +52,12 @@ def test_the_grid_covers_both_sides(compared: Comparison) -> None:
     assert compared.grid.n_theta == 2048
     assert compared.grid.z_mm[0] == pytest.approx(0.0, abs=1e-6)
     assert compared.grid.z_mm[-1] == pytest.approx(7.0, abs=0.1)
-    assert compared.valid[0][compared.grid.z_mm < 5.9].all()
-    assert not compared.valid[0][compared.grid.z_mm > 6.1].any()
-    assert not compared.valid[1][compared.grid.z_mm < 1.0].any()
-    assert np.isnan(compared.depth_mm[0]).all()
-    assert np.array_equal(np.isfinite(compared.depth_mm[1]), compared.valid[1])
-    assert not (compared.mask & ~compared.valid).any()
+    assert compared.sides[0].valid[compared.grid.z_mm < 5.9].all()
+    assert not compared.sides[0].valid[compared.grid.z_mm > 6.1].any()
+    assert not compared.sides[1].valid[compared.grid.z_mm < 1.0].any()
+    assert np.isnan(compared.sides[0].depth_mm).all()
+    assert np.array_equal(np.isfinite(compared.sides[1].depth_mm), compared.sides[1].valid)
+    assert not any((side.mask & ~side.valid).any() for side in compared.sides)
 
 
 def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:
@@ -72,10 +72,11 @@ def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:
     loaded = load_comparison(tmp_path / "c.zarr")
     assert loaded.grid == compared.grid
     assert loaded.alignment == compared.alignment
-    assert loaded.sides == compared.sides
+    assert loaded.names == compared.names
     assert loaded.result == compared.result
-    for name in ("intensity", "depth_mm", "mask", "valid"):
-        assert np.array_equal(getattr(loaded, name), getattr(compared, name), equal_nan=name == "depth_mm")
+    for one, two in zip(loaded.sides, compared.sides, strict=True):
+        for name in ("intensity", "depth_mm", "mask", "valid"):
+            assert np.array_equal(getattr(one, name), getattr(two, name), equal_nan=name == "depth_mm")
 
 
 def test_something_else_on_disk(tmp_path: Path) -> None:
@@ -106,8 +107,9 @@ def test_rolling_both_rolls_the_answer_and_nothing_else(pair, columns: int) -> N
     assert abs(after.alignment.z_shift_mm - before.alignment.z_shift_mm) < 1e-3
     assert after.result.jaccard == pytest.approx(before.result.jaccard, abs=2e-3)
     # the last bit of rounding may move a sample over the threshold
-    assert np.mean(np.roll(before.mask, columns, axis=2) != after.mask) < 1e-3
-    assert np.array_equal(np.roll(before.valid, columns, axis=2), after.valid)
+    for one, two in zip(before.sides, after.sides, strict=True):
+        assert np.mean(np.roll(one.mask, columns, axis=1) != two.mask) < 1e-3
+        assert np.array_equal(np.roll(one.valid, columns, axis=1), two.valid)
 
 
 def test_bright_cells_are_recognised_by_their_correlation_with_depth(pair_of: Callable) -> None:
@@ -130,7 +132,7 @@ def test_depth_may_be_left_aside_for_intensity(pair) -> None:  # type: ignore[no
 def test_two_sides_of_one_modality(pair_of: Callable) -> None:
     pair = pair_of(5)
     found = compare_panoramas(pair.a, pair.a, COARSE)
-    assert found.sides == ("camera-1", "camera-2")
+    assert found.names == ("camera-1", "camera-2")
     assert found.result.jaccard > 0.98
     assert found.result.polarity == {"camera-1": "dark", "camera-2": "dark"}
     assert found.result.polarity_from["camera-1"] == "assumed"
@@ -143,10 +145,10 @@ def test_other_bores_are_written_but_not_scored(pair_of: Callable, tmp_path: Pat
     assert found.reason
     assert found.result.aligned is False
     assert found.result.alignment is found.result.jaccard is found.result.dice is None
-    assert found.mask[0].any()
-    assert found.mask[1].any()
+    assert found.sides[0].mask.any()
+    assert found.sides[1].mask.any()
     # B lies by its nominal orientation: both start at z = 0
-    assert found.valid[1][0].all()
+    assert found.sides[1].valid[0].all()
     save_comparison(found, tmp_path / "c.zarr")
     (tmp_path / "result.json").write_text(json.dumps(found.result.to_json()))
     assert load_comparison(tmp_path / "c.zarr").alignment is None
@@ -158,7 +160,7 @@ def test_bridged_rows_do_not_count(pair) -> None:  # type: ignore[no-untyped-def
     found = compare_panoramas(pair.a, replace(pair.b, valid=valid), COARSE)
     assert found.alignment is not None
     lost = np.abs(found.grid.z_mm - found.alignment.z_to_a(pair.b.z_mm[11])) < 0.2
-    assert not found.valid[1][lost].any()
+    assert not found.sides[1].valid[lost].any()
     assert found.result.valid_fraction < 1
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from endoct.fusion.comparison import CompareParameters
+from endoct.fusion.parameters import CompareParameters
 from endoct.modalities import registry
 from endoct.modalities.acquisition import read_keys, validate
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition

@@ -122,7 +122,7 @@ def test_masks_of_several_raters(tmp_path: Path, run: Run) -> None:
     assert "Two raters" in (tmp_path / "c" / "report.html").read_text()
     # what they agree on can be read as a mask again
     consensus = read_mask(tmp_path / "c" / "consensus.png")
-    assert consensus.provenance["rater"] == "consensus"
+    assert consensus.rater == "consensus"
     assert consensus.grid.n_theta == 2048
     (tmp_path / "more").mkdir()
     twice = tmp_path / "more" / "anna_1.png"

@@ -7,15 +7,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.files.masks import on_comparison, score_surface
 from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
-from endoct.fusion.scoring.cells import Surface
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
+from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.sides import Comparison
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.panorama import Panorama
 
 METHODS = {
     "majority": "cell where more than half of the raters drew one, each by the mean over the sessions",
@@ -35,7 +35,7 @@ class Against:
     consensus: Mask | None = None
 
 
-def score_drawings(comparison: Comparison, drawn: Mapping[str, Panorama], tolerance_mm: float) -> Against:
+def score_drawings(comparison: Comparison, drawn: Mapping[str, DrawnMask], tolerance_mm: float) -> Against:
     """Score each side against the masks ``drawn``, by path; of two and more, how raters agree too.
 
     Raises :class:`EndoctError` where two masks are of one rater and session, or there are too many.
@@ -47,8 +47,7 @@ def score_drawings(comparison: Comparison, drawn: Mapping[str, Panorama], tolera
     if len(drawn) == 1:
         return Against(truth)
     drawings = [
-        Drawing(mask.provenance["rater"], mask.provenance["session"], surfaces[path].mask, surfaces[path].valid)
-        for path, mask in drawn.items()
+        Drawing(mask.rater, mask.session, surfaces[path].mask, surfaces[path].valid) for path, mask in drawn.items()
     ]
     _check(drawings)
     covered = np.logical_and.reduce([drawing.valid for drawing in drawings])

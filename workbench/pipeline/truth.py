@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from endoct.fusion.segmentation.segment import SegmentParameters, segment
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.segment import segment
 from endoct.fusion.sides import Comparison
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
@@ -175,9 +177,9 @@ def jaccard(a: Mask, b: Mask, where: Mask) -> float:
 
 
 def held_against(
-    truth: Truth, endoscope: Panorama, oct_: Panorama, comparison: Comparison, parameters: SegmentParameters
+    truth: Truth, sides: tuple[Side, Side], comparison: Comparison, parameters: SegmentParameters
 ) -> dict[str, float]:
-    """Return how close a comparison of a specimen's endoscope (A) and OCT (B) is to the truth.
+    """Return how close a comparison of a specimen's endoscope (A) and OCT (B), the ``sides``, is to the truth.
 
     - ``aligned``: 1 or 0.
     - ``oct_truth``: Jaccard index of the OCT cells against the true cells, on the OCT's own rows and columns placed
@@ -193,15 +195,16 @@ def held_against(
     - ``right``: 1 where handedness and direction of travel were found, else 0.
     - ``confidence``: as the alignment states it.
     """
+    endoscope, oct_ = (side.panorama for side in sides)
     pose_e, pose_o = true_pose(endoscope, truth), true_pose(oct_, truth)
     true = TrueMap(endoscope.z_mm, pose_e, pose_o)
     z_true = true.z_to_a(oct_.z_mm)
     shared = np.isfinite(z_true)
     found = {
         "aligned": float(comparison.alignment is not None),
-        "oct_truth": jaccard(segment(oct_, parameters), true_cells(truth, pose_o, oct_), oct_.valid),
+        "oct_truth": jaccard(segment(sides[1], parameters), true_cells(truth, pose_o, oct_), oct_.valid),
         "oct_valid": float(oct_.valid[shared].mean()),
-        "endo_truth": jaccard(segment(endoscope, parameters), true_cells(truth, pose_e, endoscope), endoscope.valid),
+        "endo_truth": jaccard(segment(sides[0], parameters), true_cells(truth, pose_e, endoscope), endoscope.valid),
     }
     if (alignment := comparison.alignment) is None:
         return found

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.fusion.comparison import Comparison, load_comparison
-from endoct.fusion.evidence.prepare import MASK_MODALITY
+from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
+from endoct.fusion.files.store import load_comparison
 from endoct.fusion.result import Overlap, Result
 from endoct.fusion.scoring.cells import Cell
+from endoct.fusion.sides import PlacedSide
 from endoct.modalities.contract import Picture
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.contents import check_intact
@@ -86,21 +87,18 @@ def read_findings(folder: Path) -> Findings:
     check_intact(folder)
     comparison = load_comparison(folder / "comparison.zarr")
     pictures = load_pictures(folder / "pictures")
-    a, b = (_side(comparison, k, name, folder, pictures.get(name, {})) for k, name in enumerate(comparison.sides))
+    a, b = (_side(side, folder, pictures.get(side.name, {})) for side in comparison.sides)
     return Findings(comparison.result, comparison.grid, (a, b), comparison.cells)
 
 
-def _side(
-    comparison: Comparison, k: int, name: str, folder: Path, pictures: Mapping[int, tuple[Picture, ...]]
-) -> SideFindings:
-    depth_mm = comparison.depth_mm[k]
+def _side(side: PlacedSide, folder: Path, pictures: Mapping[int, tuple[Picture, ...]]) -> SideFindings:
     return SideFindings(
-        name=name,
-        intensity=comparison.intensity[k],
-        depth_mm=depth_mm if np.isfinite(depth_mm).any() else None,
-        mask=comparison.mask[k],
-        valid=comparison.valid[k],
-        panorama=load_panorama(folder / "panoramas" / f"{name}.zarr"),
+        name=side.name,
+        intensity=side.intensity,
+        depth_mm=side.depth_mm if np.isfinite(side.depth_mm).any() else None,
+        mask=side.mask,
+        valid=side.valid,
+        panorama=load_panorama(folder / "panoramas" / f"{side.name}.zarr"),
         pictures=pictures,
     )
 

@@ -15,7 +15,7 @@ from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
-from endoct.fusion.sides import Comparison
+from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.zarr_store import Named, write_arrays
@@ -28,12 +28,10 @@ OTHER = replace(CELL, side="endoscope", id=2, partner=1, depth_of="oct", depth_m
 
 
 def comparison() -> Comparison:
-    shape = (2, *GRID.shape)
-    flags = np.zeros(shape, np.bool_)
-    return Comparison(
-        GRID, SIDES, np.zeros(shape), np.full(shape, np.nan), flags, flags, Alignment(0.1, 0.2), None, RESULT,
-        (CELL, OTHER),
-    )  # fmt: skip
+    images = {"intensity": np.zeros(GRID.shape), "depth_mm": np.full(GRID.shape, np.nan)}
+    flags = {name: np.zeros(GRID.shape, np.bool_) for name in ("mask", "valid")}
+    one, two = (PlacedSide(name=name, **images, **flags) for name in SIDES)
+    return Comparison(GRID, (one, two), Alignment(0.1, 0.2), None, RESULT, (CELL, OTHER))
 
 
 @pytest.fixture
@@ -45,7 +43,7 @@ def store(tmp_path: Path) -> Path:
 
 def test_a_comparison_survives_the_disk(store: Path) -> None:
     found = load_comparison(store)
-    assert (found.sides, found.alignment, found.reason) == (SIDES, Alignment(0.1, 0.2), None)
+    assert (found.names, found.alignment, found.reason) == (SIDES, Alignment(0.1, 0.2), None)
     assert found.cells == (CELL, OTHER)
     assert found.grid == GRID
 

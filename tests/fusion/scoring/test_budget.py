@@ -6,16 +6,17 @@ from numpy.typing import NDArray
 from tolerances import BUDGET, BUDGET_OF_ONE_CAUSE
 
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.placement import IN_PLACE, Placement, Samples
+from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling
 from endoct.fusion.result import NotVisible
 from endoct.fusion.scoring.budget import PARTS, agreement_budget
-from endoct.fusion.scoring.cells import Surface, label_in_order, measure
+from endoct.fusion.scoring.cells import measure
+from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.scoring.visibility import invisible_cells
+from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.grid import SurfaceGrid
 
 GRID = SurfaceGrid.full_circle(200, 512, z0_mm=0.0, dz_mm=0.04, radius_mm=1.25)
-FINE = Samples(GRID, GRID.z_mm)
 SEEN = np.ones(GRID.shape, np.bool_)
 RNG = np.random.default_rng(5)
 DISCS = np.stack([RNG.uniform(0.4, 7.6, 60), RNG.uniform(0, 2 * np.pi, 60), RNG.uniform(0.15, 0.4, 60)], axis=1)
@@ -33,10 +34,11 @@ def wall(
 WALL = wall(GRID.z_mm, GRID.theta_rad)
 
 
-def budget(a: Surface, b: Surface, samples: tuple[Samples, Samples] = (FINE, FINE), placing: Alignment = IN_PLACE):  # type: ignore[no-untyped-def]
-    labels = label_in_order(a.mask), label_in_order(b.mask)
-    cells = measure((a, b), labels, GRID, aligned=True)
-    found = agreement_budget((a, b), labels, cells, GRID, samples, placing)
+def budget(
+    a: Surface, b: Surface, grids: tuple[SurfaceGrid, SurfaceGrid] = (GRID, GRID), placing: Alignment = IN_PLACE
+):  # type: ignore[no-untyped-def]
+    samplings = Sampling(grids[0], IN_PLACE), Sampling(grids[1], placing)
+    found = agreement_budget((a, b), samplings, measure(a, b, GRID, aligned=True), GRID)
     assert found is not None
     both = a.valid & b.valid
     j = (a.mask & b.mask & both).sum() / ((a.mask | b.mask) & both).sum()
@@ -75,14 +77,14 @@ def test_a_misalignment_as_large_as_stated_is_alignment(moved: str) -> None:
 
 def test_wide_rows_are_sampling() -> None:
     rows = 0.1 + 0.2 * np.arange(39)
-    coarse = Samples(SurfaceGrid.full_circle(39, 512, z0_mm=0.1, dz_mm=0.2, radius_mm=1.25), rows)
+    coarse = SurfaceGrid.full_circle(39, 512, z0_mm=0.1, dz_mm=0.2, radius_mm=1.25).with_rows(rows)
     shown = wall(rows, GRID.theta_rad)
-    mask, valid = Placement(coarse, IN_PLACE, GRID, GRID.z_mm, GRID.dz_mm).mask(shown, np.ones(shown.shape, np.bool_))
-    for a, b, samples in (
-        (Surface("a", WALL, SEEN), Surface("b", mask, valid), (FINE, coarse)),
-        (Surface("a", mask, valid), Surface("b", WALL, SEEN), (coarse, FINE)),
+    mask, valid = Placement.averaging(coarse, IN_PLACE, GRID).mask(shown, np.ones(shown.shape, np.bool_))
+    for a, b, grids in (
+        (Surface("a", WALL, SEEN), Surface("b", mask, valid), (GRID, coarse)),
+        (Surface("a", mask, valid), Surface("b", WALL, SEEN), (coarse, GRID)),
     ):
-        found, shares = budget(a, b, samples)
+        found, shares = budget(a, b, grids)
         assert found.one_minus_jaccard > 0.05
         assert shares["sampling"] == pytest.approx(found.one_minus_jaccard, abs=BUDGET)
         assert shares["visibility"] == 0
@@ -118,8 +120,8 @@ def test_what_one_side_did_not_cover_stands_beside() -> None:
 
 def test_no_cells_no_budget() -> None:
     nothing = Surface("a", ~SEEN, SEEN)
-    labels = label_in_order(nothing.mask), label_in_order(nothing.mask)
-    assert agreement_budget((nothing, nothing), labels, (), GRID, (FINE, FINE), IN_PLACE) is None
+    samplings = Sampling(GRID, IN_PLACE), Sampling(GRID, IN_PLACE)
+    assert agreement_budget((nothing, nothing), samplings, (), GRID) is None
 
 
 def test_faint_signs_are_told_from_bare_wall_by_size() -> None:

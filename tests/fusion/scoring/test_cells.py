@@ -12,7 +12,8 @@ from skimage.measure import label, regionprops
 from tolerances import CELL_AREA_REL, CELL_PLACE_MM
 
 from endoct.fusion.files.cell_table import as_numbers, from_numbers, write_cells
-from endoct.fusion.scoring.cells import Cell, Surface, label_in_order, measure
+from endoct.fusion.scoring.cells import Cell, measure
+from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.grid import SurfaceGrid
 
@@ -27,7 +28,7 @@ def disc(z_mm: float, arc_mm: float, radius_mm: float) -> NDArray[np.bool_]:
 
 
 def measured(a: Surface, b: Surface) -> tuple[Cell, ...]:
-    return measure((a, b), (label_in_order(a.mask), label_in_order(b.mask)), GRID, aligned=True)
+    return measure(a, b, GRID, aligned=True)
 
 
 def side(name: str, *discs: NDArray[np.bool_], valid: NDArray[np.bool_] = SEEN, depth: float | None = None) -> Surface:
@@ -94,7 +95,7 @@ def test_a_cell_at_the_end_of_what_was_seen() -> None:
 
 def test_not_aligned_nobody_knows_partners() -> None:
     a, b = side("a", disc(2, 1, 0.3)), side("b", disc(2, 1, 0.3), depth=0.2)
-    cells = measure((a, b), (label_in_order(a.mask), label_in_order(b.mask)), GRID, aligned=False)
+    cells = measure(a, b, GRID, aligned=False)
     assert [(c.partner, c.seen_by, c.depth_of) for c in cells] == [(None, "a", None), (None, "b", "b")]
 
 

@@ -96,12 +96,12 @@ def test_outlines_need_a_panorama(tmp_path: Path) -> None:
 def test_rater_and_session_by_the_name_or_the_sidecar(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     for name, said in (("anna_2.png", ("anna", "2")), ("bea.png", ("bea", "1")), ("c_d_late.png", ("c_d", "late"))):
         cv2.imwrite(str(tmp_path / name), pair.cells_a.astype(np.uint8))
-        provenance = read_mask(tmp_path / name, pair.a).provenance
-        assert (provenance["rater"], provenance["session"]) == said
+        mask = read_mask(tmp_path / name, pair.a)
+        assert (mask.rater, mask.session) == said
     sidecar = 'modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.05\nrater = "zoe"\n'
     (tmp_path / "bea.toml").write_text(sidecar)
-    provenance = read_mask(tmp_path / "bea.png", pair.a).provenance
-    assert (provenance["rater"], provenance["session"]) == ("zoe", "1")
+    mask = read_mask(tmp_path / "bea.png", pair.a)
+    assert (mask.rater, mask.session) == ("zoe", "1")
 
 
 def test_within_and_between_raters() -> None:

@@ -9,8 +9,9 @@ from scipy.spatial.distance import dice, jaccard
 from skimage.measure import label
 
 from endoct.fusion.result import PairScores
-from endoct.fusion.scoring.cells import Surface, label_in_order, measure
+from endoct.fusion.scoring.cells import measure
 from endoct.fusion.scoring.scores import pair_scores
+from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.grid import SurfaceGrid
 
@@ -31,8 +32,7 @@ LATTICE = np.array([[z, theta, 0.15 + 0.05 * k] for k, z in enumerate((1, 2.5, 4
 
 def card(a: NDArray[np.bool_], b: NDArray[np.bool_], seen_by_b: NDArray[np.bool_] = SEEN, **of_b: Any) -> PairScores:
     one, two = Surface("a", a, SEEN), Surface("b", b & seen_by_b, seen_by_b, **of_b)
-    cells = measure((one, two), (label_in_order(one.mask), label_in_order(two.mask)), GRID, aligned=True)
-    return pair_scores(one, two, cells, GRID, 0.1)
+    return pair_scores(one, two, measure(one, two, GRID, aligned=True), GRID, 0.1)
 
 
 def test_two_alike() -> None:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.segmentation.segment import SegmentParameters, find_cells
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.segment import find_cells
 from endoct.stitching.circle import gaussian
 
 N_ROWS, N_THETA, STEP_MM = 150, 400, 0.02

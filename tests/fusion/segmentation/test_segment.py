@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label, morphology, remove_small
-from endoct.fusion.segmentation.segment import Segmentation, SegmentParameters, find_cells, segment
+from endoct.fusion.segmentation.segment import Segmentation, find_cells, segment
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 

@@ -98,8 +98,8 @@ def drawn_cells(path: Path, panorama: Panorama) -> Mask:
     """Return the cells of a mask drawn by hand on the panorama's samples, bool (n_z, n_theta)."""
     drawn = read_mask(path, like=panorama)
     check_same_bore(panorama.grid.radius_mm, drawn.grid.radius_mm)
-    placement = Placement(drawn, IN_PLACE, panorama.grid, panorama.z_mm, panorama.grid.dz_mm)
-    cells, _ = placement.mask(drawn.intensity > 0.5, drawn.valid)
+    placement = Placement.averaging(drawn.grid, IN_PLACE, panorama.grid)
+    cells, _ = placement.mask(drawn.mask, np.ones(drawn.mask.shape, np.bool_))
     return cells
 
 

@@ -14,7 +14,8 @@ from skimage import filters, morphology, segmentation
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
-from endoct.fusion.segmentation.segment import SegmentParameters, clean
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import masked_gaussian

@@ -7,7 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from endoct.fusion.comparison import CompareParameters, compare_panoramas
+from endoct.fusion.comparison import compare_sides
+from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.segmentation.segment import segment
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
@@ -57,10 +59,10 @@ class Specimen:
 
 @dataclass(frozen=True, eq=False)
 class ComparedPair:
-    """A comparison of a specimen's endoscope (A) and OCT (B), with the two panoramas and the parameters."""
+    """A comparison of a specimen's endoscope (A) and OCT (B), with the two sides as they came in and the parameters."""
 
-    endoscope: Panorama
-    oct: Panorama
+    endoscope: Side
+    oct: Side
     comparison: Comparison
     parameters: CompareParameters
 
@@ -68,8 +70,8 @@ class ComparedPair:
 def compare_pair(specimen: Specimen, settings: Settings) -> ComparedPair:
     """Unroll and compare as `endoct compare SPECIMEN/endoscope SPECIMEN/oct` does, with ``settings``."""
     parameters = validate(CompareParameters, dict(settings.get("compare", {})), "the settings of the comparison")
-    endoscope, oct_ = (specimen.unrolled(part, settings.get(part, {})) for part in ("endoscope", "oct"))
-    return ComparedPair(endoscope, oct_, compare_panoramas(endoscope, oct_, parameters), parameters)
+    a, b = two_sides(*(specimen.unrolled(part, settings.get(part, {})) for part in ("endoscope", "oct")))
+    return ComparedPair(a, b, compare_sides(a, b, parameters), parameters)
 
 
 ComparisonCase = Case[tuple[Specimen], Path]
@@ -97,7 +99,7 @@ def judge(case: Case[Given, Path], answer: ComparedPair) -> dict[str, float]:
     folder = case.truth
     if (folder / "truth" / "wall.zarr").is_dir():
         truth = load_truth(folder)
-        scores = held_against(truth, answer.endoscope, answer.oct, answer.comparison, answer.parameters)
+        scores = held_against(truth, (answer.endoscope, answer.oct), answer.comparison, answer.parameters)
         right = scores.pop("right", 0.0)
         scores.pop("aligned")
     else:
@@ -111,9 +113,10 @@ def judge(case: Case[Given, Path], answer: ComparedPair) -> dict[str, float]:
 def _against_drawn(folder: Path, answer: ComparedPair) -> dict[str, float]:
     """Score against masks drawn by hand, each side for which there are some; several raters count alike."""
     scores = {}
-    for name, panorama in (("oct_truth", answer.oct), ("endo_truth", answer.endoscope)):
+    for name, side in (("oct_truth", answer.oct), ("endo_truth", answer.endoscope)):
+        panorama = side.panorama
         if any((folder / "truth").glob(f"{panorama.modality}*")):
-            cells = segment(panorama, answer.parameters)
+            cells = segment(side, answer.parameters)
             drawn = truths_of(folder, panorama).values()
             scores[name] = float(np.mean([jaccard(cells, one, panorama.valid) for one in drawn]))
     if answer.comparison.alignment is not None:

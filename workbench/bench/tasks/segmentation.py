@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label
-from endoct.fusion.segmentation.segment import SegmentParameters, find_cells
+from endoct.fusion.segmentation.segment import find_cells
 from endoct.stitching.arrays import Mask
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama

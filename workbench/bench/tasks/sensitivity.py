@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from endoct.fusion.comparison import CompareParameters
+from endoct.fusion.parameters import CompareParameters
 from endoct.modalities.registry import manifests
 from endoct.workbench.bench.cases.specimens import DIFFICULTIES
 from endoct.workbench.bench.task import DOWN, UP, Case, Range, Task

@@ -1,0 +1,29 @@
+"""How cells are separated from the wall."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class SegmentParameters(BaseModel):
+    """How cells are separated from the wall. Lengths in mm on the wall, areas in mm²."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    segment: Literal["relief", "intensity"] = Field(
+        default="relief", description="what a side with depth is thresholded on; a side without has its intensity only"
+    )
+    relief_floor_mm: float = Field(default=0.0, ge=-10, le=10, description="relief below this counts as this")
+    relief_cap_mm: float = Field(default=0.2, ge=1e-4, le=10, description="relief above this counts as this")
+    contrast_cap: float = Field(
+        default=1.5, ge=1e-3, le=100, description="|log| of intensity relative to the wall's above this counts as this"
+    )
+    outlines: bool = Field(
+        default=True, description="take dark cells up to where their outline is clearest; else Li alone"
+    )
+    smooth_mm: float = Field(default=0.015, ge=0, le=2, description="sigma of the smoothing before the threshold")
+    open_mm: float = Field(default=0.03, ge=0, le=2, description="cells narrower than twice this are removed")
+    close_mm: float = Field(default=0.03, ge=0, le=2, description="gaps in cells narrower than twice this are closed")
+    smallest_mm2: float = Field(
+        default=0.01, ge=0, le=1e4, description="smaller cells, and holes in cells, are removed"
+    )

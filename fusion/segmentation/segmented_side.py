@@ -1,0 +1,85 @@
+"""A side and its cells, on its own samples."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.segment import Segmentation, find_cells
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedSide:
+    """A side with its cells; ``polarity_from`` says how it is known whether they are dark or bright, in words.
+
+    None where depth or a mask says by itself what is a cell.
+    """
+
+    side: Side
+    segmentation: Segmentation
+    polarity_from: str | None
+
+    @property
+    def contrast(self) -> Evidence | None:
+        """The evidence by which the cells were separated from the wall, where that is the intensity."""
+        polarity = self.segmentation.polarity
+        return None if polarity is None else self.side.contrast(polarity)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the panorama as a whole, or its cells, are not to be trusted, in full sentences."""
+        doubt = self.segmentation.doubt
+        return (*self.side.panorama.doubts, *([doubt] if doubt else []))
+
+
+def segment_sides(
+    a: Side,
+    b: Side,
+    alignment: Alignment | None,
+    parameters: SegmentParameters,
+    polarity: Literal["auto", "dark", "bright"] = "auto",
+) -> tuple[SegmentedSide, SegmentedSide]:
+    """Return both sides with their cells, each segmented on its own samples.
+
+    ``polarity`` other than "auto" says whether cells are dark or bright where a side is segmented by its intensity.
+    Else the sign of the correlation with what shows it decides: the side's own relief, or the other side, if it has
+    depth or is a mask. Where neither does, A's cells are dark, and B's as the two correlate.
+
+    Raises :class:`EndoctError` where all evidence of a side is alike.
+    """
+    agreement = None if alignment is None else alignment.correlation
+    return (
+        _segmented(a, parameters, polarity, b.evidence, agreement if b.evidence.knows_cells else None),
+        _segmented(b, parameters, polarity, a.evidence, agreement),
+    )
+
+
+def _segmented(
+    side: Side,
+    parameters: SegmentParameters,
+    polarity: Literal["auto", "dark", "bright"],
+    other: Evidence,
+    agreement: float | None,
+) -> SegmentedSide:
+    """Return ``side`` with its cells; ``agreement`` is its correlation with ``other``, None where that says nothing."""
+    evidence = side.cell_evidence(parameters.segment)
+    if evidence.knows_cells:
+        return SegmentedSide(side, find_cells(evidence, parameters), None)
+    dark_or_bright, known_from = _polarity(side, polarity, other, agreement)
+    return SegmentedSide(side, find_cells(side.contrast(dark_or_bright), parameters), known_from)
+
+
+def _polarity(
+    side: Side, given: Literal["auto", "dark", "bright"], other: Evidence, agreement: float | None
+) -> tuple[Polarity, str]:
+    """Return whether the cells of ``side`` are dark or bright, and how that is known."""
+    if given != "auto":
+        return given, "given"
+    if side.relief is not None:
+        of_depth = correlation(side.relief, side.contrast("dark"))
+        return ("bright" if of_depth < 0 else "dark"), "correlation with its own relief"
+    if agreement is not None:
+        return ("bright" if agreement < 0 else "dark"), f"correlation with the other side's {other.kind}"
+    return "dark", "assumed"

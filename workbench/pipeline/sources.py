@@ -1,0 +1,131 @@
+"""What the two sides of a comparison come from: recordings, panoramas, and masks drawn by hand."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endoct.fusion.evidence.drawn_mask import DrawnMask
+from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, is_label_store
+from endoct.fusion.files.masks import read_mask, stored_mask
+from endoct.fusion.geometry.placement import check_same_bore
+from endoct.modalities.acquisition import sidecar_path
+from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import is_panorama, load_panorama
+from endoct.stitching.worker_process import WorkerProcess
+from endoct.workbench.pipeline.side_by_side import unroll_both
+from endoct.workbench.pipeline.unrolling import Opened, Unrolled, open_side, unroll_recording
+from endoct.workbench.running.progress import Stages
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where one side of a comparison comes from, as named on the command line."""
+
+    path: Path
+    modality: str | None
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class MaskFile:
+    """A mask that is not read yet: to read it may need the panorama that it was drawn on, the other side's."""
+
+    path: Path
+
+
+Ready = Opened | Panorama | DrawnMask | MaskFile
+"""A source that is known to be usable, with nothing unrolled yet."""
+Made = Unrolled | Panorama | DrawnMask | MaskFile
+"""The same with recordings unrolled."""
+
+
+def open_both(sources: tuple[Source, Source]) -> tuple[Ready, Ready]:
+    """Open both sources of a comparison.
+
+    Raises :class:`EndoctError` where one cannot be used, or their bores have different diameters.
+    """
+    opened = _open(sources[0]), _open(sources[1])
+    radii_mm = [radius for radius in map(_radius_mm, opened) if radius is not None]
+    if len(radii_mm) == 2:
+        check_same_bore(*radii_mm)
+    return opened
+
+
+def unroll_sources(opened: tuple[Ready, Ready], stages: Stages, process: WorkerProcess | None) -> tuple[Made, Made]:
+    """Return both sources with recordings unrolled; two at the same time where there is a worker ``process``."""
+    a, b = opened
+    if isinstance(a, Opened) and isinstance(b, Opened):
+        return unroll_both(a, b, stages, process)
+    return _unrolled(a, stages, "A"), _unrolled(b, stages, "B")
+
+
+def read_sides(made: tuple[Made, Made]) -> tuple[Side, Side]:
+    """Return both sides. Raises :class:`EndoctError` where a mask cannot be read, or nothing says where it lies."""
+    a, b = made
+    return two_sides(_read(a, b), _read(b, a))
+
+
+def is_mask_image(path: Path) -> bool:
+    """Whether ``path`` is a mask drawn by hand, not a recording.
+
+    Outlines; one image of at most two values, or of whole numbers of 32 bits and more, which are labels; a Zarr store
+    of labels.
+    """
+    if path.is_dir():
+        return is_label_store(path) and not is_panorama(path) and not sidecar_path(path).is_file()
+    if path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES:
+        return True
+    if not path.is_file() or path.suffix.lower() not in IMAGE_SUFFIXES or sidecar_path(path).is_file():
+        return False
+    stack = open_stack(path)
+    if len(stack) != 1:
+        return False
+    return (stack.dtype.kind in "ui" and stack.dtype.itemsize >= 4) or np.unique(stack[0]).size <= 2
+
+
+def _open(source: Source) -> Ready:
+    unrolled, mask = is_panorama(source.path), is_mask_image(source.path)
+    given = [f"modality {source.modality}"] * (source.modality is not None) + list(source.settings)
+    if (unrolled or mask) and given:
+        raise EndoctError(
+            f"{source.path} is {'a panorama' if unrolled else 'a mask'}, which is compared as it is",
+            found=f"set for that side: {', '.join(given)}",
+            expected="settings for recordings only",
+            remedy="leave them out, or compare the recording itself",
+        )
+    if unrolled:
+        panorama = load_panorama(source.path)
+        return stored_mask(panorama) or panorama
+    if mask:
+        return MaskFile(source.path)
+    return open_side(source.path, modality=source.modality, settings=source.settings)
+
+
+def _radius_mm(opened: Ready) -> float | None:
+    """Return the radius of the bore that a source states; None for a mask that is not read yet."""
+    if isinstance(opened, MaskFile):
+        return None
+    return opened.stream.acquisition.bore_diameter_mm / 2 if isinstance(opened, Opened) else opened.grid.radius_mm
+
+
+def _unrolled(source: Ready, stages: Stages, label: str) -> Made:
+    return unroll_recording(source, stages, label) if isinstance(source, Opened) else source
+
+
+def _read(made: Made, other: Made) -> Panorama | DrawnMask:
+    """Return a side once it is read; a mask may be drawn on the ``other``."""
+    if isinstance(made, MaskFile):
+        return read_mask(made.path, like=_panorama(other))
+    return made.panorama if isinstance(made, Unrolled) else made
+
+
+def _panorama(made: Made) -> Panorama | None:
+    if isinstance(made, MaskFile):
+        return None
+    return made if isinstance(made, Panorama) else made.panorama
