@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.modalities.oct.face.circle import Capillary
 from endoct.modalities.oct.face.faces import Faces
@@ -38,7 +36,7 @@ class OctCalibration:
 
     grid: SurfaceGrid
     row_z_mm: Coordinates
-    per_frame: Mapping[str, NDArray[Any]]
+    per_frame: Mapping[str, Coordinates | Mask]
     notes: tuple[str, ...]
     acquisition: OctAcquisition
     parameters: OctParameters

@@ -6,12 +6,12 @@ from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.turning.rotation import Rotation
-from endoct.stitching.arrays import Coordinates
+from endoct.stitching.arrays import Coordinates, Mask
 
 
 def per_slice_values(
     z_mm: Coordinates, faces: Faces, rotation: Rotation, glass: Glass, acquisition: OctAcquisition
-) -> dict[str, Coordinates]:
+) -> dict[str, Coordinates | Mask]:
     """Return the geometry of every slice, its quality and its rotation by name, each (n_slices, …)."""
     capillary = faces.capillary
     turned_rad = acquisition.sense * (capillary.direction_rad + rotation.start_rad)

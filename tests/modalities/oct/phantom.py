@@ -63,7 +63,7 @@ class Phantom:
         within = np.arcsin(np.sin(into) / GLASS_INDEX)
         onto = np.arcsin((CAPILLARY_MM - GLASS_MM) * np.sin(within) / CAPILLARY_MM)
         out = np.arcsin(GLASS_INDEX * np.sin(onto))
-        return (into - within) - (out - onto)
+        return np.asarray((into - within) - (out - onto))
 
     def _slice(self, index: int) -> NDArray[np.float32]:
         rng = np.random.default_rng((self.seed, index))

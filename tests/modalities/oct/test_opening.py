@@ -1,6 +1,7 @@
 """What is a pullback, and what its sidecar must say."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
 from endoct.stitching.errors import EndoctError
 
-KEYS = {
+KEYS: dict[str, Any] = {
     "modality": "oct",
     "axial_pixel_mm": 0.005,
     "pullback_pitch_mm": 0.2,

@@ -41,7 +41,7 @@ def test_a_helical_scan_of_turns_that_start_anywhere(unrolled: UnrollPhantom, tr
     place_mm = panorama.z_mm[:, None] + (-1 if travel == "out" else 1) * 0.2 * (share - 0.5)
     valid = np.ones(panorama.grid.shape, bool)
     valid[2, 100] = False
-    helix = OCT.settle(replace(panorama, intensity=place_mm, depth_mm=None, valid=valid), centred)
+    helix = OCT.settle(replace(panorama, intensity=place_mm.astype(np.float32), depth_mm=None, valid=valid), centred)
     inner = helix.valid[1:-1]
     expected_mm = np.broadcast_to(panorama.z_mm[1:-1, None], inner.shape)
     np.testing.assert_allclose(helix.intensity[1:-1][inner], expected_mm[inner], atol=1e-6)

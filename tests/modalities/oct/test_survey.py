@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct import survey
-from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.faces import Faces, locate_faces
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching import kept
 from endoct.stitching.errors import EndoctError
@@ -48,7 +48,6 @@ def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
         tracemalloc.reset_peak()  # what is judged before, some 4000 A-scans of all, does not grow with their number
         return locate_faces(*arguments)
 
-    locate_faces = survey.locate_faces
     stream = Again(n)
     with monkeypatch.context() as patch:
         patch.setattr(survey, "locate_faces", located)

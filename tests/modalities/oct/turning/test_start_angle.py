@@ -94,5 +94,7 @@ def test_an_angle_common_to_all_slices_only_rolls_the_panorama(unrolled: UnrollP
     pages = phantom.log_counts()
     _, _, straight = unrolled(phantom, pages)
     _, _, rolled = unrolled(phantom, np.roll(pages, 180, axis=2))
+    assert straight.depth_mm is not None
+    assert rolled.depth_mm is not None
     shifted = np.roll(straight.depth_mm, 180, axis=1)
     assert np.mean(np.abs(shifted - rolled.depth_mm) > 0.03) < 0.02

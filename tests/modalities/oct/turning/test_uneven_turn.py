@@ -62,7 +62,7 @@ def test_on_the_axis_an_uneven_turn_is_not_known_and_nothing_is_changed() -> Non
 def test_each_step_can_be_switched_off(step: str) -> None:
     error = smooth(np.random.default_rng(3), 0.05) + 0.01 * (NOMINAL - np.pi)
     slices = [drawn_slice(error, 0.0, 0.25 + 0j, i) for i in range(6)]
-    parameters = OctParameters(**{f"correct_{step}": False})
+    parameters = OctParameters.model_validate({f"correct_{step}": False})
     rotation, _ = measure_turns(slices, faces_of(slices), Glass(RADIUS_MM), parameters)
     off, on = (rotation.smooth_rad, rotation.stretch) if step == "rotation" else (rotation.stretch, rotation.smooth_rad)
     assert np.abs(off).max() < 1e-6
