@@ -28,6 +28,12 @@ def harmonics(angle_rad: ArrayLike, orders: Sequence[int]) -> Coordinates:
     return np.stack([np.cos(multiples), np.sin(multiples)], axis=2).reshape(len(multiples), 2 * len(orders))
 
 
+def turned_harmonic(factors: Coordinates, by_rad: ArrayLike) -> Coordinates:
+    """Return factors of (cos θ, sin θ), (n, 2), as factors of those of θ + ``by_rad``, one angle or (n,)."""
+    cos, sin = np.cos(by_rad), np.sin(by_rad)
+    return np.stack([factors[:, 0] * cos - factors[:, 1] * sin, factors[:, 0] * sin + factors[:, 1] * cos], axis=1)
+
+
 def pad_circle(samples: NDArray[Scalar], n: int, axis: int = -1) -> NDArray[Scalar]:
     """Return ``samples`` with the ``n`` nearest of the other end repeated at both ends of ``axis``, a full circle."""
     widths = [(0, 0)] * samples.ndim

@@ -13,6 +13,7 @@ import numpy as np
 
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.chain import robust_chain
+from endoct.stitching.circle import turned_harmonic
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.kept import Kept
 from endoct.stitching.matching import Matcher, Pairs
@@ -130,7 +131,7 @@ def _solve(n: int, pairs: list[Pairs], prior_mm: Coordinates | None, direction: 
     # a pair that the others overrule was not right, however clear it looked
     trusted = first.trusted & z_agree & roll_agree
     sway = np.zeros((n, 2))
-    turned = [_in_wall_angle(p.roll_rad[:, 1:], roll[: n - p.step]) for p in pairs]
+    turned = [turned_harmonic(p.roll_rad[:, 1:], roll[: n - p.step]) for p in pairs]
     for part in (0, 1):
         links = [(p.step, t[:, part], p.trusted) for p, t in zip(pairs, turned, strict=True)]
         sway[:, part], _ = robust_chain(none, SWAY_PRIOR_RAD * even, links, MEASUREMENT_RAD, cyclic=False)
@@ -164,9 +165,3 @@ def _without_trend(values: Coordinates, along: Coordinates) -> Coordinates:
     """Return ``values`` (n, k) less the straight line along (n,) that fits them best."""
     line = np.stack([np.ones_like(along), along], axis=1)
     return np.asarray(values - line @ np.linalg.lstsq(line, values, rcond=None)[0])
-
-
-def _in_wall_angle(harmonic: Coordinates, roll_rad: Coordinates) -> Coordinates:
-    """Return parts of (cos, sin) of a strip's θ, (n, 2), as parts of those of θ + roll."""
-    cos, sin = np.cos(roll_rad), np.sin(roll_rad)
-    return np.stack([harmonic[:, 0] * cos - harmonic[:, 1] * sin, harmonic[:, 0] * sin + harmonic[:, 1] * cos], axis=1)

@@ -192,9 +192,3 @@ def doubt_of_feed(feed: Feed, nominal: Coordinates | None) -> str | None:
         f"Neighbouring frames lie {np.median(measured_mm):.3f} mm apart as measured and {np.median(stated_mm):.3f} mm "
         "by the nominal feed, in the median: the annulus, its visible length or that feed is wrong, and z with it."
     )
-
-
-def turned_by(harmonic: Coordinates, by_rad: float) -> Coordinates:
-    """Return parts of (cos θ, sin θ), (n, 2), as parts of those of θ + ``by_rad``."""
-    cos, sin = np.cos(by_rad), np.sin(by_rad)
-    return np.stack([harmonic[:, 0] * cos - harmonic[:, 1] * sin, harmonic[:, 0] * sin + harmonic[:, 1] * cos], axis=1)

@@ -24,11 +24,11 @@ from endoct.modalities.endoscope.places import (
     placed,
     scale_by_feed,
     self_calibrated,
-    turned_by,
 )
 from endoct.modalities.endoscope.unroll import pixel_map, recentred, sample
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.circle import turned_harmonic
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed
 from endoct.stitching.grid import SurfaceGrid
@@ -138,7 +138,7 @@ def _surveyed(
     optics = optics_with_rim(optics, acquisition, feed, notes)
     doubts = () if (doubt := doubt_of_feed(feed, nominal)) is None else (doubt,)
     z_mm, roll_rad = placed(feed, optics, nominal, acquisition, parameters, notes)
-    sway_rad = turned_by(feed.sway_rad, float(roll_rad[0] - feed.roll_rad[0]))
+    sway_rad = turned_harmonic(feed.sway_rad, float(roll_rad[0] - feed.roll_rad[0]))
     if axis is not None:
         sway_rad = sway_rad + axis.sway_rad(float(np.median(roll_rad)), radius_mm)
 

@@ -6,7 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL, IMAGE_ATOL
 
-from endoct.stitching.circle import gaussian, harmonics, largest_divisor, mean_angle_rad, pad_circle, wrap_rad
+from endoct.stitching.circle import (
+    gaussian,
+    harmonics,
+    largest_divisor,
+    mean_angle_rad,
+    pad_circle,
+    turned_harmonic,
+    wrap_rad,
+)
 
 
 def noise(rows: int = 12, columns: int = 64) -> np.ndarray:
@@ -68,6 +76,15 @@ def test_harmonics_come_as_cosine_and_sine_of_each_order() -> None:
     columns = [np.cos(2 * angle), np.sin(2 * angle), np.cos(5 * angle), np.sin(5 * angle)]
     np.testing.assert_array_equal(harmonics(angle, (2, 5)), np.stack(columns, axis=1))
     assert harmonics([], (2, 5)).shape == (0, 4)
+
+
+def test_a_turned_harmonic_is_the_same_wave() -> None:
+    factors, angle, by_rad = np.array([[0.3, -0.4], [0.1, 0.2]]), np.array([0.0, 1.0, 5.0]), np.array([0.7, -2.0])
+    turned = turned_harmonic(factors, by_rad)
+    wave = factors @ np.stack([np.cos(angle), np.sin(angle)])
+    for k in range(2):
+        there = angle + by_rad[k]
+        assert wave[k] == pytest.approx(turned[k] @ np.stack([np.cos(there), np.sin(there)]), abs=COORDINATE_ATOL)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
