@@ -12,7 +12,7 @@ from endoct.modalities.oct.face.neighbours import bridged, starts_anywhere, stea
 from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.ripple import N_RIPPLE, fit_ripple
-from endoct.modalities.oct.face.sine import Sine, ransac_sine
+from endoct.modalities.oct.face.sine import Sine, slice_sine
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
@@ -135,45 +135,11 @@ def _fit_face(features: SliceFeatures, start: Circle, axis_mm: float, parameters
 def _sines(
     slices: Sequence[SliceFeatures], capillary: Capillary, good: Mask, parameters: OctParameters
 ) -> tuple[Sine, ...]:
-    """The paper's sine through the points near each circle; a bridged slice gets the circle's first order."""
-    sines = []
-    for i, features in enumerate(slices):
-        circle = capillary.circle(i)
-        start = _first_order(circle, parameters)
-        sines.append(_sine(features.points, circle, start, i, parameters) if good[i] else start)
-    return tuple(sines)
-
-
-def _first_order(circle: Circle, parameters: OctParameters) -> Sine:
-    """The sine to start from: what ``parameters`` give, the first order of ``circle`` for the rest."""
-    amplitude_mm, phase_rad = parameters.start_amplitude_mm, parameters.start_phase_rad
-    phase_rad = -circle.direction_rad - np.pi / 2 if phase_rad is None else phase_rad
-    return Sine(
-        amplitude_mm=circle.offset_mm if amplitude_mm is None else amplitude_mm,
-        omega=1.0,
-        phase_rad=float(np.mod(phase_rad, 2 * np.pi)),
-        offset_mm=circle.axis_depth_mm + circle.radius_mm - _second_order_mm(circle),
+    """The paper's sine of each slice; a bridged one gets the circle's first order."""
+    return tuple(
+        slice_sine(features.points if good[i] else Points.none(), capillary.circle(i), i, parameters)
+        for i, features in enumerate(slices)
     )
-
-
-def _second_order_mm(circle: Circle) -> float:
-    """By how much the circle's mean depth falls short of that of a catheter on the axis."""
-    return circle.offset_mm**2 / (4 * circle.radius_mm)
-
-
-def _sine(points: Points, circle: Circle, start: Sine, index: int, parameters: OctParameters) -> Sine:
-    near = points.where(np.abs(points.beyond_mm(circle)) < 2 * parameters.face_tolerance_mm)
-    if len(near) < 4:
-        return start
-    sine, _ = ransac_sine(
-        near.angle_rad,
-        near.depth_mm,
-        tolerance_mm=parameters.face_tolerance_mm + _second_order_mm(circle),
-        trials=parameters.ransac_trials,
-        rng=np.random.default_rng((parameters.seed, index)),
-        start=start,
-    )
-    return sine
 
 
 def _ripples(
