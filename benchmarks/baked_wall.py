@@ -51,7 +51,7 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=20_000)
     arguments = parser.parse_args()
     for kind in ("phantom", "mastoid"):
-        sample = draw("mastoid", arguments.seed, wishes={"bore.bone": (kind,)})
+        sample = draw("mastoid", arguments.seed, ranges={"bore.bone": (kind,)})
         wall, rng = build_wall(sample), np.random.default_rng(arguments.seed)
         z_mm = rng.uniform(1, sample.bore.length_mm - 1, arguments.rays)
         theta_rad = rng.uniform(0, 2 * np.pi, arguments.rays)

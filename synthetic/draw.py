@@ -26,7 +26,7 @@ from endoct.synthetic.sample.parameters import (
 )
 from endoct.synthetic.sample.presets import PRESETS, Preset, PresetName
 from endoct.synthetic.sample.randomness import Stage, generator
-from endoct.synthetic.sample.ranges import NO_WISHES, Drawer, Wish, check_wishes, default_ranges
+from endoct.synthetic.sample.ranges import NO_RANGES, Drawer, Range, check_ranges, default_ranges
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06
@@ -35,20 +35,20 @@ LEAST_INNER_SHARE = 0.08
 
 
 def draw(
-    preset: PresetName, seed: int, *, bore_seed: int | None = None, wishes: Mapping[str, Wish] = NO_WISHES
+    preset: PresetName, seed: int, *, bore_seed: int | None = None, ranges: Mapping[str, Range] = NO_RANGES
 ) -> Sample:
     """Return the sample of ``seed``.
 
     The bore depends on ``bore_seed`` alone (by default on ``seed``), so that several specimens can be recordings
-    of one bore. ``wishes``, "part.name" → (low, high) or words, replace what the preset draws from. Raises
-    :class:`EndoctError` where a wish names no parameter or goes beyond what it may be.
+    of one bore. ``ranges``, "part.name" → (low, high) or words, replace what the preset draws from. Raises
+    :class:`EndoctError` where one names no parameter or goes beyond what it may be.
     """
-    check_wishes(wishes)
+    check_ranges(ranges)
     size = PRESETS[preset]
-    wishes = {**size.ranges, **wishes}
+    ranges = {**size.ranges, **ranges}
     bore_seed = seed if bore_seed is None else bore_seed
-    bore = _bore(Drawer(generator(bore_seed, Stage.BORE), wishes), size)
-    one = Drawer(generator(seed, Stage.DRAW), wishes)
+    bore = _bore(Drawer(generator(bore_seed, Stage.BORE), ranges), size)
+    one = Drawer(generator(seed, Stage.DRAW), ranges)
     visible_mm = one.number(Endoscope, "visible_length_mm")
     oct_, camera = one.numbers(Oct), one.numbers(Endoscope) | {"visible_length_mm": visible_mm}
     oct_z, frame_z = _positions(one.rng, size, bore.length_mm, oct_, camera)

@@ -17,7 +17,7 @@ from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS, PresetName
-from endoct.synthetic.sample.ranges import NO_WISHES, Wish
+from endoct.synthetic.sample.ranges import NO_RANGES, Range
 
 MOST_WORKERS = 4
 
@@ -28,7 +28,7 @@ def simulate(
     preset: PresetName = "quick",
     seed: int = 0,
     bore_seed: int | None = None,
-    wishes: Mapping[str, Wish] = NO_WISHES,
+    ranges: Mapping[str, Range] = NO_RANGES,
     sample: Mapping[str, object] | None = None,
     labels: bool = False,
     spectra: bool = False,
@@ -39,9 +39,9 @@ def simulate(
 
     Files: ``oct/pullback.tif`` u8 (slice, depth, A-scan) and ``endoscope/frame_0000.png`` … (or ``frames.mkv``), each
     with its ``acquisition.toml``; ``truth/wall.zarr``, ``truth/recording.json`` (see
-    :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``wishes`` are those of
+    :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``ranges`` are those of
     :func:`endoct.synthetic.draw.draw`. ``sample``, the content of such a ``sample.json``, replays it; preset, seeds
-    and wishes do not matter then. ``labels`` adds ``truth/labels`` (:mod:`endoct.synthetic.labels`), ``spectra`` adds
+    and ranges do not matter then. ``labels`` adds ``truth/labels`` (:mod:`endoct.synthetic.labels`), ``spectra`` adds
     ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`). ``on_progress(stage, fraction)`` is called from this thread.
     ``workers`` processors render (default: all, at most four): a thread of this process, and worker processes that
     trace parts of the wall and render frames.
@@ -59,7 +59,7 @@ def simulate(
         # what is imported from here on takes a while to load: meanwhile the processes get ready, and then trace
         from endoct.synthetic.draw import draw
 
-        drawn = replayed or draw(preset, seed, bore_seed=bore_seed, wishes=wishes)
+        drawn = replayed or draw(preset, seed, bore_seed=bore_seed, ranges=ranges)
         write_specimen(folder, drawn, processes, progress, labels=labels, spectra=spectra)
 
 

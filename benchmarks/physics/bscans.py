@@ -30,7 +30,7 @@ EDGES = 36  # of the knife-edge target, a turn
 
 def plain(preset: str = "quick", seed: int = 1000, **oct_: Any) -> Sample:
     """Return the sample of a smooth bore without cells, seen by a catheter on its axis; ``oct_`` as wanted."""
-    drawn = draw(preset, seed, wishes={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})  # type: ignore[arg-type]
+    drawn = draw(preset, seed, ranges={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})  # type: ignore[arg-type]
     n = PRESETS[drawn.preset].n_slices
     bore = {
         "cells": (), "taper_mm": 0.0, "tilt_rad": 0.0, "wander_mm": 0.0, "roughness_mm": 0.0,

@@ -17,11 +17,11 @@ from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PresetName
-from endoct.synthetic.sample.ranges import Wish
+from endoct.synthetic.sample.ranges import Range
 from endoct.synthetic.truth import recording
 
 # enough of a rotation error, and enough of cells, to tell one from the other
-TURNING: Mapping[str, Wish] = {
+TURNING: Mapping[str, Range] = {
     "oct.rotation_error_peak_rad": (0.08, 0.08),
     "oct.scan": ("step",),
     "oct.wall_db": (20.0, 22.0),
@@ -29,7 +29,7 @@ TURNING: Mapping[str, Wish] = {
     "bore.cell_fraction": (0.27, 0.27),
 }
 # a smooth, round bore that shows nothing but paint, which no light and no depth can shift
-PAINTED: Mapping[str, Wish] = {
+PAINTED: Mapping[str, Range] = {
     "bore.bone": ("phantom",),
     "bore.texture": (0.3, 0.3),
     **{
@@ -64,9 +64,9 @@ class Slice:
 Z_SHIFTS_MM = np.arange(-0.2, 0.201, 0.02)
 
 
-def specimen(preset: PresetName, seed: int, wishes: Mapping[str, Wish]) -> tuple[Sample, Wall]:
+def specimen(preset: PresetName, seed: int, ranges: Mapping[str, Range]) -> tuple[Sample, Wall]:
     """Return a sample and its wall."""
-    sample = draw(preset, seed, wishes=wishes)
+    sample = draw(preset, seed, ranges=ranges)
     return sample, build_wall(sample)
 
 

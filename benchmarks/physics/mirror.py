@@ -22,7 +22,7 @@ GAMMA = 1.8  # of the display, undone
 
 def endoscope(half_angle_deg: float = 45.0, **camera: Any) -> tuple[Sample, Wall]:
     """Return a clean, grey endoscope with its apex 2 mm within a plain cylinder; ``camera`` as wanted."""
-    drawn = draw("learning", 1000, wishes={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})
+    drawn = draw("learning", 1000, ranges={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})
     bore = {
         "cells": (), "taper_mm": 0.0, "tilt_rad": 0.0, "wander_mm": 0.0, "roughness_mm": 0.0,
         "drill_mark_depth_mm": 0.0, "texture": 0.0, "smear": 0.0, "diameter_mm": 2.5,

@@ -207,11 +207,11 @@ def motion_of_oct(folder: Path, seed: int = 1000) -> Iterator[Line]:
 def motion_of_endoscope(folder: Path, seed: int = 1000) -> Iterator[Line]:
     """What an independent estimator finds of feed and roll, on cells and on paint."""
     feed, roll = [], []
-    for name, wishes, mm, rad in (
+    for name, ranges, mm, rad in (
         ("cells", TURNING, within.FOUND_FEED_MM, within.FOUND_ROLL_RAD),
         ("paint", PAINTED, within.FOUND_PAINT_MM, within.FOUND_PAINT_RAD),
     ):
-        run = frames(*specimen("learning", seed, wishes), range(16))
+        run = frames(*specimen("learning", seed, ranges), range(16))
         feed.append(Curve(1e3 * run.true_feed_mm, 1e3 * run.feed_mm, 1e3 * run.true_feed_mm, name))
         true_roll = np.rad2deg(run.true_roll_rad)
         roll.append(Curve(true_roll, np.rad2deg(run.roll_rad), true_roll, name))

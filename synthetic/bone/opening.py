@@ -15,7 +15,7 @@ from endoct.synthetic.bone.relief import WallGrid
 from endoct.synthetic.sample.parameters import Bore, Cell, Harmonic
 
 MOST_CELL_FRACTION = 0.295
-LEEWAY = 0.02  # beyond a wished fraction that is higher
+LEEWAY = 0.02  # beyond a larger fraction that was chosen
 STEP_MM = 0.02
 COLUMNS = 512
 
@@ -113,7 +113,7 @@ class CutWall:
         """Return the cells; raise :class:`EndoctError` where they are not enough."""
         if not self.enough:
             raise EndoctError(
-                "no room for as many cells as wished",
+                "no room for so many cells",
                 found=f"{self._n_cut / self._cut.size:.2f} of the wall cut away",
                 expected=f"bore.cell_fraction {self.bore.cell_fraction:.2f}",
                 remedy="lower bore.cell_fraction, or bore.septum_mm",

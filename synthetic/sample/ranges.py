@@ -1,4 +1,4 @@
-"""What a parameter is drawn from: by default, by preset, or as the user wishes."""
+"""What a parameter is drawn from: by default, by preset, or as the user says."""
 
 import difflib
 from collections.abc import Mapping
@@ -13,8 +13,9 @@ from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct
 
 PARTS: Mapping[str, type[BaseModel]] = {"bore": Bore, "oct": Oct, "endoscope": Endoscope}
-Wish = tuple[float, float] | tuple[str, ...]
-NO_WISHES: Mapping[str, Wish] = {}
+Range = tuple[float, float] | tuple[str, ...]
+"""What a parameter is drawn from: (low, high), uniformly, or one of some words."""
+NO_RANGES: Mapping[str, Range] = {}
 
 
 @cache
@@ -45,9 +46,9 @@ def choices(model: type[BaseModel]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def check_wishes(wishes: Mapping[str, Wish]) -> None:
-    """Raise :class:`EndoctError` for a wish ("part.name" → (low, high) or words) that cannot be drawn."""
-    for path, wish in wishes.items():
+def check_ranges(ranges: Mapping[str, Range]) -> None:
+    """Raise :class:`EndoctError` for ranges, "part.name" → (low, high) or words, that cannot be drawn from."""
+    for path, range_ in ranges.items():
         part, _, name = path.partition(".")
         model = PARTS.get(part)
         if model is None or (name not in default_ranges(model) and name not in choices(model)):
@@ -59,36 +60,36 @@ def check_wishes(wishes: Mapping[str, Wish]) -> None:
                 remedy="docs/reference/parameters.md lists them all",
             )
         if name in choices(model):
-            if not all(word in choices(model)[name] for word in wish):
+            if not all(word in choices(model)[name] for word in range_):
                 raise EndoctError(
                     f"'{path}' cannot be that",
-                    found="|".join(map(str, wish)),
+                    found="|".join(map(str, range_)),
                     expected=" or ".join(choices(model)[name]),
                 )
             continue
         least, most = allowed_range(model, name)
-        numbers = [value for value in wish if isinstance(value, float)]
+        numbers = [value for value in range_ if isinstance(value, float)]
         if len(numbers) != 2 or not least <= numbers[0] <= numbers[1] <= most:
             raise EndoctError(
                 f"'{path}' cannot be varied so",
-                found="..".join(map(str, wish)),
+                found="..".join(map(str, range_)),
                 expected=f"low..high within {least:g}..{most:g}",
             )
 
 
 @dataclass(frozen=True)
 class Drawer:
-    """Draws parameters with ``rng``; ``wishes`` go before the default ranges."""
+    """Draws parameters with ``rng``; ``ranges`` go before the default ranges."""
 
     rng: Generator
-    wishes: Mapping[str, Wish]
+    ranges: Mapping[str, Range]
 
     def number(self, model: type[BaseModel], name: str) -> float:
         """Draw one number, uniformly."""
         low, high = default_ranges(model)[name]
         for part, of in PARTS.items():
-            if of is model and (wish := self.wishes.get(f"{part}.{name}")):
-                low, high = (float(value) for value in wish)
+            if of is model and (range_ := self.ranges.get(f"{part}.{name}")):
+                low, high = (float(value) for value in range_)
         return float(self.rng.uniform(low, high))
 
     def numbers(self, model: type[BaseModel]) -> dict[str, float]:
@@ -96,11 +97,11 @@ class Drawer:
         return {name: self.number(model, name) for name in default_ranges(model)}
 
     def word(self, path: str, share: Mapping[str, float]) -> str:
-        """Draw one of the words of ``share`` with that probability; wished words are equally likely."""
+        """Draw one of the words of ``share`` with that probability; words that the user gave are equally likely."""
         words = list(share)
         weights = list(share.values())
-        if wish := self.wishes.get(path):
-            words, weights = [str(word) for word in wish], [1.0] * len(wish)
+        if range_ := self.ranges.get(path):
+            words, weights = [str(word) for word in range_], [1.0] * len(range_)
         return str(self.rng.choice(words, p=[weight / sum(weights) for weight in weights]))
 
     def yes(self, path: str, share: float) -> bool:

@@ -98,18 +98,18 @@ def test_one_bore_can_be_recorded_several_times() -> None:
     assert first.endoscope.z_mm != second.endoscope.z_mm
 
 
-def test_wishes_replace_what_is_drawn_from_and_nothing_else() -> None:
-    wishes = {"oct.wall_db": (5.0, 6.0), "oct.start": ("free",), "oct.scan": ("helical",), "bore.dust": (1.0, 1.0)}
-    wished, plain = draw("learning", 3, wishes=wishes), draw("learning", 3)
-    assert 5 <= wished.oct.wall_db <= 6
-    assert (wished.oct.start, wished.oct.scan) == ("free", "helical")
-    assert np.ptp(wished.oct.start_angle_rad) > 1
-    assert abs(wished.oct.z_advance_mm) == PRESETS["learning"].pitch_mm
-    assert wished.oct.axial_pixel_mm == plain.oct.axial_pixel_mm
+def test_ranges_replace_what_is_drawn_from_and_nothing_else() -> None:
+    ranges = {"oct.wall_db": (5.0, 6.0), "oct.start": ("free",), "oct.scan": ("helical",), "bore.dust": (1.0, 1.0)}
+    chosen, plain = draw("learning", 3, ranges=ranges), draw("learning", 3)
+    assert 5 <= chosen.oct.wall_db <= 6
+    assert (chosen.oct.start, chosen.oct.scan) == ("free", "helical")
+    assert np.ptp(chosen.oct.start_angle_rad) > 1
+    assert abs(chosen.oct.z_advance_mm) == PRESETS["learning"].pitch_mm
+    assert chosen.oct.axial_pixel_mm == plain.oct.axial_pixel_mm
 
 
 @pytest.mark.parametrize(
-    ("wishes", "named"),
+    ("ranges", "named"),
     [
         ({"oct.wal_db": (1.0, 2.0)}, "oct.wall_db"),
         ({"wall_db": (1.0, 2.0)}, "wall_db"),
@@ -119,6 +119,6 @@ def test_wishes_replace_what_is_drawn_from_and_nothing_else() -> None:
         ({"oct.scan": ("spiral",)}, "step or helical"),
     ],
 )
-def test_impossible_wishes_are_refused(wishes: dict[str, tuple[float, float]], named: str) -> None:
+def test_impossible_wishes_are_refused(ranges: dict[str, tuple[float, float]], named: str) -> None:
     with pytest.raises(EndoctError, match=named):
-        draw("learning", 0, wishes=wishes)
+        draw("learning", 0, ranges=ranges)

@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from endoct.workbench.pipeline.vary import Range as Range  # what a condition is drawn from
+from endoct.synthetic.sample.ranges import Range as Range  # what a condition is drawn from
 
 SUCCESS = "success"
 """The score that says, as 1.0 or 0.0, whether an answer will do; the table gives its share with an interval."""

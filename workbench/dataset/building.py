@@ -164,7 +164,7 @@ def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str
             raise EndoctError(f"{root / name} is a link", expected="a data set in one place", remedy="move it away")
     check_identity(root, plan)
     first = job(plan, 0)
-    draw(plan.preset, first.seed, bore_seed=first.bore_seed, wishes=plan.wishes)
+    draw(plan.preset, first.seed, bore_seed=first.bore_seed, ranges=plan.ranges)
     return root, workers or os.cpu_count() or 1
 
 

@@ -39,13 +39,13 @@ def _dry_run(
     for index in range(plan.count):
         counts[split_of(plan, index)] += 1
     size = PRESETS[plan.preset]
-    drawn = dict(size.ranges) | dict(plan.wishes)
+    drawn = dict(size.ranges) | dict(plan.ranges)
     facts = {
         "output": str(output),
         "count": plan.count,
         "bores": -(-plan.count // plan.recordings_per_bore),
         "splits": counts,
-        "drawn_otherwise": {key: list(wish) for key, wish in drawn.items()},
+        "drawn_otherwise": {key: list(range_) for key, range_ in drawn.items()},
         **asdict(reckoned),
         "seconds": round(reckoned.seconds, 1),
     }

@@ -81,8 +81,8 @@ def read_identity(root: Path) -> dict[str, Any]:
         for key in ("arguments", "versions"):
             if not isinstance(stored[key], dict):
                 raise ValueError(f"its {key} are no table")
-        wishes = stored["arguments"].get("vary", {})
-        if not isinstance(wishes, dict) or not all(isinstance(wish, list) for wish in wishes.values()):
+        ranges = stored["arguments"].get("vary", {})
+        if not isinstance(ranges, dict) or not all(isinstance(range_, list) for range_ in ranges.values()):
             raise ValueError("what it varies is no table of lists")
         if any(isinstance(value, dict) for name, value in stored["arguments"].items() if name != "vary"):
             raise ValueError("an argument is a table")
@@ -125,7 +125,7 @@ def _arguments(plan: Plan) -> dict[str, Any]:
     arguments: dict[str, Any] = {
         "preset": plan.preset,
         "seed": plan.seed,
-        "vary": {key: list(plan.wishes[key]) for key in sorted(plan.wishes)},
+        "vary": {key: list(plan.ranges[key]) for key in sorted(plan.ranges)},
         "format": plan.format,
         "labels": plan.labels,
         "recordings_per_bore": plan.recordings_per_bore,
@@ -136,4 +136,4 @@ def _arguments(plan: Plan) -> dict[str, Any]:
 def _shown(value: Any) -> str:
     if not isinstance(value, dict):
         return str(value).lower() if isinstance(value, bool) else str(value)
-    return ranges_text({key: tuple(wish) for key, wish in value.items()})
+    return ranges_text({key: tuple(range_) for key, range_ in value.items()})

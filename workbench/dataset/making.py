@@ -48,7 +48,7 @@ def simulate_specimen(folder: Path, plan: Plan, job: Job) -> None:
             preset=plan.preset,
             seed=job.seed,
             bore_seed=job.bore_seed,
-            wishes=plan.wishes,
+            ranges=plan.ranges,
             labels=plan.labels,
             workers=1,
         )

@@ -9,7 +9,7 @@ from numpy.random import SeedSequence
 
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.presets import PRESETS, PresetName
-from endoct.synthetic.sample.ranges import Wish, check_wishes
+from endoct.synthetic.sample.ranges import Range, check_ranges
 
 Format = Literal["folders", "webdataset"]
 Split = Literal["train", "validation", "test"]
@@ -25,7 +25,7 @@ SHARD_BYTES = 2**27
 class Plan:
     """The arguments of a data set.
 
-    ``count`` specimens, of which each ``recordings_per_bore`` in a row are recordings of one bore; ``wishes``,
+    ``count`` specimens, of which each ``recordings_per_bore`` in a row are recordings of one bore; ``ranges``,
     "part.name" → (low, high) or words, replace what ``preset`` draws from. ``specimens_per_shard`` matters to the
     format "webdataset" only; by default a shard has about 128 MiB. Raises :class:`EndoctError` where they cannot be.
     """
@@ -33,7 +33,7 @@ class Plan:
     count: int
     preset: PresetName = "learning"
     seed: int = 0
-    wishes: Mapping[str, Wish] = field(default_factory=dict)
+    ranges: Mapping[str, Range] = field(default_factory=dict)
     format: Format = "folders"
     labels: bool = False
     recordings_per_bore: int = 1
@@ -50,7 +50,7 @@ class Plan:
         for name, word, words in (("preset", self.preset, PRESETS), ("format", self.format, get_args(Format))):
             if word not in words:
                 raise EndoctError(f"unknown {name} '{word}'", expected=f"one of {', '.join(words)}")
-        check_wishes(self.wishes)
+        check_ranges(self.ranges)
         if self.specimens_per_shard < 1:
             object.__setattr__(self, "specimens_per_shard", _specimens_per_shard(self.preset))
 

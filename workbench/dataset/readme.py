@@ -61,6 +61,6 @@ def readme(plan: Plan) -> str:
         seed=plan.seed,
         splits=", ".join(f"{split} {count}" for split, count in counts.items()).capitalize(),
         bores=f", and each bore has {plan.recordings_per_bore} recordings" if plan.recordings_per_bore > 1 else "",
-        vary=ranges_text(plan.wishes),
+        vary=ranges_text(plan.ranges),
         layout=SHARDS.format(per_shard=plan.specimens_per_shard) if plan.format == "webdataset" else FOLDERS,
     )

@@ -9,7 +9,7 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
 from endoct.stitching.output import new_output
 from endoct.synthetic.sample.presets import PresetName
-from endoct.synthetic.sample.ranges import NO_WISHES, Wish
+from endoct.synthetic.sample.ranges import NO_RANGES, Range
 from endoct.synthetic.specimen import simulate as render
 from endoct.workbench.running.kinds import SPECIMEN
 from endoct.workbench.running.progress import Stages, stages_for
@@ -26,7 +26,7 @@ def simulate(
     preset: PresetName = "quick",
     seed: int = 0,
     replay: Path | str | None = None,
-    vary: Mapping[str, Wish] | None = None,
+    vary: Mapping[str, Range] | None = None,
     labels: bool = False,
     spectra: bool = False,
     overwrite: bool = False,
@@ -57,7 +57,7 @@ def simulate(
             scratch,
             preset=preset,
             seed=seed,
-            wishes=vary or NO_WISHES,
+            ranges=vary or NO_RANGES,
             sample=sample,
             labels=labels,
             spectra=spectra,

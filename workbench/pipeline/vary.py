@@ -6,13 +6,10 @@ The grammar, of every command: ``name=low..high``, ``name=number`` or ``name=wor
 from collections.abc import Mapping, Sequence
 
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.sample.ranges import Wish, check_wishes
-
-Range = tuple[float, float] | tuple[str, ...]
-"""What a value is drawn from: (low, high), uniformly, or one of some words."""
+from endoct.synthetic.sample.ranges import Range, check_ranges
 
 
-def parse_vary(entries: Sequence[str]) -> dict[str, Wish]:
+def parse_vary(entries: Sequence[str]) -> dict[str, Range]:
     """Return the ranges of ``entries`` as ``oct.wall_db=6..14`` or ``oct.scan=step|helical`` by "part.name".
 
     Raises :class:`EndoctError` for an entry of another form, a parameter named twice, and whatever the simulator
@@ -20,7 +17,7 @@ def parse_vary(entries: Sequence[str]) -> dict[str, Wish]:
     """
     texts = range_texts(entries, "parameter", "part.name=low..high or part.name=word|word, as oct.wall_db=6..14")
     ranges = {name: numbers(text) or words(text) for name, text in texts.items()}
-    check_wishes(ranges)
+    check_ranges(ranges)
     return ranges
 
 

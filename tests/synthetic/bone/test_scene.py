@@ -111,7 +111,7 @@ def test_joining_only_adds_air_and_at_most_a_quarter_of_the_edge() -> None:
 @pytest.mark.parametrize("kind", ["phantom", "mastoid"])
 def test_no_surface_is_stepped_over(kind: str) -> None:
     """Along oblique rays, no place sampled every 10 µm before the entry is outside both bore and cavities."""
-    sample = draw("learning", 3, wishes={"bore.bone": (kind,), "bore.dust": (0.0, 0.0), "bore.lining": (0.0, 0.0)})
+    sample = draw("learning", 3, ranges={"bore.bone": (kind,), "bore.dust": (0.0, 0.0), "bore.lining": (0.0, 0.0)})
     scene, n = build_scene(sample), 200
     rng = np.random.default_rng(0)
     theta, tilt = rng.uniform(0, 2 * np.pi, n), rng.uniform(-0.3, 0.3, n)

@@ -19,8 +19,8 @@ from tests.tolerances import BAKED_MM
 
 @pytest.fixture(scope="module", params=["phantom", "mastoid"])
 def wall(request: pytest.FixtureRequest) -> Wall:
-    wishes = {"bore.bone": (request.param,), "bore.dust": (0.1, 0.1), "bore.fluid": (0.1, 0.1)}
-    return build_wall(draw("learning", 4, wishes=wishes))
+    ranges = {"bore.bone": (request.param,), "bore.dust": (0.1, 0.1), "bore.fluid": (0.1, 0.1)}
+    return build_wall(draw("learning", 4, ranges=ranges))
 
 
 def radial_rays(wall: Wall, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -58,7 +58,7 @@ def test_parts_traced_elsewhere_change_nothing(parts: int) -> None:
 
 
 def test_ids_are_those_of_the_deepest_cavity_that_is_open() -> None:
-    sample = draw("learning", 4, wishes={"bore.bone": ("phantom",), "bore.cell_fraction": (0.25, 0.25)})
+    sample = draw("learning", 4, ranges={"bore.bone": ("phantom",), "bore.cell_fraction": (0.25, 0.25)})
     wall = build_wall(sample)
     rng = np.random.default_rng(1)
     rows, columns = (rng.integers(0, size, 700) for size in wall.relief_mm.shape)

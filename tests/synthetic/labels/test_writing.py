@@ -19,8 +19,8 @@ FACE, DETECTOR = 1, 4
 @pytest.fixture(scope="module")
 def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("labelled") / "specimen"
-    wishes = {"bore.bone": ("mastoid",), "oct.scan": ("step",), "bore.fluid": (0.2, 0.2)}
-    simulate(folder, preset="learning", seed=21, wishes=wishes, labels=True, spectra=True)
+    ranges = {"bore.bone": ("mastoid",), "oct.scan": ("step",), "bore.fluid": (0.2, 0.2)}
+    simulate(folder, preset="learning", seed=21, ranges=ranges, labels=True, spectra=True)
     return folder
 
 

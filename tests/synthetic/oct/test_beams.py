@@ -21,7 +21,7 @@ TURN = 2 * np.pi / N * np.arange(N)
 
 @pytest.fixture(scope="module")
 def sample() -> Sample:
-    drawn = draw("learning", 3, wishes={"oct.scan": ("step",)})
+    drawn = draw("learning", 3, ranges={"oct.scan": ("step",)})
     return drawn.model_copy(update={"oct": drawn.oct.model_copy(update={"lost_ascans": ()})})
 
 

@@ -28,7 +28,7 @@ RADIUS_MM = 1.25
 @pytest.fixture(scope="module")
 def sample() -> Sample:
     drawn = draw(
-        "learning", 4, wishes={"oct.flare_share": (0.0, 0.0), "bore.bone": ("phantom",), "oct.scan": ("step",)}
+        "learning", 4, ranges={"oct.flare_share": (0.0, 0.0), "bore.bone": ("phantom",), "oct.scan": ("step",)}
     )
     return drawn.model_copy(update={"oct": drawn.oct.model_copy(update={"lost_ascans": ()})})
 

@@ -195,7 +195,7 @@ def test_a_set_grows_and_keeps_what_it_has(plan: Plan, extra: int, root: Path, c
     [
         {"seed": 4},
         {"preset": "quick"},
-        {"wishes": {"oct.wall_db": (6.0, 14.0)}},
+        {"ranges": {"oct.wall_db": (6.0, 14.0)}},
         {"format": "webdataset"},
         {"labels": True},
         {"recordings_per_bore": 2},

@@ -72,7 +72,7 @@ def test_splits_are_eight_to_one_to_one() -> None:
         ({"count": 1, "recordings_per_bore": 0}, "--recordings-per-bore"),
         ({"count": 1, "preset": "small"}, "learning"),
         ({"count": 1, "format": "zip"}, "webdataset"),
-        ({"count": 1, "wishes": {"oct.wal_db": (1.0, 2.0)}}, "oct.wall_db"),
+        ({"count": 1, "ranges": {"oct.wal_db": (1.0, 2.0)}}, "oct.wall_db"),
     ],
 )
 def test_arguments_that_cannot_be_are_refused(arguments: dict[str, object], said: str) -> None:
@@ -81,16 +81,16 @@ def test_arguments_that_cannot_be_are_refused(arguments: dict[str, object], said
 
 
 def test_vary_reads_ranges_numbers_and_words() -> None:
-    wishes = parse_vary(
+    ranges = parse_vary(
         ["oct.wall_db=6..14", "oct.first_sample_mm = -0.2..-0.1", "oct.scan=step|helical", "bore.taper_mm=1e-2"]
     )
-    assert wishes == {
+    assert ranges == {
         "oct.wall_db": (6.0, 14.0),
         "oct.first_sample_mm": (-0.2, -0.1),
         "oct.scan": ("step", "helical"),
         "bore.taper_mm": (0.01, 0.01),
     }
-    assert ranges_text(wishes) == (
+    assert ranges_text(ranges) == (
         "bore.taper_mm=0.01..0.01 oct.first_sample_mm=-0.2..-0.1 oct.scan=step|helical oct.wall_db=6..14"
     )
 

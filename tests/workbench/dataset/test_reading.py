@@ -34,8 +34,8 @@ def endoct(*arguments: object) -> int:
 def learning(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two recordings of one bore."""
     root = tmp_path_factory.mktemp("learning") / "set"
-    wishes = ("--vary", "oct.wall_db=18..19", "--vary", "oct.scan=helical")
-    assert endoct("dataset", "-o", root, "--count", 2, "--recordings-per-bore", 2, "--workers", 1, *wishes) == 0
+    ranges = ("--vary", "oct.wall_db=18..19", "--vary", "oct.scan=helical")
+    assert endoct("dataset", "-o", root, "--count", 2, "--recordings-per-bore", 2, "--workers", 1, *ranges) == 0
     return root
 
 

@@ -15,7 +15,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.scratch import TemporaryFolder
 from endoct.synthetic.sample.presets import PRESETS, PresetName
-from endoct.synthetic.sample.ranges import PARTS, Wish, choices, default_ranges
+from endoct.synthetic.sample.ranges import PARTS, choices, default_ranges
 from endoct.workbench.bench.cases.uniform_cells import uniform_cells
 from endoct.workbench.bench.task import Range, rng_of
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
@@ -42,7 +42,7 @@ def simulated(
     from endoct.synthetic.specimen import simulate
 
     difficulties = difficulties or {}
-    wishes: dict[str, Wish] = {
+    ranges: dict[str, Range] = {
         name: (value,) if isinstance(value, str) else (float(value), float(value))
         for name, value in difficulties.items()
         if name not in OWN_DIFFICULTIES
@@ -52,12 +52,12 @@ def simulated(
         of = seed if index == 0 else 1_000_000 * (1 + seed) + index
         sample = None
         if CELL_MM in difficulties:
-            drawn = draw(cast(PresetName, preset), of, wishes=wishes)
+            drawn = draw(cast(PresetName, preset), of, ranges=ranges)
             cells = uniform_cells(rng_of(seed, index, CELL_MM), drawn.bore, float(difficulties[CELL_MM]))
             bore = drawn.bore.model_copy(update={"cells": cells})
             sample = drawn.model_copy(update={"bore": bore}).model_dump()
         specimen = Path(folder.name) / "specimen"
-        simulate(specimen, preset=cast(PresetName, preset), seed=of, wishes=wishes, sample=sample)
+        simulate(specimen, preset=cast(PresetName, preset), seed=of, ranges=ranges, sample=sample)
         if share := float(difficulties.get(BLACK_SLICES, 0.0)):
             _blacken(specimen / "oct" / "pullback.tif", share, rng_of(seed, index, BLACK_SLICES))
     except BaseException:

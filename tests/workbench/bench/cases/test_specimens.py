@@ -24,6 +24,6 @@ def test_the_size_of_cells_reaches_the_simulator(monkeypatch: pytest.MonkeyPatch
     sample, none = Sample.model_validate(calls[0]["sample"]), calls[1]["sample"]
     assert none is None
     assert {round(cell.diameter_mm / math.sqrt(math.cos(cell.lean_rad)), 6) for cell in sample.bore.cells} == {0.6}
-    usual = draw("learning", 5, wishes={"oct.wall_db": (3.0, 3.0)})
+    usual = draw("learning", 5, ranges={"oct.wall_db": (3.0, 3.0)})
     assert sample.bore.cells != usual.bore.cells
-    assert sample.model_copy(update={"bore": usual.bore}) == usual  # all else is what it is without that wish
+    assert sample.model_copy(update={"bore": usual.bore}) == usual  # all else is what it is without that range

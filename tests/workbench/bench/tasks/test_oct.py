@@ -7,7 +7,7 @@ import pytest
 
 from endoct.fusion.segmentation.segment import segment
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.sample.ranges import Wish
+from endoct.synthetic.sample.ranges import Range
 from endoct.synthetic.specimen import simulate
 from endoct.workbench import unroll
 from endoct.workbench.bench.tasks import oct as oct_task
@@ -21,8 +21,8 @@ def test_a_pullback_without_truth_is_told(tmp_path: Path) -> None:
 
 
 def test_a_helical_pullback_is_judged_where_it_was_recorded(tmp_path: Path) -> None:
-    wishes: dict[str, Wish] = {"oct.scan": ("helical",), "bore.bone": ("phantom",), "oct.wall_db": (20.0, 20.0)}
-    simulate(tmp_path / "bore", preset="learning", seed=13, wishes=wishes)
+    ranges: dict[str, Range] = {"oct.scan": ("helical",), "bore.bone": ("phantom",), "oct.wall_db": (20.0, 20.0)}
+    simulate(tmp_path / "bore", preset="learning", seed=13, ranges=ranges)
     truth, panorama = load_truth(tmp_path / "bore"), unroll(tmp_path / "bore" / "oct")
     pose, cells = true_pose(panorama, truth), segment(panorama)
     scored = {
