@@ -36,7 +36,7 @@ class Verdict:
         """Whether all is as it was written, and nothing else is there."""
         return not str(self.differences)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         """Return the verdict for machines."""
         found = self.differences
         lists = {"altered": list(found.altered), "missing": list(found.missing), "added": list(found.added)}

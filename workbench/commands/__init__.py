@@ -5,7 +5,6 @@ import io
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr
-from typing import Any
 
 import tyro
 
@@ -20,7 +19,7 @@ from endoct.workbench.running.refusals import visible_lines
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status."""
-    commands: dict[str, Any] = {
+    commands: dict[str, Callable[..., int]] = {
         "demo": demo,
         "simulate": simulate,
         "unroll": unroll,
@@ -50,7 +49,7 @@ def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
     """Return a function with the signature of ``command``, for tyro, that binds its arguments to it."""
 
     @functools.wraps(command)
-    def bound(*arguments: Any, **named: Any) -> Callable[[], int]:
+    def bound(*arguments: object, **named: object) -> Callable[[], int]:
         return functools.partial(command, *arguments, **named)
 
     return bound

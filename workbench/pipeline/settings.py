@@ -11,9 +11,9 @@ from endoct.modalities.contract import Manifest
 from endoct.stitching.errors import EndoctError, cause_of
 
 
-def parse(settings: tuple[str, ...]) -> dict[str, Any]:
+def parse(settings: tuple[str, ...]) -> dict[str, object]:
     """Read ``("undistort=sine", "axial_pixel_mm=0.005")``; values are TOML, or else plain words."""
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
         if not equals or not key.strip():
@@ -29,7 +29,7 @@ def parse(settings: tuple[str, ...]) -> dict[str, Any]:
     return values
 
 
-def split(settings: Mapping[str, Any], manifest: Manifest) -> tuple[dict[str, Any], Any]:
+def split(settings: Mapping[str, object], manifest: Manifest) -> tuple[dict[str, object], Any]:
     """Return (keys that override the sidecar, the plug-in's parameters).
 
     Raises :class:`EndoctError` for a key that neither has (suggesting the nearest) or an impossible value.

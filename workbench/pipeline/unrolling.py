@@ -61,7 +61,7 @@ class _Watched:
         return frame
 
 
-def open_side(path: Path, *, modality: str | None, settings: Mapping[str, Any]) -> Opened:
+def open_side(path: Path, *, modality: str | None, settings: Mapping[str, object]) -> Opened:
     """Open the recording at ``path`` without unrolling it.
 
     ``settings`` holds keys of its sidecar and of its plug-in's parameters. Raises :class:`EndoctError` where the
