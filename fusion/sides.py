@@ -1,9 +1,11 @@
 """Two sides on one grid: what a comparison of two panoramas gives."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from endoct.fusion.difference import COLOURS, classes_of, draw_difference
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Result
@@ -12,6 +14,9 @@ from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segmented_side import SegmentedSide
 from endoct.stitching.arrays import Image, readonly
 from endoct.stitching.grid import SurfaceGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,6 +36,10 @@ class PlacedSide(Surface):
     intensity: Image
     depth_mm: Image
     source: SegmentedSide | None = None
+
+    def __repr__(self) -> str:
+        cells = (self.mask & self.valid).sum() / max(1, self.valid.sum())
+        return f"<PlacedSide {self.name}: {cells:.1%} of it cells, {self.valid.mean():.1%} valid>"
 
     def __post_init__(self) -> None:
         dtypes = {"intensity": np.float32, "depth_mm": np.float32, "mask": np.bool_, "valid": np.bool_}
@@ -64,6 +73,53 @@ class Comparison:
     def names(self) -> tuple[str, str]:
         """Names of the sides, A first."""
         return self.sides[0].name, self.sides[1].name
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {' and '.join(self.names)}: {self._agreement()}>"
+
+    def _repr_html_(self) -> str:
+        from endoct.stitching.notebook import card, class_picture, wall_picture
+
+        (a, b), both = self.sides, self.sides[0].valid & self.sides[1].valid
+        pictures = [(side.name, wall_picture(self.grid, side.intensity, side.valid)) for side in self.sides]
+        if self.alignment is not None:
+            legend = f"cells: both grey, only {a.name} orange, only {b.name} blue"
+            pictures.append((legend, class_picture(self.grid, classes_of(a.mask, b.mask), COLOURS, both)))
+        facts = {
+            "agreement": self._agreement(),
+            "rows × columns": f"{self.grid.n_z} × {self.grid.n_theta} (z, θ)",
+            "valid": ", ".join(f"{side.name} {side.valid.mean():.1%}" for side in self.sides),
+        }
+        return card(f"Comparison of {' and '.join(self.names)}", facts, pictures)
+
+    def _agreement(self) -> str:
+        """Return how well the sides agree, or why that cannot be said, in a few words."""
+        if self.alignment is None:
+            return f"not aligned: {self.reason}"
+        overlap = self.result.overlap
+        if overlap is None or overlap.jaccard is None:
+            return "aligned, nothing to score"
+        low_high = overlap.jaccard_interval
+        return f"Jaccard index {overlap.jaccard:.3f}" + (
+            f" ({low_high[0]:.3f} to {low_high[1]:.3f})" if low_high else ""
+        )
+
+    def plot(self) -> "list[Axes]":
+        """Plot both sides, and where aligned their cells, in a new figure; return the axes, side A's first.
+
+        z in mm against θ in degrees; what was not observed stays pale blue. Needs matplotlib only when it is called.
+        """
+        from endoct.stitching.wall_plot import draw_wall, new_wall_axes
+
+        (a, b), both = self.sides, self.sides[0].valid & self.sides[1].valid
+        axes = new_wall_axes(self.grid, 2 if self.alignment is None else 3)
+        for side, one in zip(self.sides, axes, strict=False):
+            draw_wall(one, self.grid, side.intensity, side.valid)
+            one.set_title(side.name, loc="left")
+        if self.alignment is not None:
+            draw_difference(axes[2], self.grid, a.mask, b.mask, both, self.names)
+        axes[0].figure.suptitle(self._agreement(), wrap=True)
+        return axes
 
 
 def place(source: SegmentedSide, sampling: Sampling, grid: SurfaceGrid) -> PlacedSide:

@@ -16,7 +16,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.wall_plot import evenly_spaced_rows
 
 WIDTH_PX, HEIGHT_PX = 180, 160
-COLOURS = 24
+COLOURS = 16
 """Colours in a picture: so few that it takes some kB."""
 NOT_OBSERVED_RGB = np.array([0xB9, 0xD0, 0xF2], dtype=np.uint8)
 
@@ -47,7 +47,7 @@ def card(title: str, facts: Mapping[str, str], pictures: Sequence[tuple[str, byt
         for name, value in facts.items()
     )
     figures = "".join(
-        f'<figure style="margin:0 1em 0 0"><img alt="{html.escape(caption)}" '
+        f'<figure style="margin:0 1em 0 0;max-width:{WIDTH_PX}px"><img alt="{html.escape(caption)}" '
         f'src="data:image/png;base64,{base64.b64encode(png).decode()}">'
         f'<figcaption style="font-size:smaller">{html.escape(caption)}</figcaption></figure>'
         for caption, png in pictures

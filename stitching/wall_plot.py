@@ -4,6 +4,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.grid import SurfaceGrid
@@ -34,7 +35,7 @@ def new_wall_axes(grid: SurfaceGrid, panels: int = 1) -> "list[Axes]":
 def draw_wall(
     axes: "Axes",
     grid: SurfaceGrid,
-    values: Image | Mask,
+    values: Image | NDArray[np.uint8],
     valid: Mask,
     *,
     colours: object = "gray",
@@ -67,7 +68,7 @@ def draw_wall(
     return image
 
 
-def evenly_spaced_rows(grid: SurfaceGrid) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+def evenly_spaced_rows(grid: SurfaceGrid) -> NDArray[np.intp]:
     """Return the indices of the rows nearest to places every ``dz_mm``, for pictures whose rows are even."""
     z_mm, dz_mm = grid.z_mm, grid.dz_mm
     places = np.linspace(z_mm[0], z_mm[-1], max(1, round((z_mm[-1] - z_mm[0]) / dz_mm) + 1))

@@ -12,7 +12,7 @@ from endoct.stitching.output import OVERWRITE, check_output, check_place, new_ou
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.pipeline.comparing import write_comparison
+from endoct.workbench.pipeline.comparing import compare_sources, paths_of
 from endoct.workbench.pipeline.simulating import simulate
 from endoct.workbench.pipeline.sources import Source
 from endoct.workbench.pipeline.summarising import Row, write_summary
@@ -45,7 +45,7 @@ def unroll(
     With the specimen that :func:`demo` simulates in its example:
 
     >>> from endoct.workbench import unroll
-    >>> wall = unroll("demo/specimen/oct", "oct.zarr", settings={"undistort": "sine"})
+    >>> wall = unroll("demo/specimen/oct", settings={"undistort": "sine"})
     >>> wall.intensity.shape  # (z, θ), as is wall.depth_mm
     (16, 512)
     >>> wall.to_xarray()["depth_mm"].dims
@@ -67,9 +67,9 @@ def unroll(
 
 @one_blas_thread()
 def compare(
-    a: Path | str,
-    b: Path | str,
-    output: Path | str,
+    a: Panorama | Path | str,
+    b: Panorama | Path | str,
+    output: Path | str | None = None,
     *,
     modality_a: str | None = None,
     modality_b: str | None = None,
@@ -80,32 +80,35 @@ def compare(
     overwrite: bool = False,
     progress: bool | Stages = True,
 ) -> Comparison:
-    """Compare two sides, each a recording, a panorama or a mask image, and write the folder ``output``.
+    """Compare two sides: panoramas at hand, or paths of recordings, panoramas or mask images.
 
-    ``settings`` are parameters of the comparison, ``settings_a`` and ``settings_b`` keys of a side's sidecar and
-    parameters of its plug-in, as ``--set``, ``--set-a`` and ``--set-b``; ``truth`` are masks to score both sides
+    The comparison, with its report, is written to the folder ``output`` where one is given. ``settings`` are
+    parameters of the comparison; ``settings_a`` and ``settings_b`` replace keys of a side's sidecar and parameters of
+    its plug-in: the same names as for ``--set``, ``--set-a`` and ``--set-b``. ``truth`` are masks to score both sides
     against; ``progress=False`` displays none. Where the two could not be aligned, the comparison's ``alignment`` is
     None and its ``reason`` says why. Raises :class:`EndoctError` where a side or a setting cannot be used, or
     ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
-    >>> from endoct.workbench import compare
-    >>> comparison = compare("demo/comparison/panoramas/endoscope.zarr", "oct.zarr", "comparison")
-    >>> comparison.alignment is None
-    False
+    >>> from endoct.workbench import compare, unroll
+    >>> wall = unroll("demo/specimen/oct")
+    >>> comparison = compare("demo/comparison/panoramas/endoscope.zarr", wall, settings={"n_theta": 512})
+    >>> comparison.grid.n_theta, comparison.alignment is None
+    (512, False)
     """
-    sides = (Source(Path(a), modality_a, settings_a or {}), Source(Path(b), modality_b, settings_b or {}))
+    sources = (
+        Source(a if isinstance(a, Panorama) else Path(a), modality_a, settings_a or {}),
+        Source(b if isinstance(b, Panorama) else Path(b), modality_b, settings_b or {}),
+    )
     masks = tuple(Path(path) for path in truth)
-    inputs = [sides[0].path, sides[1].path, *masks]
+    parameters = validate(CompareParameters, settings or {}, "the settings of the comparison")
+    stages = stages_for(progress)
+    if output is None:
+        return compare_sources(sources, None, parameters=parameters, truth=masks, stages=stages)
+    inputs = [*paths_of(sources), *masks]
     with new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs) as scratch:
-        return write_comparison(
-            sides,
-            scratch,
-            parameters=validate(CompareParameters, settings or {}, "the settings of the comparison"),
-            truth=masks,
-            stages=stages_for(progress),
-        )
+        return compare_sources(sources, scratch, parameters=parameters, truth=masks, stages=stages)
 
 
 def summarise(
@@ -151,7 +154,7 @@ def demo(
 
     >>> from endoct.workbench import demo
     >>> comparison = demo("demo", preset="learning", seed=3)
-    >>> comparison.sides
+    >>> comparison.names
     ('endoscope', 'oct')
     """
     stages = stages_for(progress)

@@ -38,6 +38,13 @@ class Alignment:
     twist_rad_per_mm: float = 0.0
     covariance: Covariance | None = None
 
+    def __repr__(self) -> str:
+        flips = "".join([", mirrored"] * self.mirrored + [", z reversed"] * self.z_reversed)
+        return (
+            f"<Alignment: θ shift {np.degrees(self.theta_shift_rad):.2f}°, z shift {self.z_shift_mm:.3f} mm, "
+            f"z scale {self.z_scale:.4f}{flips}, confidence {self.confidence:.2f}>"
+        )
+
     def theta_to_a(self, theta_b_rad: ArrayLike) -> Coordinates:
         """Return θ in A's frame, in [0, 2π), of θ in B's (any shape)."""
         sense = -1.0 if self.mirrored else 1.0

@@ -1,6 +1,7 @@
 """Two panoramas in, one comparison out."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib import pyplot as plt
 
 from endoct.fusion.comparison import (
     CompareParameters,
@@ -18,6 +20,7 @@ from endoct.fusion.comparison import (
     load_comparison,
     save_comparison,
 )
+from endoct.fusion.difference import BOTH
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
@@ -58,6 +61,38 @@ def test_the_grid_covers_both_sides(compared: Comparison) -> None:
     assert np.isnan(compared.sides[0].depth_mm).all()
     assert np.array_equal(np.isfinite(compared.sides[1].depth_mm), compared.sides[1].valid)
     assert not any((side.mask & ~side.valid).any() for side in compared.sides)
+
+
+def test_one_line_and_a_few_pictures_show_it(compared: Comparison) -> None:
+    assert re.fullmatch(
+        r"<Comparison of camera and ranger: Jaccard index 0\.\d{3} \(0\.\d{3} to 0\.\d{3}\)>", repr(compared)
+    )
+    assert repr(compared.alignment).startswith("<Alignment: θ shift ")
+    assert max(len(repr(part)) for part in (compared, compared.alignment, *compared.sides)) < 150
+    shown = compared._repr_html_()
+    assert shown.count("data:image/png") == 3
+    assert len(shown) < 60_000
+    unaligned = replace(compared, alignment=None, reason="Nothing <b>stood</b> out.")
+    assert repr(unaligned) == "<Comparison of camera and ranger: not aligned: Nothing <b>stood</b> out.>"
+    shown = unaligned._repr_html_()
+    assert shown.count("data:image/png") == 2
+    assert "not aligned: Nothing &lt;b&gt;stood&lt;/b&gt; out." in shown
+
+
+def test_it_plots_both_sides_and_where_their_cells_differ(compared: Comparison) -> None:
+    plt.switch_backend("agg")
+    try:
+        axes = compared.plot()
+        assert [one.get_title(loc="left") for one in axes] == ["camera", "ranger", "cells"]
+        drawn = axes[2].images[0].get_array()
+        assert drawn is not None
+        a, b = compared.sides
+        both = a.valid & b.valid
+        both_cells = (np.ma.filled(drawn, -1) == BOTH).sum() / (a.mask & b.mask & both).sum()
+        assert both_cells == pytest.approx(drawn.size / both.size, rel=0.01)
+        assert len(replace(compared, alignment=None, reason="why not").plot()) == 2
+    finally:
+        plt.close("all")
 
 
 def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:

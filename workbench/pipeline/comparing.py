@@ -1,4 +1,4 @@
-"""Two sides to one comparison folder."""
+"""Two sides to one comparison, and to its folder."""
 
 import time
 from contextlib import nullcontext
@@ -32,43 +32,44 @@ PICTURED_PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Where along the recording frames are shown in the report."""
 
 
-def write_comparison(
+def compare_sources(
     sources: tuple[Source, Source],
-    folder: Path,
+    folder: Path | None,
     *,
     parameters: CompareParameters,
     truth: tuple[Path, ...],
     stages: Stages,
 ) -> Comparison:
-    """Compare the two sides and write everything `endoct compare` promises into ``folder``.
+    """Compare the two sides, and write everything `endoct compare` promises into ``folder`` where one is given.
 
     Raises :class:`EndoctError` where a side cannot be used, or is changed while it is read.
     """
     start = time.perf_counter()
-    files = {path: state_of(path) for path in (*(source.path for source in sources), *truth)}
+    files = {path: state_of(path) for path in (*paths_of(sources), *truth)}
     # whatever cannot be used is refused before the work of unrolling is done
     opened = open_both(sources)
     for path in truth:
         _check_truth(path)
     with second_process() if all(isinstance(one, Opened) for one in opened) else nullcontext() as process:
         made = unroll_sources(opened, stages, process)
-        if process is not None:
+        if process is not None and folder is not None:
             process.preload("endoct.workbench.report.page")
         sides = read_sides(made)
         with stages.stage("align, segment, score"):
             comparison = compare_sides(*sides, parameters)
             drawn = {path_text(path): _truth(path, sides[0].panorama) for path in truth}
             against = score_drawings(comparison, drawn, parameters.tolerance_mm)
-        folder.mkdir()
-        with stages.stage("write"):
-            save_comparison(comparison, folder / "comparison.zarr")
-            write_cells(comparison.cells, folder / "cells.csv")
-            if against.consensus is not None:
-                write_mask(against.consensus, comparison.grid, folder / "consensus.png")
-            for side, one in zip(sides, made, strict=True):
-                save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
-                if isinstance(one, Unrolled):
-                    _picture(folder, side.name, one)
+        if folder is not None:
+            with stages.stage("write"):
+                folder.mkdir()
+                save_comparison(comparison, folder / "comparison.zarr")
+                write_cells(comparison.cells, folder / "cells.csv")
+                if against.consensus is not None:
+                    write_mask(against.consensus, comparison.grid, folder / "consensus.png")
+                for side, one in zip(sides, made, strict=True):
+                    save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
+                    if isinstance(one, Unrolled):
+                        _picture(folder, side.name, one)
         result = comparison.result.completed(
             truth=against.truth,
             raters=against.raters,
@@ -86,12 +87,18 @@ def write_comparison(
         )
         for path, state in files.items():
             check_unchanged(path, state)
-        (folder / "result.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
-        with stages.stage("report"):
-            from endoct.workbench.report.page import write_report  # only who draws loads matplotlib
+        if folder is not None:
+            (folder / "result.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
+            with stages.stage("report"):
+                from endoct.workbench.report.page import write_report  # only who draws loads matplotlib
 
-            write_report(folder, process)
+                write_report(folder, process)
     return replace(comparison, result=result)
+
+
+def paths_of(sources: tuple[Source, Source]) -> list[Path]:
+    """Return where the sources lie; panoramas at hand lie nowhere."""
+    return [source.path for source in sources if source.path is not None]
 
 
 def _truth(path: Path, a: Panorama) -> DrawnMask:
@@ -121,7 +128,7 @@ def _picture(folder: Path, name: str, made: Unrolled) -> None:
 def _inputs(sources: tuple[Source, Source], sides: tuple[Side, Side], truth: tuple[Path, ...]) -> dict[str, str]:
     found: dict[str, str] = {}
     for source, side in zip(sources, sides, strict=True):
-        found |= side.panorama.provenance.get("inputs") or digests(source.path)
+        found |= side.panorama.provenance.get("inputs") or (digests(source.path) if source.path else {})
     for path in truth:
         found |= digests(path)
     return found

@@ -1,9 +1,9 @@
 """What the two sides of a comparison come from: recordings, panoramas, and masks drawn by hand."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,11 +25,16 @@ from endoct.workbench.running.progress import Stages
 
 @dataclass(frozen=True)
 class Source:
-    """Where one side of a comparison comes from, as named on the command line."""
+    """Where one side of a comparison comes from: a path, or a panorama at hand."""
 
-    path: Path
+    given: Path | Panorama
     modality: str | None
-    settings: Mapping[str, Any]
+    settings: Mapping[str, object]
+
+    @property
+    def path(self) -> Path | None:
+        """Where it lies; None for a panorama at hand."""
+        return self.given if isinstance(self.given, Path) else None
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,11 @@ def open_both(sources: tuple[Source, Source]) -> tuple[Ready, Ready]:
 
     Raises :class:`EndoctError` where one cannot be used, or their bores have different diameters.
     """
-    opened = _open(sources[0]), _open(sources[1])
+    with _arguments_of("a"):
+        a = _open(sources[0])
+    with _arguments_of("b"):
+        b = _open(sources[1])
+    opened = a, b
     radii_mm = [radius for radius in map(_radius_mm, opened) if radius is not None]
     if len(radii_mm) == 2:
         check_same_bore(*radii_mm)
@@ -89,22 +98,35 @@ def is_mask_image(path: Path) -> bool:
     return (stack.dtype.kind in "ui" and stack.dtype.itemsize >= 4) or np.unique(stack[0]).size <= 2
 
 
+@contextmanager
+def _arguments_of(side: str) -> Iterator[None]:
+    """Have remedies that name arguments for one recording name those of a side: ``settings_a`` for ``settings``."""
+    try:
+        yield
+    except EndoctError as error:
+        remedy = error.remedy.replace("settings={", f"settings_{side}={{").replace("modality='", f"modality_{side}='")
+        raise type(error)(error.what, found=error.found, expected=error.expected, remedy=remedy) from error
+
+
 def _open(source: Source) -> Ready:
-    unrolled, mask = is_panorama(source.path), is_mask_image(source.path)
+    path = source.path
+    unrolled, mask = path is None or is_panorama(path), path is not None and is_mask_image(path)
     given = [f"modality {source.modality}"] * (source.modality is not None) + list(source.settings)
     if (unrolled or mask) and given:
         raise EndoctError(
-            f"{source.path} is {'a panorama' if unrolled else 'a mask'}, which is compared as it is",
+            f"{source.path or 'a side'} is {'a panorama' if unrolled else 'a mask'}, which is compared as it is",
             found=f"set for that side: {', '.join(given)}",
             expected="settings for recordings only",
             remedy="leave them out, or compare the recording itself",
         )
+    if isinstance(source.given, Panorama):
+        return stored_mask(source.given) or source.given
     if unrolled:
-        panorama = load_panorama(source.path)
+        panorama = load_panorama(source.given)
         return stored_mask(panorama) or panorama
     if mask:
-        return MaskFile(source.path)
-    return open_side(source.path, modality=source.modality, settings=source.settings)
+        return MaskFile(source.given)
+    return open_side(source.given, modality=source.modality, settings=source.settings)
 
 
 def _radius_mm(opened: Ready) -> float | None:
