@@ -17,9 +17,9 @@ from endoct.workbench import compare, simulate, unroll
 
 DOCS = Path(__file__).parent
 FIGURES = DOCS / "figures"
-COLOURS = 128
-REPORT_SIZE = 1160, 1560
-"""Width and height in pixels: the top of a report, with its first two figures."""
+COLOURS = 256
+REPORT_SIZE = 1160, 1190
+"""Width and height in pixels: the top of a report, with its first figure."""
 
 
 def main() -> None:
@@ -41,7 +41,7 @@ def first_comparison(folder: Path) -> None:
     compare(folder / "specimen" / "endoscope", folder / "specimen" / "oct", folder / "result")
     for name in ("panoramas", "masks", "frames-oct"):
         picture = Image.open(folder / "result" / "figures" / f"{name}.png")
-        save(picture, FIGURES / f"tutorial_{name.replace('-', '_')}.png", width=1400)
+        save(picture, FIGURES / f"tutorial_{name.replace('-', '_')}.png", width=1100 if name == "frames-oct" else 1400)
 
 
 def report(folder: Path) -> None:
@@ -73,7 +73,8 @@ def save(picture: Image.Image, path: Path, *, width: int) -> None:
     width = min(width, picture.width)
     size = width, round(picture.height * width / picture.width)
     small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    small.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    few = small.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
 
 
 if __name__ == "__main__":
