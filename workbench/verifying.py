@@ -38,8 +38,8 @@ class Verdict:
 
     def to_json(self) -> dict[str, object]:
         """Return the verdict for machines."""
-        found = self.differences
-        lists = {"altered": list(found.altered), "missing": list(found.missing), "added": list(found.added)}
+        parts = self.differences
+        lists = {"altered": list(parts.altered), "missing": list(parts.missing), "added": list(parts.added)}
         of = {"path": str(self.path), "kind": self.kind, "files": self.files, "bytes": self.bytes}
         return {**of, "intact": self.intact, **lists}
 
@@ -59,16 +59,16 @@ def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]
     path, stages = Path(path), stages_for(progress)
     if path.suffix == ".html" and path.is_file():
         return [_page(path)]
-    found = [path] if _is_output(path) else [one for one in _folders(path) if _is_output(one) or _looks_like_one(one)]
-    if not found and _is_unit(path):
+    outputs = [path] if _is_output(path) else [one for one in _folders(path) if _is_output(one) or _looks_like_one(one)]
+    if not outputs and _is_unit(path):
         return [_unit_verdict(path, _record(path))]
-    if not found:
+    if not outputs:
         raise EndoctError(
-            f"{path} is no output of endoct's, or says nothing of what it should hold",
+            f"{path} is no output of endoct's, or lacks the list of what it should hold",
             expected="what `endoct unroll`, compare, simulate, dataset, summarise or bench wrote",
             remedy="check the path",
         )
-    return [_verdict(one, stages) for one in found]
+    return [_verdict(one, stages) for one in outputs]
 
 
 def _verdict(path: Path, stages: Stages) -> Verdict:
@@ -91,15 +91,15 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
     """Judge a data set by its records: every specimen or shard, and the files at its top."""
     identity = read_identity(root)
     units = [_unit(identity, path) for path in sorted((root / RECORDS).glob("*.json"))]
-    altered, missing, added = list(changed_top_files(root)), [], _strangers(root, units)
+    altered, missing, added = list(changed_top_files(root)), [], _others(root, units)
     missing += [name for name in (WRITTEN, *TOP_FILES) if not (root / name).is_file()]
     made = files = size = 0
 
-    def judged(unit: Unit) -> tuple[Record | None, Verdict | None]:
+    def check(unit: Unit) -> tuple[Record | None, Verdict | None]:
         record = read_record(root, unit)
         return record, None if record is None else _unit_verdict(root / unit.place, record)
 
-    for done, (unit, (record, verdict)) in enumerate(zip(units, thread_map(judged, units), strict=True), 1):
+    for done, (unit, (record, verdict)) in enumerate(zip(units, thread_map(check, units), strict=True), 1):
         advance(done / len(units))
         if record is None or verdict is None:
             altered.append(f"{RECORDS}/{unit.name}.json")
@@ -118,15 +118,15 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
     return Verdict(root, DATA_SET, files, size, Differences(tuple(altered), tuple(missing), tuple(added)))
 
 
-def _strangers(root: Path, units: Sequence[Unit]) -> list[str]:
-    """Return what lies in a data set, or where its specimens and records are, and is none of them."""
+def _others(root: Path, units: Sequence[Unit]) -> list[str]:
+    """Return what lies in a data set, or in the folders of its specimens and records, and is no part of it."""
     places = {unit.place for unit in units} | {Path(RECORDS, f"{unit.name}.json") for unit in units}
     ours = {*TOP_FILES, WRITTEN, LOCK_NAME, DAMAGED, *(place.parts[0] for place in places)}
-    found = [entry.name for entry in root.iterdir() if entry.name not in ours and not is_left_by_system(entry.name)]
+    others = [entry.name for entry in root.iterdir() if entry.name not in ours and not is_left_by_system(entry.name)]
     for folder in sorted({place.parent for place in places}):
         inside = (folder / entry.name for entry in (root / folder).iterdir() if not is_left_by_system(entry.name))
-        found += [place.as_posix() for place in inside if place not in places]
-    return sorted(found)
+        others += [place.as_posix() for place in inside if place not in places]
+    return sorted(others)
 
 
 def _unit(identity: Mapping[str, Any], record: Path) -> Unit:
@@ -138,11 +138,11 @@ def _unit(identity: Mapping[str, Any], record: Path) -> Unit:
 def _unit_verdict(place: Path, record: Record) -> Verdict:
     size = sum(n_bytes for n_bytes, _ in record.files.values())
     if place.suffix == ".tar":
-        found = Differences() if _is_shard(place, record) else Differences(altered=(f"shards/{place.name}",))
-        return Verdict(place, "shard", 1, size, found)
+        whole = Differences() if _is_shard(place, record) else Differences(altered=(f"shards/{place.name}",))
+        return Verdict(place, "shard", 1, size, whole)
     contents = Contents(SPECIMEN, record.files)
-    found = differences(place, contents) if place.is_dir() else Differences(missing=(place.name,))
-    return Verdict(place, SPECIMEN, len(record.files), size, found)
+    parts = differences(place, contents) if place.is_dir() else Differences(missing=(place.name,))
+    return Verdict(place, SPECIMEN, len(record.files), size, parts)
 
 
 def _is_shard(place: Path, record: Record) -> bool:
@@ -154,7 +154,7 @@ def _is_output(path: Path) -> bool:
 
 
 def _looks_like_one(path: Path) -> bool:
-    """Say whether a folder has what a comparison, a store or a specimen has: one that lost its list is no stranger."""
+    """Say whether a folder has what a comparison, a store or a specimen has: one that lost its list still counts."""
     return any((path / name).exists() for name in ("result.json", "zarr.json", "truth"))
 
 

@@ -1,1 +1,1 @@
-"""The research bench: named methods on the same cases with truth, judged alike, whoever wrote them."""
+"""The research bench: named methods on the same cases with truth, judged alike."""

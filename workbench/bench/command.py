@@ -152,16 +152,16 @@ def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
 
     Absolute, for processes that run elsewhere. Raises :class:`EndoctError` where there is none.
     """
-    found: list[Path] = []
+    folders: list[Path] = []
     for folder in data:
         inside = sorted(path.parent for path in folder.glob("*/truth"))
-        found += [folder] if (folder / "truth").is_dir() else inside
-    if not found:
+        folders += [folder] if (folder / "truth").is_dir() else inside
+    if not folders:
         raise EndoctError(
             f"no data with truth in {', '.join(map(str, data))}",
             expected="a folder with oct/ or endoscope/ and truth/ in it, or a folder of such folders",
         )
-    return tuple(Path(os.path.abspath(path)) for path in dict.fromkeys(found))  # noqa: PTH100 – links stay
+    return tuple(Path(os.path.abspath(path)) for path in dict.fromkeys(folders))  # noqa: PTH100 – links stay
 
 
 def _run(

@@ -1,4 +1,4 @@
-"""Runs methods over cases: the same cases for all, whatever a method does, whoever wrote it."""
+"""Runs methods over cases: the same cases for all, whatever a method does."""
 
 import hashlib
 import random

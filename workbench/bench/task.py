@@ -81,8 +81,8 @@ class Task(Generic[Given, Truth, Answer]):
     ranges: the conditions that are drawn and what they are drawn from; see :func:`draw`.
     scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` and
         ``doubted`` need no entry.
-    usual: what ``ranges`` are narrowed to unless the user asks for something else.
-    optional: further conditions and what they may be drawn from; only drawn where the user asks for them.
+    usual: what ``ranges`` are narrowed to unless the user wants something else.
+    optional: further conditions and what they may be drawn from; only drawn where the user wants them.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
     methods: methods that the task itself provides, in addition to those that are registered.
     against: the method from which the others' differences are taken, case by case, unless the user names one.
@@ -103,7 +103,7 @@ class Task(Generic[Given, Truth, Answer]):
 
 
 AnyTask = Task[Any, Any, Any]
-"""A task to whoever runs it: what its cases give and what its methods answer is between them and its judge."""
+"""A task to the machinery that runs it: only its judge and its methods know the types of cases and answers."""
 
 AnyCase = Case[Any, Any]
 

@@ -30,7 +30,7 @@ DIFFICULTIES: Mapping[str, Range] = {
     **{f"{part}.{name}": range_ for part, model in PARTS.items() for name, range_ in default_ranges(model).items()},
     **{f"{part}.{name}": words for part, model in PARTS.items() for name, words in choices(model).items()},
 }
-"""What a simulated specimen can be asked to be: the share of the OCT's slices that are black, the one size of all its
+"""How a simulated specimen can differ from its preset: the share of the OCT's slices that are black, the one size of all its
 cells, or any parameter that ``endoct simulate --vary`` takes, drawn from its default range where no other is given."""
 
 
@@ -82,16 +82,16 @@ def truths_of(specimen: Path, panorama: Panorama) -> Mapping[str, Mask]:
     if (specimen / "truth" / "wall.zarr").is_dir():
         truth = load_truth(specimen)
         return {"wall": true_cells(truth, true_pose(panorama, truth), panorama)}
-    found = {}
+    drawn = {}
     for path in sorted((specimen / "truth").glob(f"{panorama.modality}*")):
         if path.suffix.lower() in IMAGE_SUFFIXES:
-            found[path.stem] = drawn_cells(path, panorama)
-    if not found:
+            drawn[path.stem] = drawn_cells(path, panorama)
+    if not drawn:
         raise EndoctError(
             f"{specimen / 'truth'} holds no truth for the {panorama.modality} panorama",
             expected=f"wall.zarr of a simulated specimen, or masks drawn by hand, as {panorama.modality}.png",
         )
-    return found
+    return drawn
 
 
 def drawn_cells(path: Path, panorama: Panorama) -> Mask:
@@ -105,7 +105,9 @@ def drawn_cells(path: Path, panorama: Panorama) -> Mask:
 
 def recordings_in(specimen: Path) -> list[Path]:
     """Return the recordings of a specimen, those of OCT and endoscope first. Raises :class:`EndoctError` for none."""
-    found = [path for path in sorted(specimen.iterdir()) if path.is_dir() and (path / "acquisition.toml").is_file()]
-    if not found:
+    recordings = [
+        path for path in sorted(specimen.iterdir()) if path.is_dir() and (path / "acquisition.toml").is_file()
+    ]
+    if not recordings:
         raise EndoctError(f"{specimen} holds no recording", expected="oct/ or endoscope/ with an acquisition.toml")
-    return sorted(found, key=lambda path: path.name not in MODALITIES)
+    return sorted(recordings, key=lambda path: path.name not in MODALITIES)

@@ -1,6 +1,6 @@
 """Strips of a toy bore wall, each sampled where the probe truly was, in milliseconds.
 
-A caricature, not the simulator: the wall is a fine random texture with dark pits whose floors are seen past their
+A caricature, not the simulator: the wall is a fine random texture with dark pits whose floors show past their
 rims, the probe has light, dirt and scratches of its own, and the sensor noise. A pixel of a strip looks up the wall at
 its own place; nothing is unrolled.
 """
@@ -47,7 +47,7 @@ def toy_strips(
     feeds = [PITCH_MM * np.clip(1 + conditions["jitter"] * rng.normal(size=k), 0.2, None).sum() for k in steps]
     z_mm = np.concatenate([[0.0], np.cumsum(feeds)])
     roll_rad = np.concatenate([[0.0], np.cumsum(np.deg2rad(conditions["roll_deg"]) * rng.normal(size=N_STRIPS - 1))])
-    looks = _wall(rng_of(seed, index, "wall"), float(z_mm[-1]) + VISIBLE_MM + 0.6, conditions)
+    layers = _wall(rng_of(seed, index, "wall"), float(z_mm[-1]) + VISIBLE_MM + 0.6, conditions)
     light = _light(rng_of(seed, index, "probe"), conditions["pattern"])
     noise = rng_of(seed, index, "noise")
     rows_mm = VISIBLE_MM * ((np.arange(N_ROWS) + 0.5) / N_ROWS - 0.5)
@@ -55,7 +55,7 @@ def toy_strips(
     whole = np.ones((N_ROWS, N_COLUMNS), np.bool_)
     strips = []
     for z, roll in zip(z_mm, roll_rad, strict=True):
-        bright = np.exp(_seen(looks, z + rows_mm, theta_rad + roll) + light + EXPOSURE * noise.normal())
+        bright = np.exp(_log_brightness(layers, z + rows_mm, theta_rad + roll) + light + EXPOSURE * noise.normal())
         samples = np.maximum(bright + NOISE * noise.normal(size=whole.shape), 1e-3).astype(np.float32)
         strips.append(Strip(rows_mm, theta_rad, samples, None, whole, whole.astype(np.float32)))
     return tuple(strips), z_mm, roll_rad
@@ -82,18 +82,18 @@ def _wall(rng: np.random.Generator, length_mm: float, conditions: Mapping[str, f
     return np.stack([depth, textures[0], floor]).astype(np.float32)
 
 
-def _seen(looks: Image, z_mm: Coordinates, theta_rad: Coordinates) -> Coordinates:
+def _log_brightness(layers: Image, z_mm: Coordinates, theta_rad: Coordinates) -> Coordinates:
     """Return the log brightness at places (rows, columns) of the wall; in pits, of the floor the ray goes on to."""
     slant = np.linspace(*SLANT, z_mm.size)[:, np.newaxis]
     columns = np.broadcast_to(theta_rad / (2 * np.pi) * WALL_COLUMNS, (z_mm.size, theta_rad.size))
     rows = np.broadcast_to(((z_mm + VISIBLE_MM / 2) / WALL_STEP_MM)[:, np.newaxis], columns.shape)
 
-    def look(layer: int, deeper_mm: Coordinates | float, order: int) -> Coordinates:
+    def at_wall(layer: int, deeper_mm: Coordinates | float, order: int) -> Coordinates:
         at = rows + deeper_mm * slant / WALL_STEP_MM
-        return np.asarray(map_coordinates(looks[layer], [at, columns], order=order, mode="grid-wrap"))
+        return np.asarray(map_coordinates(layers[layer], [at, columns], order=order, mode="grid-wrap"))
 
-    depth = look(0, 0.0, 0)
-    return np.where(depth > 0, look(2, depth, 1), look(1, 0.0, 1))
+    depth = at_wall(0, 0.0, 0)
+    return np.where(depth > 0, at_wall(2, depth, 1), at_wall(1, 0.0, 1))
 
 
 def _light(rng: np.random.Generator, pattern: float) -> Coordinates:

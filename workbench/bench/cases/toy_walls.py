@@ -1,4 +1,4 @@
-"""Made-up walls with cells, in milliseconds: for sweeps over one difficulty at a time.
+"""Toy walls with cells, in milliseconds: for sweeps over one difficulty at a time.
 
 A caricature, not the simulator: cells are superellipses of one size, placed at random, and what an instrument makes
 of them is a formula. Of an OCT, the detection of the wall's echo among noise; of an endoscope, darkness, light and
@@ -31,7 +31,7 @@ RANGES: Mapping[str, Range] = {
 }
 """``signal_db``: the wall's echo over the noise in power, or the wall's brightness over the noise's deviation, in dB.
 ``cell_mm``: diameter of the cells; slices of the OCT are 0.2 mm apart. ``fill``: share of the wall that is cells.
-``missing``: share of the slices, of 0.2 mm, that were not seen. ``unevenness``: of the light (1: by half around the
+``missing``: share of the slices, of 0.2 mm, that are not valid. ``unevenness``: of the light (1: by half around the
 wall and along it), and of the wall's course (1: 0.1 mm off the circle)."""
 
 SPECKLES, DEPTH_SAMPLES, SPECKLE_COLUMNS = 4, 256, 5
@@ -61,7 +61,7 @@ def toy_panorama(seed: int, index: int, modality: str, conditions: Mapping[str, 
         intensity, depth_mm = _as_oct(rng, grid, wall, conditions)
     else:
         intensity, depth_mm = _as_endoscope(rng, grid, wall, conditions), None
-    valid = _seen(rng_of(seed, index, "missing"), grid, conditions["missing"])
+    valid = _valid(rng_of(seed, index, "missing"), grid, conditions["missing"])
     panorama = Panorama(
         grid=grid,
         intensity=np.where(valid, intensity, 0.0),
@@ -140,7 +140,7 @@ def _texture(rng: np.random.Generator, grid: SurfaceGrid) -> Image:
     return np.asarray(smooth / smooth.std(), dtype=np.float32)
 
 
-def _seen(rng: np.random.Generator, grid: SurfaceGrid, missing: float) -> Mask:
+def _valid(rng: np.random.Generator, grid: SurfaceGrid, missing: float) -> Mask:
     n_slices = round(LENGTH_MM / PITCH_MM)
     lost = rng.permutation(n_slices)[: round(missing * n_slices)]
     slices = np.minimum((grid.z_mm / PITCH_MM).astype(int), n_slices - 1)

@@ -64,10 +64,10 @@ class Flat:
             return 0.0
         size = self.a.shape[1], self.a.shape[0]
         moved = cv2.warpAffine(self.b, forward[:2], size, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
-        seen = np.isfinite(moved)
-        if seen.sum() < 0.1 * self.b.size:
+        covered = np.isfinite(moved)
+        if covered.sum() < 0.1 * self.b.size:
             return 0.0
-        (of_a, both), (_, of_b) = np.cov(self.a[seen], moved[seen])
+        (of_a, both), (_, of_b) = np.cov(self.a[covered], moved[covered])
         return float(abs(both) / np.sqrt(of_a * of_b)) if of_a > 0 and of_b > 0 else 0.0
 
 
@@ -100,7 +100,7 @@ def ecc(a: Panorama, b: Panorama) -> Alignment | NotAligned:
         for sign in (1, -1):
             start = np.array([[1, 0, across], [0, 1, down]], np.float32)
             try:
-                _, found = cv2.findTransformECC(
+                _, matrix = cv2.findTransformECC(
                     np.float32(sign) * flat.b,
                     flat.a,
                     start,
@@ -111,7 +111,7 @@ def ecc(a: Panorama, b: Panorama) -> Alignment | NotAligned:
                 )
             except cv2.error:
                 continue
-            yield np.asarray(found, np.float64)
+            yield np.asarray(matrix, np.float64)
 
     return _best(a, b, refined)
 
@@ -150,7 +150,7 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
     def registered(flat: Flat) -> Iterator[Matrix]:
         rows, columns = max(flat.a.shape[0], flat.b.shape[0]), flat.a.shape[1]
-        half = flat.b.shape[1] // 2  # it starts with B in the middle, not half a turn beside A
+        half = flat.b.shape[1] // 2  # it starts with B in the middle, not half a turn away
         to_middle = np.array([[1, 0, half], [0, 1, 0], [0, 0, 1]])
         for sign in (1, -1):
             there, here = np.zeros((2, rows, columns), np.float32)
@@ -159,9 +159,9 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
             torch.manual_seed(0)
             registrator = ImageRegistrator("similarity", num_iterations=100)
             model: Any = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
-            found = model.detach().numpy().reshape(3, 3).astype(np.float64)
+            matrix = model.detach().numpy().reshape(3, 3).astype(np.float64)
             to_unit = np.array([[2 / (columns - 1), 0, -1], [0, 2 / (rows - 1), -1], [0, 0, 1]])
-            for candidate in (found, np.linalg.inv(found)):  # which of the two it means has changed between versions
+            for candidate in (matrix, np.linalg.inv(matrix)):  # which of the two it means has changed between versions
                 yield (np.linalg.inv(to_unit) @ candidate @ to_unit @ to_middle)[:2]
 
     return _best(a, b, registered, SLOW_PX)
@@ -190,25 +190,27 @@ def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
         method.SetNumberOfThreads(1)
         method.SetInitialTransform(first)
         try:
-            found = method.Execute(fixed, moving)
+            transform = method.Execute(fixed, moving)
         except RuntimeError:
             return
-        origin, right, down = (np.array(found.TransformPoint(point)) for point in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+        origin, right, down = (
+            np.array(transform.TransformPoint(point)) for point in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        )
         yield np.stack([right - origin, down - origin, origin], axis=1)
 
     return _best(a, b, registered, SLOW_PX)
 
 
 def _best(a: Panorama, b: Panorama, method: Method, px: int = 1) -> Alignment | NotAligned:
-    """Return what correlates best of all that ``method`` finds in the orientations that are open."""
+    """Return the alignment that correlates best of all that ``method`` yields in the orientations that are open."""
     prepared = clipped(prepare(a)), clipped(prepare(b))
-    found: list[tuple[float, Alignment]] = []
+    candidates: list[tuple[float, Alignment]] = []
     for orientation in orientations_between(a, b):
         flat = _flat(*prepared, orientation, px)
-        found += [(flat.correlation(matrix), flat.place(matrix)) for matrix in method(flat)]
-    if not found:
+        candidates += [(flat.correlation(matrix), flat.place(matrix)) for matrix in method(flat)]
+    if not candidates:
         return NotAligned("It found nothing.")
-    return max(found, key=lambda one: one[0])[1]
+    return max(candidates, key=lambda one: one[0])[1]
 
 
 def _flat(a: Evidence, b: Evidence, orientation: Orientation, px: int) -> Flat:

@@ -58,8 +58,8 @@ def phase_correlation(recording: Path) -> Panorama:
         if not (np.ptp(before) > 0 and np.ptp(here) > 0):
             return np.zeros(here.size)  # a row without relief, or not valid
         # two rows, as the function wants an image
-        found = phase_cross_correlation(np.stack([before] * 2), np.stack([here] * 2), upsample_factor=10)[0]
-        return np.full(here.size, float(found[1]))
+        offset = phase_cross_correlation(np.stack([before] * 2), np.stack([here] * 2), upsample_factor=10)[0]
+        return np.full(here.size, float(offset[1]))
 
     return _chained(base, shift)
 
@@ -72,12 +72,12 @@ def blockwise(recording: Path) -> Panorama:
         n = here.size
         centres = (np.arange(N_BLOCKS) + 0.5) * n / N_BLOCKS
         whole = _lag(before, here, n // 2)
-        found = []
+        lags = []
         for centre in centres:
             apart = (np.arange(n) - centre + n / 2) % n - n / 2
             weight = np.exp(-0.5 * (apart / (WINDOW * n / N_BLOCKS / 4)) ** 2)
-            found.append(whole + _lag(before * weight, np.roll(here, whole) * weight, n // 36))
-        return np.asarray(np.interp(np.arange(n), centres, np.asarray(found, dtype=float), period=n))
+            lags.append(whole + _lag(before * weight, np.roll(here, whole) * weight, n // 36))
+        return np.asarray(np.interp(np.arange(n), centres, np.asarray(lags, dtype=float), period=n))
 
     return _chained(base, shift)
 

@@ -2,7 +2,7 @@
 
 Each takes the depth where a panorama has it, else the darkness of the raw intensity, lightly blurred, and knows
 nothing of the wall's course, of the light, or of θ being a circle. ``…_prepared`` get what ours thresholds, and the
-same cleaning afterwards: what they differ by from ours is the threshold alone.
+same cleaning afterwards: they differ from ours in the threshold alone.
 """
 
 from collections.abc import Callable
@@ -79,15 +79,15 @@ def adaptive_gaussian(panorama: Panorama) -> Mask:
     low, high = np.percentile(image[panorama.valid], [0.5, 99.5])
     grey = np.clip((image - low) / max(high - low, 1e-9) * 255, 0, 255).astype(np.uint8)
     block = 2 * (max(_window_px(panorama)) // 2) + 1
-    found = cv2.adaptiveThreshold(grey, 255, cv2.ADAPTIVE_THRESH_GAUSSIAN_C, cv2.THRESH_BINARY, block, -20)
-    return np.asarray(panorama.valid & (found > 0))
+    mask = cv2.adaptiveThreshold(grey, 255, cv2.ADAPTIVE_THRESH_GAUSSIAN_C, cv2.THRESH_BINARY, block, -20)
+    return np.asarray(panorama.valid & (mask > 0))
 
 
 def chan_vese(panorama: Panorama) -> Mask:
     """Chan and Vese's active contours, morphological (scikit-image), started from Otsu's threshold."""
     image = _image(panorama)
-    found = segmentation.morphological_chan_vese(image, 40, init_level_set=otsu(panorama), smoothing=1)
-    return np.asarray(panorama.valid & (found > 0))
+    mask = segmentation.morphological_chan_vese(image, 40, init_level_set=otsu(panorama), smoothing=1)
+    return np.asarray(panorama.valid & (mask > 0))
 
 
 def watershed(panorama: Panorama) -> Mask:
@@ -110,10 +110,10 @@ def top_hat(panorama: Panorama) -> Mask:
 
 
 def _image(panorama: Panorama) -> Image:
-    """Return depth, or negative intensity, blurred; what was not seen is as the median."""
-    shown = -panorama.intensity if panorama.depth_mm is None else panorama.depth_mm
+    """Return depth, or negative intensity, blurred; invalid samples are as the median."""
+    values = -panorama.intensity if panorama.depth_mm is None else panorama.depth_mm
     grid = panorama.grid
-    blurred = masked_gaussian(shown, panorama.valid, BLUR_MM / grid.dz_mm, BLUR_MM / grid.dtheta_mm)
+    blurred = masked_gaussian(values, panorama.valid, BLUR_MM / grid.dz_mm, BLUR_MM / grid.dtheta_mm)
     filled = np.where(panorama.valid, blurred, np.median(blurred[panorama.valid]))
     return np.asarray(filled, dtype=np.float32)
 
@@ -125,13 +125,13 @@ def _above(panorama: Panorama, threshold: Callable[[NDArray[np.float32]], float]
 
 def _prepared(panorama: Panorama, threshold: Callable[[NDArray[np.float32]], float]) -> Mask:
     p, evidence = SegmentParameters(), prepare(panorama)
-    values = _as_ours_sees_it(evidence, p)
+    values = _smooth_and_capped(evidence, p)
     mask = evidence.valid & (values > threshold(values[evidence.valid]))
     return clean(mask, evidence.dz_mm, evidence.column_mm, p) & evidence.valid
 
 
-def _as_ours_sees_it(evidence: Evidence, p: SegmentParameters) -> Image:
-    """Return the evidence smoothed, floored and capped as our own segmentation does."""
+def _smooth_and_capped(evidence: Evidence, p: SegmentParameters) -> Image:
+    """Return the evidence smoothed and capped at both ends, as our own segmentation has it."""
     sigmas = p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
     smooth = masked_gaussian(evidence.values, evidence.valid, *sigmas)
     low, high = (p.relief_floor_mm, p.relief_cap_mm) if evidence.kind == "relief" else (0.0, p.contrast_cap)

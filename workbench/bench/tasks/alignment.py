@@ -3,7 +3,7 @@
 Both sides have 2048 × 1024 samples of one size, so that pixels mean the same along z and around. The scene is
 blobs, cells without depth, as a smooth function of the wall that either side samples where it lies: no image is ever
 interpolated. Side B shows it through a gamma, with a light of its own, perhaps inverted, and under speckle; it is
-turned, shifted and stretched, perhaps mirrored, perhaps seen from its other end. No method learns any of it.
+turned, shifted and stretched, perhaps mirrored, perhaps recorded from its other end. No method learns any of it.
 """
 
 from collections.abc import Mapping
@@ -124,7 +124,7 @@ def _image(scene: Image, random: np.random.Generator, gamma: float, contrast: fl
     theta_rad = 2 * np.pi / N_THETA * np.arange(N_THETA)
     light = 1 + 0.3 * np.cos(theta_rad - random.uniform(0, 2 * np.pi))
     wall = 0.2 + 0.7 * (scene if inverted else 1 - scene)
-    looks = 1 / contrast**2  # speckle averaged over so many looks: gamma distributed with mean 1
+    looks = 1 / contrast**2  # averaged over so many looks, speckle is gamma distributed with mean 1
     speckle = random.standard_gamma(looks, scene.shape, dtype=np.float32) / np.float32(looks)
     return np.asarray(100 * wall ** np.float32(gamma) * light * speckle, dtype=np.float32)
 
@@ -186,7 +186,7 @@ TASK = Task(
     judge=judge,
     ranges=RANGES,
     scores={
-        "landmark_px": "mean landmark error, px (the larger step of the coarser side; 3.8 µm of made-up pairs)",
+        "landmark_px": "mean landmark error, px (the larger step of the coarser side; 3.8 µm of toy pairs)",
         "landmark_mm": "mean landmark error, mm",
     },
     own=own_cases,

@@ -23,10 +23,10 @@ from endoct.workbench.bench.task import SUCCESS, Case, Range, Task, draw
 from endoct.workbench.pipeline.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
 
 CAPILLARY_MM = 1.7
-GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves beside the largest sheath drawn
+GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves next to the largest sheath drawn
 DRIFT_MM = 0.02
 GOOD_ENOUGH = 0.8
-RIM_REACH_RAD = 0.35  # as far as a found rim may lie from the true one to count as that rim: 20°
+RIM_REACH_RAD = 0.35  # as far as a rim may lie from the true one to count as that rim: 20°
 N_NOMINAL = 256
 PRESET: PresetName = "learning"
 RANGES: Mapping[str, Range] = {
@@ -73,11 +73,11 @@ def judge(case: Case[Path, Truth], answer: object) -> dict[str, float]:
     truth = case.truth
     pose = _fitted(true_pose(answer, truth), truth, answer)
     cells, true = segment(answer), true_cells(truth, pose, answer)
-    found = jaccard(cells, true, answer.valid)
+    overlap = jaccard(cells, true, answer.valid)
     rims = _rim_errors_rad(cells, true, answer.valid)
     return {
-        SUCCESS: float(found >= GOOD_ENOUGH),
-        "jaccard": found,
+        SUCCESS: float(overlap >= GOOD_ENOUGH),
+        "jaccard": overlap,
         "rim_deg": float(np.rad2deg(np.median(np.abs(rims)))) if rims.size else np.nan,
         "beam_deg": float(np.rad2deg(np.sqrt(np.mean(beam_errors_rad(answer, truth) ** 2))))
         if "start_angle_rad" in answer.per_frame
@@ -135,7 +135,7 @@ def _fitted(pose: Pose, truth: Truth, panorama: Panorama) -> Pose:
 
 
 def _rim_errors_rad(cells: Mask, true: Mask, valid: Mask) -> Coordinates:
-    """How far found rims lie from the nearest true ones of the same kind in the row, rad; rims too far are left out."""
+    """How far rims lie from the nearest true ones of the same kind in the row, rad; rims too far are left out."""
     n = cells.shape[1]
     errors = []
     for row in range(cells.shape[0]):

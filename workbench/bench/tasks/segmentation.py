@@ -69,14 +69,14 @@ def judge(case: SegmentationCase, answer: object) -> dict[str, float]:
     valid = panorama.valid
     both, either = int((mask & cell & valid).sum()), int(((mask | cell) & valid).sum())
     marked, true = int((mask & valid).sum()), int((cell & valid).sum())
-    found, exist = _cells_found(mask & valid, cell & valid)
+    n_found, n_true = _cells_found(mask & valid, cell & valid)
     jaccard = both / either if either else 1.0
     return {
         SUCCESS: float(jaccard >= GOOD_ENOUGH),
         "jaccard": jaccard,
         "precision": both / marked if marked else np.nan,
         "recall": both / true if true else np.nan,
-        "cells_found": found / exist if exist else np.nan,
+        "cells_found": n_found / n_true if n_true else np.nan,
         "area_error": (marked - true) / int(valid.sum()),
     }
 
@@ -94,10 +94,10 @@ def ours(panorama: Panorama) -> Mask:
 
     Raises :class:`Declined` where that would be called untrusted.
     """
-    found = find_cells(prepare(panorama), SegmentParameters())
-    if found.doubt is not None:
-        raise Declined(found.doubt)
-    return found.mask
+    cells = find_cells(prepare(panorama), SegmentParameters())
+    if cells.doubt is not None:
+        raise Declined(cells.doubt)
+    return cells.mask
 
 
 TASK = Task(

@@ -118,14 +118,14 @@ def judge(case: StitchingCase, answer: StripPoses) -> dict[str, float]:
 def ours(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     """Return feed and roll as the endoscope's survey finds them, from the logarithm of the strips."""
     first = strips[0]
-    seen = np.stack([strip.valid & (strip.intensity > 0) for strip in strips])
-    logs = np.log(np.where(seen, np.stack([strip.intensity for strip in strips]), 1.0)).astype(np.float32)
+    valid = np.stack([strip.valid & (strip.intensity > 0) for strip in strips])
+    logs = np.log(np.where(valid, np.stack([strip.intensity for strip in strips]), 1.0)).astype(np.float32)
     feed = estimate_feed(
         logs,
         float(first.z_mm[1] - first.z_mm[0]),
         toy_strips.RADIUS_MM,
         nominal_pitch_mm * np.arange(len(strips), dtype=np.float64),
-        valid=seen,
+        valid=valid,
     )
     return StripPoses(feed.z_mm, feed.roll_rad, feed.trusted)
 
