@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import tomli_w
 
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.files.masks import on_comparison, score_surface
@@ -74,11 +75,14 @@ def write_mask(mask: Mask, grid: SurfaceGrid, path: Path) -> None:
     """Write ``mask`` on ``grid`` as an image with the sidecar that lets it be a side or a truth again."""
     turned = np.roll(mask, round(float(grid.column_of(0.0))) * -1, axis=1)
     path.write_bytes(cv2.imencode(".png", turned.astype(np.uint8) * 255)[1].tobytes())
-    path.with_suffix(".toml").write_text(
-        f'modality = "mask"\nbore_diameter_mm = {2 * grid.radius_mm}\nz0_mm = {grid.z0_mm}\ndz_mm = {grid.dz_mm}\n'
-        'rater = "consensus"\n',
-        encoding="utf-8",
-    )
+    keys = {
+        "modality": "mask",
+        "bore_diameter_mm": 2 * grid.radius_mm,
+        "z0_mm": grid.z0_mm,
+        "dz_mm": grid.dz_mm,
+        "rater": "consensus",
+    }
+    path.with_suffix(".toml").write_text(tomli_w.dumps(keys), encoding="utf-8")
 
 
 def _check(drawings: list[Drawing]) -> None:

@@ -30,8 +30,8 @@ DIFFICULTIES: Mapping[str, Range] = {
     **{f"{part}.{name}": range_ for part, model in PARTS.items() for name, range_ in default_ranges(model).items()},
     **{f"{part}.{name}": words for part, model in PARTS.items() for name, words in choices(model).items()},
 }
-"""How a simulated specimen can differ from its preset: the share of the OCT's slices that are black, the one size of all
-its cells, or any parameter that ``endoct simulate --vary`` takes, drawn from its default range where no other is given."""
+"""How a simulated specimen can differ from its preset: the share of the OCT's slices that are black, the one size of
+all its cells, or any parameter that ``endoct simulate --vary`` takes, by default with the range it is drawn from."""
 
 
 def simulated(
