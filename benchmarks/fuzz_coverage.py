@@ -1,9 +1,9 @@
 """Let coverage guide the damage: ``python benchmarks/fuzz_coverage.py --minutes 20 --reader tiff [NAME …]``.
 
-Needs atheris beside endoct (``pip install atheris``), which is no dependency of it; where it is absent, this says so
-and ends. endoct's readers, tifffile, zarr and roifile are instrumented; cases are mutated as ``python -m
-benchmarks.fuzz`` does, and those that reach new code are kept and mutated further. What is found is stored below ``-o``
-as there, once for each kind and place, and the same command replays it. Status 1 where there is any. POSIX only.
+Needs atheris (``pip install atheris``), which is no dependency of endoct; where it is absent, this says so and ends.
+endoct's readers, tifffile, zarr and roifile are instrumented. Cases are mutated as ``python -m benchmarks.fuzz`` does,
+and those that reach new code are mutated further. Findings are stored below ``-o`` as there, once for each kind and
+place, and the same command replays them. Status 1 where there is any. POSIX only.
 """
 
 import argparse
@@ -31,7 +31,7 @@ def main() -> int:
     if options.child:
         return _fuzz(options.reader[0], options.minutes, options.output, options.seed)
     output = options.output or Path(tempfile.mkdtemp(prefix="endoct-coverage-"))
-    found = 0
+    n_findings = 0
     for name in options.reader:
         minutes = options.minutes / len(options.reader)
         command = [sys.executable, __file__, "--child", "--reader", name, "--minutes", str(minutes)]
@@ -45,15 +45,15 @@ def main() -> int:
                 )
             except subprocess.TimeoutExpired:
                 status = "did not end"
-        told = sorted(folder.glob("*/told.txt"))
+        messages = sorted(folder.glob("*/outcome.txt"))
         died = sorted(folder.glob("crash-*"))
-        found += len(told) + len(died)
+        n_findings += len(messages) + len(died)
         lines = (folder / "log.txt").read_text(errors="replace").splitlines()
         last = next((line for line in reversed(lines) if line.startswith("#")), "no case")
-        print(f"{name}: {len(told)} findings, {len(died)} crashes, {status}; {last}")
-        for path in told:
+        print(f"{name}: {len(messages)} findings, {len(died)} crashes, {status}; {last}")
+        for path in messages:
             print(f"  {path.read_text(errors='replace').splitlines()[0]}: {path.parent}")
-    return 1 if found else 0
+    return 1 if n_findings else 0
 
 
 def _fuzz(name: str, minutes: float, output: Path, seed: int) -> int:
@@ -65,17 +65,17 @@ def _fuzz(name: str, minutes: float, output: Path, seed: int) -> int:
 
         seeds = seeds_of(name)
         reader = READERS[name]
+    from benchmarks.fuzz.case_process import target_of
     from benchmarks.fuzz.mutate import mutated
+    from benchmarks.fuzz.outcome import outcome_of
     from benchmarks.fuzz.trees import Entry, Seed, write_tree
-    from benchmarks.fuzz.trying import target_of
-    from benchmarks.fuzz.watching import tried
 
     scratch = Path(tempfile.mkdtemp(prefix="endoct-coverage-"))
     known: set[str] = set()
     for sound in seeds:  # loads, and instruments, what is loaded at need
         with atheris.instrument_imports(include=INSTRUMENTED):
             write_tree(sound.files, scratch / "case")
-            tried(reader.read, scratch / "case" / sound.target, case=scratch / "case", seconds=600.0)
+            outcome_of(reader.read, scratch / "case" / sound.target, case=scratch / "case", seconds=600.0)
             shutil.rmtree(scratch / "case")
 
     def unpacked(data: bytes) -> tuple[Seed, dict[str, Entry]]:
@@ -104,15 +104,15 @@ def _fuzz(name: str, minutes: float, output: Path, seed: int) -> int:
         case = scratch / "case"
         shutil.rmtree(case, ignore_errors=True)
         write_tree(tree, case)
-        outcome = tried(reader.read, target_of(sound, tree, case), case=case, seconds=3 * reader.seconds)
+        outcome = outcome_of(reader.read, target_of(sound, tree, case), case=case, seconds=3 * reader.seconds)
         label = f"{outcome.kind}-{outcome.where}"
         if outcome.is_finding and label not in known:
             known.add(label)
             place = output / name / "".join(c if c.isalnum() or c in "-_." else "_" for c in label)
             shutil.rmtree(place, ignore_errors=True)
             write_tree(tree, place / "case")
-            text = f"{name}: {outcome.kind} in {outcome.where}\n\n{outcome.told}\n"
-            (place / "told.txt").write_text(text, encoding="utf-8", errors="backslashreplace")
+            text = f"{name}: {outcome.kind} in {outcome.where}\n\n{outcome.message}\n"
+            (place / "outcome.txt").write_text(text, encoding="utf-8", errors="backslashreplace")
 
     corpus = scratch / "corpus"
     corpus.mkdir()

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.fuzz.outcome import READ, REFUSED, outcome_of
 from benchmarks.fuzz.readers import READERS, seeds_of
 from benchmarks.fuzz.trees import write_tree
-from benchmarks.fuzz.watching import READ, REFUSED, tried
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="watches time and memory as POSIX has it")
 
@@ -62,11 +62,11 @@ def test_is_read_or_refused_in_one_line_within_bounds(file: Path, tmp_path: Path
         target = put(file, tmp_path / "case")
         tracemalloc.start()
         try:
-            outcome = tried(reader.read, target, case=tmp_path / "case", seconds=PATIENT_S)
+            outcome = outcome_of(reader.read, target, case=tmp_path / "case", seconds=PATIENT_S)
             most = tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()
-    assert outcome.kind in (READ, REFUSED), f"{outcome.kind} in {outcome.where}\n{outcome.told}"
+    assert outcome.kind in (READ, REFUSED), f"{outcome.kind} in {outcome.where}\n{outcome.message}"
     assert most < MOST_BYTES
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.fuzz.account_tables import groups
+from benchmarks.fuzz.campaign import plan_cases, run
+from benchmarks.fuzz.outcome import READ, REFUSED, outcome_of
 from benchmarks.fuzz.readers import READERS, seeds_of
-from benchmarks.fuzz.running import plan_cases, run
-from benchmarks.fuzz.telling import groups
 from benchmarks.fuzz.trees import write_tree
-from benchmarks.fuzz.watching import READ, REFUSED, tried
 from endoct.stitching.errors import EndoctError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="watches time and memory as POSIX has it")
@@ -60,10 +60,10 @@ def _takes_memory(_: Path) -> None:
 def test_the_watch_sees(
     read: Callable[[Path], object], kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("benchmarks.fuzz.watching.MOST_BYTES", 40_000_000)
+    monkeypatch.setattr("benchmarks.fuzz.outcome.MOST_BYTES", 40_000_000)
     (tmp_path / "beside").write_bytes(b"")
     (tmp_path / "case").mkdir()
-    assert tried(read, tmp_path / "case", case=tmp_path / "case", seconds=0.2).kind == kind
+    assert outcome_of(read, tmp_path / "case", case=tmp_path / "case", seconds=0.2).kind == kind
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -74,11 +74,11 @@ def test_what_is_sound_is_read(name: str, tmp_path: Path) -> None:
     for number, sound in enumerate(seeds):
         case = tmp_path / str(number)
         write_tree(sound.files, case)
-        outcome = tried(READERS[name].read, case / sound.target, case=case, seconds=PATIENT_S)
-        assert outcome.kind == (REFUSED if sound.refused else READ), (sound.name, outcome.told)
+        outcome = outcome_of(READERS[name].read, case / sound.target, case=case, seconds=PATIENT_S)
+        assert outcome.kind == (REFUSED if sound.refused else READ), (sound.name, outcome.message)
 
 
 def test_what_is_damaged_is_read_or_refused_in_one_line(tmp_path: Path) -> None:
     account = run(plan_cases(1500, QUICK), seed=2019, findings=tmp_path / "findings", seconds=PATIENT_S)
-    assert not account.found, f"\n{groups(account)}"
+    assert not account.findings, f"\n{groups(account)}"
     assert sum(sum(ends.values()) for ends in account.ends.values()) >= 1400

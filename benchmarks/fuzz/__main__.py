@@ -11,10 +11,10 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.fuzz.account_tables import groups, table, write_account
+from benchmarks.fuzz.campaign import Account, plan_cases, run
+from benchmarks.fuzz.outcome import outcome_of
 from benchmarks.fuzz.readers import READERS, seeds_of
-from benchmarks.fuzz.running import Account, plan_cases, run
-from benchmarks.fuzz.telling import groups, table, write_account
-from benchmarks.fuzz.watching import tried
 
 
 def main() -> int:
@@ -22,22 +22,22 @@ def main() -> int:
     options = _parsed()
     if options.replay is not None:
         return _replay(options.replay, options.reader[0])
-    begun = told = time.monotonic()
+    begun = printed = time.monotonic()
 
-    def tell(account: Account) -> None:
-        nonlocal told
-        if time.monotonic() - told > 10:
-            told = time.monotonic()
+    def progress(account: Account) -> None:
+        nonlocal printed
+        if time.monotonic() - printed > 10:
+            printed = time.monotonic()
             done = sum(sum(ends.values()) for ends in account.ends.values())
-            print(f"{told - begun:.0f} s: {done} cases, {account.n_found} findings", file=sys.stderr)
+            print(f"{printed - begun:.0f} s: {done} cases, {account.n_findings} findings", file=sys.stderr)
 
     batches = plan_cases(options.count, options.reader or list(READERS))
-    account = run(batches, seed=options.seed, processes=options.processes, findings=options.output, tell=tell)
+    account = run(batches, seed=options.seed, processes=options.processes, findings=options.output, progress=progress)
     title = f"{options.count} cases, seed {options.seed}, {time.monotonic() - begun:.0f} s"
     if options.output is not None:
         write_account(account, options.output, title)
     print(f"{title}\n\n{table(account)}\n\n{groups(account)}")
-    return 1 if account.n_found else 0
+    return 1 if account.n_findings else 0
 
 
 def _replay(path: Path, name: str) -> int:
@@ -49,8 +49,8 @@ def _replay(path: Path, name: str) -> int:
         there = sorted(one for one in case.iterdir() if one.name in names)
         target = case if "" in names else (there or sorted(case.iterdir()))[0]
     reader, folder = READERS[name], case if case.is_dir() else case.parent
-    outcome = tried(reader.read, target, case=folder, seconds=reader.seconds)
-    print(f"{outcome.kind} {outcome.where}\n{outcome.told}")
+    outcome = outcome_of(reader.read, target, case=folder, seconds=reader.seconds)
+    print(f"{outcome.kind} {outcome.where}\n{outcome.message}")
     return 1 if outcome.is_finding else 0
 
 

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import zarr
@@ -81,7 +81,8 @@ def mask_seeds() -> Iterator[Seed]:
 def label_seeds() -> Iterator[Seed]:
     """Yield Zarr stores of labels: arrays, groups with levels, of both formats, sharded and compressed."""
     cells = labels()
-    for form in (2, 3):
+    forms: tuple[Literal[2, 3], ...] = (2, 3)
+    for form in forms:
         yield _store(f"array {form}", lambda path, form=form: _array(path, cells, zarr_format=form))
         yield _store(f"levels {form}", lambda path, form=form: _levels(path, cells, form, ome=False))
     yield _store("ome", lambda path: _levels(path, cells, 3, ome=True))
@@ -101,12 +102,12 @@ def _array(path: Path, cells: NDArray[Any], **options: Any) -> None:
     zarr.create_array(path, data=cells, **options)
 
 
-def _levels(path: Path, cells: NDArray[Any], form: int, *, ome: bool) -> None:
-    group = zarr.open_group(path, mode="w", zarr_format=form)  # type: ignore[arg-type]
+def _levels(path: Path, cells: NDArray[Any], form: Literal[2, 3], *, ome: bool) -> None:
+    group = zarr.open_group(path, mode="w", zarr_format=form)
     group.create_array("fine", data=cells[np.newaxis])
     group.create_array("coarse", data=cells[np.newaxis, ::2, ::2])
-    told: dict[str, Any] = {"multiscales": [{"version": "0.4", "datasets": [{"path": "fine"}, {"path": "coarse"}]}]}
-    group.attrs["ome" if ome else "multiscales"] = told if ome else told["multiscales"]
+    levels: list[Any] = [{"version": "0.4", "datasets": [{"path": "fine"}, {"path": "coarse"}]}]
+    group.attrs["ome" if ome else "multiscales"] = {"multiscales": levels} if ome else levels
 
 
 def _store(name: str, make: Any) -> Seed:

@@ -34,7 +34,7 @@ def output_seeds() -> Iterator[Seed]:
 
 
 def unfinished_seeds() -> Iterator[Seed]:
-    """Yield what the bench keeps beside its output."""
+    """Yield the checkpoint of a run of the bench."""
     with tempfile.TemporaryDirectory() as scratch:
         checkpoint = open_checkpoint(Path(scratch) / "results", PLAN, overwrite=False)
         for place in range(2):

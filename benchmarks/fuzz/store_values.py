@@ -53,7 +53,7 @@ def change_values(tree: dict[str, Entry], rng: Random) -> None:
     if values.size:
         tree[str(folder.joinpath("c", *("0" for _ in shape)))] = values.tobytes()
     tree[name] = json.dumps(node).encode()
-    _tell_group(tree, folder, node)
+    _change_group(tree, folder, node)
 
 
 def _array(entry: Entry) -> dict[str, Any] | None:
@@ -80,11 +80,14 @@ def _values(shape: list[int], dtype: str, rng: Random) -> NDArray[Any]:
     return np.asarray(numbers.choice(np.array(rng.sample(likely, rng.choice((1, 2))), object), shape)).astype(kind)
 
 
-def _tell_group(tree: dict[str, Entry], folder: PurePosixPath, node: dict[str, Any]) -> None:
+def _change_group(tree: dict[str, Entry], folder: PurePosixPath, node: dict[str, Any]) -> None:
     """Change what the group above has gathered of the array."""
     place = str(folder.parent / "zarr.json")
+    entry = tree.get(place)
+    if not isinstance(entry, bytes):
+        return
     try:
-        group: Any = json.loads(tree[place])  # type: ignore[arg-type]
+        group: Any = json.loads(entry)
         gathered: Any = group["consolidated_metadata"]["metadata"]
     except (ValueError, KeyError, TypeError, RecursionError):
         return

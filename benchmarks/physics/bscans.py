@@ -19,7 +19,7 @@ from endoct.synthetic.oct.appearance import Appearance, build_appearance
 from endoct.synthetic.oct.beams import BONE_INDEX
 from endoct.synthetic.oct.bscan import render_bscan
 from endoct.synthetic.sample.parameters import Sample
-from endoct.synthetic.sample.presets import PRESETS
+from endoct.synthetic.sample.presets import PRESETS, PresetName
 
 RAYLEIGH_SKEW = -1.1395  # of the logarithm of an exponential: −2·ζ(3)/(π²/6)^1.5
 RAYLEIGH_DB = 5.5697  # its standard deviation, (10/ln 10)·π/√6
@@ -28,9 +28,9 @@ NOTHING_DB = -80.0
 EDGES = 36  # of the knife-edge target, a turn
 
 
-def plain(preset: str = "quick", seed: int = 1000, **oct_: Any) -> Sample:
-    """Return the sample of a smooth bore without cells, seen by a catheter on its axis; ``oct_`` as wanted."""
-    drawn = draw(preset, seed, ranges={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})  # type: ignore[arg-type]
+def plain(preset: PresetName = "quick", seed: int = 1000, **oct_: Any) -> Sample:
+    """Return the sample of a smooth bore without cells, recorded by a catheter on its axis; ``oct_`` as wanted."""
+    drawn = draw(preset, seed, ranges={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})
     n = PRESETS[drawn.preset].n_slices
     bore = {
         "cells": (), "taper_mm": 0.0, "tilt_rad": 0.0, "wander_mm": 0.0, "roughness_mm": 0.0,

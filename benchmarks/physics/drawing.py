@@ -10,6 +10,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from endoct.stitching.arrays import Coordinates
@@ -70,7 +71,8 @@ def save_panels(path: Path, panels: Sequence[Panel]) -> None:
 def save(figure: "matplotlib.figure.Figure", path: Path, colours: int = 64) -> None:
     """Write a figure as PNG with so many colours, and close it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.canvas.draw()
-    picture = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3])  # type: ignore[attr-defined]
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
     picture.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
     plt.close(figure)

@@ -1,5 +1,7 @@
 """What a data set consists of, and how parameters to vary are read."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -75,9 +77,9 @@ def test_splits_are_eight_to_one_to_one() -> None:
         ({"count": 1, "ranges": {"oct.wal_db": (1.0, 2.0)}}, "oct.wall_db"),
     ],
 )
-def test_arguments_that_cannot_be_are_refused(arguments: dict[str, object], said: str) -> None:
+def test_arguments_that_cannot_be_are_refused(arguments: dict[str, Any], said: str) -> None:
     with pytest.raises(EndoctError, match=said):
-        Plan(**arguments)  # type: ignore[arg-type]
+        Plan(**arguments)
 
 
 def test_vary_reads_ranges_numbers_and_words() -> None:

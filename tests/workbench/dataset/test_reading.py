@@ -5,6 +5,7 @@ import hashlib
 import json
 import sys
 from pathlib import Path
+from typing import cast
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.workbench import cli, simulate
 from endoct.workbench.dataset import Specimens
 from endoct.workbench.dataset.building import make_dataset
-from endoct.workbench.dataset.plan import Plan
+from endoct.workbench.dataset.plan import Plan, Split
 
 
 def endoct(*arguments: object) -> int:
@@ -137,7 +138,7 @@ def test_what_is_no_finished_set_is_refused(tmp_path: Path, learning: Path) -> N
     with pytest.raises(EndoctError, match="no finished data set"):
         Specimens(tmp_path)
     with pytest.raises(EndoctError, match="no split 'val'"):
-        Specimens(learning, split="val")  # type: ignore[arg-type]
+        Specimens(learning, split=cast(Split, "val"))
 
 
 @pytest.mark.slow

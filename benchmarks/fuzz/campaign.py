@@ -1,4 +1,4 @@
-"""Many cases, in processes that are watched from outside; what was found is stored so that it can be read again."""
+"""Many cases, in processes that are watched from outside; the files of findings are stored, to be read again."""
 
 import re
 import shutil
@@ -13,29 +13,29 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
+from benchmarks.fuzz.case_process import Case, Report, try_cases
+from benchmarks.fuzz.outcome import REFUSED, Outcome
 from benchmarks.fuzz.readers import READERS
 from benchmarks.fuzz.trees import copy_case
-from benchmarks.fuzz.trying import Case, Report, try_cases
-from benchmarks.fuzz.watching import REFUSED, Outcome
 
 BATCH = 250
 STORED_ALIKE = 3
 """Of findings of one kind at one place so many are stored."""
 PATIENCE = 12.0
-"""Who has not ended a case after so many times its limit hangs in C and is killed."""
+"""A process that has not ended a case after so many times its limit hangs in C and is killed."""
 
 Group = tuple[str, str, str]
 
 
 @dataclass
 class Account:
-    """What came of all cases: by reader how many ended how, and by (reader, kind, where) what was found."""
+    """What came of all cases: by reader how many ended how, and by (reader, kind, where) the findings."""
 
     ends: dict[str, Counter[str]] = field(default_factory=dict)
-    found: Counter[Group] = field(default_factory=Counter)
+    findings: Counter[Group] = field(default_factory=Counter)
     examples: dict[Group, list[tuple[Path | None, Case, str]]] = field(default_factory=dict)
-    said: Counter[str] = field(default_factory=Counter)
-    said_examples: dict[str, str] = field(default_factory=dict)
+    printed: Counter[str] = field(default_factory=Counter)
+    printed_examples: dict[str, str] = field(default_factory=dict)
     refusals: dict[Group, str] = field(default_factory=dict)
 
     def add(self, report: Report, stored: Path | None) -> None:
@@ -43,21 +43,21 @@ class Account:
         outcome, reader = report.outcome, report.case.reader
         ends = self.ends.setdefault(reader, Counter())
         ends["finding" if outcome.is_finding else outcome.kind] += 1
-        if report.said:
-            self.said[reader] += 1
-            self.said_examples.setdefault(f"{reader}: {re.sub('[0-9]+', '#', report.said[:60])}", report.said)
+        if report.output:
+            self.printed[reader] += 1
+            self.printed_examples.setdefault(f"{reader}: {re.sub('[0-9]+', '#', report.output[:60])}", report.output)
         if outcome.kind == REFUSED:
-            self.refusals.setdefault((reader, outcome.where, outcome.told[:20]), outcome.told)
+            self.refusals.setdefault((reader, outcome.where, outcome.message[:20]), outcome.message)
         if outcome.is_finding:
             group = (reader, outcome.kind, outcome.where)
-            self.found[group] += 1
+            self.findings[group] += 1
             if stored is not None or group not in self.examples:
-                self.examples.setdefault(group, []).append((stored, report.case, outcome.told))
+                self.examples.setdefault(group, []).append((stored, report.case, outcome.message))
 
     @property
-    def n_found(self) -> int:
+    def n_findings(self) -> int:
         """All findings."""
-        return sum(self.found.values())
+        return sum(self.findings.values())
 
 
 @dataclass
@@ -90,7 +90,7 @@ def run(
     processes: int = 1,
     findings: Path | None = None,
     seconds: float | None = None,
-    tell: Callable[[Account], None] | None = None,
+    progress: Callable[[Account], None] | None = None,
 ) -> Account:
     """Try all cases and return the account; store examples of findings below ``findings``."""
     context, account = get_context("spawn"), Account()
@@ -117,8 +117,8 @@ def run(
                     shutil.rmtree(worker.scratch, ignore_errors=True)
                     if left:
                         waiting.insert(0, list(left))
-            if tell is not None:
-                tell(account)
+            if progress is not None:
+                progress(account)
     finally:
         for worker in workers:
             worker.process.kill()
@@ -169,30 +169,30 @@ def _follow(worker: _Worker, account: Account, findings: Path | None, seconds: f
 
 def _add_lost(worker: _Worker, outcome: Outcome, account: Account, findings: Path | None) -> None:
     if not (worker.scratch / "case").is_dir():
-        raise RuntimeError(f"a process cannot begin: {outcome.told}")
-    _add(Report(worker.cases[worker.done], outcome, kept=worker.scratch / "case"), account, findings)
+        raise RuntimeError(f"a process cannot begin: {outcome.message}")
+    _add(Report(worker.cases[worker.done], outcome, files=worker.scratch / "case"), account, findings)
 
 
 def _add(report: Report, account: Account, findings: Path | None) -> None:
     stored = None
-    if report.kept is not None:
+    if report.files is not None:
         group = (report.case.reader, report.outcome.kind, report.outcome.where)
-        if findings is not None and account.found[group] < STORED_ALIKE:
-            stored = _stored(report, report.kept, findings)
-        shutil.rmtree(report.kept, ignore_errors=True)
+        if findings is not None and account.findings[group] < STORED_ALIKE:
+            stored = _stored(report, report.files, findings)
+        shutil.rmtree(report.files, ignore_errors=True)
     account.add(report, stored)
 
 
-def _stored(report: Report, kept: Path, findings: Path) -> Path:
-    """Store a finding's files as they were made, and what it said."""
+def _stored(report: Report, files: Path, findings: Path) -> Path:
+    """Store a finding's files as they were made, and its message."""
     outcome, case = report.outcome, report.case
     name = "-".join(filter(None, (outcome.kind, outcome.where, str(case.number))))
     place = findings / case.reader / "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
-    text = f"{case.reader} {case.number}: {outcome.kind} in {outcome.where}\n\n{outcome.told}\n"
-    (place / "told.txt").write_text(text, encoding="utf-8", errors="backslashreplace")
-    copy_case(kept, place / "case")
+    text = f"{case.reader} {case.number}: {outcome.kind} in {outcome.where}\n\n{outcome.message}\n"
+    (place / "outcome.txt").write_text(text, encoding="utf-8", errors="backslashreplace")
+    copy_case(files, place / "case")
     return place
 
 

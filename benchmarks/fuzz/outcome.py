@@ -19,7 +19,7 @@ MOST_BYTES = 1_000_000_000
 """A case that lifts the peak of resident memory by more is a finding."""
 LONGEST_MESSAGE = 2000
 WAITING = 0.02
-"""Who works for a smaller share of the time than this waits."""
+"""A case that works for a smaller share of the time than this is waiting."""
 MOST_WAIT = 6.0
 READ, REFUSED = "read", "refused"
 
@@ -33,11 +33,11 @@ class TooLongError(BaseException):
 
 @dataclass(frozen=True)
 class Outcome:
-    """``kind`` is "read", "refused" or what went wrong; ``where`` in endoct; ``told`` the message and traceback."""
+    """``kind`` is "read", "refused" or what went wrong; ``where`` in endoct; ``message`` with its traceback."""
 
     kind: str
     where: str = ""
-    told: str = ""
+    message: str = ""
 
     @property
     def is_finding(self) -> bool:
@@ -45,7 +45,7 @@ class Outcome:
         return self.kind not in (READ, REFUSED)
 
 
-def tried(read: Callable[[Path], object], path: Path, *, case: Path, seconds: float) -> Outcome:
+def outcome_of(read: Callable[[Path], object], path: Path, *, case: Path, seconds: float) -> Outcome:
     """Return how reading ``path``, which lies in the folder ``case``, ends."""
     _reset_peak()
     before = _peak_bytes()
@@ -57,10 +57,10 @@ def tried(read: Callable[[Path], object], path: Path, *, case: Path, seconds: fl
         except TooLongError as error:  # between the reading and the end of its limit
             outcome = _too_long(error)
     if opened and not outcome.is_finding:
-        outcome = Outcome("reaches outside", told=opened[0])
+        outcome = Outcome("reaches outside", message=opened[0])
     lifted = _peak_bytes() - before
     if lifted > MOST_BYTES and outcome.kind in (READ, REFUSED):
-        return Outcome("much memory", outcome.where, f"{lifted / 1e9:.1f} GB; {outcome.kind}: {outcome.told}")
+        return Outcome("much memory", outcome.where, f"{lifted / 1e9:.1f} GB; {outcome.kind}: {outcome.message}")
     return outcome
 
 
@@ -72,8 +72,8 @@ def _read(read: Callable[[Path], object], path: Path) -> Outcome:
     except TooLongError as error:
         return _too_long(error)
     except BaseException as error:  # noqa: BLE001  whatever a library may raise is what is looked for
-        told = "".join(traceback.format_exception(error, limit=-25))[-6000:]
-        return Outcome(type(error).__name__, innermost(error.__traceback__), told)
+        message = "".join(traceback.format_exception(error, limit=-25))[-6000:]
+        return Outcome(type(error).__name__, innermost(error.__traceback__), message)
     return Outcome(READ)
 
 
@@ -83,7 +83,7 @@ def _refusal(error: EndoctError) -> Outcome:
         text = str(error)
         text.encode()
     except Exception as second:  # noqa: BLE001
-        return Outcome("message that cannot be told", where, repr(second))
+        return Outcome("message that cannot be printed", where, repr(second))
     if "\n" in text or not text.strip():
         return Outcome("message of several lines", where, text)
     if not text.isprintable():
@@ -95,9 +95,9 @@ def _refusal(error: EndoctError) -> Outcome:
 
 def _too_long(error: TooLongError) -> Outcome:
     frames = traceback.extract_tb(error.__traceback__)[:-1]  # without the signal's own
-    told = "".join(traceback.format_list(frames[-25:]))[-6000:]
+    lines = "".join(traceback.format_list(frames[-25:]))[-6000:]
     at = frames[-1]
-    return Outcome("too long", innermost(error.__traceback__), f"{told}{error}, in {Path(at.filename).name}:{at.name}")
+    return Outcome("too long", innermost(error.__traceback__), f"{lines}{error}, in {Path(at.filename).name}:{at.name}")
 
 
 def innermost(trace: TracebackType | None) -> str:
@@ -139,24 +139,24 @@ _watched: list[tuple[str, list[str]]] = []
 def _audited(case: Path) -> Iterator[list[str]]:
     """Yield the list of what is opened outside of ``case``, and of what no reader does."""
     _hook()
-    found: list[str] = []
-    _watched.append((os.path.abspath(case), found))  # noqa: PTH100  links are not followed
+    events: list[str] = []
+    _watched.append((os.path.abspath(case), events))  # noqa: PTH100  links are not followed
     try:
-        yield found
+        yield events
     finally:
         _watched.pop()
 
 
 def _hook() -> None:
     if not getattr(sys, "_endoct_audit", False):
-        sys._endoct_audit = True  # type: ignore[attr-defined]
+        setattr(sys, "_endoct_audit", True)  # noqa: B010  a hook stays for good, and so must this mark
         sys.addaudithook(_on_event)
 
 
 def _on_event(event: str, arguments: tuple[object, ...]) -> None:
     if not _watched or (event != "open" and event not in _UNSAFE):
         return
-    case, found = _watched[-1]
+    case, events = _watched[-1]
     if event in ("open", "os.remove", "os.rename"):
         place = arguments[0]
         if not isinstance(place, str | os.PathLike):
@@ -166,11 +166,11 @@ def _on_event(event: str, arguments: tuple[object, ...]) -> None:
             return
         whole = os.path.abspath(name)  # noqa: PTH100
         inside = whole == case or whole.startswith(case + os.sep)
-        beside = whole.startswith(str(Path(case).parent) + os.sep)
-        if not inside and (whole in _FORBIDDEN or beside or "/../" in name):
-            found.append(f"{event} {name}")
+        nearby = whole.startswith(str(Path(case).parent) + os.sep)
+        if not inside and (whole in _FORBIDDEN or nearby or "/../" in name):
+            events.append(f"{event} {name}")
     else:
-        found.append(f"{event} {str(arguments)[:200]}")
+        events.append(f"{event} {str(arguments)[:200]}")
 
 
 def _reset_peak() -> None:

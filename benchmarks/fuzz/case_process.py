@@ -1,4 +1,4 @@
-"""The process in which cases are made and read; it may die of them, so another one keeps the account."""
+"""The process in which cases are made and read; it may die of them, so another process counts the outcomes."""
 
 import faulthandler
 import logging
@@ -14,12 +14,12 @@ from pathlib import Path
 from random import Random
 
 from benchmarks.fuzz.mutate import mutated
+from benchmarks.fuzz.outcome import Outcome, outcome_of
 from benchmarks.fuzz.readers import READERS, seeds_of
 from benchmarks.fuzz.trees import Entry, Seed, write_tree
-from benchmarks.fuzz.watching import Outcome, tried
 
 ADDRESS_BYTES = 4_000_000_000
-"""What the process may map beyond what it has at first: who asks for more is refused it, as on a smaller machine."""
+"""What the process may map beyond what it has at first: more is refused, as on a smaller machine."""
 STALE_BYTES = 500_000_000
 """Where so much memory is left resident after a case, another process goes on."""
 
@@ -34,15 +34,15 @@ class Case:
 
 @dataclass(frozen=True)
 class Report:
-    """What came of a case; ``said`` is what was written to stdout and stderr meanwhile.
+    """What came of a case; ``output`` is what was written to stdout and stderr meanwhile.
 
-    ``kept``: the folder in which a finding's files lie; ``leave``: whether the process ends here.
+    ``files``: the folder in which a finding's files lie; ``leave``: whether the process ends here.
     """
 
     case: Case
     outcome: Outcome
-    said: str = ""
-    kept: Path | None = None
+    output: str = ""
+    files: Path | None = None
     leave: bool = False
 
 
@@ -82,13 +82,15 @@ def try_cases(connection: Connection, cases: Sequence[Case], seed: int, scratch:
         write_tree(tree, folder)
         reader = READERS[case.reader]
         begun = os.fstat(errors).st_size
-        outcome = tried(reader.read, target_of(sound, tree, folder), case=folder, seconds=seconds or reader.seconds)
-        said = _said(scratch / "stderr", begun) if os.fstat(errors).st_size > begun else ""
+        outcome = outcome_of(
+            reader.read, target_of(sound, tree, folder), case=folder, seconds=seconds or reader.seconds
+        )
+        output = _output(scratch / "stderr", begun) if os.fstat(errors).st_size > begun else ""
         leave = outcome.kind == "too long" or _resident_bytes() > resident + STALE_BYTES
-        kept = scratch / f"found-{case.reader}-{case.number}" if outcome.is_finding else None
-        if kept is not None:  # anew, since a reader may have changed what it read
-            write_tree(tree, kept)
-        connection.send(Report(case, outcome, said, kept, leave))
+        files = scratch / f"found-{case.reader}-{case.number}" if outcome.is_finding else None
+        if files is not None:  # anew, since a reader may have changed what it read
+            write_tree(tree, files)
+        connection.send(Report(case, outcome, output, files, leave))
         if leave:
             os._exit(0)  # threads that never end would hold an orderly end up
     shutil.rmtree(folder, ignore_errors=True)
@@ -99,7 +101,7 @@ def _warm_up(name: str, folder: Path) -> None:
     """Read a sound case, so that what has to be loaded is, before time and memory are counted."""
     sound = seeds_of(name)[0]
     write_tree(sound.files, folder)
-    tried(READERS[name].read, folder / sound.target, case=folder, seconds=600.0)
+    outcome_of(READERS[name].read, folder / sound.target, case=folder, seconds=600.0)
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -115,7 +117,7 @@ def _silenced(path: Path) -> int:
     return handle
 
 
-def _said(path: Path, begin: int) -> str:
+def _output(path: Path, begin: int) -> str:
     with path.open("rb") as file:
         file.seek(begin)
         return file.read(2000).decode("utf-8", "replace")
