@@ -1,0 +1,32 @@
+"""What is written of a run: a line a row, in the order of the conditions and scores."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from bench_tasks import DOUBLING, row
+
+from endoct.workbench.bench.results.differences import Difference
+from endoct.workbench.bench.results.files import write_csv, write_differences
+from endoct.workbench.bench.results.summary import Spread
+
+
+def test_rows_become_lines_with_gaps_where_there_is_nothing(tmp_path: Path) -> None:
+    rows = [
+        replace(row("right", "1-0", "ok", other=0.1234567891, error=2.0), conditions={"size": 0.5, "kind": "odd"}),
+        replace(row("wrong", "1-0", "declined", success=0.0), conditions={"size": 1 / 3}, reason="too hard, \udce9"),
+    ]
+    write_csv(rows, DOUBLING, tmp_path / "results.csv")
+    assert (tmp_path / "results.csv").read_bytes().decode().split("\r\n") == [
+        "task,case,method,status,reason,seconds,cpu_seconds,condition.size,condition.kind,score.success,score.error,score.other",
+        "doubling,1-0,right,ok,,1,1,0.5,odd,,2,0.123456789",
+        r'doubling,1-0,wrong,declined,"too hard, \udce9",1,1,0.333333333,,0,,',
+        "",
+    ]
+
+
+def test_differences_become_lines(tmp_path: Path) -> None:
+    write_differences([Difference("a", "error", Spread(3, -1.0, -2.0, 1 / 3), 2, 1)], "b", tmp_path / "d.csv")
+    assert (tmp_path / "d.csv").read_text(encoding="utf-8").splitlines() == [
+        "method,against,score,cases,median,quartile_1,quartile_3,lower,higher",
+        "a,b,error,3,-1,-2,0.333333,2,1",
+    ]
