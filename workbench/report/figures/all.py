@@ -2,6 +2,7 @@
 
 import gc
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 from endoct.workbench.report.figures.agreement import draw_budget, draw_scores
@@ -33,14 +34,14 @@ def _on_grid(findings: Findings, folder: Path) -> Iterator[Drawing]:
     yield lambda: draw_alignment(findings, folder)
     for side in findings.sides:
         if side.depth_mm is not None or all(s.depth_mm is None for s in findings.sides):
-            yield lambda side=side: draw_cylinder(side, findings.grid, folder)  # type: ignore[misc]
+            yield partial(draw_cylinder, side, findings.grid, folder)
 
 
 def _on_own_rows(findings: Findings, folder: Path) -> Iterator[Drawing]:
     for side in findings.sides:
-        yield lambda side=side: draw_depth(side, folder)  # type: ignore[misc]
-        yield lambda side=side: draw_frames(side, folder)  # type: ignore[misc]
-        yield lambda side=side: draw_quality(side, folder)  # type: ignore[misc]
+        yield partial(draw_depth, side, folder)
+        yield partial(draw_frames, side, folder)
+        yield partial(draw_quality, side, folder)
 
 
 def _drawn(drawings: Iterable[Drawing]) -> list[Drawn]:

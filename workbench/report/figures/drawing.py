@@ -116,9 +116,9 @@ def width_of(axes: Axes) -> float:
 def save(figure: Figure, path: Path) -> Saved:
     """Write ``figure`` as PNG with its white margins trimmed."""
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()  # type: ignore[no-untyped-call]
+    canvas.draw()
     # trimmed here: matplotlib's own trimming draws everything twice
-    pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+    pixels = np.asarray(canvas.buffer_rgba())
     inked = pixels.view(np.uint32)[..., 0] != np.uint32(0xFFFFFFFF)
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     margin = round(0.04 * DPI)
