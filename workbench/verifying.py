@@ -1,9 +1,8 @@
 """Whether outputs of endoct are as they were written, to the byte."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from endoct.stitching.contents import NAME as LIST_NAME
 from endoct.stitching.contents import Contents, Differences, differences, is_marked, read_contents
@@ -14,7 +13,7 @@ from endoct.stitching.parallel import thread_map
 from endoct.workbench.dataset.building import LOCK_NAME, TOP_FILES
 from endoct.workbench.dataset.files import DAMAGED, WRITTEN, changed_top_files, digest_of
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
-from endoct.workbench.dataset.identity import read_identity
+from endoct.workbench.dataset.identity import Identity, read_identity
 from endoct.workbench.dataset.plan import Unit
 from endoct.workbench.dataset.records import RECORDS, Record, read_record
 from endoct.workbench.running.kinds import DATA_SET, REPORT, SPECIMEN
@@ -113,8 +112,8 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
         added += [f"{prefix}{one}" for one in verdict.differences.added]
         if len(record.specimens) == 1 and prefix and digest_of(record.files) != record.specimens[0].digest:
             altered.append(f"{RECORDS}/{unit.name}.json")
-    if made < identity["count"]:
-        missing.append(f"{identity['count'] - made} specimens")
+    if made < identity.count:
+        missing.append(f"{identity.count - made} specimens")
     return Verdict(root, DATA_SET, files, size, Differences(tuple(altered), tuple(missing), tuple(added)))
 
 
@@ -129,8 +128,8 @@ def _others(root: Path, units: Sequence[Unit]) -> list[str]:
     return sorted(others)
 
 
-def _unit(identity: Mapping[str, Any], record: Path) -> Unit:
-    shards = identity["arguments"].get("format") == "webdataset"
+def _unit(identity: Identity, record: Path) -> Unit:
+    shards = identity.arguments.get("format") == "webdataset"
     place = Path("shards", f"{record.stem}.tar") if shards else Path("specimens", record.stem)
     return Unit(record.stem, place, ())
 

@@ -4,7 +4,6 @@ import hashlib
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.building import forecast, make_dataset
@@ -16,7 +15,7 @@ from endoct.workbench.running.progress import Stages
 
 def run_dataset(
     output: Path, plan: Plan, *, workers: int | None, scheduler: str | None, dry_run: bool, stages: Stages
-) -> tuple[dict[str, Any], list[str]]:
+) -> tuple[dict[str, object], list[str]]:
     """Make the data set, or only say what it would take; return that as facts and as lines for people."""
     if dry_run:
         return _dry_run(output, plan, workers, scheduler, stages)
@@ -33,7 +32,7 @@ def run_dataset(
 
 def _dry_run(
     output: Path, plan: Plan, workers: int | None, scheduler: str | None, stages: Stages
-) -> tuple[dict[str, Any], list[str]]:
+) -> tuple[dict[str, object], list[str]]:
     reckoned = forecast(output, plan, workers=workers, scheduler=scheduler, stages=stages)
     counts = dict.fromkeys(SPLITS, 0)
     for index in range(plan.count):

@@ -2,9 +2,10 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import endoct.stitching
 import endoct.synthetic
@@ -17,6 +18,15 @@ from endoct.workbench.pipeline.vary import ranges_text
 
 NAME = "dataset.json"
 LICENCE = "CC0-1.0"
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What ``dataset.json`` holds of a set: specimens it is to have, arguments and versions it was begun with."""
+
+    count: int
+    arguments: Mapping[str, object]
+    versions: Mapping[str, object]
 
 
 def write_identity(root: Path, plan: Plan) -> None:
@@ -44,22 +54,22 @@ def check_identity(root: Path, plan: Plan) -> None:
         return
     stored = read_identity(root)
     for name, wanted in _arguments(plan).items():
-        if (found := stored["arguments"].get(name)) != wanted:
+        if (found := stored.arguments.get(name)) != wanted:
             raise EndoctError(
                 f"{root} was begun with another --{name.replace('_', '-')}",
-                found=_shown(wanted),
-                expected=_shown(found),
+                found=_text(wanted),
+                expected=_text(found),
                 remedy="start it with the arguments it was begun with, or choose another folder",
             )
-    if plan.count < stored["count"]:
+    if plan.count < stored.count:
         raise EndoctError(
             f"{root} was begun with more specimens",
             found=f"--count {plan.count}",
-            expected=f"--count {stored['count']} or more",
+            expected=f"--count {stored.count} or more",
             remedy="a set can grow; for a smaller one choose another folder",
         )
     for name, wanted in made_with().items():
-        if (found := stored["versions"].get(name)) != wanted:
+        if (found := stored.versions.get(name)) != wanted:
             raise EndoctError(
                 f"{root} was begun with another version of {name}, whose specimens may differ",
                 found=wanted,
@@ -68,11 +78,8 @@ def check_identity(root: Path, plan: Plan) -> None:
             )
 
 
-def read_identity(root: Path) -> dict[str, Any]:
-    """Return what ``dataset.json`` holds: count, arguments, licence, versions.
-
-    Raises :class:`EndoctError` where it cannot be read.
-    """
+def read_identity(root: Path) -> Identity:
+    """Return what ``dataset.json`` holds. Raises :class:`EndoctError` where it cannot be read."""
     path = root / NAME
     with refusing(f"{path} cannot be read", remedy="choose another folder"):
         stored = read_object(path)
@@ -86,7 +93,7 @@ def read_identity(root: Path) -> dict[str, Any]:
             raise ValueError("what it varies is no table of lists")
         if any(isinstance(value, dict) for name, value in stored["arguments"].items() if name != "vary"):
             raise ValueError("an argument is a table")
-    return dict(stored)
+    return Identity(stored["count"], stored["arguments"], stored["versions"])
 
 
 def check_worker(root: Path) -> None:
@@ -101,12 +108,12 @@ def check_worker(root: Path) -> None:
             expected="a folder that all workers and this process share under one name",
             remedy="name such a folder, or leave --scheduler out",
         )
-    for name, wanted in read_identity(root)["versions"].items():
+    for name, wanted in read_identity(root).versions.items():
         if (found := made_with().get(name)) != wanted:
             raise EndoctError(
                 f"{where} has another version of {name}, whose specimens may differ",
                 found=str(found),
-                expected=wanted,
+                expected=str(wanted),
                 remedy="give all workers one environment",
             )
 
@@ -121,8 +128,8 @@ def made_with() -> dict[str, str]:
     return versions() | {"simulator": source.hexdigest()[:16]}
 
 
-def _arguments(plan: Plan) -> dict[str, Any]:
-    arguments: dict[str, Any] = {
+def _arguments(plan: Plan) -> dict[str, object]:
+    arguments: dict[str, object] = {
         "preset": plan.preset,
         "seed": plan.seed,
         "vary": {key: list(plan.ranges[key]) for key in sorted(plan.ranges)},
@@ -133,7 +140,7 @@ def _arguments(plan: Plan) -> dict[str, Any]:
     return arguments | ({"specimens_per_shard": plan.specimens_per_shard} if plan.format == "webdataset" else {})
 
 
-def _shown(value: Any) -> str:
+def _text(value: object) -> str:
     if not isinstance(value, dict):
         return str(value).lower() if isinstance(value, bool) else str(value)
     return ranges_text({key: tuple(range_) for key, range_ in value.items()})
