@@ -55,6 +55,22 @@ def sector_angles_rad(n_ascans: int, n_columns: int) -> Coordinates:
     return np.asarray((np.arange(n_columns) * width + (width - 1) / 2) * (2 * np.pi / n_ascans), dtype=np.float64)
 
 
+def depth_sums(image: Image) -> Coordinates:
+    """Return the sums of each A-scan of ``image`` (n, depth) before every depth, float64 (n, depth + 1)."""
+    return np.concatenate([np.zeros((image.shape[0], 1)), np.cumsum(image, axis=1, dtype=np.float64)], axis=1)
+
+
+def mean_between(sums: Coordinates, first: NDArray[np.intp], last: NDArray[np.intp]) -> Coordinates:
+    """Return the mean of each A-scan over its rows from ``first`` (n,) up to but without ``last`` (n,), float64 (n,).
+
+    ``sums`` are :func:`depth_sums`. Only rows within the depth range count; the mean of none is 0.
+    """
+    n_depth = sums.shape[1] - 1
+    low, high = np.clip(first, 0, n_depth), np.clip(last, 0, n_depth)
+    each = np.arange(len(sums))
+    return np.asarray((sums[each, high] - sums[each, low]) / np.maximum(high - low, 1))
+
+
 def logarithmic(image: Image, intensity: str) -> Image:
     """Return ``image`` on a logarithmic scale: unchanged where it already is, in dB where ``intensity`` is "linear"."""
     if intensity == "log":

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.modalities.oct.bscan import Raster
+from endoct.modalities.oct.bscan import Raster, depth_sums
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.enhance import equalise, local_threshold, wavelet_denoise
 from endoct.modalities.oct.parameters import OctParameters
@@ -86,7 +86,7 @@ def _ridge(image: Image, mm_per_px: float) -> Image:
         max(5, round(AROUND_MM / mm_per_px)),
     )
     n = image.shape[1]
-    total = np.concatenate([np.zeros((image.shape[0], 1)), np.cumsum(image, axis=1, dtype=np.float64)], axis=1)
+    total = depth_sums(image)
 
     def mean(first: int, last: int) -> Coordinates:
         low, high = np.clip(np.arange(n) + first, 0, n - 1), np.clip(np.arange(n) + last, 0, n - 1)

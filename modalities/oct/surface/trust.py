@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from endoct.modalities.oct.bscan import Spacing
+from endoct.modalities.oct.bscan import Spacing, depth_sums, mean_between
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.evidence import relative_power, spread_of_noise
 from endoct.modalities.oct.surface.wall import Rows
@@ -35,7 +35,7 @@ def trusted(level: Image, row: Rows, background: Background, spacing: Spacing) -
     if not surface.any() or np.ptp(level) == 0:
         return np.zeros(n_theta, bool)
     mm_per_px, mm_per_column = spacing.depth_mm, spacing.column_mm
-    total = np.concatenate([np.zeros((n_theta, 1)), np.cumsum(level, axis=1, dtype=np.float64)], axis=1)
+    total = depth_sums(level)
     near = max(1, round(NEAR_MM / mm_per_column))
     bright = _mean(total, row, row + round(SURFACE_MM / mm_per_px)) - background.noise
     tail = _mean(total, row + round(TAIL_MM[0] / mm_per_px), row + round(TAIL_MM[1] / mm_per_px)) - background.noise
@@ -82,10 +82,7 @@ def _mean(total: Coordinates, first: Rows, last: Rows) -> Coordinates:
     """Mean over rows ``first`` to ``last`` of every A-scan, NaN where these leave the depth range."""
     n_depth = total.shape[1] - 1
     inside = (last <= n_depth) & (last > first)
-    low, high = np.clip(first, 0, n_depth), np.clip(last, 0, n_depth)
-    each = np.arange(total.shape[0])
-    mean = (total[each, high] - total[each, low]) / np.maximum(high - low, 1)
-    return np.asarray(np.where(inside, mean, np.nan))
+    return np.where(inside, mean_between(total, first, last), np.nan)
 
 
 def _runs(mask: Mask) -> list[tuple[int, int]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from endoct.modalities.oct.bscan import depth_sums, mean_between
 from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
@@ -80,13 +81,9 @@ def _profile(features: SliceFeatures, face: Circle, acquisition: OctAcquisition)
     """The mean of the samples just behind the nominal wall, over θ in the slice's own frame, float64 (N_PROFILE,)."""
     beam_rad, ascans = features.ascan_angle_rad, features.ascans
     along = circle_distance_mm(beam_rad, face.x_mm, face.y_mm, acquisition.bore_radius_mm)
-    total = np.concatenate([np.zeros((ascans.shape[0], 1)), np.cumsum(ascans, axis=1, dtype=float)], axis=1)
-    low, high = (
-        np.clip(np.round((face.axis_depth_mm + along + beyond) / acquisition.mm_per_px).astype(int), 0, ascans.shape[1])
-        for beyond in PROFILE_MM
-    )
-    each = np.arange(low.size)
-    level = (total[each, high] - total[each, low]) / np.maximum(high - low, 1)
+    at_mm = face.axis_depth_mm + along
+    first, last = (np.round((at_mm + beyond) / acquisition.mm_per_px).astype(np.intp) for beyond in PROFILE_MM)
+    level = mean_between(depth_sums(ascans), first, last)
     at_rad = np.mod(np.arctan2(face.y_mm + along * np.sin(beam_rad), face.x_mm + along * np.cos(beam_rad)), 2 * np.pi)
     order = np.argsort(at_rad)
     theta = 2 * np.pi * np.arange(N_PROFILE) / N_PROFILE
