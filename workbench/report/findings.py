@@ -107,7 +107,7 @@ def _overlaps(result: Result) -> Iterator[NamedOverlap]:
     if on_grid := result.overlap:
         yield NamedOverlap(result.sides, "on the common grid", on_grid)
         if own_rows := result.scores.own_rows if result.scores else None:
-            yield NamedOverlap(result.sides, f"on the own rows of {own_rows.rows_of}, not interpolated", own_rows)
+            yield NamedOverlap(result.sides, f"on the rows of {own_rows.rows_of}, not interpolated", own_rows)
     for path, sides in (result.truth or {}).items():
         for side, scores in sides.items():
             yield NamedOverlap((side, "given truth"), f"against {Path(path).name}", scores, bool(result.raters))

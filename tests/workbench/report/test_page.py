@@ -81,7 +81,7 @@ def test_the_headline_says_what_the_result_says(aligned: Made) -> None:
     headline = page.text[: page.text.index("Panoramas")]
     assert f"{result.jaccard:.3f}" in headline
     assert f"{result.dice:.3f}" in headline
-    assert f"{0.8765:.3f} cells of endoscope and oct, on the own rows of oct, not interpolated" in headline
+    assert f"{0.8765:.3f} cells of endoscope and oct, on the rows of oct, not interpolated" in headline
     assert "Aligned with confidence 0.63 (correlation 0.93, 3.1 times the runner-up)" in headline
     assert "turned by 85.94° and shifted by −0.432 mm" in headline
     assert "scaled by 1.0123; mirrored in θ." in headline
