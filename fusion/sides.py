@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from endoct.fusion.difference import COLOURS, classes_of, draw_difference
+from endoct.fusion.difference import COLOURS, draw_difference
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
+from endoct.fusion.scoring.overlap import difference
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segmented_side import SegmentedSide
 from endoct.stitching.arrays import Image, readonly
@@ -84,7 +85,7 @@ class Comparison:
         pictures = [(side.name, wall_picture(self.grid, side.intensity, side.valid)) for side in self.sides]
         if self.alignment is not None:
             legend = f"cells: both grey, only {a.name} orange, only {b.name} blue"
-            pictures.append((legend, class_picture(self.grid, classes_of(a.mask, b.mask), COLOURS, both)))
+            pictures.append((legend, class_picture(self.grid, difference(a.mask, b.mask, both), COLOURS, both)))
         facts = {
             "agreement": self._agreement(),
             "rows × columns": f"{self.grid.n_z} × {self.grid.n_theta} (z, θ)",

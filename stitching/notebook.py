@@ -30,7 +30,7 @@ def wall_picture(grid: SurfaceGrid, values: Image, valid: Mask) -> bytes:
 
 
 def class_picture(
-    grid: SurfaceGrid, classes: NDArray[np.uint8], colours: Sequence[tuple[int, int, int]], valid: Mask
+    grid: SurfaceGrid, classes: NDArray[np.int8], colours: Sequence[tuple[int, int, int]], valid: Mask
 ) -> bytes:
     """Return a small PNG of ``classes`` (n_z, n_theta), each in its colour of ``colours`` (red, green, blue)."""
     parts = [_coarse(grid, (classes == k).astype(np.float32), valid) for k in range(len(colours))]

@@ -35,7 +35,7 @@ def new_wall_axes(grid: SurfaceGrid, panels: int = 1) -> "list[Axes]":
 def draw_wall(
     axes: "Axes",
     grid: SurfaceGrid,
-    values: Image | NDArray[np.uint8],
+    values: Image | NDArray[np.int8],
     valid: Mask,
     *,
     colours: object = "gray",

@@ -20,7 +20,7 @@ from endoct.fusion.comparison import (
     load_comparison,
     save_comparison,
 )
-from endoct.fusion.difference import BOTH
+from endoct.fusion.scoring.overlap import BOTH
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama

@@ -74,7 +74,7 @@ def test_theta_0_is_at_the_left_and_the_mouth_at_the_top() -> None:
 
 
 def test_classes_have_their_colours() -> None:
-    classes = np.zeros(GRID.shape, np.uint8)
+    classes = np.zeros(GRID.shape, np.int8)
     classes[:150] = 1
     valid = np.ones(GRID.shape, bool)
     picture = decoded(class_picture(GRID, classes, [(255, 0, 0), (0, 0, 255)], valid))
