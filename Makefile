@@ -69,7 +69,7 @@ $(VENV)/.ready-dev: constraints.txt pyproject.toml setup.py
 	touch $(VENV)/.ready-run $@
 
 $(VENV)/.ready-docs: $(VENV)/.ready-dev
-	$(call set-up,.[dev,docs])
+	$(call set-up,.[docs])
 	touch $(VENV)/.ready-run $(VENV)/.ready-dev $@
 
 # pip and setuptools come first and from the constraints, so that the build is as pinned as what is built
