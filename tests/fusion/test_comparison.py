@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from bore_pairs import Pair
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
@@ -29,11 +30,11 @@ COARSE = CompareParameters(n_theta=512)
 
 
 @pytest.fixture(scope="module")
-def compared(pair) -> Comparison:  # type: ignore[no-untyped-def]
+def compared(pair: Pair) -> Comparison:
     return compare_panoramas(pair.a, pair.b)
 
 
-def test_the_result(compared: Comparison, pair) -> None:  # type: ignore[no-untyped-def]
+def test_the_result(compared: Comparison, pair: Pair) -> None:
     result = json.loads(json.dumps(compared.result.to_json()))
     assert result["sides"] == ["camera", "ranger"]
     assert result["aligned"] is True
@@ -120,18 +121,19 @@ def test_something_else_on_disk(tmp_path: Path) -> None:
 
 
 def rolled(panorama: Panorama, columns: int) -> Panorama:
-    def turn(image: np.ndarray | None) -> np.ndarray | None:
-        return None if image is None else np.roll(image, columns, axis=1)
-
+    depth_mm = panorama.depth_mm
     return replace(
         panorama,
-        **{name: turn(getattr(panorama, name)) for name in ("intensity", "depth_mm", "valid", "weight")},  # type: ignore[arg-type]
+        intensity=np.roll(panorama.intensity, columns, axis=1),
+        depth_mm=None if depth_mm is None else np.roll(depth_mm, columns, axis=1),
+        valid=np.roll(panorama.valid, columns, axis=1),
+        weight=np.roll(panorama.weight, columns, axis=1),
     )
 
 
 @settings(max_examples=6)
 @given(columns=st.integers(1, 511))
-def test_rolling_both_rolls_the_answer_and_nothing_else(pair, columns: int) -> None:  # type: ignore[no-untyped-def]
+def test_rolling_both_rolls_the_answer_and_nothing_else(pair: Pair, columns: int) -> None:
     before = compare_panoramas(pair.a, pair.b, COARSE)
     after = compare_panoramas(rolled(pair.a, columns), rolled(pair.b, columns), COARSE)
     assert before.alignment is not None
@@ -157,7 +159,7 @@ def test_bright_cells_are_recognised_by_their_correlation_with_depth(pair_of: Ca
     assert overridden.result.jaccard < 0.3
 
 
-def test_depth_may_be_left_aside_for_intensity(pair) -> None:  # type: ignore[no-untyped-def]
+def test_depth_may_be_left_aside_for_intensity(pair: Pair) -> None:
     found = compare_panoramas(pair.a, pair.b, COARSE.model_copy(update={"segment": "intensity"}))
     assert found.result.aligned
     assert "intensity" in found.result.threshold["ranger"].of
@@ -189,7 +191,7 @@ def test_other_bores_are_written_but_not_scored(pair_of: Callable, tmp_path: Pat
     assert load_comparison(tmp_path / "c.zarr").alignment is None
 
 
-def test_bridged_rows_do_not_count(pair) -> None:  # type: ignore[no-untyped-def]
+def test_bridged_rows_do_not_count(pair: Pair) -> None:
     valid = np.ones(pair.b.grid.shape, np.bool_)
     valid[10:13] = False
     found = compare_panoramas(pair.a, replace(pair.b, valid=valid), COARSE)
@@ -199,13 +201,13 @@ def test_bridged_rows_do_not_count(pair) -> None:  # type: ignore[no-untyped-def
     assert found.result.valid_fraction < 1
 
 
-def test_another_diameter_is_refused(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
+def test_another_diameter_is_refused(pair: Pair, panorama_of: Callable) -> None:
     other = panorama_of(pair.a.intensity, dz_mm=0.05, radius_mm=1.3)
     with pytest.raises(EndoctError, match=r"different bores.*2\.6 and 2\.5 mm"):
         compare_panoramas(other, pair.b)
 
 
-def test_the_inputs_stay_as_they_are(pair) -> None:  # type: ignore[no-untyped-def]
+def test_the_inputs_stay_as_they_are(pair: Pair) -> None:
     before = [pair.a.intensity.copy(), pair.b.depth_mm.copy()]
     compare_panoramas(pair.a, pair.b, COARSE)
     assert np.array_equal(before[0], pair.a.intensity)
@@ -213,7 +215,7 @@ def test_the_inputs_stay_as_they_are(pair) -> None:  # type: ignore[no-untyped-d
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
-def test_very_short_recordings_are_refused_not_broken(pair, panorama_of: Callable, rows: int) -> None:  # type: ignore[no-untyped-def]
+def test_very_short_recordings_are_refused_not_broken(pair: Pair, panorama_of: Callable, rows: int) -> None:
     short = panorama_of(pair.b.intensity[:rows], dz_mm=0.2, depth_mm=pair.b.depth_mm[:rows])
     found = compare_panoramas(pair.a, short, COARSE)
     assert found.alignment is None or found.alignment.confidence > 0.2
@@ -230,7 +232,7 @@ def test_noise_is_refused(panorama_of: Callable) -> None:
     assert found.result.aligned is False
 
 
-def test_a_side_nothing_of_which_is_valid(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
+def test_a_side_nothing_of_which_is_valid(pair: Pair, panorama_of: Callable) -> None:
     blind = panorama_of(np.ones((20, 64)), dz_mm=0.1, valid=np.zeros((20, 64), np.bool_))
     with pytest.raises(EndoctError, match="nothing of the wall is valid"):
         compare_panoramas(pair.a, blind)

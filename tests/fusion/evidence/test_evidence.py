@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from bore_pairs import Pair
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -61,7 +62,7 @@ def test_light_is_taken_off_and_cells_stay(panorama_of: Callable) -> None:
     assert np.allclose(bright.values, found.values, atol=0.02)
 
 
-def test_depth_is_used_whatever_the_modality_is_called(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
+def test_depth_is_used_whatever_the_modality_is_called(pair: Pair, panorama_of: Callable) -> None:
     assert prepare(pair.b).kind == "relief"
     assert prepare(pair.b, prefer="intensity").kind == "darkness"
     assert prepare(panorama_of(np.eye(64), dz_mm=0.1, modality="mask")).kind == "mask"
@@ -96,7 +97,7 @@ def test_columns_go_round_the_circle(columns: int, turns: float) -> None:
     assert np.abs(values[0] - expected).max() < 0.02
 
 
-def test_a_common_grid_starts_at_theta_zero(pair) -> None:  # type: ignore[no-untyped-def]
+def test_a_common_grid_starts_at_theta_zero(pair: Pair) -> None:
     evidence = prepare(pair.a)
     found = on_grid(evidence, np.arange(0, 5, 0.1), 128)
     assert found.values.shape == (50, 128)

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import zarr
+from bore_pairs import Pair
 
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.drawings import is_label_store
@@ -24,7 +25,7 @@ def drawn(path: Path, mask: np.ndarray, *, white: int = 255) -> Path:
     return path
 
 
-def test_a_mask_on_the_other_sides_panorama_lies_there(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_mask_on_the_other_sides_panorama_lies_there(pair: Pair, tmp_path: Path) -> None:
     mask = read_mask(drawn(tmp_path / "m.png", pair.cells_b), pair.b)
     assert mask.panorama.modality == "mask"
     assert np.array_equal(mask.panorama.intensity > 0, pair.cells_b)
@@ -37,7 +38,7 @@ def test_a_mask_on_the_other_sides_panorama_lies_there(pair, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("zarr_format", [2, 3])
 @pytest.mark.parametrize("kind", ["array", "levels", "ome"])
-def test_labels_in_zarr_are_a_mask(kind: str, zarr_format: int, pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_labels_in_zarr_are_a_mask(kind: str, zarr_format: int, pair: Pair, tmp_path: Path) -> None:
     labels = np.where(pair.cells_b, 70000 * (1 + np.arange(pair.cells_b.shape[1])), 0).astype(np.uint32)
     path = tmp_path / "anna_2.zarr"
     if kind == "array":
@@ -67,7 +68,7 @@ def test_a_store_without_one_plane_of_labels_is_refused(
         read_mask(tmp_path / "m.zarr")
 
 
-def test_a_mask_with_a_sidecar_is_aligned(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_mask_with_a_sidecar_is_aligned(pair: Pair, tmp_path: Path) -> None:
     (tmp_path / "m.toml").write_text(SIDECAR)
     mask = read_mask(drawn(tmp_path / "m.tif", pair.cells_a, white=1))
     assert mask.grid == pair.a.grid
@@ -88,7 +89,7 @@ def test_a_mask_tells_the_polarity_of_an_image(pair_of: Callable, tmp_path: Path
     assert found.result.jaccard > 0.75
 
 
-def test_truth_scores_each_side(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_truth_scores_each_side(pair: Pair, tmp_path: Path) -> None:
     found = compare_panoramas(pair.a, pair.b, COARSE)
     truth = read_mask(drawn(tmp_path / "truth.png", pair.cells_a), pair.a)
     scores = score_against(found, truth)
@@ -99,7 +100,7 @@ def test_truth_scores_each_side(pair, tmp_path: Path) -> None:  # type: ignore[n
     assert blurred["camera"].jaccard < scores["camera"].jaccard - 0.2
 
 
-def test_a_colour_mask_counts_any_channel(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_colour_mask_counts_any_channel(pair: Pair, tmp_path: Path) -> None:
     colour = np.zeros((*pair.cells_b.shape, 3), np.uint8)
     colour[..., 2] = pair.cells_b * 200
     cv2.imwrite(str(tmp_path / "m.png"), colour)
@@ -117,7 +118,7 @@ def test_a_colour_mask_counts_any_channel(pair, tmp_path: Path) -> None:  # type
         ("modality = ", "not valid TOML"),
     ],
 )
-def test_a_mask_that_nothing_places(sidecar: str | None, message: str, pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_mask_that_nothing_places(sidecar: str | None, message: str, pair: Pair, tmp_path: Path) -> None:
     path = drawn(tmp_path / "m.png", pair.cells_a)
     if sidecar is not None:
         path.with_suffix(".toml").write_text(sidecar)
@@ -125,7 +126,7 @@ def test_a_mask_that_nothing_places(sidecar: str | None, message: str, pair, tmp
         read_mask(path, pair.b)
 
 
-def test_an_empty_mask(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_an_empty_mask(pair: Pair, tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match="shows no cells"):
         read_mask(drawn(tmp_path / "m.png", np.zeros(pair.b.grid.shape, np.bool_)), pair.b)
 

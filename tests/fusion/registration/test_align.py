@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bore_pairs import Pair
 from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM, COORDINATE_ATOL
@@ -46,7 +47,7 @@ def test_what_is_known_is_not_searched() -> None:
     assert len(open_orientations(handedness_known=True, travel_known=False)) == 4
 
 
-def assert_found(pair, found: Alignment | NotAligned) -> None:  # type: ignore[no-untyped-def]
+def assert_found(pair: Pair, found: Alignment | NotAligned) -> None:
     assert isinstance(found, Alignment), found.reason
     truth: Alignment = pair.truth
     assert (found.mirrored, found.z_reversed) == (truth.mirrored, truth.z_reversed)
@@ -97,7 +98,7 @@ def test_a_wrong_sidecar_is_named(pair_of: Callable) -> None:
     assert "Mirrored they would align: check handedness" in found.reason
 
 
-def test_true_pairs_stand_out_far(pair) -> None:  # type: ignore[no-untyped-def]
+def test_true_pairs_stand_out_far(pair: Pair) -> None:
     found = align(prepare(pair.a), prepare(pair.b))
     assert isinstance(found, Alignment)
     assert found.correlation > 0.8

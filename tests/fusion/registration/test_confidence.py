@@ -6,6 +6,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from bore_pairs import Pair
 from tolerances import ROLLED_RAD, ROLLED_Z_MM
 
 from endoct.fusion.evidence.evidence import Evidence
@@ -54,7 +55,7 @@ def test_rolling_the_inputs_rolls_the_answer_and_nothing_else(pair_of: Callable,
     assert (after.mirrored, after.z_reversed) == (before.mirrored, before.z_reversed)
 
 
-def test_the_same_input_gives_the_same_bits(pair) -> None:  # type: ignore[no-untyped-def]
+def test_the_same_input_gives_the_same_bits(pair: Pair) -> None:
     first, second = (align(prepare(pair.a), prepare(pair.b)) for _ in range(2))
     assert first == second
 

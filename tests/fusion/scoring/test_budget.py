@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 from tolerances import BUDGET, BUDGET_OF_ONE_CAUSE
 
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling
-from endoct.fusion.result import NotVisible
+from endoct.fusion.result import Budget, NotVisible
 from endoct.fusion.scoring.budget import PARTS, agreement_budget
 from endoct.fusion.scoring.cells import measure
 from endoct.fusion.scoring.surface import Surface
@@ -36,7 +36,7 @@ WALL = wall(GRID.z_mm, GRID.theta_rad)
 
 def budget(
     a: Surface, b: Surface, grids: tuple[SurfaceGrid, SurfaceGrid] = (GRID, GRID), placing: Alignment = IN_PLACE
-):  # type: ignore[no-untyped-def]
+) -> tuple[Budget, dict[str, float]]:
     samplings = Sampling(grids[0], IN_PLACE), Sampling(grids[1], placing)
     found = agreement_budget((a, b), samplings, measure(a, b, GRID, aligned=True), GRID)
     assert found is not None
@@ -65,8 +65,7 @@ def test_a_misalignment_as_large_as_stated_is_alignment(moved: str) -> None:
     for error_mm in sd_mm * np.array([-1.4, -0.6, 0.2, 1.0]):  # of mean size 0.8 SD, as a normal error has
         turn, shift = (error_mm / 1.25, 0.0) if moved == "theta" else (0.0, error_mm)
         variances = (sd_mm / 1.25) ** 2 * (moved == "theta"), sd_mm**2 * (moved == "z"), 0.0
-        covariance = tuple(tuple(v * (i == k) for k in range(3)) for i, v in enumerate(variances))
-        placing = Alignment(0.0, 0.0, covariance=covariance)  # type: ignore[arg-type]
+        placing = Alignment(0.0, 0.0, covariance=as_covariance(np.diag(variances)))
         other = wall(GRID.z_mm - shift, GRID.theta_rad - turn)
         found, shares = budget(Surface("a", WALL, SEEN), Surface("b", other, SEEN), placing=placing)
         lost.append(found.one_minus_jaccard)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import roifile
+from bore_pairs import Pair
 from numpy.typing import NDArray
 from tolerances import STAPLE
 
@@ -93,7 +94,7 @@ def test_outlines_need_a_panorama(tmp_path: Path) -> None:
         read_mask(path)
 
 
-def test_rater_and_session_by_the_name_or_the_sidecar(pair, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_rater_and_session_by_the_name_or_the_sidecar(pair: Pair, tmp_path: Path) -> None:
     for name, said in (("anna_2.png", ("anna", "2")), ("bea.png", ("bea", "1")), ("c_d_late.png", ("c_d", "late"))):
         cv2.imwrite(str(tmp_path / name), pair.cells_a.astype(np.uint8))
         mask = read_mask(tmp_path / name, pair.a)

@@ -1,9 +1,11 @@
 """Morphology, labels and cells on the circle."""
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 import pytest
+from bore_pairs import Pair
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -53,12 +55,12 @@ def test_labels_do_not_know_the_seam(mask: np.ndarray, shift: int) -> None:
 @pytest.mark.parametrize("operation", ["open", "close"])
 @given(mask=masks, shift=st.integers(0, 23), rows=st.floats(0, 2), columns=st.floats(0, 4))
 def test_morphology_does_not_know_the_seam(
-    operation: str, mask: np.ndarray, shift: int, rows: float, columns: float
+    operation: Literal["open", "close"], mask: np.ndarray, shift: int, rows: float, columns: float
 ) -> None:
-    once = morphology(mask, operation, rows, columns)  # type: ignore[arg-type]
-    rolled = morphology(np.roll(mask, shift, axis=1), operation, rows, columns)  # type: ignore[arg-type]
+    once = morphology(mask, operation, rows, columns)
+    rolled = morphology(np.roll(mask, shift, axis=1), operation, rows, columns)
     assert np.array_equal(np.roll(once, shift, axis=1), rolled)
-    assert np.array_equal(morphology(once, operation, rows, columns), once)  # type: ignore[arg-type]
+    assert np.array_equal(morphology(once, operation, rows, columns), once)
     assert np.all(once <= mask) if operation == "open" else np.all(once >= mask)
 
 
@@ -80,7 +82,7 @@ def test_small_cells_go_and_a_cell_split_by_the_seam_counts_whole() -> None:
     assert not kept[4].any()
 
 
-def test_cells_of_depth_and_of_brightness_are_found(pair) -> None:  # type: ignore[no-untyped-def]
+def test_cells_of_depth_and_of_brightness_are_found(pair: Pair) -> None:
     for panorama, truth in ((pair.a, pair.cells_a), (pair.b, pair.cells_b)):
         found = segment(panorama)
         assert (found & truth).sum() / (found | truth).sum() > 0.85
@@ -92,7 +94,7 @@ def test_bright_cells_are_found_when_they_are_said_to_be_bright(pair_of: Callabl
     assert (found & pair.cells_a).sum() / (found | pair.cells_a).sum() > 0.8
 
 
-def test_invalid_samples_are_no_cells_and_do_not_move_the_threshold(pair, panorama_of: Callable) -> None:  # type: ignore[no-untyped-def]
+def test_invalid_samples_are_no_cells_and_do_not_move_the_threshold(pair: Pair, panorama_of: Callable) -> None:
     a: Panorama = pair.a
     valid = np.ones(a.grid.shape, np.bool_)
     valid[:, 200:240] = False
