@@ -4,12 +4,12 @@
 
 By one process; by two workers; by two workers of which one gets SIGKILL when half is done; and by a `dask scheduler`
 with two `dask worker` processes on loopback. Every file is hashed anew here, but for the records, which hold times.
-A specimen counts as made once for each record file that was seen to appear, so one made twice shows even where both
+A specimen counts as made once for each record file that appeared, so one made twice shows even where both
 are the same. Of the seconds of the whole command, the start is what passes until the first specimen is begun: loading
 the program, and for workers their cluster; work is what passes from there until the last record; the end makes the
-manifest. The efficiency of two workers is that of the work, and of the whole command beside it. Either says little
-where other work runs beside it: then the processor time of the two runs differs (of an existing cluster it is the
-client's), and so does that of one process at the beginning and once more at the end, which --again adds.
+manifest. The efficiency of two workers is that of the work, and of the whole command next to it. Either says little
+where other work runs at the same time: then the processor time of the two runs differs (of an existing cluster it is
+the client's), and so does that of one process at the beginning and once more at the end, which --again adds.
 """
 
 import argparse
@@ -109,7 +109,7 @@ def kill_at(count: int, killed: list[int]) -> Watch:
 @contextmanager
 def cluster(folder: Path) -> Iterator[str]:
     """Run a scheduler and two workers on loopback, as a user would start them; yield the scheduler's address."""
-    told = folder / "scheduler.json"
+    address_file = folder / "scheduler.json"
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment, "cwd": folder}
     scheduler = [
@@ -121,20 +121,30 @@ def cluster(folder: Path) -> Iterator[str]:
         "0",
         "--no-dashboard",
         "--scheduler-file",
-        str(told),
+        str(address_file),
     ]
-    worker = [DASK, "worker", "--scheduler-file", str(told), "--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard"]
+    worker = [
+        DASK,
+        "worker",
+        "--scheduler-file",
+        str(address_file),
+        "--host",
+        "127.0.0.1",
+        "--nthreads",
+        "1",
+        "--no-dashboard",
+    ]
     with ExitStack() as stack:
         for command in (scheduler, worker, worker):
             process = subprocess.Popen(command, **quiet)
             stack.callback(process.wait, 30)
             stack.callback(process.terminate)
             deadline = time.monotonic() + 60
-            while not told.exists():
+            while not address_file.exists():
                 if time.monotonic() > deadline:
                     sys.exit("the scheduler did not start within a minute")
                 time.sleep(0.1)
-        yield json.loads(told.read_text())["address"]
+        yield json.loads(address_file.read_text())["address"]
 
 
 def main() -> None:
@@ -159,15 +169,15 @@ def main() -> None:
         }
         for name, (more, watch) in ways.items():
             runs[name] = make(folder / name.replace(" ", "-").replace(",", ""), options + more, watch)
-            tell(name, runs[name], arguments.count)
+            print_row(name, runs[name], arguments.count)
         with tempfile.TemporaryDirectory() as elsewhere, cluster(Path(elsewhere)) as address:
             name = "existing cluster"
             runs[name] = make(folder / "existing-cluster", [*options, "--scheduler", address], lambda *_: None)
-            tell(name, runs[name], arguments.count)
+            print_row(name, runs[name], arguments.count)
         if arguments.again:
             name = "one process again"
             runs[name] = make(folder / "again", [*options, "--workers", "1"], lambda *_: None)
-            tell(name, runs[name], arguments.count)
+            print_row(name, runs[name], arguments.count)
     first, second = runs["one process"], runs["two workers"]
     same = all(run.files == first.files for run in runs.values())
     print(f"files in each: {len(first.files)}; the same in all: {'yes' if same else 'NO'}; killed: {len(killed)}")
@@ -178,7 +188,7 @@ def main() -> None:
     sys.exit(0 if same and killed and all(run.appeared == arguments.count for run in runs.values()) else 1)
 
 
-def tell(name: str, run: Run, count: int) -> None:
+def print_row(name: str, run: Run, count: int) -> None:
     """Print the row of one way."""
     rate = 3600 * count / run.work
     print(

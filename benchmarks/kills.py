@@ -2,7 +2,7 @@
 
 Each of `unroll --overwrite`, `compare --overwrite` and `dataset` is killed (SIGKILL, all its processes), where an older
 output stands already; then the same command runs to its end. A kill has lost something where neither the old nor the
-new output stands whole, where a file of the user's beside it has changed, where an output that anybody can see is
+new output stands whole, where a file of the user's next to it has changed, where an output that anybody can see is
 half-written, or where the next run leaves anything hidden behind.
 """
 
@@ -24,7 +24,7 @@ COMMANDS = ("unroll", "compare", "dataset")
 
 
 def prepare(folder: Path) -> None:
-    """Make a specimen, an older output of each command, and files of the user's beside them."""
+    """Make a specimen, an older output of each command, and files of the user's next to them."""
     run(folder, ["simulate", "-o", "specimen", "--preset", "learning", "--seed", "3"])
     for command in COMMANDS:
         run(folder, arguments(command))
@@ -69,9 +69,9 @@ def lost(folder: Path) -> list[str]:
             wrong.append(f"{name} is gone")
         elif not verify(folder / name)[0].intact:
             wrong.append(f"{name}: {verify(folder / name)[0].differences}")
-    found = verify(folder / "set")[0].differences  # a set that is not finished lacks specimens, no more
-    if found.altered or found.added or any("specimens" not in name for name in found.missing):
-        wrong.append(f"set: {found}")
+    differences = verify(folder / "set")[0].differences  # a set that is not finished lacks specimens, no more
+    if differences.altered or differences.added or any("specimens" not in name for name in differences.missing):
+        wrong.append(f"set: {differences}")
     return wrong
 
 

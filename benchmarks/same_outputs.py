@@ -132,22 +132,22 @@ def main() -> None:
     parser.add_argument("--endoct", type=Path, default=ENDOCT)
     parser.add_argument("--against", type=Path)
     parser.add_argument("--presets", nargs="*", default=list(SPECIMENS), choices=list(SPECIMENS))
-    asked = parser.parse_args()
-    asked.output.mkdir(parents=True)
-    make(asked.endoct.absolute(), asked.output, asked.presets)
-    now = held(asked.output)
-    (asked.output / "held.json").write_text(json.dumps(now, indent=1))
+    arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True)
+    make(arguments.endoct.absolute(), arguments.output, arguments.presets)
+    now = held(arguments.output)
+    (arguments.output / "held.json").write_text(json.dumps(now, indent=1))
     print(f"{len(now)} files, arrays and values")
-    if asked.against is None:
+    if arguments.against is None:
         return
-    before: dict[str, str] = json.loads((asked.against / "held.json").read_text())
-    left_out = {preset for preset in SPECIMENS if preset not in asked.presets}
+    before: dict[str, str] = json.loads((arguments.against / "held.json").read_text())
+    left_out = {preset for preset in SPECIMENS if preset not in arguments.presets}
     before = {k: v for k, v in before.items() if k.replace(".", "-").replace("/", "-").split("-")[0] not in left_out}
     apart = {k: (before.get(k), now.get(k)) for k in {**before, **now} if before.get(k) != now.get(k)}
     for name, (old, new) in sorted(apart.items()):
         print(f"{name}: {old} -> {new}")
-    kept = len(before) - sum(old is not None for old, _ in apart.values())
-    print(f"{kept} of {len(before)} as they were, {len(apart)} apart")
+    unchanged = len(before) - sum(old is not None for old, _ in apart.values())
+    print(f"{unchanged} of {len(before)} as they were, {len(apart)} apart")
 
 
 if __name__ == "__main__":

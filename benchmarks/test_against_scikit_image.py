@@ -1,4 +1,4 @@
-"""Steps of the pipeline beside the same step with scikit-image: one group a step, the ratio in brackets."""
+"""Steps of the pipeline next to the same step with scikit-image: one group a step, the ratio in brackets."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -4,11 +4,11 @@
                                        [--seed 1000] [--specimen DIR] [--keep DIR] [--endoct PROGRAM]
 
 One specimen is simulated (or taken from ``--specimen``), thinned to ``--ascans`` a slice or ``--width`` columns an
-image, and told over and over until there are enough: slices forth and back, so that neighbours stay alike, frames from
+image, and repeated until there are enough: slices forth and back, so that neighbours stay alike, frames from
 the start again. Each gets noise of its own, of one count. Files are written one frame at a time; the program runs in a
 process of its own, whose largest resident set is what counts. The first row is a process that only imports what the
-command does: the interpreter's and the libraries' own. What grows from one row to the next, by slice, is told beside
-the size of the panorama's own arrays of one slice, and of what is recorded. Seconds are those of the clock and of the
+command does: the interpreter's and the libraries' own. What grows from one row to the next, by slice, is printed
+next to the size of the panorama's own arrays of one slice, and of what is recorded. Seconds are those of the clock and of the
 processors.
 """
 
@@ -47,7 +47,7 @@ def thinned(specimen: Path, side: str, ascans: int, width: int) -> tuple[int, Fr
     return len(stack), frame
 
 
-def told_again(n: int, frame: Frames, count: int, forth_and_back: bool) -> Iterator[NDArray[Any]]:
+def repeated(n: int, frame: Frames, count: int, forth_and_back: bool) -> Iterator[NDArray[Any]]:
     """Yield ``count`` frames of ``n``, each with noise of its own."""
     for k in range(count):
         turn, place = divmod(k, n)
@@ -65,7 +65,7 @@ def write(specimen: Path, side: str, count: int, ascans: int, width: int, folder
     shutil.copy(specimen / side / "acquisition.toml", folder)
     tifffile.imwrite(
         folder / "recording.tif",
-        told_again(n, frame, count, forth_and_back=side == "oct"),
+        repeated(n, frame, count, forth_and_back=side == "oct"),
         shape=(count, *first.shape),
         dtype=first.dtype,
         photometric="rgb" if first.ndim == 3 else "minisblack",
@@ -97,30 +97,34 @@ def main() -> None:
     parser.add_argument("--specimen", type=Path)
     parser.add_argument("--keep", type=Path, help="folder for the recordings and panoramas")
     parser.add_argument("--endoct", default=str(Path(sys.executable).with_name("endoct")))
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        root = asked.keep or Path(scratch)
-        specimen = asked.specimen or root / "specimen"
+        root = arguments.keep or Path(scratch)
+        specimen = arguments.specimen or root / "specimen"
         if not specimen.exists():
-            measured([asked.endoct, "simulate", "-o", str(specimen), "--preset", "quick", "--seed", str(asked.seed)])
+            measured(
+                [arguments.endoct, "simulate", "-o", str(specimen), "--preset", "quick", "--seed", str(arguments.seed)]
+            )
         print(" frames  recorded     peak  seconds  processor  a frame more  of panorama  of recording")
-        python = str(Path(asked.endoct).with_name(Path(sys.executable).name))
-        peak_mb, seconds, busy = measured([python, "-c", IMPORTED.format(asked.side)])
+        python = str(Path(arguments.endoct).with_name(Path(sys.executable).name))
+        peak_mb, seconds, busy = measured([python, "-c", IMPORTED.format(arguments.side)])
         print(f"{'none':>7} {'':>9} {peak_mb:>5.0f} MB {seconds:>8.1f} {busy:>10.1f}")
         before = None
-        for count in sorted(asked.counts):
-            recording = root / f"{asked.side}-{count}-{asked.ascans if asked.side == 'oct' else asked.width}"
+        for count in sorted(arguments.counts):
+            recording = (
+                root / f"{arguments.side}-{count}-{arguments.ascans if arguments.side == 'oct' else arguments.width}"
+            )
             panorama = root / f"{recording.name}.zarr"
             if not recording.exists():
-                write(specimen, asked.side, count, asked.ascans, asked.width, recording)
+                write(specimen, arguments.side, count, arguments.ascans, arguments.width, recording)
             recorded = (recording / "recording.tif").stat().st_size
-            command = [asked.endoct, "unroll", str(recording), "-o", str(panorama), "--overwrite"]
+            command = [arguments.endoct, "unroll", str(recording), "-o", str(panorama), "--overwrite"]
             peak_mb, seconds, busy = measured(command)
             row = f"{count:>7} {recorded / 1e6:>6.0f} MB {peak_mb:>5.0f} MB {seconds:>8.1f} {busy:>10.1f}"
             if before is not None:
                 more = (peak_mb - before[1]) / (count - before[0]) * 1e3
-                kept = samples_of(panorama) * BYTES_OF_PANORAMA[asked.side] / count / 1e3
-                row += f" {more:>10.1f} kB {kept:>9.1f} kB {recorded / count / 1e3:>10.1f} kB"
+                stored = samples_of(panorama) * BYTES_OF_PANORAMA[arguments.side] / count / 1e3
+                row += f" {more:>10.1f} kB {stored:>9.1f} kB {recorded / count / 1e3:>10.1f} kB"
             print(row, flush=True)
             before = count, peak_mb
 

@@ -1,4 +1,4 @@
-"""Runs the estimators on rendered recordings and puts what they find beside what the truth records."""
+"""Runs the estimators on rendered recordings and puts what they find next to what the truth records."""
 
 import json
 from collections.abc import Mapping, Sequence

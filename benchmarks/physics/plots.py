@@ -1,4 +1,4 @@
-"""One function a figure: it measures, draws, and returns what it measured beside what theory or truth says."""
+"""One function a figure: it measures, draws, and returns what it measured next to what theory or truth says."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

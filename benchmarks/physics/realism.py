@@ -1,4 +1,4 @@
-"""Pictures to be looked at beside real ones: a B-scan of `hard` and an endoscope frame of `paper`."""
+"""Pictures to compare with real ones by eye: a B-scan of `hard` and an endoscope frame of `paper`."""
 
 from pathlib import Path
 
