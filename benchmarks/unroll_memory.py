@@ -8,8 +8,8 @@ image, and repeated until there are enough: slices forth and back, so that neigh
 the start again. Each gets noise of its own, of one count. Files are written one frame at a time; the program runs in a
 process of its own, whose largest resident set is what counts. The first row is a process that only imports what the
 command does: the interpreter's and the libraries' own. What grows from one row to the next, by slice, is printed
-next to the size of the panorama's own arrays of one slice, and of what is recorded. Seconds are those of the clock and of the
-processors.
+next to the size of the panorama's own arrays of one slice, and of what is recorded. Seconds are those of the clock and
+of the processors.
 """
 
 import argparse
