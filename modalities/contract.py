@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +80,11 @@ class Manifest:
     implementation: str
     per_frame: Mapping[str, Meaning] = field(default_factory=dict, hash=False)
 
-    def load(self) -> "Modality":
+    def load(self) -> "Modality[Any, Any]":
         """Import the implementation. Raises :class:`EndoctError` naming what is missing."""
         module, _, name = self.implementation.partition(":")
         try:
-            modality: Modality = getattr(import_module(module), name)
+            modality: Modality[Any, Any] = getattr(import_module(module), name)
         except (Exception, SystemExit) as error:  # a stranger's module may raise anything
             raise EndoctError(f"the modality '{self.name}' cannot be loaded", found=import_cause(error)) from error
         return modality
@@ -103,7 +103,7 @@ class FrameStream(Protocol):
 
 
 class Calibration(Protocol):
-    """What a survey found: everything ``unroll`` needs beside the frame, picklable.
+    """What a survey measured: everything that ``unroll`` needs besides the frame, picklable.
 
     ``grid`` and ``row_z_mm`` (float64 (n_z,), ascending) are the rows and columns of the panorama, on which
     every strip must lie. ``per_frame`` is geometry and quality per frame, in the recording's own order, with
@@ -160,11 +160,18 @@ def import_cause(error: BaseException) -> str:
     return str(error) if isinstance(error, ImportError | AttributeError) else cause_of(error)
 
 
-class Modality(Protocol):
-    """The implementation of a plug-in: a class with no state, or a module-level instance of one."""
+P = TypeVar("P")
+C = TypeVar("C", bound=Calibration)
+
+
+class Modality(Protocol[P, C]):
+    """The implementation of a plug-in: a class with no state, or a module-level instance of one.
+
+    Generic in its parameters ``P`` and its calibration ``C``.
+    """
 
     @property
-    def parameters(self) -> type[Any]:
+    def parameters(self) -> type[P]:
         """A frozen pydantic model of the processing parameters, all with defaults, names with units."""
 
     def sniff(self, path: Path) -> Sniff:
@@ -173,23 +180,23 @@ class Modality(Protocol):
     def open(self, path: Path, acquisition: Acquisition) -> FrameStream:
         """Open the recording without reading samples. Raises :class:`EndoctError` where it is unusable."""
 
-    def survey(self, stream: FrameStream, parameters: Any) -> Calibration:
+    def survey(self, stream: FrameStream, parameters: P) -> C:
         """Find everything that needs the whole recording, in one pass over its frames."""
 
-    def unroll(self, frame: Frame, calibration: Any) -> Strip:
+    def unroll(self, frame: Frame, calibration: C) -> Strip:
         """Turn one frame into a strip on the calibration's grid. Pure."""
 
-    def settle(self, panorama: Panorama, calibration: Any) -> Panorama:
+    def settle(self, panorama: Panorama, calibration: C) -> Panorama:
         """Finish the assembled panorama (continuity of the wall in θ and z); may return it as it is."""
 
-    def illustrate(self, frame: Frame, calibration: Any) -> tuple[Picture, ...]:
+    def illustrate(self, frame: Frame, calibration: C) -> tuple[Picture, ...]:
         """Show for a report how one frame was understood: as recorded, with what was found, and unrolled."""
 
 
-class VolumetricModality(Modality, Protocol):
+class VolumetricModality(Modality[P, C], Protocol[P, C]):
     """A plug-in that provides "volume": what lies below the surface too."""
 
-    def write_volume(self, stream: FrameStream, calibration: Any, store: Path) -> None:
+    def write_volume(self, stream: FrameStream, calibration: C, store: Path) -> None:
         """Write the group ``volume`` (z, theta, depth) into the Zarr ``store``, one frame at a time."""
 
 

@@ -40,10 +40,11 @@ class Subject:
 
     def survey(self, stream: FrameStream) -> Calibration:
         """Survey ``stream`` with the default parameters."""
-        return self.modality.survey(stream, self.modality.parameters())
+        calibration: Calibration = self.modality.survey(stream, self.modality.parameters())
+        return calibration
 
     @cached_property
-    def modality(self) -> Modality:
+    def modality(self) -> Modality[Any, Any]:
         """The loaded implementation."""
         return self.manifest.load()
 

@@ -132,7 +132,7 @@ def volumes_are_written(subject: Subject) -> None:
     if "volume" not in subject.manifest.provides:
         return
     demand(hasattr(subject.modality, "write_volume"), "a volume is promised, but there is no write_volume")
-    volumetric = cast(VolumetricModality, subject.modality)
+    volumetric = cast(VolumetricModality[Any, Any], subject.modality)
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder) / "panorama.zarr"
         save_panorama(_assembled(subject), store)

@@ -22,6 +22,8 @@ MOST_FRAMES = 48
 SURE_PATTERN = 0.06
 SATURATED_LOG = -0.01
 SURE_EXPOSURE = 0.06
+EVEN_COLUMNS = 512
+EVEN_LIMITS = (-0.3, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,11 @@ class FlatField:
     pattern: Image
     usable: Mask
 
+    def by_z(self, rim_sign: int) -> "FlatField":
+        """Return the flat field of rows outward in the image as that of rows by ascending z."""
+        step = slice(None, None, rim_sign)
+        return FlatField(self.log_light[step], self.pattern[step], self.usable[step])
+
 
 def enough_frames(n: int) -> list[int]:
     """Return which of ``n`` frames, spread over all, a flat field is estimated from."""
@@ -41,7 +48,7 @@ def enough_frames(n: int) -> list[int]:
 
 
 def estimate_flat_field(logs: NDArray[np.floating[Any]], views: float, least_transmission: float) -> FlatField:
-    """Return the flat field of strips in logarithms, (n, n_rows, n_theta), NaN where not seen.
+    """Return the flat field of strips in logarithms, (n, n_rows, n_theta), NaN outside the image.
 
     ``views``: how many different places of the wall each pixel has seen; ``least_transmission``: dirt that takes
     more light than that is not usable.
@@ -71,6 +78,16 @@ def frame_exposure(logs: Iterable[NDArray[np.floating[Any]]], flat: FlatField) -
     ]
     change = np.array(bright) - np.median(bright)
     return np.asarray(np.sign(change) * np.maximum(np.abs(change) - SURE_EXPOSURE, 0))
+
+
+def even_strip(logs: NDArray[np.floating[Any]], flat: FlatField, exposure: float) -> Image:
+    """Return a strip in logarithms without light and exposure, float32 (n_rows, ``EVEN_COLUMNS``), NaN under dirt.
+
+    Limited on both sides, so that neither a specular spot nor a deep cell decides how frames are matched.
+    """
+    even = np.clip(logs.astype(np.float32) - flat.log_light - np.float32(exposure), *EVEN_LIMITS)
+    even[~flat.usable] = np.nan
+    return np.asarray(even.reshape(len(even), EVEN_COLUMNS, -1).mean(axis=2), np.float32)
 
 
 def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:

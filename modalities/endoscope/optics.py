@@ -20,7 +20,7 @@ DISAGREEMENT = 0.05
 ASSUMED_DISTANCE = 1.25
 """Of an unknown pupil from the cone's apex, in radii of the bore: 0.8 to 1.5 in the simulator."""
 ASSUMED_LENGTH = 0.65
-"""Of the bore that the annulus shows, in radii of the bore, until the feed tells it."""
+"""Of the bore that the annulus shows, in radii of the bore, until the feed says more."""
 CONE_KEYS = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
 STEEPEST = 0.6
 """Largest tan ψ of an assumed cone."""
@@ -143,7 +143,7 @@ def stretched(optics: ConeOptics, stretch: float) -> ConeOptics:
         focal_px = brentq(lambda f: length(f) - optics.visible_length_mm, shortest, 50 * optics.focal_px)
         return replace(optics, half_angle_rad=half_angle_rad, focal_px=float(focal_px))
 
-    def found(half_angle_rad: float) -> float:
+    def unevenness(half_angle_rad: float) -> float:
         cone = fitted(half_angle_rad)
         inner, outer = (
             float(np.diff(cone.z_mm(rim + np.array([-0.5, 0.5])))[0]) for rim in (cone.inner_px, cone.outer_px)
@@ -151,14 +151,16 @@ def stretched(optics: ConeOptics, stretch: float) -> ConeOptics:
         return (inner - outer) / (inner + outer)
 
     low, high = ASSUMED_ANGLES_RAD
-    at_low, at_high = found(low) - stretch, found(high) - stretch
+    at_low, at_high = unevenness(low) - stretch, unevenness(high) - stretch
     if at_low * at_high > 0:
         return fitted(low if abs(at_low) < abs(at_high) else high)
-    return fitted(float(brentq(lambda angle: found(angle) - stretch, low, high, xtol=1e-6)))
+    return fitted(float(brentq(lambda angle: unevenness(angle) - stretch, low, high, xtol=1e-6)))
 
 
-def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: float, notes: list[str]) -> ConeOptics:
-    """Return z(r) of an annulus as the sidecar has it; add a note where it contradicts itself.
+def stated_optics(
+    acquisition: EndoscopeAcquisition, inner_px: float, outer_px: float
+) -> tuple[ConeOptics, tuple[str, ...]]:
+    """Return z(r) of an annulus as the sidecar has it, and a note where it contradicts itself.
 
     Where it has neither the mirror's optics nor the visible length but the feed, the length is a guess, see
     :func:`scale_is_stated`. Raises :class:`EndoctError` where it has none of the three.
@@ -166,23 +168,17 @@ def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: 
     angle, focal, distance = (getattr(acquisition, key) for key in CONE_KEYS)
     sign = -1 if acquisition.outer_rim == "behind" else 1
     length = acquisition.visible_length_mm
+    radius_mm = acquisition.bore_diameter_mm / 2
     if angle is not None and focal is not None and distance is not None:
         cone = ConeOptics(
-            inner_px,
-            outer_px,
-            float(np.deg2rad(angle)),
-            focal,
-            distance,
-            acquisition.bore_diameter_mm / 2,
-            acquisition.distortion,
-            sign,
+            inner_px, outer_px, float(np.deg2rad(angle)), focal, distance, radius_mm, acquisition.distortion, sign
         )
-        if length is not None and abs(cone.visible_length_mm / length - 1) > DISAGREEMENT:
-            notes.append(
-                f"The mirror's optics let the annulus span {cone.visible_length_mm:.2f} mm, visible_length_mm says "
-                f"{length:.2f} mm; the optics were used."
-            )
-        return cone
+        if length is None or abs(cone.visible_length_mm / length - 1) <= DISAGREEMENT:
+            return cone, ()
+        return cone, (
+            f"The mirror's optics let the annulus span {cone.visible_length_mm:.2f} mm, visible_length_mm says "
+            f"{length:.2f} mm; the optics were used.",
+        )
     missing = [key for key in CONE_KEYS if getattr(acquisition, key) is None]
     if length is None and acquisition.pitch_mm is None and acquisition.positions_mm is None:
         raise EndoctError(
@@ -191,12 +187,12 @@ def stated_optics(acquisition: EndoscopeAcquisition, inner_px: float, outer_px: 
             expected="the length that the annulus spans, all of the mirror's optics, or the feed",
             remedy="add visible_length_mm: put a scale into a bore of that diameter and read off what the ring shows",
         )
-    if len(missing) < len(CONE_KEYS):
-        notes.append(f"The mirror's optics were not used, because the sidecar lacks {' and '.join(missing)}.")
-    radius_mm = acquisition.bore_diameter_mm / 2
-    return assumed_cone(inner_px, outer_px, length or ASSUMED_LENGTH * radius_mm, radius_mm, sign)
+    cone = assumed_cone(inner_px, outer_px, length or ASSUMED_LENGTH * radius_mm, radius_mm, sign)
+    if len(missing) == len(CONE_KEYS):
+        return cone, ()
+    return cone, (f"The mirror's optics were not used, because the sidecar lacks {' and '.join(missing)}.",)
 
 
 def scale_is_stated(acquisition: EndoscopeAcquisition) -> bool:
-    """Say whether the sidecar tells how long a piece of the bore the annulus shows."""
+    """Say whether the sidecar gives how long a piece of the bore the annulus shows."""
     return acquisition.visible_length_mm is not None or all(getattr(acquisition, k) is not None for k in CONE_KEYS)

@@ -1,78 +1,61 @@
-"""Samples a frame along circles of constant z: one interpolation from the image to rows of z and columns of θ."""
+"""One frame as a strip of the wall: sampled on the panorama's rows and divided by the light of the probe."""
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from endoct.modalities.endoscope.annulus import Annulus
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.modalities.contract import Frame
+from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.light import brightness, log_light, saturated
+from endoct.modalities.endoscope.resampling import Circles, means, sample, sample_cyclic, sample_mask
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.strip import Strip
 
-
-def pixel_map(annulus: Annulus, r_px: Coordinates, angle_rad: Coordinates) -> tuple[Image, Image]:
-    """Return column and row of the image, float32 (n_rows, n_theta), of radii (n_rows,) and angles (n_theta,)."""
-    x, y = annulus.centre_at(r_px)
-    columns = x[:, None] + r_px[:, None] * np.cos(angle_rad)
-    rows = y[:, None] + r_px[:, None] * np.sin(angle_rad)
-    return columns.astype(np.float32), rows.astype(np.float32)
+LEAST_WEIGHT = 1e-3
 
 
-def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
-    """Return ``image`` bilinearly at fractional places, and which of them lie inside it."""
-    inside = (columns >= 0) & (rows >= 0) & (columns <= image.shape[1] - 1) & (rows <= image.shape[0] - 1)
-    samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(samples, dtype=np.float32), inside
+def unroll_frame(frame: Frame, calibration: EndoscopeCalibration) -> Strip:
+    """Return ``frame`` on those of the panorama's rows that it shows."""
+    c = calibration
+    half_mm = float(c.strip_z_mm[-1])
+    centre_mm = float(c.z_mm[frame.index])
+    first, last = np.searchsorted(c.row_z_mm, [centre_mm - half_mm, centre_mm + half_mm])
+    z_mm = c.row_z_mm[first : max(last, first + 1)]
+    theta_rad = c.grid.theta_rad
+    by_row, by_column = c.oversample
+    fine_z = _subdivided(z_mm - centre_mm, c.grid.dz_mm, by_row)
+    fine_angle = c.image_angle(frame.index, _subdivided(theta_rad, c.grid.dtheta_rad, by_column))
+    annulus = c.annuli[frame.index].with_drift(*c.drift_px).moved(*c.shift_px)
+    columns, rows = Circles(annulus, c.optics.r_px(fine_z)).pixel_map(fine_angle)
 
+    light, inside = sample(brightness(frame.samples, c.full_scale), columns, rows)
+    clipped = sample_mask(saturated(frame.samples, c.full_scale), columns, rows)
+    flat_rows = (fine_z - c.strip_z_mm[0]) / (c.strip_z_mm[1] - c.strip_z_mm[0])
+    flat_columns = fine_angle / (2 * np.pi) * c.flat.log_light.shape[1]
+    flat = sample_cyclic(c.flat.log_light, flat_rows, flat_columns)
+    clean = sample_cyclic(c.flat.usable.astype(np.float32), flat_rows, flat_columns) > 0.5
+    shape = z_mm.size, theta_rad.size
+    good = means((inside & ~clipped & clean).astype(np.float32), *shape) > 0.99
+    intensity = means(np.exp(log_light(light) - flat - np.float32(c.exposure[frame.index])), *shape)
 
-def sample_mask(mask: Mask, columns: Image, rows: Image) -> Mask:
-    """Return where any of the four pixels around a place is set; False outside the image."""
-    touched = cv2.remap(
-        mask.astype(np.float32), columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0
+    return Strip(
+        z_mm=z_mm,
+        theta_rad=theta_rad,
+        intensity=np.where(good, intensity, 0.0),
+        depth_mm=None,
+        valid=good,
+        weight=np.broadcast_to(_row_weight(c, z_mm - centre_mm, half_mm)[:, None], shape),
+        diagnostics={"valid_fraction": float(good.mean())},
     )
-    return np.asarray(touched > 0)
 
 
-def sample_cyclic(image: Image, rows: Coordinates, columns: Coordinates) -> Image:
-    """Return ``image`` (n_rows, n_theta), θ a circle, bilinearly at every pair of fractional rows and columns."""
-    wrapped = np.mod(columns, image.shape[1])
-    padded = np.concatenate([image, image[:, :1]], axis=1)
-    shape = rows.size, columns.size
-    x = np.broadcast_to(wrapped.astype(np.float32), shape)
-    y = np.broadcast_to(rows.astype(np.float32)[:, None], shape)
-    return np.asarray(
-        cv2.remap(
-            padded, np.ascontiguousarray(x), np.ascontiguousarray(y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        ),
-        dtype=np.float32,
-    )
+def _subdivided(centres: Coordinates, step: float, parts: int) -> Coordinates:
+    """Return the centres of ``parts`` equal parts of every cell."""
+    within = (np.arange(parts) + 0.5) / parts - 0.5
+    return np.asarray((centres[:, None] + step * within).ravel())
 
 
-def means(values: Image, n_rows: int, n_columns: int) -> Image:
-    """Return the means of equal blocks, float32 (n_rows, n_columns)."""
-    blocks = values.reshape(n_rows, values.shape[0] // n_rows, n_columns, values.shape[1] // n_columns)
-    return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
-
-
-def recentred(
-    logs: NDArray[np.float16], old: tuple[Annulus, Coordinates], new: tuple[Annulus, Coordinates]
-) -> NDArray[np.float16]:
-    """Return strips of circles around the centres of ``old`` as strips of circles around those of ``new``.
-
-    Either is an annulus and the circles' radii (n_rows,), evenly spaced or nearly so; NaN where a circle leaves the
-    strip.
-    """
-    angle = np.linspace(0, 2 * np.pi, logs.shape[2], endpoint=False)
-    (annulus, r_px), (old_annulus, old_r_px) = new, old
-    (x, y), (old_x, old_y) = annulus.centre_at(r_px), old_annulus.centre_at(r_px)
-    dx, dy = (x - old_x)[:, None], (y - old_y)[:, None]
-    outward = dx * np.cos(angle) + dy * np.sin(angle)
-    around = (dy * np.cos(angle) - dx * np.sin(angle)) / r_px[:, None]
-    place = np.interp(r_px, old_r_px, np.arange(r_px.size))[:, None]
-    rows = (place + outward / np.gradient(old_r_px)[:, None]).astype(np.float32)
-    columns = np.mod(np.arange(logs.shape[2]) + around / angle[1], logs.shape[2]).astype(np.float32)
-    outside = (rows < 0) | (rows > r_px.size - 1)
-    moved = np.empty_like(logs)
-    for k, strip in enumerate(logs):
-        whole = np.concatenate([strip, strip[:, :1]], axis=1).astype(np.float32)
-        samples = cv2.remap(whole, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        moved[k] = np.where(outside, np.nan, samples)
-    return moved
+def _row_weight(calibration: EndoscopeCalibration, from_centre_mm: Coordinates, half_mm: float) -> Coordinates:
+    """Return each row's weight: more pixels lie on a larger circle, and strips fade into each other."""
+    r_px = calibration.optics.r_px(from_centre_mm)
+    to_edge = np.clip((half_mm - np.abs(from_centre_mm)) / (2 * half_mm * calibration.taper), 0, 1)
+    fade = np.sin(np.pi / 2 * to_edge) ** 2
+    return np.asarray(r_px / calibration.optics.r_px(np.zeros(1)) * np.maximum(fade, LEAST_WEIGHT))

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, FrameStream, Picture, Sniff
+from endoct.modalities.contract import Frame, FrameStream, Picture, Sniff, VolumetricModality
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback, sniff_pullback
@@ -54,4 +54,4 @@ class OctModality:
         write_volume(stream, calibration, store)
 
 
-OCT = OctModality()
+OCT: VolumetricModality[OctParameters, OctCalibration] = OctModality()

@@ -118,6 +118,6 @@ def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
         raise EndoctError(
             f"the modality '{unrolled.manifest.name}' has no volume", remedy="leave out volume=True for this recording"
         )
-    implementation = cast(VolumetricModality, unrolled.manifest.load())
+    implementation = cast(VolumetricModality[Any, Any], unrolled.manifest.load())
     with stages.stage("volume") as advance:
         implementation.write_volume(_Watched(unrolled.stream, advance), unrolled.calibration, store)

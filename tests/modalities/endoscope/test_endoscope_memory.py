@@ -10,10 +10,12 @@ import cv2
 import pytest
 
 from endoct.modalities.contract import Frame
-from endoct.modalities.endoscope import flatfield, places, survey
+from endoct.modalities.endoscope import flatfield, motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
+from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.registry import open_recording
 from endoct.stitching import kept, textures
+from endoct.stitching.feed import Feed, estimate_feed
 
 
 class Again:
@@ -36,23 +38,23 @@ class Again:
 
 def kept_and_peak(stream: Again, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
     """Bytes that a survey holds once all frames have been looked at, and the most that measuring the feed needs."""
-    told: list[int] = []
+    traced: list[int] = []
 
-    def measured(*arguments: Any) -> Any:
-        told.append(tracemalloc.get_traced_memory()[0])
+    def measured(*arguments: Any, **options: Any) -> Feed:
+        traced.append(tracemalloc.get_traced_memory()[0])
         tracemalloc.reset_peak()  # what the flat field needs before and after does not grow with frames
-        feed = places.measured_feed(*arguments)
-        told.append(tracemalloc.get_traced_memory()[1])
+        feed = estimate_feed(*arguments, **options)
+        traced.append(tracemalloc.get_traced_memory()[1])
         return feed
 
     with monkeypatch.context() as patch:
-        patch.setattr(survey, "measured_feed", measured)
+        patch.setattr(motion, "estimate_feed", measured)
         tracemalloc.start()
         try:
-            survey.survey(stream, EndoscopeParameters())
+            survey_frames(stream, EndoscopeParameters())
         finally:
             tracemalloc.stop()
-    held, peak = told
+    held, peak = traced
     return held, peak
 
 
@@ -71,7 +73,7 @@ def test_memory_hardly_grows_with_frames(quick_specimen: Path, monkeypatch: pyte
 def test_a_survey_by_way_of_the_disk_is_the_same(quick_specimen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last byte."""
     stream = Again(quick_specimen / "endoscope", 11)
-    in_memory = survey.survey(stream, EndoscopeParameters())
+    in_memory = survey_frames(stream, EndoscopeParameters())
     monkeypatch.setattr(kept, "MOST_IN_MEMORY", 1)
     monkeypatch.setattr(textures, "AT_A_TIME", 1)
-    assert pickle.dumps(survey.survey(stream, EndoscopeParameters())) == pickle.dumps(in_memory)
+    assert pickle.dumps(survey_frames(stream, EndoscopeParameters())) == pickle.dumps(in_memory)

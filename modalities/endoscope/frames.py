@@ -1,0 +1,67 @@
+"""The pass over all frames: the annulus in each, and its strip, small and in logarithms."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.endoscope.annulus import Annulus, Followed, follow, settle_annuli
+from endoct.modalities.endoscope.band import Band
+from endoct.modalities.endoscope.light import brightness, log_light, reduced, saturated
+from endoct.modalities.endoscope.reference import Reference
+from endoct.modalities.endoscope.resampling import Circles, sample
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.kept import Kept
+from endoct.stitching.parallel import thread_map
+
+STRIP_COLUMNS = 1024
+
+LogStrip = NDArray[np.float16]
+"""Logarithm of a frame's brightness, float16 (n_rows, ``STRIP_COLUMNS``), image angles; NaN outside the image."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What was measured in every frame: its annulus in pixels of the files, whether that was measured there or taken
+    from the frames around, bool (n,), and the share of its strip that is saturated, float64 (n,).
+    """
+
+    annuli: tuple[Annulus, ...]
+    annulus_found: Mask
+    saturated_fraction: Coordinates
+
+
+def examine_frames(
+    stream: FrameStream, reference: Reference, band: Band, strips: Kept[LogStrip]
+) -> tuple[Frames, tuple[str, ...]]:
+    """Append the strip of every frame to ``strips``; return what was measured, and notes on it."""
+    examine = partial(_examine, reference=reference, r_px=np.divide(band.r_px, reference.factor))
+    followed, saturated_fraction = [], []
+    for of_frame, fraction, strip in thread_map(examine, stream):
+        followed.append(of_frame)
+        saturated_fraction.append(fraction)
+        strips.append(strip)
+    annuli, found = settle_annuli(followed, reference.annulus, given=True)
+    frames = Frames(tuple(a.scaled(reference.factor) for a in annuli), found, np.array(saturated_fraction))
+    if found.all():
+        return frames, ()
+    return frames, (
+        f"The annulus could not be measured in {np.sum(~found)} of {len(found)} frames; "
+        "its place there is that of the frames around.",
+    )
+
+
+def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[Followed, float, LogStrip]:
+    """Return a frame's annulus, the share of its strip that is saturated, and the strip at radii ``r_px``."""
+    image = reduced(brightness(frame.samples, reference.full_scale), reference.factor)
+    followed = follow(image, reference.annulus)
+    place = settle_annuli([followed], reference.annulus, given=True)[0][0]
+    angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
+    columns, rows = Circles(place, r_px).pixel_map(angle)
+    strip, inside = sample(image, columns, rows)
+    logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
+    clipped = reduced(saturated(frame.samples, reference.full_scale).astype(np.float32), reference.factor)
+    fraction = float(sample(clipped, columns, rows)[0][inside].mean()) if inside.any() else 0.0
+    return followed, fraction, logs

@@ -1,0 +1,94 @@
+"""Recordings of an endoscope on disk: what looks like one, and the stream of their frames."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from endoct.modalities.acquisition import Acquisition
+from endoct.modalities.contract import Frame, Sniff, inward_positions_mm
+from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+from endoct.modalities.folders import exists, is_folder
+from endoct.modalities.numbering import positions_by_number
+from endoct.modalities.recording import IMAGE_SUFFIXES, ImageStack, image_files, open_stack, whole_recordings
+from endoct.modalities.tiff import is_tiff
+from endoct.modalities.video import is_video
+from endoct.stitching.arrays import Coordinates, readonly
+from endoct.stitching.errors import EndoctError
+
+LEAST_SIDE_PX = 32
+DARK_GROUND = 0.3
+"""Of the bright parts' brightness: a ground below that is dark."""
+
+
+@dataclass(frozen=True, eq=False)
+class EndoscopeRecording:
+    """An opened recording; indexing reads one frame."""
+
+    stack: ImageStack
+    acquisition: EndoscopeAcquisition
+    z_mm: Coordinates
+
+    def __len__(self) -> int:
+        return len(self.stack)
+
+    def __getitem__(self, index: int) -> Frame:
+        return Frame(index, self.stack[index], float(self.z_mm[index]))
+
+
+def open_frames(path: Path, acquisition: Acquisition) -> EndoscopeRecording:
+    """Open a folder of images, a multi-page TIFF or a video, grey or colour, without reading samples.
+
+    Raises :class:`EndoctError` where it holds no frames, or where the sidecar cannot belong to it.
+    """
+    if not isinstance(acquisition, EndoscopeAcquisition):
+        raise EndoctError("the sidecar is not an endoscope's", found=type(acquisition).__name__)
+    stack = open_stack(path)
+    shape = stack.frame_shape
+    if len(shape) not in (2, 3) or (len(shape) == 3 and shape[2] not in (3, 4)) or min(shape[:2]) < LEAST_SIDE_PX:
+        raise EndoctError(
+            f"{path} holds no endoscope frames",
+            found=f"frames of {shape}",
+            expected=f"grey or RGB images of at least {LEAST_SIDE_PX} × {LEAST_SIDE_PX} pixels",
+        )
+    given, farthest = acquisition.annulus, float(max(shape[:2]))
+    if given is not None and max(abs(given.x), abs(given.y), given.outer_px) > 2 * farthest:
+        raise EndoctError(
+            "the annulus of the sidecar lies outside the image",
+            found=f"x = {given.x:g}, y = {given.y:g}, outer_px = {given.outer_px:g}",
+            expected=f"pixels of frames of {shape[1]} × {shape[0]}",
+        )
+    if acquisition.positions_mm is None and acquisition.pitch_mm is not None:
+        by_number = positions_by_number(stack.files, acquisition.pitch_mm)
+        acquisition = acquisition.model_copy(update={"positions_mm": by_number})
+    z_mm = inward_positions_mm(
+        len(stack),
+        pitch_mm=acquisition.pitch_mm or 0.0,
+        travel=acquisition.travel,
+        positions_mm=acquisition.positions_mm,
+    )
+    return EndoscopeRecording(stack, acquisition, readonly(z_mm, np.float64))
+
+
+def sniff_frames(path: Path) -> Sniff:
+    """Claim a folder or file whose first image is a photograph: in colour, or bright on a dark border."""
+    if not exists(path):
+        return Sniff(False, "it does not exist")
+    try:
+        if is_folder(path) and not image_files(path) and not any(map(is_video, whole_recordings(path))):
+            return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)}) and no video")
+        if path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES and not is_tiff(path) and not is_video(path):
+            return Sniff(False, f"it is no image ({', '.join(IMAGE_SUFFIXES)}) and no video")
+        first = open_stack(path)[0]
+    except EndoctError as error:
+        return Sniff(False, str(error))
+    if first.ndim == 3:
+        return Sniff(True, "its images are in colour")
+    height, width = first.shape
+    rim = max(1, min(height, width) // 20)
+    corners = [first[y, x] for y in (slice(rim), slice(-rim, None)) for x in (slice(rim), slice(-rim, None))]
+    ground = max(float(np.median(corner)) for corner in corners)
+    bright = float(np.percentile(first, 90))
+    if bright > 0 and ground < DARK_GROUND * bright and max(height, width) <= 2 * min(height, width):
+        return Sniff(True, "its images are a bright disc or ring on dark ground")
+    return Sniff(False, "its images are grey and fill the frame, unlike an endoscope's")

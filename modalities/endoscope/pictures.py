@@ -1,0 +1,63 @@
+"""Pictures of one frame: with the annulus that was found in it, and unrolled."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.contract import Frame, Picture
+from endoct.modalities.endoscope.annulus import Annulus
+from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.unroll import unroll_frame
+from endoct.stitching.arrays import Coordinates
+
+PICTURE_SIDE_PX = 900
+PICTURE_COLUMNS = 1000
+
+
+def picture_frame(frame: Frame, calibration: EndoscopeCalibration) -> tuple[Picture, ...]:
+    """Return the frame as recorded, with its annulus, and the strip it unrolls to."""
+    height, width = frame.samples.shape[:2]
+    strip = unroll_frame(frame, calibration)
+    step = max(1, strip.theta_rad.size // PICTURE_COLUMNS)
+    return (
+        Picture(
+            name="frame",
+            title=f"Frame {frame.index} as recorded, with the annulus found",
+            image=_reduced(frame, calibration.full_scale),
+            x_label="column (px)",
+            y_label="row (px)",
+            x_extent=(0.0, width - 1.0),
+            y_extent=(0.0, height - 1.0),
+            curves=_rims(calibration.annuli[frame.index], width, height),
+        ),
+        Picture(
+            name="strip",
+            title=f"Frame {frame.index} unrolled, its light evened out",
+            image=np.where(strip.valid, strip.intensity, np.nan)[:, ::step],
+            x_label="θ (rad)",
+            y_label="z (mm)",
+            x_extent=(float(strip.theta_rad[0]), float(strip.theta_rad[::step][-1])),
+            y_extent=(float(strip.z_mm[0]), float(strip.z_mm[-1])),
+        ),
+    )
+
+
+def _reduced(frame: Frame, full_scale: float) -> NDArray[np.uint8]:
+    """Return the frame in grey or RGB, uint8, reduced to at most ``PICTURE_SIDE_PX`` a side."""
+    samples = frame.samples[..., :3] if frame.samples.ndim == 3 else frame.samples
+    image: NDArray[np.uint8] = np.clip(samples.astype(np.float32) / full_scale * 255, 0, 255).astype(np.uint8)
+    shrink = PICTURE_SIDE_PX / max(image.shape[:2])
+    if shrink < 1:
+        image = np.asarray(cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA), np.uint8)
+    return image
+
+
+def _rims(annulus: Annulus, width: int, height: int) -> dict[str, Coordinates]:
+    """Return both rims as curves of columns and rows, NaN outside the image."""
+    angle = np.linspace(0, 2 * np.pi, 361)
+    curves = {}
+    for label, ring in zip(("inner rim", "outer rim"), annulus.rings, strict=True):
+        x, y = ring.x_px + ring.radius_px * np.cos(angle), ring.y_px + ring.radius_px * np.sin(angle)
+        inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
+        curves[label] = np.where(inside[:, None], np.stack([x, y], axis=1), np.nan)
+    return curves

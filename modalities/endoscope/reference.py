@@ -1,0 +1,47 @@
+"""What is measured on some frames before the pass over all of them: full scale, and where the annulus lies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from endoct.modalities.contract import FrameStream
+from endoct.modalities.endoscope.annulus import Annulus, find_annulus, follow, settle_annuli
+from endoct.modalities.endoscope.light import brightness, full_scale, reduced
+from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+
+SURVEY_SIDE_PX = 480
+REFERENCE_FRAMES = 12
+
+
+@dataclass(frozen=True)
+class Reference:
+    """How every frame is looked at: fixed before the pass, so that the order of the frames does not matter.
+
+    ``full_scale``: value of a saturated sample. The survey reduces frames by ``factor``; ``annulus``, in pixels of
+    the reduced frames, is where it is looked for first.
+    """
+
+    full_scale: float
+    factor: int
+    annulus: Annulus
+
+
+def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Reference:
+    """Return the reference by frames spread over the whole recording.
+
+    Raises :class:`NotSeen` where they show no annulus and the sidecar gives none.
+    """
+    chosen = np.unique(np.linspace(0, len(stream) - 1, min(len(stream), REFERENCE_FRAMES)).round().astype(int))
+    frames = [stream[int(k)].samples for k in chosen]
+    scale = max(full_scale(samples) for samples in frames)
+    factor = max(1, min(frames[0].shape[:2]) // SURVEY_SIDE_PX)
+    images = [reduced(brightness(samples, scale), factor) for samples in frames]
+    given = acquisition.annulus
+    if given is not None:
+        near = Annulus(given.x, given.y, given.inner_px, given.x, given.y, given.outer_px).scaled(1 / factor)
+    else:
+        near = find_annulus(np.mean(images, axis=0, dtype=np.float32))
+    annuli, _ = settle_annuli([follow(image, near) for image in images], near, given is not None)
+    x, y = np.median([(a.outer_x_px, a.outer_y_px) for a in annuli], axis=0)
+    annulus = annuli[0].moved(float(x) - annuli[0].outer_x_px, float(y) - annuli[0].outer_y_px)
+    return Reference(scale, factor, annulus)

@@ -1,0 +1,84 @@
+"""Samples a frame along circles of constant z: one interpolation from the image to rows of z and columns of θ."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.endoscope.annulus import Annulus
+from endoct.stitching.arrays import Coordinates, Image, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Circles:
+    """Circles of constant z in an image: their radii ``r_px``, float64 (n_rows,), and centres by an annulus."""
+
+    annulus: Annulus
+    r_px: Coordinates
+
+    def pixel_map(self, angle_rad: Coordinates) -> tuple[Image, Image]:
+        """Return column and row of the image, float32 (n_rows, n_theta), at angles (n_theta,) of every circle."""
+        x, y = self.annulus.centre_at(self.r_px)
+        columns = x[:, None] + self.r_px[:, None] * np.cos(angle_rad)
+        rows = y[:, None] + self.r_px[:, None] * np.sin(angle_rad)
+        return columns.astype(np.float32), rows.astype(np.float32)
+
+
+def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
+    """Return ``image`` bilinearly at fractional places, and which of them lie inside it."""
+    inside = (columns >= 0) & (rows >= 0) & (columns <= image.shape[1] - 1) & (rows <= image.shape[0] - 1)
+    samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(samples, dtype=np.float32), inside
+
+
+def sample_mask(mask: Mask, columns: Image, rows: Image) -> Mask:
+    """Return where any of the four pixels around a place is set; False outside the image."""
+    touched = cv2.remap(
+        mask.astype(np.float32), columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0
+    )
+    return np.asarray(touched > 0)
+
+
+def sample_cyclic(image: Image, rows: Coordinates, columns: Coordinates) -> Image:
+    """Return ``image`` (n_rows, n_theta), θ a circle, bilinearly at every pair of fractional rows and columns."""
+    wrapped = np.mod(columns, image.shape[1])
+    padded = np.concatenate([image, image[:, :1]], axis=1)
+    shape = rows.size, columns.size
+    x = np.broadcast_to(wrapped.astype(np.float32), shape)
+    y = np.broadcast_to(rows.astype(np.float32)[:, None], shape)
+    return np.asarray(
+        cv2.remap(
+            padded, np.ascontiguousarray(x), np.ascontiguousarray(y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        ),
+        dtype=np.float32,
+    )
+
+
+def means(values: Image, n_rows: int, n_columns: int) -> Image:
+    """Return the means of equal blocks, float32 (n_rows, n_columns)."""
+    blocks = values.reshape(n_rows, values.shape[0] // n_rows, n_columns, values.shape[1] // n_columns)
+    return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
+
+
+def recentred(logs: NDArray[np.float16], old: Circles, new: Circles) -> NDArray[np.float16]:
+    """Return strips (n, n_rows, n_theta) of the circles ``old`` as strips of the circles ``new``.
+
+    Their radii are evenly spaced or nearly so; NaN where a circle leaves the strip.
+    """
+    angle = np.linspace(0, 2 * np.pi, logs.shape[2], endpoint=False)
+    r_px = new.r_px
+    (x, y), (old_x, old_y) = new.annulus.centre_at(r_px), old.annulus.centre_at(r_px)
+    dx, dy = (x - old_x)[:, None], (y - old_y)[:, None]
+    outward = dx * np.cos(angle) + dy * np.sin(angle)
+    around = (dy * np.cos(angle) - dx * np.sin(angle)) / r_px[:, None]
+    place = np.interp(r_px, old.r_px, np.arange(r_px.size))[:, None]
+    rows = (place + outward / np.gradient(old.r_px)[:, None]).astype(np.float32)
+    columns = np.mod(np.arange(logs.shape[2]) + around / angle[1], logs.shape[2]).astype(np.float32)
+    outside = (rows < 0) | (rows > r_px.size - 1)
+    moved = np.empty_like(logs)
+    for k, strip in enumerate(logs):
+        whole = np.concatenate([strip, strip[:, :1]], axis=1).astype(np.float32)
+        samples = cv2.remap(whole, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        moved[k] = np.where(outside, np.nan, samples)
+    return moved
