@@ -1,7 +1,5 @@
 """Where one strip lies on another: by correlation of all places, then to a fraction of a sample."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +8,7 @@ from scipy import fft
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.kept import Kept
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.textures import Texture
 from endoct.stitching.warp import Motion, refine_motion
 
@@ -76,9 +75,8 @@ class Matcher:
         def places(k: int) -> list[_Place]:
             return self._places(k, k + step, [None if windows is None else windows[k] for windows in choices])
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            found = list(pool.map(places, range(n_pairs)))
-        return [list(of_one) for of_one in zip(*found, strict=True)]
+        of_pairs = thread_map(places, range(n_pairs))
+        return [list(of_choice) for of_choice in zip(*of_pairs, strict=True)]
 
     def refine(self, step: int, places: list[_Place]) -> Pairs:
         """Return the places to a fraction of a sample, with their harmonics."""
@@ -90,8 +88,7 @@ class Matcher:
             (a, seen_a), (b, seen_b) = self.textures[k], self.textures[k + step]
             return refine_motion(a, b, seen_a, seen_b, start)
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            motions = list(pool.map(motion_of, range(len(places))))
+        motions = list(thread_map(motion_of, range(len(places))))
         return Pairs(
             step,
             feed_mm=np.array([motion.rows for motion in motions]).reshape(-1, 3) * self.dz_mm,
