@@ -1,2 +1,35 @@
-/*! iframe-worker 1.0.4, lets the search work on pages opened from a disk. Copyright (c) 2020-2022 Martin Donath <martin.donath@squidfunk.com>, MIT licence: see iframe-worker.LICENSE.txt */
-"use strict";(()=>{function c(s,n){parent.postMessage(s,n||"*")}function d(...s){return s.reduce((n,e)=>n.then(()=>new Promise(r=>{let t=document.createElement("script");t.src=e,t.onload=r,document.body.appendChild(t)})),Promise.resolve())}var o=class extends EventTarget{constructor(e){super();this.url=e;this.m=e=>{e.source===this.w&&(this.dispatchEvent(new MessageEvent("message",{data:e.data})),this.onmessage&&this.onmessage(e))};this.e=(e,r,t,i,m)=>{if(r===`${this.url}`){let a=new ErrorEvent("error",{message:e,filename:r,lineno:t,colno:i,error:m});this.dispatchEvent(a),this.onerror&&this.onerror(a)}};let r=document.createElement("iframe");r.hidden=!0,document.body.appendChild(this.iframe=r),this.w.document.open(),this.w.document.write(`<html><body><script>postMessage=${c};importScripts=${d};addEventListener("error",({error})=>{parent.dispatchEvent(new ErrorEvent("error",{filename:"${e}",error}))})<\/script><script src=${e}?${+Date.now()}><\/script></body></html>`),this.w.document.close(),onmessage=this.m,onerror=this.e,this.r=new Promise((t,i)=>{this.w.onload=t,this.w.onerror=i})}terminate(){this.iframe.remove(),onmessage=onerror=null}postMessage(e){this.r.catch().then(()=>{this.w.dispatchEvent(new MessageEvent("message",structuredClone({data:e})))})}get w(){return this.iframe.contentWindow}};window.IFrameWorker=o;location.protocol==="file:"&&(window.Worker=o);})();
+// Makes the search work on pages that are opened from a disk, where browsers refuse to start a worker: a hidden frame
+// takes its place. The theme asks for the class by this name, and expects importScripts to return a promise.
+
+class IFrameWorker extends EventTarget {
+  constructor(url) {
+    super();
+    this.frame = document.createElement("iframe");
+    this.frame.hidden = true;
+    this.frame.srcdoc = `<body><script>
+      postMessage = message => parent.postMessage(message, "*");
+      importScripts = (...urls) => urls.reduce((before, url) => before.then(() => new Promise((resolve, reject) => {
+        const script = document.createElement("script");
+        Object.assign(script, {src: url, onload: resolve, onerror: reject});
+        document.body.append(script);
+      })), Promise.resolve());
+    </script><script src="${url}"></script></body>`;
+    this.loaded = new Promise(resolve => this.frame.addEventListener("load", resolve, {once: true}));
+    window.addEventListener("message", event => {
+      if (event.source === this.frame.contentWindow)
+        this.dispatchEvent(new MessageEvent("message", {data: event.data}));
+    });
+    document.body.append(this.frame);
+  }
+
+  postMessage(message) {
+    this.loaded.then(() => this.frame.contentWindow.dispatchEvent(new MessageEvent("message", {data: message})));
+  }
+
+  terminate() {
+    this.frame.remove();
+  }
+}
+
+if (location.protocol === "file:")
+  window.Worker = window.IFrameWorker = IFrameWorker;
