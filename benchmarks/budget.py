@@ -14,7 +14,7 @@ of the budget stand the true losses, taken in the budget's own order (what is lo
   ``error_arc_um``, ``sd_arc_um`` the same around the bore.
 
 Last, of the specimens together: the ratio of predicted and true loss by alignment, and the root mean square of errors
-in units of their standard errors, which is 1 where the covariance tells the truth.
+in units of their standard errors, which is 1 where the covariance is right.
 """
 
 import argparse

@@ -119,10 +119,10 @@ def _panorama(folder: Path) -> list[str]:
     subprocess.run(unroll, check=True, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     (store / "endoct-output.json").unlink()
     for file in (store / "intensity" / "zarr.json", store / "zarr.json"):
-        told = json.loads(file.read_text())
-        of = told if "shape" in told else told["consolidated_metadata"]["metadata"]["intensity"]
+        metadata = json.loads(file.read_text())
+        of = metadata if "shape" in metadata else metadata["consolidated_metadata"]["metadata"]["intensity"]
         of["shape"] = [20_000, 100_000]
-        file.write_text(json.dumps(told))
+        file.write_text(json.dumps(metadata))
     return ["info", str(store)]
 
 

@@ -59,8 +59,8 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
     check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
     # align
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
-    found = align_sides(a, b, z_scale_range=z_scale_range, force=parameters.force)
-    alignment = found if isinstance(found, Alignment) else None
+    search_result = align_sides(a, b, z_scale_range=z_scale_range, force=parameters.force)
+    alignment = search_result if isinstance(search_result, Alignment) else None
     # segment
     segmented = segment_sides(a, b, alignment, parameters, parameters.polarity)
     # place
@@ -70,7 +70,7 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
     # score
     scored = score_sides(sides, grid, samplings if alignment else None, parameters.tolerance_mm)
     own_rows = _on_own_rows(*segmented, alignment) if alignment else None
-    result = _result(found, segmented, (sides[0].valid, sides[1].valid), grid.dz_mm, scored, own_rows)
+    result = _result(search_result, segmented, (sides[0].valid, sides[1].valid), grid.dz_mm, scored, own_rows)
     return Comparison(grid, sides, alignment, result.reason, result, scored.cells)
 
 
@@ -94,7 +94,7 @@ def _reached(valid: Mask) -> Mask:
 
 
 def _result(
-    found: Alignment | NotAligned,
+    search_result: Alignment | NotAligned,
     segmented: tuple[SegmentedSide, SegmentedSide],
     valid: tuple[Mask, Mask],
     dz_mm: float,
@@ -103,16 +103,16 @@ def _result(
 ) -> Result:
     by_name = {each.side.name: each for each in segmented}
     cells = {name: each.segmentation for name, each in by_name.items()}
-    aligned, scores = isinstance(found, Alignment), scored.scores
+    aligned, scores = isinstance(search_result, Alignment), scored.scores
     covered = _reached(valid[0]) & _reached(valid[1])
     both = valid[0] & valid[1]
     return Result(
         sides=(segmented[0].side.name, segmented[1].side.name),
         aligned=aligned,
-        reason=None if isinstance(found, Alignment) else found.reason,
-        alignment=StoredAlignment.of(found) if isinstance(found, Alignment) else None,
+        reason=None if isinstance(search_result, Alignment) else search_result.reason,
+        alignment=StoredAlignment.of(search_result) if isinstance(search_result, Alignment) else None,
         believed_if=Believable(confidence_at_least=BELIEVABLE, chance_at_most=LIKELY_CHANCE),
-        best_unbelieved=None if isinstance(found, Alignment) else StoredAlignment.of(found.best),
+        best_unbelieved=None if isinstance(search_result, Alignment) else StoredAlignment.of(search_result.best),
         jaccard=scores.grid.jaccard if scores else None,
         dice=scores.grid.dice if scores else None,
         threshold={name: Threshold(value=s.threshold, unit=s.unit, of=s.of) for name, s in cells.items()},

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from endoct.modalities.folders import exists, is_folder
-from endoct.modalities.keys import check_kinds, expectation, shown
+from endoct.modalities.keys import abridged, check_kinds, expectation
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
 from endoct.stitching.names import inside
@@ -43,14 +43,14 @@ class Acquisition(BaseModel):
     theta_origin_rad: float = Field(
         default=0.0, ge=-1000, le=1000, description="θ of the first A-scan or of the image's +x axis"
     )
-    calibration: str | None = Field(default=None, description="a TOML file beside this one with further keys")
+    calibration: str | None = Field(default=None, description="a TOML file next to this one with further keys")
 
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def sidecar_path(recording: Path) -> Path:
-    """Return where the sidecar of ``recording`` (a folder or a file) lies: inside it, or beside it."""
+    """Return where the sidecar of ``recording`` (a folder or a file) lies: inside it, or next to it."""
     return (recording if is_folder(recording) else recording.parent) / SIDECAR_NAME
 
 
@@ -100,16 +100,16 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
         missing = [str(e["loc"][0]) for e in error.errors() if e["type"] == "missing" and len(e["loc"]) == 1]
         if missing:
             fields = model.model_fields
-            told = ", ".join(
+            described = ", ".join(
                 f"'{name}'" + (f" ({fields[name].description})" if fields[name].description else "") for name in missing
             )
             raise EndoctError(
-                f"{where} lacks {told}",
+                f"{where} lacks {described}",
                 remedy=f"add what is missing to {SIDECAR_NAME}, or give it with settings={{'{missing[0]}': VALUE}}",
             ) from None
         raise EndoctError(
             f"'{key}' in {where} cannot be used",
-            found=shown(first["input"]),
+            found=abridged(first["input"]),
             expected=said,
         ) from None
 

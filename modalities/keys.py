@@ -42,7 +42,7 @@ def check_kinds(model: type[BaseModel], keys: Mapping[str, Any], where: str, ins
             wrong = isinstance(one, bool | str) and type(one) not in kinds
             if wrong or (isinstance(one, int) and abs(one) > LARGEST_WHOLE):
                 raise EndoctError(
-                    f"'{inside}{name}' in {where} cannot be used", found=shown(one), expected="a valid number"
+                    f"'{inside}{name}' in {where} cannot be used", found=abridged(one), expected="a valid number"
                 )
 
 
@@ -58,7 +58,7 @@ def expectation(model: type[BaseModel], error: Mapping[str, Any]) -> str:
     return f"{said} {unit}".strip()
 
 
-def shown(value: object) -> str:
+def abridged(value: object) -> str:
     """Return a value for a message, cut short."""
     if isinstance(value, int) and abs(value) > LARGEST_WHOLE:
         return f"a number of {int(value.bit_length() * 0.30103) + 1} digits"

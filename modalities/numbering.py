@@ -1,4 +1,4 @@
-"""What the numbers in the names of a recording's images tell of frames that are missing."""
+"""Frames that are missing, by the numbers in the names of a recording's images."""
 
 import re
 from collections.abc import Sequence

@@ -141,7 +141,7 @@ def _open_folder(folder: Path) -> ImageStack:
     if len(whole) == 1 and not images:
         return open_stack(whole[0])
     if len(images) == 1 and all(file.suffix.lower() == ".npy" for file in whole):
-        return open_stack(images[0])  # arrays beside a TIFF are about it
+        return open_stack(images[0])  # arrays next to a TIFF describe it
     if whole or not images:
         raise EndoctError(
             f"{folder} holds no recording" if not whole else f"{folder} holds more than one recording",

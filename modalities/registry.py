@@ -10,7 +10,7 @@ from typing import Any
 from endoct.modalities.acquisition import SIDECAR_NAME, read_keys, sidecar_path, validate
 from endoct.modalities.contract import FrameStream, Manifest, Sniff, import_cause
 from endoct.modalities.folders import exists
-from endoct.modalities.keys import shown
+from endoct.modalities.keys import abridged
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.names import plain_name
 
@@ -20,7 +20,7 @@ GROUP = "endoct.modalities"
 @cache
 def manifests() -> Mapping[str, Manifest]:
     """Return every installed plug-in's manifest by name. Raises :class:`EndoctError` for a broken one."""
-    found: dict[str, Manifest] = {}
+    by_name: dict[str, Manifest] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         try:
             manifest = entry.load()
@@ -30,7 +30,7 @@ def manifests() -> Mapping[str, Manifest]:
                 found=import_cause(error),
                 remedy=f"reinstall or remove the package that registers {entry.value}",
             ) from error
-        if not isinstance(manifest, Manifest) or manifest.name != entry.name or manifest.name in found:
+        if not isinstance(manifest, Manifest) or manifest.name != entry.name or manifest.name in by_name:
             raise EndoctError(
                 f"the entry point '{entry.name}' ({entry.value}) is no modality",
                 expected=f"one Manifest of the name '{entry.name}'",
@@ -38,8 +38,8 @@ def manifests() -> Mapping[str, Manifest]:
             )
         plain_name(manifest.name, f"a modality ({entry.value})")
         plain_name(manifest.frame_dim, f"what the modality '{manifest.name}' calls a frame")
-        found[manifest.name] = manifest
-    return found
+        by_name[manifest.name] = manifest
+    return by_name
 
 
 def manifest_for(path: Path, modality: str | None = None) -> Manifest:
@@ -51,7 +51,7 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
         raise EndoctError(f"{path} does not exist", remedy="check the path")
     name = modality or read_keys(path).get("modality")
     if name is not None and not isinstance(name, str):
-        raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=shown(name), expected="a text")
+        raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=abridged(name), expected="a text")
     if name is not None:
         if name not in manifests():
             raise EndoctError(f"unknown modality '{name[:80]}'", expected=f"one of {', '.join(manifests())}")

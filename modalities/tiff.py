@@ -151,9 +151,9 @@ def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
 
 
 def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
-    """Return how many frames the description of the first page tells of, 1 where it tells nothing.
+    """Return how many frames the description of the first page declares, 1 where it declares none.
 
-    Raises :class:`EndoctError` where it tells of several axes of frames, such as colours and slices: they would be
+    Raises :class:`EndoctError` where it declares several axes of frames, such as colours and slices: they would be
     taken for each other.
     """
     if foreign := [name for tag, name in FOREIGN.items() if tag in page.tags]:
@@ -163,20 +163,24 @@ def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
     axes: list[int] = []
     images = 1
     if text.startswith("ImageJ="):
-        told = {key: int(value) for key, value in re.findall(r"^(\w+)=(\d{1,9})\s*$", text, re.MULTILINE)}
-        channels = told.get("channels", 1)
-        axes = [1 if channels == samples else channels, told.get("slices", 1), told.get("frames", 1)]
-        images = told.get("images", 1)
+        declared = {key: int(value) for key, value in re.findall(r"^(\w+)=(\d{1,9})\s*$", text, re.MULTILINE)}
+        channels = declared.get("channels", 1)
+        axes = [1 if channels == samples else channels, declared.get("slices", 1), declared.get("frames", 1)]
+        images = declared.get("images", 1)
     elif shaped := re.match(r'\{"shape": \[([\d, ]{1,200})\]', text):
         shape = tuple(int(size) for size in shaped[1].split(",") if size.strip().isdecimal())
         axes = list(shape[: len(shape) - len(layout.shape)])
         if '"truncated": true' not in text:
             images = 0  # every frame has its page
     elif "<OME" in text:
-        told = {
+        declared = {
             key: int(value) for key, value in re.findall(r'\bSize([CZT])="(\d{1,9})"', text[text.find("<Pixels") :])
         }
-        axes = [1 if told.get("C", 1) == samples else told.get("C", 1), told.get("Z", 1), told.get("T", 1)]
+        axes = [
+            1 if declared.get("C", 1) == samples else declared.get("C", 1),
+            declared.get("Z", 1),
+            declared.get("T", 1),
+        ]
         images = 0
     several = [size for size in axes if size > 1]
     if len(several) > 1:

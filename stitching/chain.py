@@ -18,7 +18,7 @@ def robust_chain(
     """Return places (n,) by least squares with Cauchy weights on the links, and which links of step 1 agree.
 
     ``links`` are (step, place[k + step] − place[k], whether to be trusted). Iteratively reweighted; the normal
-    equations have two bands beside the diagonal. The first place is 0.
+    equations have two bands next to the diagonal. The first place is 0.
     """
     n = prior.size + 1
     _, value, trusted = links[0]

@@ -1,4 +1,4 @@
-"""How much compressed bytes expand to, told before they are expanded.
+"""How much compressed bytes expand to, known before they are expanded.
 
 Chunks and the like come from files: one of a kilobyte may state, or hold, gigabytes.
 """
@@ -35,10 +35,10 @@ def _stated_zstd(data: bytes) -> int | None:
     """Return the size that the only frame of ``data`` states (RFC 8878), None where it states none or others follow."""
     if data[:4] != _ZSTD_MAGIC:
         raise ValueError("another beginning")
-    told = data[4]
-    single, checksum = bool(told & 0x20), bool(told & 0x04)
-    place = 5 + (0 if single else 1) + (0, 1, 2, 4)[told & 3]
-    width = (1 if single else 0, 2, 4, 8)[told >> 6]
+    flags = data[4]
+    single, checksum = bool(flags & 0x20), bool(flags & 0x04)
+    place = 5 + (0 if single else 1) + (0, 1, 2, 4)[flags & 3]
+    width = (1 if single else 0, 2, 4, 8)[flags >> 6]
     stated = int.from_bytes(data[place : place + width], "little") + (256 if width == 2 else 0)
     place += width
     last = False

@@ -92,8 +92,8 @@ def read_contents(folder: Path) -> Contents | None:
 def differences(folder: Path, contents: Contents) -> Differences:
     """Hold everything in ``folder`` against its ``contents``, parts against theirs. Reads every byte once."""
     altered, missing, added = [], [], []
-    found = {path.relative_to(folder).as_posix(): path for path in _walk(folder)}
-    for name, path in found.items():
+    present = {path.relative_to(folder).as_posix(): path for path in _walk(folder)}
+    for name, path in present.items():
         if name in contents.files:
             if _digest(path) != contents.files[name]:
                 altered.append(name)
@@ -106,7 +106,7 @@ def differences(folder: Path, contents: Contents) -> Differences:
             altered += [f"{name}/{one}" for one in within.altered]
             missing += [f"{name}/{one}" for one in within.missing]
             added += [f"{name}/{one}" for one in within.added]
-    missing += [name for name in (*contents.files, *contents.parts) if name not in found]
+    missing += [name for name in (*contents.files, *contents.parts) if name not in present]
     return Differences(tuple(sorted(altered)), tuple(sorted(missing)), tuple(sorted(added)))
 
 

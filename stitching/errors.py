@@ -8,7 +8,7 @@ LONGEST_PATH = 1000
 
 
 class EndoctError(Exception):
-    """Input that cannot be used, told in one line: what, found, expected, remedy.
+    """Input that cannot be used, described in one line: what, found, expected, remedy.
 
     ``what`` is the problem; ``found``, ``expected`` and ``remedy`` are phrases without a full stop,
     left out where there is nothing to say. ``str()`` gives the one line a user sees.

@@ -64,7 +64,7 @@ def uninterrupted() -> Iterator[None]:
     """Have signals that would end the work wait until the block is left.
 
     Blocking them for this thread alone would not do: Python runs handlers in the main thread, whichever thread the
-    system tells.
+    system says.
     """
     if threading.current_thread() is not threading.main_thread():  # handlers run elsewhere then
         yield

@@ -2,7 +2,7 @@
 
 Every pair of neighbours is compared by a normalised cross-correlation that is cyclic in θ, inside a window
 around the nominal feed. The best place is then refined by least squares on the strips, with a first harmonic in
-θ beside feed and roll: an instrument off the axis sees one side move farther than the other, and wherever the
+θ in addition to feed and roll: an instrument off the axis sees one side move farther than the other, and wherever the
 texture lies unevenly that would pass for feed or roll. One robust solution reconciles all pairs. A pair that has
 no clear answer says so and falls back on the nominal feed.
 """
@@ -32,7 +32,7 @@ MOST_LOST_FRAMES = 2  # in a row, that a recorder dropped without a gap in the n
 class Feed:
     """Where every strip lies; float64 (n,) unless said otherwise.
 
-    ``z_mm`` and ``roll_rad`` relative to the first strip. ``sway_rad`` (n, 2): what θ of the wall has beside θ of
+    ``z_mm`` and ``roll_rad`` relative to the first strip. ``sway_rad`` (n, 2): by what θ of the wall differs from θ of
     the strip and roll, as parts of cos and sin of their sum. Only changes of it can be seen, and a steady one looks
     like a wrong centre: so it is 0 on average and without a trend along z.
     ``tilt`` (2,): by how much of itself the feed is larger where cos θ and where sin θ of the strip are 1, median

@@ -61,12 +61,12 @@ def read_header(file: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.d
     version = np.lib.format.read_magic(io.BytesIO(start))
     if version not in _HEADER_READERS:
         raise EndoctError(f"{what} is no array that is read", found=f"version {version}", expected="1.0 or 2.0")
-    told = file.read(2 if version == (1, 0) else 4)
-    length = int.from_bytes(told, "little")
+    length_bytes = file.read(2 if version == (1, 0) else 4)
+    length = int.from_bytes(length_bytes, "little")
     if length > _MOST_HEADER:
         raise EndoctError(f"{what} is no array of NumPy", found=f"a header of {length} bytes")
     try:
-        shape, in_columns, dtype = _HEADER_READERS[version](io.BytesIO(told + file.read(length)))
+        shape, in_columns, dtype = _HEADER_READERS[version](io.BytesIO(length_bytes + file.read(length)))
     except MemoryError as error:  # what Python says of text nested too deeply
         raise EndoctError(f"{what} is no array of NumPy", found="a damaged header") from error
     return shape, in_columns, dtype

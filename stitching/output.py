@@ -41,7 +41,7 @@ def new_output(
     A folder is sealed with its ``kind`` and contents. An existing output is replaced only with ``overwrite``, and only
     where it is an output of that kind which holds nothing else and was not changed (a file: where ``is_ours``); at
     every moment the old or the new stands there. Where something else stands there in the end, that stays, and what
-    was made is kept beside it. Raises :class:`EndoctError` as :func:`check_output` does, and where ``path`` cannot be
+    was made is kept next to it. Raises :class:`EndoctError` as :func:`check_output` does, and where ``path`` cannot be
     written.
     """
     place = check_place(path, inputs)
@@ -162,7 +162,7 @@ def _finish(made: Path, kind: str) -> None:
 
 
 def _stand(made: Path, place: Path, scratch: Path, judged: _Judged | None) -> None:
-    """Put ``made`` in its ``place``. Where that cannot be, both stay: what is there, and the new one beside it."""
+    """Put ``made`` in its ``place``. Where that cannot be, both stay: what is there, and the new one next to it."""
     old = None
     try:
         with uninterrupted():

@@ -1,4 +1,4 @@
-"""Folders for what is not finished: hidden, beside their place, cleared away after whoever died."""
+"""Folders for what is not finished: hidden, next to their place, cleared away after whoever died."""
 
 import os
 import re
@@ -75,7 +75,7 @@ else:
 
 @contextmanager
 def scratch_beside(place: Path) -> Iterator[Path]:
-    """Yield a hidden folder beside ``place`` that is removed in the end; while it is in use, its lock is held."""
+    """Yield a hidden folder next to ``place`` that is removed in the end; while it is in use, its lock is held."""
     place.parent.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{_short(place.name)}-", dir=place.parent))
     try:
@@ -115,7 +115,7 @@ def _lock_in(folder: Path) -> Iterator[None]:
 def _remove(folder: Path) -> None:
     """Remove a scratch folder; one that is not all removed when this process dies is known by its name then.
 
-    Of an output that was replaced only what endoct wrote is removed; what else lies in it is kept beside.
+    Of an output that was replaced only what endoct wrote is removed; what else lies in it is kept next to it.
     """
     try:
         for output in (*_within(folder / NEW), *_within(folder / REPLACED)):
@@ -177,7 +177,7 @@ def _within(folder: Path) -> list[Path]:
 
 
 def keep_aside(made: Path, place: Path) -> Path:
-    """Move ``made`` to a free name beside ``place`` and return that: NAME.kept-1 or the next."""
+    """Move ``made`` to a free name next to ``place`` and return that: NAME.kept-1 or the next."""
     for number in range(1, 1000):
         free = place.with_name(f"{_short(place.name, 200)}.kept-{number}")
         with suppress(FileExistsError):
@@ -189,7 +189,7 @@ def keep_aside(made: Path, place: Path) -> Path:
 def remove_or_keep(output: Path, place: Path, contents: Contents | None) -> Path | None:
     """Remove what endoct wrote, by its ``contents``, into an ``output`` that was replaced; nothing where they are None.
 
-    What else lies in it, or cannot be removed, is kept beside ``place``; return where, or None where nothing is left.
+    What else lies in it, or cannot be removed, is kept next to ``place``; return where, or None where nothing is left.
     """
     if contents is None:
         return None

@@ -73,7 +73,7 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
         pull = np.concatenate(
             [wave @ np.einsum("kj,kj->j", of, off) for wave, of in zip(effects, weighted, strict=True)]
         )
-        if not np.trace(normal) > 0:  # nothing in view tells a motion
+        if not np.trace(normal) > 0:  # nothing in view shows a motion
             return start
         change = np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(7), pull)
         motion = motion + change

@@ -58,17 +58,17 @@ def _check_sizes(array: Declared) -> None:
 
 def _files(folder: Path) -> set[str]:
     """Return the regular files below ``folder``, relative. Raises :class:`EndoctError` for anything else there."""
-    found: set[str] = set()
+    files: set[str] = set()
     below = [folder]
     while below:
         for entry in entries(below.pop()):
             if entry.is_dir(follow_symlinks=False):
                 below.append(Path(entry.path))
             else:
-                found.add(Path(entry.path).relative_to(folder).as_posix())
-            if len(found) + len(below) > 4 * MOST_CHUNKS:
+                files.add(Path(entry.path).relative_to(folder).as_posix())
+            if len(files) + len(below) > 4 * MOST_CHUNKS:
                 raise EndoctError(f"{folder} has too many files", expected=f"{4 * MOST_CHUNKS} at most")
-    return found
+    return files
 
 
 def entries(folder: Path) -> Iterator[os.DirEntry[str]]:

@@ -107,20 +107,20 @@ def declared(folder: Path, allowed: Allowed) -> Declared:
         return _second(folder, found, allowed)
 
 
-def _third(folder: Path, told: Mapping[str, Any], allowed: Allowed) -> Declared:
-    _expect(folder, "node type", told.get("node_type"), ["array"])
-    _expect(folder, "format", told.get("zarr_format"), [3])
-    _expect(folder, "storage transformers", told.get("storage_transformers", []), [[]])
-    data_type = _expect(folder, "data type", told.get("data_type"), sorted(allowed.types))
-    shape = _lengths(folder, told.get("shape"), least=0)
-    grid = an_object(told.get("chunk_grid"), f"the chunk grid of {folder}")
+def _third(folder: Path, metadata: Mapping[str, Any], allowed: Allowed) -> Declared:
+    _expect(folder, "node type", metadata.get("node_type"), ["array"])
+    _expect(folder, "format", metadata.get("zarr_format"), [3])
+    _expect(folder, "storage transformers", metadata.get("storage_transformers", []), [[]])
+    data_type = _expect(folder, "data type", metadata.get("data_type"), sorted(allowed.types))
+    shape = _lengths(folder, metadata.get("shape"), least=0)
+    grid = an_object(metadata.get("chunk_grid"), f"the chunk grid of {folder}")
     _expect(folder, "chunk grid", grid.get("name"), ["regular"])
     chunk = _lengths(folder, _configuration(grid).get("chunk_shape"), least=1, like=shape)
-    names = an_object(told.get("chunk_key_encoding"), f"the chunk names of {folder}")
+    names = an_object(metadata.get("chunk_key_encoding"), f"the chunk names of {folder}")
     kind = _expect(folder, "chunk names", names.get("name"), ["default", "v2"])
     separator = _configuration(names).get("separator", "/" if kind == "default" else ".")
     _expect(folder, "separator of chunk names", separator, ["/", "."])
-    codecs = _codecs(folder, told.get("codecs"), allowed)
+    codecs = _codecs(folder, metadata.get("codecs"), allowed)
     first = _serializer(folder, codecs, data_type)
     declared = Declared(
         folder=folder,
@@ -134,48 +134,48 @@ def _third(folder: Path, told: Mapping[str, Any], allowed: Allowed) -> Declared:
     return _sharded(declared, codecs[first][1], allowed) if codecs[first][0] == "sharding_indexed" else declared
 
 
-def _second(folder: Path, told: Mapping[str, Any], allowed: Allowed) -> Declared:
-    _expect(folder, "format", told.get("zarr_format"), [2])
-    _expect(folder, "filters", told.get("filters"), [None, []])
-    _expect(folder, "order", told.get("order"), ["C", "F"])
+def _second(folder: Path, metadata: Mapping[str, Any], allowed: Allowed) -> Declared:
+    _expect(folder, "format", metadata.get("zarr_format"), [2])
+    _expect(folder, "filters", metadata.get("filters"), [None, []])
+    _expect(folder, "order", metadata.get("order"), ["C", "F"])
     # the letters are looked at before the text is made a data type of: NumPy knows many more
-    text = told.get("dtype")
+    text = metadata.get("dtype")
     if not isinstance(text, str) or len(text) != 3 or text[0] not in "<>|" or text[1] not in _V2_LETTERS:
         _expect(folder, "data type", text, sorted(allowed.types))
     dtype = np.dtype(str(text))
     _expect(folder, "data type", dtype.name, sorted(allowed.types))
-    shape = _lengths(folder, told.get("shape"), least=0)
-    compressor = told.get("compressor")
+    shape = _lengths(folder, metadata.get("shape"), least=0)
+    compressor = metadata.get("compressor")
     name = None if compressor is None else an_object(compressor, f"the compressor of {folder}").get("id")
     _expect(folder, "compressor", name, [None, *sorted(COMPRESSORS & allowed.codecs)])
-    separator = _expect(folder, "separator of chunk names", told.get("dimension_separator", "."), ["/", "."])
+    separator = _expect(folder, "separator of chunk names", metadata.get("dimension_separator", "."), ["/", "."])
     return Declared(
         folder=folder,
         zarr_format=2,
         shape=shape,
-        chunk=_lengths(folder, told.get("chunks"), least=1, like=shape),
+        chunk=_lengths(folder, metadata.get("chunks"), least=1, like=shape),
         dtype=dtype,
         compression=() if name is None else (str(name),),
         key=("", separator),
     )
 
 
-def _sharded(outer: Declared, told: Mapping[str, Any], allowed: Allowed) -> Declared:
+def _sharded(outer: Declared, metadata: Mapping[str, Any], allowed: Allowed) -> Declared:
     folder = outer.folder
     if outer.compression:
         raise EndoctError(f"{folder} has shards that are compressed as a whole", expected="shards as they are")
-    inner = _lengths(folder, told.get("chunk_shape"), least=1, like=outer.shape)
+    inner = _lengths(folder, metadata.get("chunk_shape"), least=1, like=outer.shape)
     if any(n % c for n, c in zip(outer.chunk, inner, strict=True)):
         raise EndoctError(f"{folder} has shards that its chunks do not fill", found=f"{inner} in {outer.chunk}")
     plain = Allowed(allowed.types, allowed.codecs - {"sharding_indexed"})
-    codecs = _codecs(folder, told.get("codecs"), plain)
+    codecs = _codecs(folder, metadata.get("codecs"), plain)
     first = _serializer(folder, codecs, "")
-    index = _codecs(folder, told.get("index_codecs"), Allowed(frozenset(), frozenset(("bytes", CHECKSUM))))
+    index = _codecs(folder, metadata.get("index_codecs"), Allowed(frozenset(), frozenset(("bytes", CHECKSUM))))
     if (found := [name for name, _ in index]) not in (["bytes"], ["bytes", CHECKSUM]) or index[0][1].get(
         "endian", "little"
     ) != "little":
         raise EndoctError(f"{folder} has an index of shards that is not known", found=", ".join(found))
-    where = _expect(folder, "place of the index", told.get("index_location", "end"), ["start", "end"])
+    where = _expect(folder, "place of the index", metadata.get("index_location", "end"), ["start", "end"])
     return Declared(
         folder=folder,
         zarr_format=3,
@@ -190,12 +190,12 @@ def _sharded(outer: Declared, told: Mapping[str, Any], allowed: Allowed) -> Decl
     )
 
 
-def _codecs(folder: Path, told: object, allowed: Allowed) -> list[tuple[str, dict[str, Any]]]:
+def _codecs(folder: Path, metadata: object, allowed: Allowed) -> list[tuple[str, dict[str, Any]]]:
     """Return (name, configuration) of every codec listed."""
-    if not isinstance(told, list) or not 0 < len(told) <= MOST_AXES:
+    if not isinstance(metadata, list) or not 0 < len(metadata) <= MOST_AXES:
         raise EndoctError(f"{folder} has no list of codecs", expected=f"one to {MOST_AXES}")
     found = []
-    for codec in told:
+    for codec in metadata:
         given = {"name": codec} if isinstance(codec, str) else an_object(codec, f"a codec of {folder}")
         name = _expect(folder, "codec", given.get("name"), sorted(allowed.codecs - {"zlib", "lz4"}))
         found.append((name, _configuration(given)))
@@ -222,16 +222,16 @@ def _configuration(named: Mapping[str, Any]) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _lengths(folder: Path, told: object, *, least: int, like: tuple[int, ...] | None = None) -> tuple[int, ...]:
-    axes = len(told) if isinstance(told, list) else -1
-    if not isinstance(told, list) or axes > MOST_AXES or (like is not None and axes != len(like)):
+def _lengths(folder: Path, metadata: object, *, least: int, like: tuple[int, ...] | None = None) -> tuple[int, ...]:
+    axes = len(metadata) if isinstance(metadata, list) else -1
+    if not isinstance(metadata, list) or axes > MOST_AXES or (like is not None and axes != len(like)):
         expected = f"a list of {f'at most {MOST_AXES}' if like is None else len(like)} whole numbers"
-        raise EndoctError(f"{folder} has no shape that can be used", found=repr(told)[:80], expected=expected)
-    if any(isinstance(n, bool) or not isinstance(n, int) or not least <= n < 2**62 for n in told):
+        raise EndoctError(f"{folder} has no shape that can be used", found=repr(metadata)[:80], expected=expected)
+    if any(isinstance(n, bool) or not isinstance(n, int) or not least <= n < 2**62 for n in metadata):
         raise EndoctError(f"{folder} has an impossible shape", expected=f"whole numbers from {least}")
-    if math.prod(max(n, 1) for n in told) >= 2**62:
+    if math.prod(max(n, 1) for n in metadata) >= 2**62:
         raise EndoctError(f"{folder} has an impossible shape", expected="fewer samples")
-    return tuple(told)
+    return tuple(metadata)
 
 
 def _expect(folder: Path, what: str, found: Any, wanted: Sequence[Any]) -> Any:

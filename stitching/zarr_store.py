@@ -74,7 +74,7 @@ def new_array(
 ) -> Any:  # zarr.Array, whose type does not say what can be assigned
     """Return a new array of ``group`` to be filled, every chunk of it: one that is missing is damage to a reader.
 
-    A chunk that holds nothing but the fill value is written too, and every chunk has a sum that tells of a bit that
+    A chunk that holds nothing but the fill value is written too, and every chunk has a sum that reveals a bit that
     fell over.
     """
     filled: dict[str, Any] = {} if fill_value is None else {"fill_value": fill_value}
@@ -99,16 +99,16 @@ def consolidate(path: Path) -> None:
 
 def read_attributes(path: Path) -> dict[str, Any]:
     """Return the attributes of a store. Raises :class:`EndoctError` where ``path`` is no Zarr 3 group."""
-    told = read_object(path / "zarr.json", MOST_METADATA_BYTES)
-    if told.get("node_type") != "group" or told.get("zarr_format") != 3:
+    metadata = read_object(path / "zarr.json", MOST_METADATA_BYTES)
+    if metadata.get("node_type") != "group" or metadata.get("zarr_format") != 3:
         raise EndoctError(f"{path} is no store of arrays", expected="a Zarr 3 group")
-    return an_object(told.get("attributes", {}), f"the attributes of {path}")
+    return an_object(metadata.get("attributes", {}), f"the attributes of {path}")
 
 
 def read_array_attributes(path: Path, name: str) -> dict[str, Any]:
     """Return the attributes of an array of a store. Raises :class:`EndoctError` where its metadata cannot be read."""
-    told = read_object(path / plain_name(name, f"an array of {path}") / "zarr.json", MOST_METADATA_BYTES)
-    return an_object(told.get("attributes", {}), f"the attributes of {path / name}")
+    metadata = read_object(path / plain_name(name, f"an array of {path}") / "zarr.json", MOST_METADATA_BYTES)
+    return an_object(metadata.get("attributes", {}), f"the attributes of {path / name}")
 
 
 def read_arrays(path: Path, names: Iterable[str] | None = None, *, together: int = 4) -> dict[str, NDArray[Any]]:

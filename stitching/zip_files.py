@@ -13,7 +13,7 @@ from endoct.stitching.files import open_regular
 _END, _END_BYTES, _LONGEST_COMMENT = b"PK\5\6", 22, 65_535
 _LOCATOR, _LOCATOR_BYTES = b"PK\6\7", 20
 _ENTRY_BYTES = 1000
-"""Of the list of members; a member's name and what else is told of it have rarely 100."""
+"""Of the list of members; a member's name and its other fields rarely take 100."""
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from endoct.modalities.keys import shown
+from endoct.modalities.keys import abridged
 from endoct.stitching.errors import EndoctError, cause_of
 from endoct.stitching.worker_process import WorkerProcess, worker_process
 from endoct.synthetic.progress import Progress
@@ -119,9 +119,9 @@ def _check(preset: PresetName, seed: int, bore_seed: int | None) -> None:
     if preset not in PRESETS:
         raise EndoctError(f"unknown preset '{preset}'", expected=f"one of {', '.join(PRESETS)}")
     if min(seed, bore_seed or 0) < 0:
-        raise EndoctError("a seed cannot be negative", found=shown(min(seed, bore_seed or 0)))
+        raise EndoctError("a seed cannot be negative", found=abridged(min(seed, bore_seed or 0)))
     if (largest := max(seed, bore_seed or 0)) > LARGEST_SEED:
-        raise EndoctError("a seed is too large", found=shown(largest), expected=f"{LARGEST_SEED} at most")
+        raise EndoctError("a seed is too large", found=abridged(largest), expected=f"{LARGEST_SEED} at most")
 
 
 def _checked(sample: Mapping[str, object]) -> Sample:
@@ -133,7 +133,7 @@ def _checked(sample: Mapping[str, object]) -> Sample:
         where = ".".join(str(part) for part in first["loc"])
         raise EndoctError(
             f"'{where}' of the sample to replay cannot be used" if where else "the sample to replay cannot be used",
-            found=shown(first["input"]) if where else "",
+            found=abridged(first["input"]) if where else "",
             expected=first["msg"].removeprefix("Value error, "),
             remedy="replay a sample.json as the simulator wrote it",
         ) from None

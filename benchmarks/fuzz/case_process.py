@@ -134,7 +134,7 @@ def _resident_bytes() -> int:
 
 
 def _status(name: str) -> int:
-    """Return a size that Linux tells of this process, 0 elsewhere."""
+    """Return a size that Linux gives for this process, 0 elsewhere."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
     except OSError:

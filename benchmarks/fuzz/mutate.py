@@ -20,7 +20,7 @@ from benchmarks.fuzz.videos import mutate_video
 
 _CANNOT = (ValueError, TypeError, LookupError, AttributeError, RecursionError, OverflowError, struct.error)
 
-TELLING = ("json", "toml", "csv", "zarray", "zattrs", "zgroup")
+DOCUMENTS = ("json", "toml", "csv", "zarray", "zattrs", "zgroup")
 """Ends of the names of files that say what the others are; they are hit more often."""
 
 
@@ -44,19 +44,19 @@ def _damage(tree: dict[str, Entry], others: Sequence[Seed], rng: Random, *, in_s
         _change_tree(tree, rng)
     else:
         files = [name for name in files if not in_stores and ".zarr/" not in name] or files
-        telling = [name for name in files if name.endswith(TELLING)]
-        name = rng.choice(telling if telling and rng.random() < 0.6 else files)
+        documents = [name for name in files if name.endswith(DOCUMENTS)]
+        name = rng.choice(documents if documents and rng.random() < 0.6 else files)
         tree[name] = _change_file(name, _bytes(tree[name]), others, rng)
 
 
 def mutate_file(name: str, data: bytes, rng: Random) -> bytes:
-    """Return one file changed as its form allows; the form is told by its bytes, or else by its name."""
+    """Return one file changed as its form allows; the form is recognised by its bytes, or else by its name."""
     return _mutator(name, data)(data, rng)
 
 
 def _change_file(name: str, data: bytes, others: Sequence[Seed], rng: Random) -> bytes:
     kind = rng.random()
-    if kind < (0.88 if name.endswith(TELLING) else 0.68):  # texts with flipped bits are seldom more than no texts
+    if kind < (0.88 if name.endswith(DOCUMENTS) else 0.68):  # texts with flipped bits are seldom more than no texts
         return mutate_file(name, data, rng)
     if kind < 0.95:
         return mutate_bytes(data, rng)
@@ -95,7 +95,7 @@ def _inner(name: str, data: bytes, rng: Random) -> bytes:
 
 
 def _npy_of_text(data: bytes, rng: Random) -> bytes:
-    """Return an array that holds one text, as pictures tell their metadata, with the JSON in it changed."""
+    """Return an array that holds one text, as pictures hold their metadata, with the JSON in it changed."""
     text = data[data.find(b"\n", 10) + 1 :].decode("utf-32-le", "replace")
     changed = mutate_json(text.encode(), rng).decode("utf-8", "replace")[:20_000]
     header = f"{{'descr': '<U{max(1, len(changed))}', 'fortran_order': False, 'shape': (), }}\n".encode()

@@ -193,17 +193,17 @@ def recording_seeds() -> Iterator[Seed]:
     yield Seed("oct calibrated", "", {**calibrated, "pullback.tif": tiff(layered, compression="zlib")})
     yield Seed("endoscope", "", {**scope, **frames})
     gaps = {f"frame_{k:04d}.png": frames["frame_0000.png"] for k in (0, 1, 2, 3, 4, 7, 8)}
-    told = ENDOSCOPE_TOML.replace("positions_mm = [0.0, 0.2, 0.4]\n", "")
-    yield Seed("endoscope with gaps", "", {"acquisition.toml": told.encode(), **gaps})
+    sidecar = ENDOSCOPE_TOML.replace("positions_mm = [0.0, 0.2, 0.4]\n", "")
+    yield Seed("endoscope with gaps", "", {"acquisition.toml": sidecar.encode(), **gaps})
     slices = {f"slice{k}.png": image(layered[0]) for k in (1, 2, 3, 4, 5, 9)}
     yield Seed("oct of images", "", {**oct_, **slices})
     yield Seed("no sidecar", "", frames, refused=True)
     yield Seed("no sidecar, oct", "", {"pullback.npy": npy(layered)}, refused=True)
-    yield Seed("video", "", {"acquisition.toml": told.encode(), "a.mkv": _video("mkv", "ffv1", "gray")})
+    yield Seed("video", "", {"acquisition.toml": sidecar.encode(), "a.mkv": _video("mkv", "ffv1", "gray")})
 
 
 def sidecar_seeds() -> Iterator[Seed]:
-    """Yield sidecars alone, beside a file that is not looked at."""
+    """Yield sidecars alone, next to a file that is not looked at."""
     number = count()
     for text in (OCT_TOML, ENDOSCOPE_TOML, OCT_TOML + 'calibration = "calibration.toml"\n'):
         more = {"calibration.toml": b"positions_mm = [0.0, 0.2]\n"} if "calibration" in text else {}

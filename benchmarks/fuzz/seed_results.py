@@ -181,7 +181,7 @@ def comparison_seeds() -> Iterator[Seed]:
 
 
 def comparison_store_seeds() -> Iterator[Seed]:
-    """Yield ``comparison.zarr`` with the result beside it."""
+    """Yield ``comparison.zarr`` with the result next to it."""
     kept = "comparison.zarr/", "result.json"
     files = {name: data for name, data in comparison_files().items() if name.startswith(kept)}
     yield Seed("comparison store", "comparison.zarr", files)
@@ -209,7 +209,7 @@ def result_seeds() -> Iterator[Seed]:
 
 
 def truth_seeds() -> Iterator[Seed]:
-    """Yield simulated specimens' truth beside a panorama of one of their recordings."""
+    """Yield simulated specimens' truth next to a panorama of one of their recordings."""
     recording = {
         "bore_radius_mm": 1.25,
         "oct": {

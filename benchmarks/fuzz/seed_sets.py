@@ -22,7 +22,7 @@ SHARDS = Plan(2, preset="learning", seed=3, format="webdataset", specimens_per_s
 
 
 def plan_of(root: Path) -> Plan:
-    """Return the plan that a data set of this module was made by, told by what lies in it."""
+    """Return the plan that a data set of this module was made by, by what lies in it."""
     return SHARDS if (root / "shards").is_dir() else FOLDERS
 
 
@@ -41,7 +41,7 @@ def set_seeds() -> Iterator[Seed]:
 
 
 def record_seeds() -> Iterator[Seed]:
-    """Yield what a data set tells of itself, without its specimens."""
+    """Yield what a data set says of itself, without its specimens."""
     for seed in set_seeds():
         kept = {name: data for name, data in seed.files.items() if not name.startswith("specimens")}
         yield Seed(f"records, {seed.name}", "", kept)
@@ -51,9 +51,9 @@ def sample_seeds() -> Iterator[Seed]:
     """Yield samples as the simulator writes them, their long lists cut short and as they are."""
     for number in (0, 4):
         sample = draw("quick", number)
-        told = json.loads(sample.model_dump_json())
-        told["bore"]["cells"] = told["bore"]["cells"][:2]
-        yield Seed(f"sample {number}", "sample.json", {"sample.json": json.dumps(told).encode()})
+        keys = json.loads(sample.model_dump_json())
+        keys["bore"]["cells"] = keys["bore"]["cells"][:2]
+        yield Seed(f"sample {number}", "sample.json", {"sample.json": json.dumps(keys).encode()})
 
 
 def _specimen() -> dict[str, bytes]:
@@ -99,7 +99,7 @@ def _record(plan: Plan, unit: Unit, files: dict[str, bytes]) -> dict[str, Any]:
         for this in (job(plan, index) for index in unit.indices)
     ]
     below = len(place) + 1
-    told = {
+    digests = {
         name[below:] or unit.place.name: (len(data), hashlib.sha256(data).hexdigest()) for name, data in mine.items()
     }
-    return {"specimens": specimens, "files": told, "seconds": 1.5}
+    return {"specimens": specimens, "files": digests, "seconds": 1.5}

@@ -66,13 +66,13 @@ _SEPARATORS = ("/", ".", "", "/../", "//", "\0", "x", None, 3)
 def mutate_store_json(data: bytes, rng: Random) -> bytes:
     """Return a store's metadata with one of its fields at a border; the rest is as it was."""
     try:
-        told = json.loads(data)
+        document = json.loads(data)
     except (ValueError, RecursionError):
         return mutate_json(data, rng)
-    if not isinstance(told, dict) or rng.random() < 0.35:
+    if not isinstance(document, dict) or rng.random() < 0.35:
         return mutate_json(data, rng)
-    nodes = [told]
-    consolidated = told.get("consolidated_metadata") or told
+    nodes = [document]
+    consolidated = document.get("consolidated_metadata") or document
     inner = consolidated.get("metadata") if isinstance(consolidated, dict) else None
     if isinstance(inner, dict):
         nodes += [node for node in inner.values() if isinstance(node, dict)]
@@ -83,7 +83,7 @@ def mutate_store_json(data: bytes, rng: Random) -> bytes:
         _change_array_2(node, rng)
     else:
         _change_group(node, rng)
-    return json.dumps(told).encode()
+    return json.dumps(document).encode()
 
 
 def _change_array(node: dict[str, Any], rng: Random) -> None:
@@ -134,8 +134,8 @@ def _change_group(node: dict[str, Any], rng: Random) -> None:
         node[key] = rng.choice((None, 2, 3, [], {}, "group", "array", {"metadata": {}}, inline))
     elif "multiscales" in attributes or "ome" in attributes:
         attributes.clear()
-        told = {"multiscales": levels}
-        attributes |= rng.choice((told, {"ome": told}, {"ome": levels}, {"ome": None}))
+        document = {"multiscales": levels}
+        attributes |= rng.choice((document, {"ome": document}, {"ome": levels}, {"ome": None}))
     elif attributes:
         key = rng.choice(list(attributes))
         numbers = (0, -1, 1e308, -1e308, 1e-308, float("nan"), float("inf"), 10**400, True)

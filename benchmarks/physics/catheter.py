@@ -109,7 +109,7 @@ def find_catheter(bscan: NDArray[np.uint8], rig: Rig, alpha: Coordinates) -> tup
     """Return the catheter's place off the capillary's axis, and how far all rows lie deeper than they should, in mm.
 
     ``alpha``: direction of every A-scan's beam. The place that draws both faces along the brightest rows is looked
-    for on a grid; then the outer face is traced to a fraction of a row beside it, and the place refined by least
+    for on a grid; then the outer face is traced to a fraction of a row around it, and the place refined by least
     squares together with one common shift of depth. The third value is the rms of what is left.
     """
     some = np.arange(0, alpha.size, max(1, alpha.size // 250))

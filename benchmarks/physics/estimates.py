@@ -72,8 +72,8 @@ def specimen(preset: PresetName, seed: int, ranges: Mapping[str, Range]) -> tupl
 
 def slices(sample: Sample, wall: Wall, indices: Sequence[int]) -> list[Slice]:
     """Render some slices and measure them; a stepped scan."""
-    told = json.loads(json.dumps(recording(sample)))
-    truth, rig = told["oct"], catheter.Rig.of(told, json.loads(sample.model_dump_json()))
+    truths = json.loads(json.dumps(recording(sample)))
+    truth, rig = truths["oct"], catheter.Rig.of(truths, json.loads(sample.model_dump_json()))
     look = build_appearance(sample, wall)
     found = []
     for i in indices:
@@ -139,8 +139,12 @@ class Frames:
 
 def frames(sample: Sample, wall: Wall, indices: Sequence[int]) -> Frames:
     """Render neighbouring frames and measure them."""
-    told = json.loads(json.dumps(recording(sample)))
-    truth, optics, radius = told["endoscope"], json.loads(sample.model_dump_json())["endoscope"], told["bore_radius_mm"]
+    truths = json.loads(json.dumps(recording(sample)))
+    truth, optics, radius = (
+        truths["endoscope"],
+        json.loads(sample.model_dump_json())["endoscope"],
+        truths["bore_radius_mm"],
+    )
     images = [render_frame(sample, wall, i) for i in indices]
     strips = probe.evened(
         [

@@ -1,4 +1,4 @@
-"""Comparisons on disk: ``comparison.zarr``, which ``xarray.open_zarr`` reads, beside ``result.json``."""
+"""Comparisons on disk: ``comparison.zarr``, which ``xarray.open_zarr`` reads, next to ``result.json``."""
 
 import json
 from collections.abc import Mapping
@@ -64,7 +64,7 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
 
 
 def load_comparison(path: Path) -> Comparison:
-    """Read the store that :func:`save_comparison` wrote, and the result from the ``result.json`` beside it.
+    """Read the store that :func:`save_comparison` wrote, and the result from the ``result.json`` next to it.
 
     Grid, sides, alignment and reason are those of the store. Raises :class:`EndoctError` where either is missing,
     something else, or damaged, or where the two are of different sides.

@@ -133,11 +133,11 @@ class _Ideal:
         return Placement(wall, where, grid, 0.0).image(self._distance_mm, self._everywhere)[0]
 
 
-def _between(found: Alignment, truly: Alignment) -> Alignment:
-    """Return what takes a place of A's frame that is truly there to where ``found`` puts it."""
-    scale = found.z_scale / truly.z_scale
-    sense = found.theta_shift_rad - truly.theta_shift_rad
-    return Alignment(float(np.mod(sense, 2 * np.pi)), found.z_shift_mm - scale * truly.z_shift_mm, scale)
+def _between(measured: Alignment, truly: Alignment) -> Alignment:
+    """Return what takes a place of A's frame that is truly there to where ``measured`` puts it."""
+    scale = measured.z_scale / truly.z_scale
+    sense = measured.theta_shift_rad - truly.theta_shift_rad
+    return Alignment(float(np.mod(sense, 2 * np.pi)), measured.z_shift_mm - scale * truly.z_shift_mm, scale)
 
 
 def _draws(placing: Alignment, pitch_mm: float) -> list[tuple[Alignment, float]]:

@@ -123,17 +123,17 @@ def measure(a: Surface, b: Surface, grid: SurfaceGrid, *, aligned: bool) -> tupl
 def _of_side(own: Surface, other: Surface, matched: Matched, grid: SurfaceGrid, *, aligned: bool) -> list[Cell]:
     n = matched.area_a.size - 1
     row, column = np.nonzero(own.labels)
-    found = own.labels[row, column]
-    area_px = np.bincount(found, minlength=n + 1)
-    turn = np.bincount(found, np.cos(grid.theta_rad)[column], n + 1) + 1j * np.bincount(
-        found, np.sin(grid.theta_rad)[column], n + 1
+    label = own.labels[row, column]
+    area_px = np.bincount(label, minlength=n + 1)
+    turn = np.bincount(label, np.cos(grid.theta_rad)[column], n + 1) + 1j * np.bincount(
+        label, np.sin(grid.theta_rad)[column], n + 1
     )
-    z_mm = np.bincount(found, grid.z_mm[row], n + 1) / np.maximum(area_px, 1)
-    at_edge = np.bincount(found, _at_edge(own.valid)[row, column], n + 1) > 0
+    z_mm = np.bincount(label, grid.z_mm[row], n + 1) / np.maximum(area_px, 1)
+    at_edge = np.bincount(label, _at_edge(own.valid)[row, column], n + 1) > 0
     cover = np.asarray(matched.common.sum(axis=1)).ravel()
     partner, overlap = matched.best()
-    contrast = [None] * (n + 1) if own.contrast is None else _known_quantiles(own.contrast[row, column], found, n, 0.5)
-    depths = [_Depth.measured(s, row, column, found, n, grid) for s in ((own, other) if aligned else (own,))]
+    contrast = [None] * (n + 1) if own.contrast is None else _known_quantiles(own.contrast[row, column], label, n, 0.5)
+    depths = [_Depth.measured(s, row, column, label, n, grid) for s in ((own, other) if aligned else (own,))]
     sample_mm2 = grid.dz_mm * grid.dtheta_mm
     cells = []
     for k in range(1, n + 1):
@@ -173,7 +173,7 @@ class _Depth:
 
     @classmethod
     def measured(
-        cls, side: Surface, row: NDArray[np.intp], column: NDArray[np.intp], found: Labels, n: int, grid: SurfaceGrid
+        cls, side: Surface, row: NDArray[np.intp], column: NDArray[np.intp], label: Labels, n: int, grid: SurfaceGrid
     ) -> "_Depth | None":
         if side.relief_mm is None:
             return None
@@ -183,9 +183,9 @@ class _Depth:
         fan = grid.dz_mm * grid.dtheta_rad * ((grid.radius_mm + behind) ** 2 - grid.radius_mm**2) / 2
         return cls(
             side.name,
-            _known_quantiles(relief, found, n, 0.5),
-            _known_quantiles(relief, found, n, 0.95),
-            np.asarray(np.bincount(found, fan, n + 1), dtype=np.float64),
+            _known_quantiles(relief, label, n, 0.5),
+            _known_quantiles(relief, label, n, 0.95),
+            np.asarray(np.bincount(label, fan, n + 1), dtype=np.float64),
         )
 
 

@@ -21,7 +21,7 @@ def repeatability(groups: Sequence[Sequence[float]]) -> dict[str, float | int | 
     if total <= n:
         return None
     within = sum(float(((group - group.mean()) ** 2).sum()) for group in values) / (total - n)
-    found: dict[str, float | int | None] = {
+    figures: dict[str, float | int | None] = {
         "specimens": n,
         "comparisons": total,
         "within_sd": float(np.sqrt(within)),
@@ -33,7 +33,7 @@ def repeatability(groups: Sequence[Sequence[float]]) -> dict[str, float | int | 
         mean = float(np.concatenate(values).mean())
         between = sum(group.size * (float(group.mean()) - mean) ** 2 for group in values) / (n - 1)
         size = (total - sum(group.size**2 for group in values) / total) / (n - 1)
-        found["between_sd"] = float(np.sqrt(max(between - within, 0.0) / size))
+        figures["between_sd"] = float(np.sqrt(max(between - within, 0.0) / size))
         if between + within > 0:
-            found["icc"] = float((between - within) / (between + (size - 1) * within))
-    return found
+            figures["icc"] = float((between - within) / (between + (size - 1) * within))
+    return figures

@@ -32,7 +32,7 @@ HEAVY = ("torch", "cv2")
 """What a manifest must not import."""
 
 OPENING_SLACK_BYTES = 16 * 2**20
-"""What opening may hold in memory beside the first frame and its conversions."""
+"""What opening may hold in memory besides the first frame and its conversions."""
 
 
 def manifest_is_complete(subject: Subject) -> None:

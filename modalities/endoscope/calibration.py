@@ -1,4 +1,4 @@
-"""What the survey of an endoscope's recording found."""
+"""What the survey of an endoscope's recording measured."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.endoscope.annulus import Annulus
 from endoct.modalities.endoscope.flatfield import FlatField
-from endoct.modalities.endoscope.optics import ConeOptics
+from endoct.modalities.endoscope.mirror.annulus import Annulus
+from endoct.modalities.endoscope.mirror.optics import ConeOptics
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.grid import SurfaceGrid
 
 
 @dataclass(frozen=True, eq=False)
 class EndoscopeCalibration:
-    """What a survey found; everything that unrolling a frame needs beside the frame.
+    """What a survey measured; everything that unrolling a frame needs besides the frame.
 
     ``annuli``, one a frame, in pixels of the files; ``drift_px`` (x, y): by how much the centre of the circles of
-    constant z drifts from the outer rim to the inner, and ``shift_px`` by how much it lies beside the outer rim;
+    constant z drifts from the outer rim to the inner, and ``shift_px`` by how much it lies off the outer rim;
     ``z_mm`` of every frame's band centre. θ of the wall is
     image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
     field from the band's centre; ``exposure`` (n,): logarithm of what each frame is brighter than its light says.

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.modalities.endoscope.annulus import Annulus, Followed, follow, settle_annuli
-from endoct.modalities.endoscope.band import Band
 from endoct.modalities.endoscope.light import brightness, log_light, reduced, saturated
-from endoct.modalities.endoscope.reference import Reference
-from endoct.modalities.endoscope.resampling import Circles, sample
+from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, follow, settle_annuli
+from endoct.modalities.endoscope.mirror.band import Band
+from endoct.modalities.endoscope.mirror.reference import Reference
+from endoct.modalities.endoscope.mirror.resampling import Circles, sample
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.kept import Kept
 from endoct.stitching.parallel import thread_map

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.endoscope.centring import Centring
 from endoct.modalities.endoscope.frames import Frames
-from endoct.modalities.endoscope.motion import Motion
-from endoct.modalities.endoscope.offset import probe_offsets
-from endoct.modalities.endoscope.places import Places
+from endoct.modalities.endoscope.motion.centring import Centring
+from endoct.modalities.endoscope.motion.motion import Motion
+from endoct.modalities.endoscope.motion.offset import probe_offsets
+from endoct.modalities.endoscope.motion.places import Places
 from endoct.stitching.arrays import Coordinates
 
 

@@ -5,8 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, Picture
-from endoct.modalities.endoscope.annulus import Annulus
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.unroll import unroll_frame
 from endoct.stitching.arrays import Coordinates
 

@@ -6,18 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.contract import FrameStream
-from endoct.modalities.endoscope.band import Band, stated_band
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.centring import measure_centring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
 from endoct.modalities.endoscope.frames import LogStrip, examine_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.endoscope.motion import measure_motion, nominal_mm
+from endoct.modalities.endoscope.mirror.band import Band, stated_band
+from endoct.modalities.endoscope.mirror.reference import find_reference
+from endoct.modalities.endoscope.mirror.resampling import Circles, recentred
+from endoct.modalities.endoscope.motion.centring import measure_centring
+from endoct.modalities.endoscope.motion.motion import measure_motion, nominal_mm
+from endoct.modalities.endoscope.motion.places import place_frames
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.per_frame import per_frame_values
-from endoct.modalities.endoscope.places import place_frames
-from endoct.modalities.endoscope.reference import find_reference
-from endoct.modalities.endoscope.resampling import Circles, recentred
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError

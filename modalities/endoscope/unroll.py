@@ -5,7 +5,7 @@ import numpy as np
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.light import brightness, log_light, saturated
-from endoct.modalities.endoscope.resampling import Circles, means, sample, sample_cyclic, sample_mask
+from endoct.modalities.endoscope.mirror.resampling import Circles, means, sample, sample_cyclic, sample_mask
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.strip import Strip
 

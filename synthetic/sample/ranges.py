@@ -35,15 +35,15 @@ def allowed_range(model: type[BaseModel], name: str) -> tuple[float, float]:
 @cache
 def choices(model: type[BaseModel]) -> dict[str, tuple[str, ...]]:
     """Return the parameters of ``model`` that are one of a few words or, as "true" and "false", a yes or no."""
-    found = {}
+    by_name = {}
     for name, field in model.model_fields.items():
         if get_origin(field.annotation) is Literal and all(
             isinstance(word, str) for word in get_args(field.annotation)
         ):
-            found[name] = get_args(field.annotation)
+            by_name[name] = get_args(field.annotation)
         elif field.annotation is bool:
-            found[name] = ("true", "false")
-    return found
+            by_name[name] = ("true", "false")
+    return by_name
 
 
 def check_ranges(ranges: Mapping[str, Range]) -> None:

@@ -54,11 +54,11 @@ def check_identity(root: Path, plan: Plan) -> None:
         return
     stored = read_identity(root)
     for name, wanted in _arguments(plan).items():
-        if (found := stored.arguments.get(name)) != wanted:
+        if (begun_with := stored.arguments.get(name)) != wanted:
             raise EndoctError(
                 f"{root} was begun with another --{name.replace('_', '-')}",
                 found=_text(wanted),
-                expected=_text(found),
+                expected=_text(begun_with),
                 remedy="start it with the arguments it was begun with, or choose another folder",
             )
     if plan.count < stored.count:
@@ -69,11 +69,11 @@ def check_identity(root: Path, plan: Plan) -> None:
             remedy="a set can grow; for a smaller one choose another folder",
         )
     for name, wanted in made_with().items():
-        if (found := stored.versions.get(name)) != wanted:
+        if (begun_with := stored.versions.get(name)) != wanted:
             raise EndoctError(
                 f"{root} was begun with another version of {name}, whose specimens may differ",
                 found=wanted,
-                expected=str(found),
+                expected=str(begun_with),
                 remedy=f"install that version of {name}, or choose another folder",
             )
 

@@ -110,7 +110,7 @@ def _truth(path: Path, a: Panorama) -> DrawnMask:
 
 
 def _check_truth(path: Path) -> None:
-    """Raise :class:`EndoctError` for a truth that cannot be read; what outlines enclose only a panorama can tell."""
+    """Raise :class:`EndoctError` for a truth that cannot be read; only a panorama shows what outlines enclose."""
     simulated = (path / "recording.json").is_file()
     if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
         read_drawing(path, None)

@@ -41,10 +41,10 @@ def json_text(value: object) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, of endoct and of the libraries that its figures depend on."""
-    found = {"python": platform.python_version()}
+    by_name = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            by_name[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            by_name[package] = "not installed"
+    return by_name

@@ -126,7 +126,7 @@ def true_pose(panorama: Panorama, truth: Truth) -> Pose:
 
 
 def _tells_of(of: object, index: NDArray[Any]) -> bool:
-    """Say whether ``of``, what the truth tells of a recording, has the frames of ``index``."""
+    """Say whether ``of``, what the truth says of a recording, has the frames of ``index``."""
     frames = of.get("z_mm") if isinstance(of, dict) else None
     whole = index.ndim == 1 and index.size > 0 and index.dtype.kind in "iu"
     return isinstance(frames, list) and whole and bool(index.min() >= 0 and index.max() < len(frames))
@@ -134,7 +134,7 @@ def _tells_of(of: object, index: NDArray[Any]) -> bool:
 
 def _pose(panorama: Panorama, of: Mapping[str, Any], index: NDArray[Any]) -> Pose:
     z_panorama = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
-    # a helical turn advances while it is recorded: the truth tells of its first A-scan, the panorama of its middle
+    # a helical turn advances while it is recorded: the truth refers to its first A-scan, the panorama to its middle
     advance_mm = number({"z_advance_mm": 0.0, **of}, "z_advance_mm", -1e3, 1e3, "the truth")
     z_bore = _numbers(of["z_mm"])[index] + advance_mm / 2
     if "roll_rad" in of:  # the panorama's angle of a frame is image angle + estimated roll
@@ -200,20 +200,20 @@ def held_against(
     true = TrueMap(endoscope.z_mm, pose_e, pose_o)
     z_true = true.z_to_a(oct_.z_mm)
     shared = np.isfinite(z_true)
-    found = {
+    figures = {
         "aligned": float(comparison.alignment is not None),
         "oct_truth": jaccard(segment(sides[1], parameters), true_cells(truth, pose_o, oct_), oct_.valid),
         "oct_valid": float(oct_.valid[shared].mean()),
         "endo_truth": jaccard(segment(sides[0], parameters), true_cells(truth, pose_e, endoscope), endoscope.valid),
     }
     if (alignment := comparison.alignment) is None:
-        return found
+        return figures
     # where each OCT sample of the overlap truly lies in the endoscope's frame, and where the alignment puts it
     d_theta = wrap_rad(alignment.theta_to_a(oct_.grid.theta_rad) - true.theta_to_a(oct_.grid.theta_rad))
     d_z = alignment.z_to_a(oct_.z_mm[shared]) - z_true[shared]
     distance = np.hypot(d_theta[np.newaxis] * oct_.grid.radius_mm, d_z[:, np.newaxis])
     right = alignment.mirrored == true.mirrored and alignment.z_reversed == true.z_reversed(oct_.z_mm)
-    return found | {
+    return figures | {
         "pair_native": _known(comparison.result.own_rows_jaccard),
         "pair_grid": _known(comparison.result.jaccard),
         "theta_deg": float(np.rad2deg(np.median(d_theta))),

@@ -93,7 +93,7 @@ def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
         heading=escape(heading),
         headline="".join(_headline(findings)),
         sections="\n".join(sections),
-        footer=escape(f"Written by endoct {version}. The figures lie beside this page, lossless, in figures/."),
+        footer=escape(f"Written by endoct {version}. The figures lie next to this page, lossless, in figures/."),
     )
     return visible_lines(page)  # a text from a file turns nothing around, and can be encoded
 

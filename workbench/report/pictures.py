@@ -81,7 +81,7 @@ def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
 
     A folder that does not exist holds no pictures. Raises :class:`EndoctError` where a file cannot be read.
     """
-    found: list[tuple[str, int, int, Picture]] = []
+    loaded: list[tuple[str, int, int, Picture]] = []
     paths = sorted(folder.glob("*.npz"))
     if len(paths) > MOST_PICTURES:
         raise EndoctError(f"{folder} has too many pictures", found=str(len(paths)), expected=f"{MOST_PICTURES} at most")
@@ -100,9 +100,9 @@ def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
                 curves={label: _curve(arrays[f"curve_{k}"]) for k, label in enumerate(metadata.curves)},
             )
         plain_name(metadata.name, f"the picture {path}")
-        found.append((plain_name(metadata.side, f"a side in {path}"), metadata.place, metadata.order, picture))
+        loaded.append((plain_name(metadata.side, f"a side in {path}"), metadata.place, metadata.order, picture))
     pictures: dict[str, dict[int, tuple[Picture, ...]]] = {}
-    for side, place, _, picture in sorted(found, key=lambda entry: entry[:3]):
+    for side, place, _, picture in sorted(loaded, key=lambda entry: entry[:3]):
         of_side = pictures.setdefault(side, {})
         of_side[place] = (*of_side.get(place, ()), picture)
     return pictures

@@ -103,7 +103,7 @@ def _raters(raters: Raters) -> Iterator[str]:
     rows += [[f"{' '.join(pair.first)} and {' '.join(pair.second)}", *_pairwise(pair)] for pair in raters.pairs]
     yield table(rows, ["", *RATER_COLUMNS])
     methods = "; ".join(f"{name}: {consensus.method}" for name, consensus in raters.consensus.items())
-    yield f"<p class=soft>Consensus, {methods}. The majority's lies beside this page as consensus.png.</p>\n"
+    yield f"<p class=soft>Consensus, {methods}. The majority's lies next to this page as consensus.png.</p>\n"
 
 
 def _pairwise(scores: PairwiseScores) -> Sequence[str]:

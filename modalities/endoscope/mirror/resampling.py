@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.endoscope.annulus import Annulus
+from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.stitching.arrays import Coordinates, Image, Mask
 
 

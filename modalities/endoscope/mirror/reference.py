@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.modalities.contract import FrameStream
-from endoct.modalities.endoscope.annulus import Annulus, find_annulus, follow, settle_annuli
 from endoct.modalities.endoscope.light import brightness, full_scale, reduced
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+from endoct.modalities.endoscope.mirror.annulus import Annulus, find_annulus, follow, settle_annuli
 
 SURVEY_SIDE_PX = 480
 REFERENCE_FRAMES = 12

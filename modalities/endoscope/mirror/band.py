@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.endoscope.optics import ConeOptics, assumed_cone, stated_optics
-from endoct.modalities.endoscope.reference import Reference
+from endoct.modalities.endoscope.mirror.optics import ConeOptics, assumed_cone, stated_optics
+from endoct.modalities.endoscope.mirror.reference import Reference
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 

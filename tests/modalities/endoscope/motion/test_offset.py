@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from endoct.modalities.endoscope.annulus import Annulus
-from endoct.modalities.endoscope.offset import bore_axis
-from endoct.modalities.endoscope.optics import ConeOptics, assumed_cone
+from endoct.modalities.endoscope.mirror.annulus import Annulus
+from endoct.modalities.endoscope.mirror.optics import ConeOptics, assumed_cone
+from endoct.modalities.endoscope.motion.offset import bore_axis
 
 RADIUS_MM, INNER_PX, OUTER_PX = 1.25, 60.0, 210.0
 RIMS = Annulus(0, 0, INNER_PX, 0, 0, OUTER_PX)

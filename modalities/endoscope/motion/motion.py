@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from endoct.modalities.contract import FrameStream, inward_positions_mm
-from endoct.modalities.endoscope.band import Band
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.endoscope.optics import ConeOptics, scale_is_stated, stretched, turned
+from endoct.modalities.endoscope.mirror.band import Band
+from endoct.modalities.endoscope.mirror.optics import ConeOptics, scale_is_stated, stretched, turned
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from endoct.modalities.endoscope.rings import (
+from endoct.modalities.endoscope.mirror.rings import (
     FEWEST_POINTS,
     Ring,
     dark_level,
@@ -236,26 +236,26 @@ def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool)
     """
     inner = np.array([(f.annulus.inner_x_px, f.annulus.inner_y_px, f.annulus.inner_px) for f in followed])
     outer = np.array([(f.annulus.outer_x_px, f.annulus.outer_y_px, f.annulus.outer_px) for f in followed])
-    found = np.array([f.support for f in followed]) >= FAINTEST_SUPPORT
+    located = np.array([f.support for f in followed]) >= FAINTEST_SUPPORT
     for measured, expected in ((inner[:, 2], reference.inner_px), (outer[:, 2], reference.outer_px)):
         if not given:  # where the annulus wanders, a mean image has its small rim too large; the frames agree
-            near = found & (np.abs(measured / expected - 1) < MOST_BLUR)
+            near = located & (np.abs(measured / expected - 1) < MOST_BLUR)
             expected = float(np.median(measured[near])) if near.any() else expected
-        found = found & (np.abs(measured - expected) < max(MOST_CHANGE * expected, 1.0))
-    if not found.any():
-        return [reference] * len(followed), found
-    between = np.median(inner[found, :2] - outer[found, :2], axis=0)
-    inner_px, outer_px = float(np.median(inner[found, 2])), float(np.median(outer[found, 2]))
+        located = located & (np.abs(measured - expected) < max(MOST_CHANGE * expected, 1.0))
+    if not located.any():
+        return [reference] * len(followed), located
+    between = np.median(inner[located, :2] - outer[located, :2], axis=0)
+    inner_px, outer_px = float(np.median(inner[located, 2])), float(np.median(outer[located, 2]))
     if given:
         inner_px, outer_px = reference.inner_px, reference.outer_px
     place = (outer[:, :2] + inner[:, :2] - between) / 2
-    found &= ~_outlying(place, found, tolerance_px=0.01 * outer_px)
+    located &= ~_outlying(place, located, tolerance_px=0.01 * outer_px)
     index = np.arange(len(followed))
-    x, y = (np.interp(index, index[found], place[found, axis]) for axis in (0, 1))
+    x, y = (np.interp(index, index[located], place[located, axis]) for axis in (0, 1))
     return [
         Annulus(float(a + between[0]), float(b + between[1]), inner_px, float(a), float(b), outer_px)
         for a, b in zip(x, y, strict=True)
-    ], found
+    ], located
 
 
 def _outlying(place: Coordinates, found: Mask, tolerance_px: float) -> Mask:

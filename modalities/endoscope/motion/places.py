@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.modalities.endoscope.centring import Centring
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.endoscope.motion import Motion
-from endoct.modalities.endoscope.optics import DISAGREEMENT
+from endoct.modalities.endoscope.mirror.optics import DISAGREEMENT
+from endoct.modalities.endoscope.motion.centring import Centring
+from endoct.modalities.endoscope.motion.motion import Motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import turned_harmonic

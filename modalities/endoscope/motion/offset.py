@@ -3,15 +3,15 @@
 With the bore's axis off the probe's by e, the wall at image angle θ is seen at z + m·e·cos(θ − φ) and lies at
 θ + e/R·sin(θ − φ), with m = cot(2a − ψ) of the ray. So the circle of constant z at radius r is centred m·e/(dz/dr)
 away from the mirror's axis, opposite to the bore's. A tilt of the probe moves all centres alike, as a mirror's edge
-that is not quite round does: it is not told apart from that, and not corrected.
+that is not quite round does: it is not distinguished from that, and not corrected.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.modalities.endoscope.annulus import Annulus
-from endoct.modalities.endoscope.optics import ConeOptics
+from endoct.modalities.endoscope.mirror.annulus import Annulus
+from endoct.modalities.endoscope.mirror.optics import ConeOptics
 from endoct.stitching.arrays import Coordinates
 
 LARGEST = 0.1
@@ -22,7 +22,7 @@ LARGEST = 0.1
 class BoreAxis:
     """The bore's axis in the probe's frame, ``x_mm`` and ``y_mm`` along the image's columns and rows.
 
-    ``shift_px`` (x, y): by how much the circle of constant z at the outer rim lies beside that rim.
+    ``shift_px`` (x, y): by how much the circle of constant z at the outer rim lies off that rim.
     """
 
     x_mm: float
@@ -30,7 +30,7 @@ class BoreAxis:
     shift_px: tuple[float, float]
 
     def sway_rad(self, roll_rad: float, radius_mm: float) -> Coordinates:
-        """Return what θ of the wall has beside image angle + roll, as parts of cos and sin of their sum, (2,)."""
+        """Return by what θ of the wall differs from image angle + roll, as parts of cos and sin of their sum, (2,)."""
         cos, sin = np.cos(roll_rad), np.sin(roll_rad)
         x, y = self.x_mm * cos - self.y_mm * sin, self.x_mm * sin + self.y_mm * cos
         return np.array([-y, x]) / radius_mm

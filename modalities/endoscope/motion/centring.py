@@ -2,17 +2,17 @@
 
 The rims are edges of the probe and need not lie on circles of constant z. But around a wrong centre, one side of the
 wall seems to move farther than the other, by the centre's error over the annulus' width: with enough pairs of frames
-that is measured better than the rims tell it. How the centres drift with their radius then tells how far the probe is
-off the bore's axis (:mod:`endoct.modalities.endoscope.offset`).
+that gives the centre better than the rims do. How the centres drift with their radius then shows how far the probe is
+off the bore's axis (:mod:`endoct.modalities.endoscope.motion.offset`).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.modalities.endoscope.annulus import Annulus
-from endoct.modalities.endoscope.band import Band
-from endoct.modalities.endoscope.offset import ON_AXIS, BoreAxis, bore_axis
+from endoct.modalities.endoscope.mirror.annulus import Annulus
+from endoct.modalities.endoscope.mirror.band import Band
+from endoct.modalities.endoscope.motion.offset import ON_AXIS, BoreAxis, bore_axis
 from endoct.stitching.feed import Feed
 
 FEWEST_PAIRS = 5
@@ -31,7 +31,7 @@ class Centring:
 
     @property
     def shift_px(self) -> tuple[float, float]:
-        """By how much the circle of constant z at the outer rim lies beside that rim (x, y)."""
+        """By how much the circle of constant z at the outer rim lies off that rim (x, y)."""
         return (self.axis or ON_AXIS).shift_px
 
     def applied(self, annulus: Annulus) -> Annulus:
