@@ -18,8 +18,9 @@ from endoct.workbench.pipeline.sources import Source
 from endoct.workbench.pipeline.summarising import Row, write_summary
 from endoct.workbench.pipeline.summarising import summarise as _summarise
 from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
+from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
-from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.threads import one_blas_thread
 
 __all__ = ["compare", "demo", "simulate", "summarise", "unroll"]

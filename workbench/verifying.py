@@ -16,8 +16,9 @@ from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import Identity, read_identity
 from endoct.workbench.dataset.plan import Unit
 from endoct.workbench.dataset.records import RECORDS, Record, read_record
+from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import DATA_SET, REPORT, SPECIMEN
-from endoct.workbench.running.progress import Advance, Stages, stages_for
+from endoct.workbench.running.progress import Advance, Stages
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from endoct.stitching.output import new_output
 from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.sample.ranges import NO_RANGES, Range
 from endoct.synthetic.specimen import simulate as render
+from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import SPECIMEN
-from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.threads import one_blas_thread
 
 MOST_SAMPLE_BYTES = 16_000_000

@@ -1,6 +1,5 @@
-"""Progress of a command or a function, stage by stage: on a terminal, in a log file, in a notebook, or not at all."""
+"""Progress of a command or a function, stage by stage: on a terminal, in a log file, or not at all."""
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -16,9 +15,6 @@ from endoct.workbench.running.interruption import stop_if_interrupted
 Advance = Callable[[float], None]
 """Called with the share done, 0 to 1."""
 
-QUIET_S = 2.0
-"""Work that takes no longer shows no progress in Python."""
-
 
 class Stages(Protocol):
     """Times the stages of some work, and may display how far each is."""
@@ -29,27 +25,6 @@ class Stages(Protocol):
 
     def stage(self, title: str) -> AbstractContextManager[Advance]:
         """Open a stage; the value it yields is called with the share done."""
-
-
-def stages_for(progress: bool | Stages) -> Stages:
-    """Return what a Python function that was called with ``progress`` reports its stages to.
-
-    ``True`` displays work that takes longer than :data:`QUIET_S`, in a notebook or on a terminal; ``False`` nothing.
-    """
-    if not isinstance(progress, bool):
-        return progress
-    if progress and in_notebook():
-        from endoct.workbench.running.notebook import NotebookStages
-
-        return NotebookStages(QUIET_S)
-    console = Console(stderr=True)
-    return ConsoleStages(console, QUIET_S) if progress and console.is_terminal else SilentStages()
-
-
-def in_notebook() -> bool:
-    """Say whether this is the kernel of a notebook."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return type(shell).__name__ == "ZMQInteractiveShell"
 
 
 class SilentStages:
