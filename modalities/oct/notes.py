@@ -6,18 +6,17 @@ from numpy.typing import NDArray
 from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.stitching.arrays import Image
+from endoct.modalities.oct.surface.fixed_lines import FixedLines
 
-LINE_OF_FACE_MM = 0.06  # nearer to the outer face, what stands out is the face itself
 FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
 
-def notes_on_survey(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tuple[str, ...]:
-    """Return one sentence for each thing to know about the recording; ``line_excess``, float32 (n_depth,)."""
+def notes_on_survey(faces: Faces, lines: FixedLines, acquisition: OctAcquisition) -> tuple[str, ...]:
+    """Return one sentence for each thing to know about the recording."""
     return (
         *_on_bridging(faces),
         *_on_first_sample(faces, acquisition),
-        *_on_fixed_lines(faces, line_excess, acquisition),
+        *_on_fixed_lines(lines),
         *notes_on_gaps(acquisition.positions_mm),
     )
 
@@ -45,17 +44,20 @@ def _on_first_sample(faces: Faces, acquisition: OctAcquisition) -> tuple[str, ..
     )
 
 
-def _on_fixed_lines(faces: Faces, line_excess: Image, acquisition: OctAcquisition) -> tuple[str, ...]:
-    face_mm = float(np.min(faces.capillary.axis_depth_mm - faces.capillary.offset_mm))
-    face_mm += acquisition.capillary_radius_mm + LINE_OF_FACE_MM
-    beyond = np.flatnonzero(line_excess > 0)
-    beyond = beyond[beyond * acquisition.mm_per_px > face_mm]
-    if not beyond.size:
-        return ()
-    return (
-        f"Depth rows {_ranges(beyond)} hold fixed lines of the detector, which were taken out; a wall just there "
-        "is less certain.",
-    )
+def _on_fixed_lines(lines: FixedLines) -> tuple[str, ...]:
+    claimed, undecided = np.flatnonzero(lines.excess > 0), np.flatnonzero(lines.undecided)
+    notes: tuple[str, ...] = ()
+    if claimed.size:
+        notes += (
+            f"Depth rows {_ranges(claimed)} hold fixed lines of the detector, which were taken out; a wall just there "
+            "is less certain.",
+        )
+    if undecided.size:
+        notes += (
+            f"Depth rows {_ranges(undecided)} may hold fixed lines of the detector; they are seen in too few "
+            "directions to tell, and were kept.",
+        )
+    return notes
 
 
 def _ranges(rows: NDArray[np.intp]) -> str:

@@ -57,6 +57,9 @@ class OctParameters(BaseModel):
     threshold_window_mm: float = Field(default=0.15, ge=1e-3, le=2, description="depth of the local threshold's window")
 
     # the wall
+    fixed_lines: bool = Field(
+        default=True, description="take out lines that the detector draws at one depth all around"
+    )
     least_signal: float = Field(
         default=0.2,
         ge=1e-3,

@@ -15,17 +15,16 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.notes import notes_on_survey
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.per_slice import per_slice_values
-from endoct.modalities.oct.surface.fixed_lines import fixed_line_excess
+from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_levels
 from endoct.modalities.oct.turning.correction import correct_starts, correct_uneven_turns, nominal_turns
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import NotSeen
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.kept import Computed, Kept
 from endoct.stitching.parallel import thread_map
 
 MOST_COLUMNS = 2048
-POOLED_SLICES = 40  # whose worth of A-scans is enough to judge the detector's fixed lines
 
 
 def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
@@ -43,20 +42,20 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         inward = np.argsort(z_mm, kind="stable")
         slices = Computed(len(kept), lambda i: kept[int(inward[i])])
         _reject_empty(slices)
-        line_excess = fixed_line_excess(_pooled_ascans(slices), acquisition.mm_per_px)
         faces = locate_faces(slices, acquisition, parameters)
+        lines = find_fixed_lines(slices, faces, acquisition) if parameters.fixed_lines else FixedLines.none(n_depth)
         glass = measure_glass(slices, faces, acquisition.medium_index)
         turns = nominal_turns(slices, faces)
-        turns = correct_uneven_turns(turns, glass, line_excess > 0, acquisition, parameters)
+        turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
         turns = correct_starts(turns, acquisition, parameters)
-        background = measure_levels(turns.slices, turns.faces, line_excess, acquisition)
+        background = measure_levels(turns.slices, turns.faces, lines.excess, acquisition)
     recorded = np.argsort(inward, kind="stable")
     faces, rotation = turns.faces.reordered(recorded), turns.rotation.reordered(recorded)
     return OctCalibration(
         grid=_grid(z_mm[inward], n_theta, acquisition),
         row_z_mm=z_mm[inward],
         per_frame=per_slice_values(z_mm, faces, rotation, glass, acquisition),
-        notes=(*notes_on_survey(faces, line_excess, acquisition), *turns.notes),
+        notes=(*notes_on_survey(faces, lines, acquisition), *turns.notes),
         acquisition=acquisition,
         parameters=parameters,
         n_ascans=n_ascans,
@@ -77,16 +76,6 @@ def _grid(row_z_mm: Coordinates, n_theta: int, acquisition: OctAcquisition) -> S
         dz_mm=float(np.median(np.diff(row_z_mm))) if len(row_z_mm) > 1 else acquisition.pullback_pitch_mm,
         radius_mm=acquisition.bore_radius_mm,
     )
-
-
-def _pooled_ascans(slices: Sequence[SliceFeatures]) -> Image:
-    """Every n-th of all the slices' A-scans, ``POOLED_SLICES`` slices' worth, float32 (n, depth)."""
-    step = max(1, len(slices) // POOLED_SLICES)
-    some, first = [], 0
-    for features in slices:
-        some.append(features.ascans[first::step].copy())  # a view would hold them all
-        first = (first - len(features.ascans)) % step
-    return np.concatenate(some)
 
 
 def _reject_empty(slices: Sequence[SliceFeatures]) -> None:

@@ -46,7 +46,9 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     n_depth = image.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
     recorded = logarithmic(image, acquisition.intensity)
-    background = with_lines_of(recorded, calibration.background, mm)
+    background = calibration.background
+    if parameters.fixed_lines:
+        background = with_lines_of(recorded, background, calibration.capillary.circle(frame.index), mm)
     level, lines = without_lines(recorded, background), background.lines
     spacing = Spacing(mm, calibration.grid.dtheta_mm)
     if parameters.wall == "maximum":

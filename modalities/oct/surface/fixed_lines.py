@@ -1,12 +1,23 @@
-"""Lines at one depth in every A-scan, which come from the detector and not from the specimen; B-scans without them."""
+"""Lines at one depth in every A-scan, which come from the detector and not from the specimen; B-scans without them.
 
-from dataclasses import replace
+A catheter that lies steadily off the axis keeps glass and wall at steady depths too: a depth that is bright in many
+A-scans is no proof of a line. So a line is claimed only where neither can stand, by the geometry of the slice, and only
+if it is there in all parts of the turn and of the pullback.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import label, percentile_filter, uniform_filter1d
 
+from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.slices import SliceFeatures
+from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
-from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.robust import robust_sigma
 
 LINE_SIGMAS = 1.0
@@ -16,30 +27,177 @@ LINE_BACKGROUND_MM = 0.35
 LINE_BEYOND_MM = (0.07, 0.13)  # behind a line and its echo, but before the signal of bone there ends
 DARK_SHARE = 0.2
 LINE_AROUND_MM = (0.05, 0.12)
+AROUND_LINE_MM = (0.03, 0.07)  # the same within the gap, which may be narrow
 JUDGED_ASCANS = 512
+POOLED_SLICES = 40  # whose worth of A-scans is enough to judge the lines of a recording
+FACE_MM = 0.06  # behind the outer face, which is still in view there
+WALL_MM = (0.06, 0.25)  # before and behind where the wall is expected
+WALL_SHIFT = 0.3  # of the gap between glass and wall: no farther off than that is the wall looked for
+SECTORS, PARTS = 12, 4  # of a turn and of the pullback
+FEWEST_ASCANS = 6  # of one sector and part
+FEWEST_SECTORS = 3  # a quarter of the turn: hardly a cell, and no side of glass or wall at one depth, reaches so far
+MOST_MISSED = 0.2  # of sectors and parts that must show a line, all but so many do
+HALF = 0.5  # of a line's typical contrast: less does not show it; and of its rows: fewer do not judge it
+TURNING_MM = 0.04  # from a face's nearest and farthest depth
 
 
-def fixed_line_excess(ascans: Image, mm_per_px: float) -> Image:
-    """Return how far each depth of ``ascans`` (n, depth) stands out in all of them at once, float32 (depth,).
+@dataclass(frozen=True, eq=False)
+class FixedLines:
+    """The fixed lines of a recording.
 
-    That is the detector's fixed lines with their skirts; elsewhere it is 0. A depth is judged in A-scans that are dark
-    a little deeper, since bone interferes with a line and so can make it fainter as well as brighter.
+    Attributes: ``excess``, float32 (n_depth,), how far each depth stands out, 0 where there is no line; ``undecided``,
+    bool (n_depth,): depths that stand out in the dark, but are seen in too few directions for a claim.
     """
+
+    excess: Image
+    undecided: Mask
+
+    @classmethod
+    def none(cls, n_depth: int) -> "FixedLines":
+        """Return no lines."""
+        return cls(np.zeros(n_depth, np.float32), np.zeros(n_depth, np.bool_))
+
+
+def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition) -> FixedLines:
+    """Return the detector's fixed lines, with their skirts, by A-scans of all ``slices``, which show ``faces``.
+
+    A depth is judged behind the outer face, away from where the wall is expected, in A-scans that are dark a little
+    deeper: bone interferes with a line and so can make it fainter as well as brighter.
+    """
+    pool = _pooled(slices, faces, acquisition)
+    mm_per_px = acquisition.mm_per_px
+    n, n_depth = pool.ascans.shape
+    if not n:
+        return FixedLines.none(n_depth)
+    depth_mm = np.arange(n_depth, dtype=np.float32) * np.float32(mm_per_px)
+    behind_face = depth_mm - pool.face_mm.astype(np.float32)[:, None]
+    behind_wall = depth_mm - (pool.wall_mm + _wall_shift_mm(pool, mm_per_px)).astype(np.float32)[:, None]
+    before, at_wall = behind_wall < -WALL_MM[0], (behind_wall > 0) & (behind_wall < WALL_MM[1])
+    open_cell = _is_dark(pool.ascans, at_wall, (behind_face > FACE_MM) & before)
+    can_stand = (behind_face > FACE_MM) & (before | (behind_wall > WALL_MM[1]) | open_cell[:, None])
+    judged = can_stand & _dark_beyond(pool.ascans, can_stand, mm_per_px)
+    level = _medians(np.where(judged, pool.ascans, np.nan))
+    excess = level - percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
+    sigma = max(robust_sigma(pool.ascans - np.median(pool.ascans, axis=0)), 1e-6)
+    lines = _lines_with_skirts(excess, sigma, mm_per_px)
+    undecided = np.zeros(n_depth, np.bool_)
+    runs, count = label(lines > 0)
+    for k in range(1, count + 1):
+        rows = runs == k
+        core = np.flatnonzero(rows & (excess > LINE_SIGMAS * sigma))
+        contrast = _contrast(pool.ascans, can_stand, slice(int(core[0]), int(core[-1]) + 1), mm_per_px)
+        contrast[judged[:, core].mean(axis=1) < HALF] = np.nan
+        everywhere = _is_everywhere(contrast, pool.part, LINE_SIGMAS * sigma)
+        if not everywhere:
+            lines[rows] = 0
+        undecided[rows] = everywhere is None
+    return FixedLines(lines, undecided)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pool:
+    """A-scans (n, n_depth) of all slices, with the depths of face and nominal wall (n,), and their ``part`` (n,).
+
+    A part is one sector of the turn in one part of the pullback: sector + ``SECTORS`` · part of the pullback.
+    """
+
+    ascans: Image
+    face_mm: Coordinates
+    wall_mm: Coordinates
+    part: NDArray[np.intp]
+
+
+def _pooled(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition) -> _Pool:
+    """Every n-th of all the A-scans of slices that show the face, ``POOLED_SLICES`` slices' worth."""
+    step = max(1, len(slices) // POOLED_SLICES)
+    ascans, face_mm, wall_mm, part, first = [], [], [], [], 0
+    for i, features in enumerate(slices):
+        chosen = slice(first, None, step)
+        first = (first - len(features.ascans)) % step
+        if faces.bridged[i]:
+            continue
+        angle, circle = features.ascan_angle_rad[chosen], faces.capillary.circle(i)
+        ascans.append(features.ascans[chosen].copy())  # a view would hold them all
+        face_mm.append(circle.depth_mm(angle))
+        wall_mm.append(replace(circle, radius_mm=acquisition.bore_radius_mm).depth_mm(angle))
+        part.append((angle / (2 * np.pi) * SECTORS).astype(np.intp) % SECTORS + SECTORS * (i * PARTS // len(slices)))
+    return _Pool(np.concatenate(ascans), np.concatenate(face_mm), np.concatenate(wall_mm), np.concatenate(part))
+
+
+def _wall_shift_mm(pool: _Pool, mm_per_px: float) -> float:
+    """By how much deeper than the nominal bore the wall typically stands: where, from it, A-scans are brightest."""
+    gap_mm = float(np.min(pool.wall_mm - pool.face_mm))
+    most = max(0, round(WALL_SHIFT * gap_mm / mm_per_px))
+    reach = np.arange(-most, most + 1)
+    rows = np.round(pool.wall_mm / mm_per_px).astype(np.intp)[:, None] + reach
+    inside = (rows >= 0) & (rows < pool.ascans.shape[1])
+    near = np.where(inside, np.take_along_axis(pool.ascans, rows.clip(0, pool.ascans.shape[1] - 1), axis=1), np.nan)
+    level = uniform_filter1d(_medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
+    return float(reach[int(np.argmax(level))]) * mm_per_px
+
+
+def _is_dark(ascans: Image, at_wall: Mask, in_gap: Mask) -> Mask:
+    """Say which A-scans are nearer to darkness than to bone ``at_wall``: they meet the opening of a cell, (n,)."""
+    level = np.where(at_wall, ascans, 0).sum(axis=1) / np.maximum(at_wall.sum(axis=1), 1)
+    darkness = float(np.median(ascans[in_gap])) if in_gap.any() else float(level.min())
+    bone = float(np.quantile(level, 1 - DARK_SHARE))
+    return np.asarray(level < darkness + HALF * (bone - darkness))
+
+
+def _dark_beyond(ascans: Image, can_stand: Mask, mm_per_px: float) -> Mask:
+    """Say which samples lie in A-scans that, a little deeper, belong to the darkest of those ``can_stand`` leaves."""
     near, far = (max(1, round(reach / mm_per_px)) for reach in LINE_BEYOND_MM)
     deeper = np.pad(uniform_filter1d(ascans, far - near, axis=1), ((0, 0), (0, far)), mode="edge")[:, far:]
-    dark = deeper <= np.quantile(deeper, DARK_SHARE, axis=0)
-    level = np.nanmedian(np.where(dark, ascans, np.nan), axis=0)
-    excess = level - percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
-    sigma = max(robust_sigma(ascans - np.median(ascans, axis=0)), 1e-6)
-    return _lines_with_skirts(excess, sigma, mm_per_px)
+    left = np.sort(np.where(can_stand, deeper, np.inf), axis=0)
+    last = np.maximum(np.ceil(DARK_SHARE * can_stand.sum(axis=0)).astype(np.intp) - 1, 0)
+    return np.asarray(deeper <= np.take_along_axis(left, last[None], axis=0))
 
 
-def with_lines_of(level: Image, background: Background, mm_per_px: float) -> Background:
+def _medians(samples: Image) -> Image:
+    """The median of every column without NaN; columns without any other are interpolated, float32 (n_columns,)."""
+    ordered = np.sort(samples, axis=0)  # NaN last
+    count = np.count_nonzero(np.isfinite(samples), axis=0)
+    middle = np.take_along_axis(ordered, np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
+    known = np.flatnonzero(count)
+    if not known.size:
+        return np.zeros(samples.shape[1], np.float32)
+    return np.asarray(np.interp(np.arange(count.size), known, middle[known]), dtype=np.float32)
+
+
+def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> Coordinates:
+    """By how much every A-scan is brighter at the rows ``line`` than before them, and than behind them, (n,).
+
+    It is less bright behind where bone fades, so that the dark before it counts; NaN where glass or wall may stand
+    there. Behind the line, the wall may follow.
+    """
+    near, far = (round(reach / mm_per_px) for reach in AROUND_LINE_MM)
+    before = slice(max(line.start - far, 0), max(line.start - near, 1))
+    behind = slice(line.stop + near, max(line.stop + far, line.stop + near + 1))
+    level = ascans[:, line].mean(axis=1)
+    contrast = np.where(can_stand[:, before].all(axis=1), level - ascans[:, before].mean(axis=1), np.nan)
+    if behind.stop <= ascans.shape[1]:
+        clear = can_stand[:, behind].all(axis=1)
+        contrast = np.minimum(contrast, np.where(clear, level - ascans[:, behind].mean(axis=1), np.inf))
+    return np.asarray(contrast, dtype=np.float64)
+
+
+def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) -> bool | None:
+    """Say whether A-scans of all parts have a ``contrast`` (n,), NaN where not judged; None where too few are."""
+    known = np.isfinite(contrast)
+    enough = [k for k in np.unique(part[known]) if np.count_nonzero(part[known] == k) >= FEWEST_ASCANS]
+    typical = float(np.median(contrast[known])) if known.any() else 0.0
+    if len({k % SECTORS for k in enough}) < FEWEST_SECTORS:
+        return None if typical > HALF * sigma else False
+    there = [np.median(contrast[known & (part == k)]) > HALF * typical for k in enough]
+    return bool(typical > HALF * sigma and np.mean(there) >= 1 - MOST_MISSED)
+
+
+def with_lines_of(level: Image, background: Background, face: Circle, mm_per_px: float) -> Background:
     """Return ``background`` with the lines added that only this one logarithmic B-scan (θ, depth) holds.
 
-    A spectrometer's mean over a turn is subtracted from every A-scan. A bright face that hardly changes its depth is
-    part of that mean, and so appears, faintly, in every A-scan of the turn. Unlike a surface that happens to lie at one
-    depth all around, such a line shows in the darkest A-scans too, and is brighter than what lies before and behind it.
+    A spectrometer's mean over a turn is subtracted from every A-scan. The capillary's ``face`` hardly changes its depth
+    where it is nearest and farthest, is part of that mean there, and so appears, faintly, in every A-scan of the turn.
+    Such a line shows in the darkest A-scans too, and is brighter than what lies before and behind it.
     """
     some = without_lines(level[:: max(1, len(level) // JUDGED_ASCANS)], background)
     dark = np.quantile(np.ascontiguousarray(some.T), DARK_SHARE, axis=1)  # a third faster than along the columns
@@ -47,8 +205,16 @@ def with_lines_of(level: Image, background: Background, mm_per_px: float) -> Bac
     padded = np.pad(uniform_filter1d(dark, far - near, mode="nearest"), far, mode="edge")
     middle = (near + far) // 2
     around = np.maximum(padded[far - middle :][: dark.size], padded[far + middle :][: dark.size])
-    excess = _lines_with_skirts(dark - around, max(background.noise_sigma, 1e-6), mm_per_px)
+    excess = np.where(_turning_points(face, dark.size, mm_per_px), dark - around, 0)
+    excess = _lines_with_skirts(excess, max(background.noise_sigma, 1e-6), mm_per_px)
     return replace(background, line_excess=np.maximum(background.line_excess, excess)) if excess.any() else background
+
+
+def _turning_points(face: Circle, n_depth: int, mm_per_px: float) -> Mask:
+    """Which depths lie near the face's nearest or farthest one, bool (n_depth,)."""
+    depth_mm = np.arange(n_depth) * mm_per_px
+    ends = face.axis_depth_mm + face.radius_mm + face.offset_mm * np.array([-1, 1])
+    return np.asarray(np.abs(depth_mm[:, None] - ends).min(axis=1) < TURNING_MM)
 
 
 def _lines_with_skirts(excess: Image, sigma: float, mm_per_px: float) -> Image:

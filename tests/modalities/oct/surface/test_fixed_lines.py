@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.fixed_lines import bridge_rows, with_lines_of, without_lines
@@ -26,13 +27,18 @@ def test_a_faint_line_is_taken_out_of_noise_and_wall_alike(level: float) -> None
     np.testing.assert_allclose(without_lines(image, background), level, atol=1e-4)
 
 
+def face_of(*, nearest_row: int) -> Circle:
+    """A face that turns back at ``nearest_row`` and 80 rows deeper."""
+    return Circle(0.2, 0.0, nearest_row * PIXEL_MM + 0.2 - 0.85, 0.85)
+
+
 def test_a_line_of_one_bscan_is_not_the_wall() -> None:
     """A face at its turning point draws a line into every A-scan of its turn, before the wall and across a cell."""
     wall = np.round(110 + 12 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
     wall[400:450] = N_DEPTH
     image = speckled(np.full(N_THETA, 5.0), wall)
     image[:, 60:65] = np.maximum(image[:, 60:65], 12)
-    background = with_lines_of(image, SPECKLE, PIXEL_MM)
+    background = with_lines_of(image, SPECKLE, face_of(nearest_row=62), PIXEL_MM)
     assert np.flatnonzero(background.line_excess).tolist() == [60, 61, 62, 63, 64]
     row = first_edge(without_lines(image, background), FIRST_ROW, background, SPACING, OctParameters())
     assert np.mean(np.abs(row - wall)[:390] <= 8) > 0.98
@@ -41,4 +47,10 @@ def test_a_line_of_one_bscan_is_not_the_wall() -> None:
 
 def test_a_wall_all_around_at_one_depth_is_no_line() -> None:
     image = speckled(np.full(N_THETA, 5.0), np.full(N_THETA, 80))
-    assert not with_lines_of(image, SPECKLE, PIXEL_MM).line_excess.any()
+    assert not with_lines_of(image, SPECKLE, face_of(nearest_row=10), PIXEL_MM).line_excess.any()
+
+
+def test_what_stands_out_far_from_where_a_face_turns_is_no_line_of_one_bscan() -> None:
+    image = speckled(np.full(N_THETA, 5.0), np.full(N_THETA, 150))
+    image[:, 60:65] = np.maximum(image[:, 60:65], 12)
+    assert not with_lines_of(image, SPECKLE, face_of(nearest_row=30), PIXEL_MM).line_excess.any()

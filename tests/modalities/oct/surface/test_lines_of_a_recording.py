@@ -1,0 +1,88 @@
+"""Lines that the detector draws into every A-scan of a pullback, and what only looks like one."""
+
+import numpy as np
+import pytest
+
+from endoct.modalities.oct.face.circle import Capillary, Circle
+from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.lines import Lines
+from endoct.modalities.oct.face.points import Points
+from endoct.modalities.oct.face.ripple import N_RIPPLE
+from endoct.modalities.oct.face.slices import SliceFeatures
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
+from endoct.stitching.arrays import Coordinates, Mask
+
+PIXEL_MM, N_DEPTH, N_ASCANS, N_SLICES = 0.005, 300, 96, 20
+CAPILLARY_MM, BORE_MM, AXIS_DEPTH_MM = 0.85, 1.25, -0.4
+ACQUISITION = OctAcquisition(
+    modality="oct",
+    axial_pixel_mm=PIXEL_MM,
+    pullback_pitch_mm=0.2,
+    capillary_outer_diameter_mm=2 * CAPILLARY_MM,
+    bore_diameter_mm=2 * BORE_MM,
+)
+ANGLE_RAD = 2 * np.pi * np.arange(N_ASCANS) / N_ASCANS
+DEPTH_MM = PIXEL_MM * np.arange(N_DEPTH)
+
+
+def lines_of(
+    offset_mm: float, *, line_row: int | None = None, wander_mm: float = 0.0, glint_db: float = 0.0, cell: bool = True
+) -> FixedLines:
+    """The lines found in a pullback of glass and bone, the catheter ``offset_mm`` off the axis, seen in dB."""
+    rng = np.random.default_rng(7)
+    slices, circles = [], []
+    for k in range(N_SLICES):
+        circle = Circle(offset_mm + wander_mm * np.sin(k / 3), wander_mm * np.cos(k / 2), AXIS_DEPTH_MM, CAPILLARY_MM)
+        in_cell: Mask = (np.abs(ANGLE_RAD - 2) < 0.4) & cell & (5 < k < 12)
+        power = _glass(circle) + _bone(circle, in_cell, glint_db)
+        if line_row is not None:
+            power[:, line_row : line_row + 4] += 100
+        level = 10 * np.log10(rng.exponential(1 + power)).astype(np.float32)
+        nothing = Lines.of([], [], CAPILLARY_MM)
+        slices.append(SliceFeatures(Points.none(), N_ASCANS, nothing, level, ANGLE_RAD))
+        circles.append(circle)
+    faces = Faces(
+        Capillary.of(circles, CAPILLARY_MM),
+        np.zeros(N_SLICES, np.bool_),
+        np.ones(N_SLICES),
+        np.zeros(N_SLICES),
+        (),
+        np.zeros((N_SLICES, N_RIPPLE)),
+    )
+    return find_fixed_lines(slices, faces, ACQUISITION)
+
+
+def _glass(circle: Circle) -> Coordinates:
+    behind = DEPTH_MM - circle.depth_mm(ANGLE_RAD)[:, None]
+    power: Coordinates = 3000 * np.exp(-((behind / 0.01) ** 2))
+    return power
+
+
+def _bone(circle: Circle, in_cell: Mask, glint_db: float) -> Coordinates:
+    surface = Circle(circle.x_mm, circle.y_mm, circle.axis_depth_mm, BORE_MM).depth_mm(ANGLE_RAD) + 0.5 * in_cell
+    behind = DEPTH_MM - surface[:, None]
+    bone = np.where(behind >= 0, 60 * np.exp(-np.maximum(behind, 0) / 0.2), 0)
+    glint = 10 ** (glint_db / 10) * np.exp(-((behind / 0.012) ** 2)) if glint_db else 0
+    return np.asarray(bone + glint)
+
+
+@pytest.mark.parametrize("offset_mm", [0.0, 0.03, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("wander_mm", [0.0, 0.03])
+@pytest.mark.parametrize("glint_db", [0.0, 30.0])
+def test_glass_and_wall_are_no_lines(offset_mm: float, wander_mm: float, glint_db: float) -> None:
+    assert not lines_of(offset_mm, wander_mm=wander_mm, glint_db=glint_db).excess.any()
+
+
+@pytest.mark.parametrize("offset_mm", [0.0, 0.03, 0.1, 0.2])
+@pytest.mark.parametrize("wander_mm", [0.0, 0.03])
+def test_a_line_in_the_dark_gap_is_one(offset_mm: float, wander_mm: float) -> None:
+    row = round((AXIS_DEPTH_MM + (CAPILLARY_MM + BORE_MM) / 2) / PIXEL_MM)
+    claimed = np.flatnonzero(lines_of(offset_mm, line_row=row, wander_mm=wander_mm).excess)
+    assert set(range(row, row + 4)) <= set(claimed)
+    assert np.abs(claimed - row - 1.5).max() <= 6
+
+
+def test_a_line_where_a_steady_wall_is_cannot_be_claimed() -> None:
+    row = round((AXIS_DEPTH_MM + BORE_MM) / PIXEL_MM)
+    assert not lines_of(0.0, line_row=row).excess[row - 3 : row + 8].any()
