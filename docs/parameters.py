@@ -8,13 +8,22 @@ from endoct.synthetic.sample import parameters
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.ranges import allowed_range, choices, default_ranges
 
-HEAD = """# What the simulator draws
+HEAD = """<!-- Made by python docs/parameters.py from endoct.synthetic.sample.parameters; do not edit. -->
 
-Made by `python docs/parameters.py` from `endoct.synthetic.sample.parameters`; do not edit. "Drawn from" is uniform
-between two numbers; a preset may draw from another range (last column). Names with a dot, as `oct.wall_db`, can be
-varied: `endoct dataset --vary oct.wall_db=6..14 --vary oct.scan=step|helical …`, within "may be". The others follow
-from those and are recorded in `truth/sample.json`. Sources: "§9" and "§6" are those of the project's design, "rig" is
-the measured OCT rig, "paper" is Laves et al. 2019, "chosen" has no source but plausibility.
+# What the simulator draws
+
+Every simulated specimen draws these parameters anew from its seed. "Drawn from" is uniform between two numbers; a
+preset may draw from another range (last column). Names with a dot, as `oct.wall_db`, can be varied:
+`endoct dataset --vary oct.wall_db=6..14 --vary oct.scan=step|helical …`, within "may be". The others follow from those
+and are recorded in `truth/sample.json`.
+
+Where a number comes from stands in brackets:
+
+- "required": every preset must be at least this hard, so that nobody chooses an easy test for himself
+- "typical": the usual value of such an instrument
+- "rig": the measured OCT rig
+- "paper": Laves et al. 2019
+- "chosen": no source but plausibility
 """
 PARTS: dict[str, type[BaseModel]] = {
     "bore": parameters.Bore,

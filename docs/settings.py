@@ -4,17 +4,22 @@ Run as python docs/settings.py.
 """
 
 from pathlib import Path
+from typing import Literal, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from endoct.fusion.parameters import CompareParameters
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.oct.parameters import OctParameters
 
-HEAD = """# Settings
+HEAD = """<!-- Made by python docs/settings.py from the parameters themselves; do not edit. -->
 
-Made by `python docs/settings.py` from the parameters themselves; do not edit. The defaults are what all published
-figures were obtained with. A key of a recording's [sidecar](sidecar.md) can be replaced in the same way.
+# Settings
+
+Everything that `--set`, `--set-a` and `--set-b` take, with the values that are used unless you give others. The
+defaults are what all published figures were obtained with. A key of a recording's [sidecar](sidecar.md) can be replaced
+in the same way. Words that you do not know are in the [glossary](glossary.md).
 """
 PARTS: dict[str, type[BaseModel]] = {
     "The comparison: `endoct compare … --set KEY=VALUE`": CompareParameters,
@@ -30,9 +35,17 @@ def table() -> str:
         blocks.append(f"## {title}\n\n| key | default | what |\n|---|---|---|")
         for name, field in model.model_fields.items():
             default = "" if field.default is None else f"`{str(field.default).lower()}`"
-            blocks.append(f"| `{name}` | {default} | {(field.description or '').replace('|', chr(92) + '|')} |")
+            blocks.append(f"| `{name}` | {default} | {_what(field).replace('|', chr(92) + '|')} |")
         blocks.append("")
     return "\n".join(blocks)
+
+
+def _what(field: FieldInfo) -> str:
+    """Return what a parameter is and, where it is one of a few words, which."""
+    about = field.description or ""
+    if get_origin(field.annotation) is not Literal:
+        return about
+    return f"{about}. One of " + ", ".join(f"`{word}`" for word in get_args(field.annotation))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,8 @@ class CompareParameters(SegmentParameters):
     z_scale_min: float = Field(default=0.95, gt=0.5, le=1, description="least scale of B's z against A's to search")
     z_scale_max: float = Field(default=1.05, ge=1, lt=2, description="largest scale of B's z against A's to search")
     polarity: Literal["auto", "dark", "bright"] = Field(
-        default="auto", description="how cells look to a side without depth; auto: by its correlation with the other"
+        default="auto",
+        description="how cells look to a side without depth; auto: by its correlation with the other side",
     )
     tolerance_mm: float = Field(
         default=0.1, ge=1e-4, le=10, description="outlines nearer to each other than this count as one"

@@ -45,7 +45,8 @@ class OctParameters(BaseModel):
     correct_start_angle: bool = Field(default=True, description="undo turns that start at an angle of their own")
     correct_lost_ascans: bool = Field(default=True, description="undo jumps of angle where A-scans were lost")
     start: Literal["auto", "triggered", "free"] = Field(
-        default="auto", description="turns start at one angle, or anywhere; auto: judged by the capillary's direction"
+        default="auto",
+        description="turns start at one angle (triggered) or anywhere (free); auto: judged by the capillary",
     )
 
     # enhancement before the fit

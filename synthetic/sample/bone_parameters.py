@@ -30,8 +30,10 @@ class Cell(Parameters):
 
     z_mm: Place = Field(description="of its axis at the wall, mm from the mouth")
     theta_rad: float = between(0, 6.2832, "of its axis at the wall, rad")
-    diameter_mm: float = between(0.2, 2.0, "of the circle of equal area at its widest, mm (§9: opening 0.2–1.5)")
-    depth_mm: float = between(0.05, 1.5, "of its floor below the nominal wall, along its axis, mm (§9)")
+    diameter_mm: float = between(
+        0.2, 2.0, "of the circle of equal area at its widest, mm (required: openings of 0.2–1.5)"
+    )
+    depth_mm: float = between(0.05, 1.5, "of its floor below the nominal wall, along its axis, mm (required)")
     bulge_mm: float = between(0, 1.0, "of its widest part below the nominal wall, mm; 0 for a drilled hole")
     aspect: float = between(0.6, 1.0, "short over long diameter (chosen)")
     tilt_rad: float = between(0, 3.1416, "direction of the long diameter against z, rad")
@@ -63,10 +65,12 @@ class Bore(Parameters):
     drill_mark_pitch_mm: float = drawn(0.08, 0.25, "feed of the drill a turn, mm (chosen)", (0.02, 2))
     texture: float = drawn(0.08, 0.16, "rms of the albedo of bone, relative (chosen)", (0, 0.6))
     smear: float = drawn(0.10, 0.30, "albedo lost under smears of bone dust and blood, 6 % of it (chosen)", (0, 1))
-    cell_fraction: float = drawn(0.10, 0.27, "wall to be cut away by cells; lands within 0.08–0.30 (§9)", (0, 0.4))
+    cell_fraction: float = drawn(
+        0.10, 0.27, "wall to be cut away by cells; lands within 0.08–0.30 (required)", (0, 0.4)
+    )
     septum_mm: float = drawn(0.03, 0.12, "bone left between neighbours, mastoid only, mm (chosen)", (0, 0.5))
     communicating: float = drawn(0.1, 0.3, "share of cells that run into a neighbour, mastoid only (chosen)", (0, 1))
     lining: float = drawn(0.0, 0.1, "share of cells under a lining that hides the edge (chosen)", (0, 1))
-    dust: float = drawn(0.0, 0.0, "share of cells with bone dust on their floor; none in the phantom (chosen)", (0, 1))
-    fluid: float = drawn(0.0, 0.0, "share of cells with fluid on their floor; none in the phantom (chosen)", (0, 1))
+    dust: float = drawn(0.0, 0.0, "share of cells with bone dust on their floor (chosen)", (0, 1))
+    fluid: float = drawn(0.0, 0.0, "share of cells with fluid on their floor (chosen)", (0, 1))
     cells: tuple[Cell, ...] = Field(default=(), max_length=MOST_LISTED)

@@ -54,13 +54,15 @@ class Oct(Parameters):
     """The catheter in its capillary, the interferometer, and how they moved."""
 
     # geometry
-    capillary_outer_diameter_mm: float = drawn(1.65, 1.75, "mm (§6: 1.7; 1.2–1.8 plausible)", (1.2, 2.2))
+    capillary_outer_diameter_mm: float = drawn(1.65, 1.75, "mm (typical: 1.7; 1.2–1.8 plausible)", (1.2, 2.2))
     glass_mm: float = drawn(0.10, 0.30, "wall of the capillary, mm; as thick as the catheter leaves room for")
     glass_index: float = drawn(1.455, 1.465, "refractive index of the capillary, group, near 1300 nm", (1, 1.6))
     offset_mean_mm: float = drawn(
-        0.10, 0.25, "catheter off the capillary's axis, mm; less where there is no room (§9)", (0, 0.45)
+        0.10, 0.25, "catheter off the capillary's axis, mm; less where there is no room (required)", (0, 0.45)
     )
-    offset_drift_mm: float = drawn(0.02, 0.05, "largest departure from that mean over the scan, mm (§9)", (0, 0.2))
+    offset_drift_mm: float = drawn(
+        0.02, 0.05, "largest departure from that mean over the scan, mm (required)", (0, 0.2)
+    )
     sheath: tuple[SheathLine, ...] = Field(max_length=32, description="3 or 4 lines, from the inside")
     # sampling
     axial_pixel_mm: float = drawn(0.0049, 0.0051, "in air, mm (rig)", (0.003, 0.01))

@@ -2,8 +2,9 @@
 
 A :class:`Sample` is all that the renderer reads: the same sample gives the same bytes. A field made by
 ``drawn`` is drawn uniformly between its first two numbers by :mod:`endoct.synthetic.draw`, unless its text
-says otherwise; users may have it drawn from any range within ``allowed``. Sources: "§9" and "§6" are those of the
-project's design, "rig" is the measured OCT rig, "chosen" has no source but plausibility.
+says otherwise; users may have it drawn from any range within ``allowed``. Sources: "required" is
+the least difficulty that every preset must have, "typical" the usual value of such an instrument, "rig" the measured
+OCT rig, "paper" Laves et al. 2019; "chosen" has no source but plausibility.
 """
 
 from typing import Literal, Self
@@ -79,7 +80,7 @@ class Endoscope(Parameters):
     width_px: int = Field(gt=0, le=4096, description="of the image, pixels")
     height_px: int = Field(gt=0, le=4096, description="of the image, pixels")
     colour: bool = Field(description="RGB, or grey")
-    half_angle_deg: float = drawn(42, 48, "of the cone, degrees (§6: 45)", (30, 60))
+    half_angle_deg: float = drawn(42, 48, "of the cone, degrees (typical: 45)", (30, 60))
     mirror_distance_mm: float = drawn(
         1.0, 2.0, "pinhole to the cone's apex, mm; so that the mirror fits the bore (chosen)", (0.5, 50)
     )
@@ -88,7 +89,7 @@ class Endoscope(Parameters):
         -0.02, 0.02, "shift of the outer rim, relative, r_d = r(1 + k1·(r/f)²) (chosen)", (-0.2, 0.2)
     )
     visible_length_mm: float = drawn(
-        0.75, 0.90, "of the nominal bore in the annulus, mm; so that the mirror fits (§6: 1.0)", (0.2, 5)
+        0.75, 0.90, "of the nominal bore in the annulus, mm; so that the mirror fits (typical: 1.0)", (0.2, 5)
     )
     inner_px: float = Field(gt=0, le=1e4, description="inner radius of the annulus, pixels")
     outer_px: float = Field(gt=0, le=1e4, description="outer radius of the annulus, pixels")
@@ -100,9 +101,9 @@ class Endoscope(Parameters):
     focus_at_outer: bool = Field(description="whether the outer rim of the annulus is in focus, or the inner")
     # light, as a fraction of saturation
     exposure: float = drawn(0.6, 0.9, "of bone at normal incidence (chosen)", (0.02, 3))
-    bright_side: float = drawn(0.15, 0.4, "first harmonic of the light around the probe, relative (§9)", (0, 0.9))
+    bright_side: float = drawn(0.15, 0.4, "first harmonic of the light around the probe, relative (required)", (0, 0.9))
     bright_side_rad: float = drawn(0, 6.2832, "where it is brightest, image angle, rad")
-    vignetting: float = drawn(0.2, 0.5, "loss from the middle of the annulus to its rims (§9)", (0, 1))
+    vignetting: float = drawn(0.2, 0.5, "loss from the middle of the annulus to its rims (required)", (0, 1))
     fall_off_mm: float = drawn(0.25, 0.5, "depth in a cell at which the light falls to 1/e, mm (chosen)", (0.05, 10))
     stray: float = drawn(0.02, 0.05, "light scattered into dark places (chosen)", (0, 0.5))
     gloss: float = drawn(0.0, 0.25, "specular light of the wet wall, against the diffuse (chosen)", (0, 3))
@@ -118,7 +119,7 @@ class Endoscope(Parameters):
     storage: Literal["png", "video"] = Field(description="a folder of PNG, or one video")
     # motion
     travel: Travel = Field(description="of the endoscope during the recording")
-    feed_jitter: float = drawn(0.10, 0.10, "rms of the feed between frames, relative (§9)", (0, 0.4))
+    feed_jitter: float = drawn(0.10, 0.10, "rms of the feed between frames, relative (required)", (0, 0.4))
     dropped: float = drawn(0.0, 0.03, "share of frames that were lost, each leaves a double step (chosen)", (0, 0.5))
     roll_wander_rad: float = drawn(
         0.017, 0.14, "largest slow change of roll over the scan, 1–8°, rad (chosen)", (0, 3.2)
