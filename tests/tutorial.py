@@ -18,6 +18,7 @@ from sybil.parsers.markdown import CodeBlockParser
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
+
 def run_page(page: Path, folder: Path) -> int:
     """Run the blocks of ``page`` in ``folder``, the present folder while they run; return how many there were.
 
