@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from endoct.fusion.doubts import doubt_of_twist, doubts_of_alignment, doubts_of_result
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
@@ -52,7 +53,8 @@ def compare_sides(a: Side, b: Side, parameters: CompareParameters) -> Comparison
         jaccard_without=plain.result.jaccard,
         jaccard_with=corrected.result.jaccard,
     )
-    return replace(corrected, result=corrected.result.model_copy(update={"twist": stated}))
+    doubts = (doubt_of_twist(stated, corrected.names), *corrected.result.doubts)
+    return replace(corrected, result=corrected.result.model_copy(update={"twist": stated, "doubts": doubts}))
 
 
 def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
@@ -71,6 +73,12 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
     scored = score_sides(sides, grid, samplings if alignment else None, parameters.tolerance_mm)
     own_rows = _on_own_rows(*segmented, alignment) if alignment else None
     result = _result(search_result, segmented, (sides[0].valid, sides[1].valid), grid.dz_mm, scored, own_rows)
+    # doubt
+    doubts = [doubt for each in segmented for doubt in each.doubts]
+    if alignment is not None:
+        whole = *doubts_of_alignment(alignment, parameters, b.name), *doubts_of_result(result)
+        doubts = [*whole, *doubts]
+    result = result.model_copy(update={"doubts": tuple(dict.fromkeys(doubts))})
     return Comparison(grid, sides, alignment, result.reason, result, scored.cells)
 
 
@@ -123,5 +131,4 @@ def _result(
         bootstrap=BOOTSTRAP,
         valid_fraction=float(both[covered].mean()) if covered.any() else 0.0,
         overlap_mm=float(covered.sum()) * dz_mm,
-        doubts={name: each.doubts for name, each in by_name.items()},
     )

@@ -14,6 +14,7 @@ from endoct.fusion.scoring.overlap import difference
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segmented_side import SegmentedSide
 from endoct.stitching.arrays import Image, readonly
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.grid import SurfaceGrid
 
 if TYPE_CHECKING:
@@ -75,6 +76,11 @@ class Comparison:
         """Names of the sides, A first."""
         return self.sides[0].name, self.sides[1].name
 
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What speaks against the comparison, its alignment and its sides; empty where nothing does."""
+        return self.result.doubts
+
     def __repr__(self) -> str:
         return f"<Comparison of {' and '.join(self.names)}: {self._agreement()}>"
 
@@ -91,6 +97,8 @@ class Comparison:
             "rows × columns": f"{self.grid.n_z} × {self.grid.n_theta} (z, θ)",
             "valid": ", ".join(f"{side.name} {side.valid.mean():.1%}" for side in self.sides),
         }
+        if self.doubts:
+            facts["doubts"] = " ".join(doubt.text for doubt in self.doubts)
         return card(f"Comparison of {' and '.join(self.names)}", facts, pictures)
 
     def _agreement(self) -> str:

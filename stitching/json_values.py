@@ -40,6 +40,14 @@ def number(of: Mapping[str, Any], key: str, least: float, most: float, what: str
     return float(value)
 
 
+def a_list(of: Mapping[str, Any], key: str, what: str) -> tuple[Any, ...]:
+    """Return the list ``of[key]``, empty where there is none. Raises :class:`EndoctError` where it is no list."""
+    value = of.get(key, ())
+    if not isinstance(value, list | tuple):
+        raise EndoctError(f"'{key}' of {what} cannot be used", found=_shown(value), expected="a list")
+    return tuple(value)
+
+
 def texts(of: Mapping[str, Any], key: str, what: str) -> tuple[str, ...]:
     """Return the list of texts ``of[key]``, empty where there is none.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask, readonly
+from endoct.stitching.doubt import Doubt, as_doubt, without_doubts
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.names import plain_name
@@ -41,8 +42,8 @@ class Panorama:
         ``{frame_dim}_z_mm``. ``view_slant``, where a modality gives it: z by which its rays go on for 1 mm beyond
         the wall. Bare arrays mean what their names say, see :func:`~endoct.stitching.per_frame.usual_meaning`.
     provenance: how it was made: parameters, sidecar, versions, input digests. JSON-serialisable.
-    notes: what was not trusted, in full sentences.
-    doubts: those of the notes that question the whole.
+    doubts: what questions the whole; a plain sentence becomes a doubt without a code of its own.
+    notes: what is to be known of some frames or rows, in full sentences; none repeats a doubt.
 
     Arrays are read-only. Raises :class:`EndoctError` where shapes disagree, or a name is no plain one.
     """
@@ -59,7 +60,7 @@ class Panorama:
     per_frame: Mapping[str, PerFrame] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -69,8 +70,8 @@ class Panorama:
         if self.depth_mm is not None:
             set_field(self, "depth_mm", readonly(self.depth_mm, np.float32))
         set_field(self, "per_frame", per_frame(self.per_frame, {}))
-        set_field(self, "notes", tuple(self.notes))
-        set_field(self, "doubts", tuple(self.doubts))
+        set_field(self, "doubts", tuple(dict.fromkeys(as_doubt(one) for one in self.doubts)))
+        set_field(self, "notes", without_doubts(tuple(self.notes), self.doubts))
         for name in ("intensity", "depth_mm", "valid", "weight"):
             array = getattr(self, name)
             if array is not None and array.shape != self.grid.shape:
@@ -102,8 +103,9 @@ class Panorama:
             "valid": f"{self.valid.mean():.1%}",
             "depth": "yes" if self.depth_mm is not None else "no",
         }
-        if self.notes:
-            facts["not trusted"] = self.notes[0] + (f" (and {len(self.notes) - 1} more)" if self.notes[1:] else "")
+        for title, said in (("doubts", [doubt.what for doubt in self.doubts]), ("notes", self.notes)):
+            if said:
+                facts[title] = said[0] + (f" (and {len(said) - 1} more)" if said[1:] else "")
         picture = wall_picture(self.grid, self.intensity, self.valid)
         return card(f"Panorama of {self.modality}", facts, [("intensity: θ across, z inward down", picture)])
 
@@ -165,7 +167,9 @@ class Panorama:
             "handedness_known": self.handedness_known,
             "travel_known": self.travel_known,
             **grid_attributes(self.grid),
-            "provenance": json.dumps({**self.provenance, "notes": list(self.notes), "doubts": list(self.doubts)}),
+            "provenance": json.dumps(
+                {**self.provenance, "notes": list(self.notes), "doubts": [doubt.to_json() for doubt in self.doubts]}
+            ),
         }
 
     def _check_frames(self) -> None:

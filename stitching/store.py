@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.contents import check_intact
+from endoct.stitching.doubt import Doubt, as_doubt
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.json_values import an_object, number, texts
+from endoct.stitching.json_values import a_list, an_object, number, texts
 from endoct.stitching.panorama import FORMAT, SURFACE, Panorama
 from endoct.stitching.per_frame import PerFrame, per_frame
 from endoct.stitching.zarr_store import Named, read_array_attributes, read_arrays, read_attributes, write_arrays
@@ -108,13 +109,14 @@ def _described(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -
     return PerFrame(values, attributes.get("units", ""), attributes["long_name"], trusted_when)
 
 
-def _provenance(attributes: Mapping[str, Any], what: str) -> tuple[dict[str, Any], tuple[str, ...], tuple[str, ...]]:
+def _provenance(attributes: Mapping[str, Any], what: str) -> tuple[dict[str, Any], tuple[str, ...], tuple[Doubt, ...]]:
     """Return the provenance of a store without its notes and doubts, and these."""
     stored = attributes.get("provenance")
     if not isinstance(stored, str):
         raise EndoctError(f"{what} does not say where it comes from", expected="'provenance' in its attributes")
     found = an_object(json.loads(stored), f"the provenance of {what}")
-    notes, doubts = (texts(found, key, f"the provenance of {what}") for key in ("notes", "doubts"))
+    notes = texts(found, "notes", f"the provenance of {what}")
+    doubts = tuple(as_doubt(one) for one in a_list(found, "doubts", f"the provenance of {what}"))
     for key in ("parameters", "inputs", "acquisition", "versions"):
         if found.get(key) is not None:
             an_object(found[key], f"'{key}' in the provenance of {what}")

@@ -82,6 +82,7 @@ def _result(names: tuple[str, str], jaccard: float | None) -> Result:
         else None,
         valid_fraction=0.943,
         overlap_mm=2.7,
+        doubts=(),
         notes={names[0]: (), names[1]: ("Depth rows 92–93 hold fixed lines & were interpolated.",)},
         versions={"endoct": "0.1.0", "numpy": "2.4.0"},
         inputs={"specimen/oct/pullback.tif": "cd" * 32},

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result.budget import Budget
+from endoct.fusion.result.doubts import StoredDoubt, with_doubts_as_list
 from endoct.fusion.result.part import Count, Flags, Number, Numbers, Part, Texts, as_json
 from endoct.fusion.result.raters import Raters
 from endoct.fusion.result.scores import MaskScores, Overlap, PairScores
@@ -86,7 +87,9 @@ class Result(Part):
         how that is known; None where the question does not arise.
     scores, budget: of the two sides; None where they are not aligned, or neither shows a cell.
     valid_fraction: share of the wall that both observed, over the ``overlap_mm`` of length that both cover.
-    doubts: by side, why its panorama or its cells are not to be trusted; ``notes`` these and all else it noted.
+    doubts: what speaks against the whole: the comparison first, then A, then B. Results of older versions had sentences
+        by side; they are read as doubts without a code of their own.
+    notes: by side, what is to be known of some of its frames or rows; none repeats a doubt.
     twist: where it was asked for to correct it.
     truth: by the path of a mask given as truth, then by side; ``raters`` where there were several such masks.
     versions, inputs, parameters, seconds: by package, path (sha256), side (or "compare") and stage.
@@ -108,7 +111,7 @@ class Result(Part):
     bootstrap: Bootstrap | None = None
     valid_fraction: Number
     overlap_mm: Number | None = None
-    doubts: dict[str, Texts] = Field(default_factory=dict)
+    doubts: Annotated[tuple[StoredDoubt, ...], Field(strict=False)] = ()
     twist: CorrectedTwist | None = None
     truth: dict[str, dict[str, MaskScores]] | None = None
     raters: Raters | None = None
@@ -164,10 +167,15 @@ class Result(Part):
     ) -> "Result":
         """Return the whole result: this with the scores against masks, where there are any, and how it was made.
 
-        ``notes`` are what the sides' panoramas note; the sides' doubts join them.
+        ``notes`` are what the sides' panoramas note.
         """
-        noted = {side: tuple(dict.fromkeys([*said, *self.doubts.get(side, ())])) for side, said in notes.items()}
-        made = {"notes": noted, "versions": versions, "inputs": inputs, "parameters": parameters, "seconds": seconds}
+        made = {
+            "notes": {side: tuple(said) for side, said in notes.items()},
+            "versions": versions,
+            "inputs": inputs,
+            "parameters": parameters,
+            "seconds": seconds,
+        }
         against = {name: part for name, part in (("truth", truth), ("raters", raters)) if part}
         return self.model_copy(update={**against, **made})
 
@@ -181,4 +189,4 @@ class Result(Part):
 
         Raises ``ValueError`` (pydantic's) where something is missing, not of its kind, or a number beyond 10¹².
         """
-        return cls.model_validate(stored)
+        return cls.model_validate(with_doubts_as_list(stored))

@@ -12,6 +12,7 @@ from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.arrays import Mask
 from endoct.stitching.circle import masked_gaussian
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
@@ -40,15 +41,17 @@ class Segmentation:
     cells_share: float = 0.0
 
     @property
-    def doubt(self) -> str | None:
-        """Why these are not to be trusted as cells, in a full sentence; None where nothing speaks against them."""
+    def doubt(self) -> Doubt | None:
+        """Why these are not to be trusted as cells; None where nothing speaks against them."""
         if self.noise_share > MOST_NOISE:
-            return (
+            what = (
                 f"What was taken for cells may be noise: {self.noise_share:.0%} as many samples lie as far in front of "
                 "the wall, where nothing can be."
             )
+            return Doubt("cells-in-noise", what, value=self.noise_share, unit="1", expected=(0.0, MOST_NOISE))
         if self.cells_share > MOST_CELLS:
-            return f"The wall may not have been found: {self.cells_share:.0%} of it was taken for cells."
+            what = f"The wall may not have been found: {self.cells_share:.0%} of it was taken for cells."
+            return Doubt("wall-mostly-cells", what, value=self.cells_share, unit="1", expected=(0.0, MOST_CELLS))
         return None
 
 

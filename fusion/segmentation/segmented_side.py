@@ -8,6 +8,8 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, find_cells
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.observed import doubts_of_observed
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +30,11 @@ class SegmentedSide:
         return None if polarity is None else self.side.contrast(polarity)
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """Why the panorama as a whole, or its cells, are not to be trusted, in full sentences."""
-        doubt = self.segmentation.doubt
-        return (*self.side.panorama.doubts, *([doubt] if doubt else []))
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Why the panorama as a whole, or its cells, are not to be trusted."""
+        panorama, doubt = self.side.panorama, self.segmentation.doubt
+        found = (*panorama.doubts, *doubts_of_observed(panorama), *([doubt] if doubt else []))
+        return tuple(one.of_side(self.side.name) for one in found)
 
 
 def segment_sides(

@@ -11,6 +11,7 @@ from endoct.modalities.endoscope.flatfield import FlatField
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.optics import ConeOptics
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.grid import SurfaceGrid
 
 
@@ -23,7 +24,7 @@ class EndoscopeCalibration:
     ``z_mm`` of every frame's band centre. θ of the wall is
     image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
     field from the band's centre; ``exposure`` (n,): logarithm of what each frame is brighter than its light says.
-    ``doubts``: those of the notes that question where everything lies.
+    ``doubts``: what questions where everything lies; ``notes``: what concerns some frames.
     """
 
     grid: SurfaceGrid
@@ -45,7 +46,7 @@ class EndoscopeCalibration:
     full_scale: float
     oversample: tuple[int, int]
     taper: float
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     def image_angle(self, index: int, theta_rad: Coordinates) -> Coordinates:
         """Return the angle in frame ``index`` at which the wall's ``theta_rad`` (any shape) is seen."""

@@ -38,7 +38,7 @@ class EndoscopeModality:
 
     def settle(self, panorama: Panorama, calibration: EndoscopeCalibration) -> Panorama:
         """Add what is to be doubted; there is no depth to reconcile."""
-        return replace(panorama, doubts=calibration.doubts)
+        return replace(panorama, doubts=(*panorama.doubts, *calibration.doubts))
 
     def illustrate(self, frame: Frame, calibration: EndoscopeCalibration) -> tuple[Picture, ...]:
         """Return the frame with its annulus drawn in, and the strip it unrolls to."""

@@ -57,7 +57,6 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
             *on_annuli,
             *on_motion,
             *on_places,
-            *places.doubts,
             *notes_on_gaps(acquisition.positions_mm),
         ),
         handedness_known=True,

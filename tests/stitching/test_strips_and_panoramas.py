@@ -9,6 +9,7 @@ import xarray
 from tolerances import IMAGE_ATOL
 
 from endoct.stitching.blend import blend
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -48,8 +49,8 @@ def panorama() -> Panorama:
             "sine_amplitude_mm": np.array([0.1, np.nan, 0.2, 0.3]),
         },
         provenance={"parameters": {"undistort": "eccentric"}},
-        notes=("Slice 1 was bridged.", "The wall lies 0.3 mm behind the nominal bore."),
-        doubts=("The wall lies 0.3 mm behind the nominal bore.",),
+        notes=("Slice 1 was bridged.",),
+        doubts=(Doubt("wall-far-from-nominal", "The wall lies 0.3 mm behind the nominal bore.", value=2.8, unit="mm"),),
     )
 
 

@@ -145,7 +145,8 @@ def test_an_array_that_declares_what_endoct_never_writes(
         ("modality", "../../x"), ("modality", "/tmp/x"), ("modality", 3), ("modality", ""), ("frame_dim", "../x"),
         ("frame_dim", ["slice"]), ("provenance", "[]"), ("provenance", "{"), ("provenance", 5),
         ("provenance", "[" * 10**5),
-        ("provenance", '{"notes": "one"}'), ("provenance", '{"doubts": [1]}'), ("provenance", '{"parameters": []}'),
+        ("provenance", '{"notes": "one"}'), ("provenance", '{"doubts": [1]}'), ("provenance", '{"doubts": "x"}'),
+        ("provenance", '{"doubts": [{"code": "A B", "what": "x"}]}'), ("provenance", '{"parameters": []}'),
         ("provenance", '{"x": ' + "9" * 5000 + "}"), ("provenance", '{"acquisition": "x"}'),
     ],
 )  # fmt: skip

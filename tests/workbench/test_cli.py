@@ -210,12 +210,16 @@ def test_two_different_patterns_are_not_aligned_and_status_3(tmp_path: Path, run
     assert result["dice"] is None
     assert result["alignment"] is None
     # asked for all the same, it is shown, and says so
-    status, said = run("compare", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "forced", "--force")
+    status, said = run(
+        "compare", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "forced", "--force", "--strict"
+    )
     forced = json.loads((tmp_path / "forced" / "result.json").read_text())
-    assert status == 0
+    assert status == 3  # for the doubt; everything is written
+    assert (tmp_path / "forced" / "report.html").is_file()
     assert forced["aligned"] is True
+    assert "forced" in [doubt["code"] for doubt in forced["doubts"]]
     assert forced["parameters"]["compare"]["force"] is True
-    assert "believed because that was asked for" in said
+    assert "\nDOUBT: The best alignment was accepted because that was asked for" in said
     # and the report can be written again
     (tmp_path / "c" / "report.html").unlink()
     assert run("report", tmp_path / "c")[0] == 0

@@ -156,8 +156,8 @@ def test_notes_steer_no_terminal_and_are_no_markup(
     assert "[/x][red]:smile:" in out
     status, out, _ = run("info", panorama, "--json")
     assert json.loads(out)["notes"] == [HOSTILE]
-    print_line(f"not trusted: {HOSTILE}\nforged")
-    assert capsys.readouterr().out == f"not trusted: {SHOWN}\\nforged\n"
+    print_line(f"note: {HOSTILE}\nforged")
+    assert capsys.readouterr().out == f"note: {SHOWN}\\nforged\n"
 
 
 @pytest.mark.parametrize("arguments", [("compare", "a", "b", HOSTILE), ("modalities", HOSTILE), (HOSTILE,)])

@@ -26,6 +26,7 @@ def compare(
     set_a: Settings = (),
     set_b: Settings = (),
     force: bool = False,
+    strict: bool = False,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -43,7 +44,8 @@ def compare(
         set: a parameter of the comparison; repeat for more
         set_a: a key of side A's sidecar or a parameter of its processing
         set_b: a key of side B's sidecar or a parameter of its processing
-        force: accept the best alignment even where it does not stand out; the report says so
+        force: accept the best alignment even where it does not stand out; that is a doubt
+        strict: end with exit status 3 where there is a doubt; the output is written all the same
         overwrite: replace the output if it exists
         json: print the result as JSON
     """
@@ -63,7 +65,7 @@ def compare(
         overwrite=overwrite,
         progress=command_stages(json),
     )
-    return print_result(output, as_json=json)
+    return print_result(output, as_json=json, strict=strict)
 
 
 def report(folder: Positional[Path]) -> int:

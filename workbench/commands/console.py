@@ -2,17 +2,19 @@
 
 import json
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import visible
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.running.progress import ConsoleStages, SilentStages, Stages
 from endoct.workbench.running.refusals import visible_lines
-from endoct.workbench.running.status import DONE, NOT_ALIGNED
+from endoct.workbench.running.status import DONE, DOUBTED, NOT_ALIGNED
 
 
 class TextConsole(Console):
@@ -33,8 +35,8 @@ class TextConsole(Console):
         raise BrokenPipeError
 
 
-def print_result(folder: Path, *, as_json: bool) -> int:
-    """Print the result of the comparison in ``folder``; return the exit status."""
+def print_result(folder: Path, *, as_json: bool, strict: bool = False) -> int:
+    """Print the result of the comparison in ``folder``; return the exit status, ``strict`` about doubts."""
     from endoct.fusion.files.result_file import read_result  # loads what only a comparison needs
 
     result = read_result(folder)
@@ -47,15 +49,27 @@ def print_result(folder: Path, *, as_json: bool) -> int:
     else:
         print_line(f"not aligned: {result.reason}")
     if not as_json:
-        from endoct.workbench.report.doubts import on_the_whole
-
-        for doubt in on_the_whole(result) if result.aligned else ():
-            print_line(f"not trusted: {doubt}")
-        for side, notes in result.notes.items():
-            for note in notes:
-                print_line(f"not trusted ({side}): {note}")
+        print_doubts(result.doubts, result.notes)
         print_line(f"report: {folder / 'report.html'}")
-    return DONE if result.aligned else NOT_ALIGNED
+    return status_of(result.doubts, strict=strict) if result.aligned else NOT_ALIGNED
+
+
+def print_doubts(doubts: Sequence[Doubt], notes: Mapping[str, Sequence[str]]) -> None:
+    """Print a line for each doubt, then for each note; ``notes`` by side, "" where there is only one."""
+    for doubt in doubts:
+        print_line(f"DOUBT{_of(doubt.side)}: {doubt.what}")
+    for side, said in notes.items():
+        for note in said:
+            print_line(f"note{_of(side)}: {note}")
+
+
+def status_of(doubts: Sequence[Doubt], *, strict: bool) -> int:
+    """Return the exit status of what was done, where any doubt counts if ``strict``."""
+    return DOUBTED if strict and doubts else DONE
+
+
+def _of(side: str | None) -> str:
+    return f" ({side})" if side else ""
 
 
 def command_stages(as_json: bool) -> Stages:

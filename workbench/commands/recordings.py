@@ -5,7 +5,14 @@ from pathlib import Path
 from rich.table import Table
 from tyro.conf import Positional
 
-from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line
+from endoct.workbench.commands.console import (
+    TextConsole,
+    command_stages,
+    print_doubts,
+    print_json,
+    print_line,
+    status_of,
+)
 from endoct.workbench.commands.options import ModalityName, Output, Settings
 from endoct.workbench.pipeline.inputs import path_text
 from endoct.workbench.running.status import DONE
@@ -17,6 +24,7 @@ def unroll(
     modality: ModalityName = None,
     set: Settings = (),
     volume: bool = False,
+    strict: bool = False,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -28,6 +36,7 @@ def unroll(
         modality: plug-in to read it with, where the sidecar does not say
         set: a key of the sidecar or a processing parameter; repeat for more
         volume: add the dense hollow cylinder, sub-surface included
+        strict: end with exit status 3 where there is a doubt; the output is written all the same
         overwrite: replace the output if it exists
         json: print as JSON
     """
@@ -50,6 +59,7 @@ def unroll(
         "columns": panorama.grid.n_theta,
         "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
         "valid_fraction": float(panorama.valid.mean()),
+        "doubts": [doubt.to_json() for doubt in panorama.doubts],
         "notes": list(panorama.notes),
     }
     if json:
@@ -59,9 +69,8 @@ def unroll(
             f"panorama: {output} ({facts['rows']} rows × {facts['columns']} columns, "
             f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
         )
-        for note in panorama.notes:
-            print_line(f"not trusted: {note}")
-    return DONE
+        print_doubts(panorama.doubts, {"": panorama.notes})
+    return status_of(panorama.doubts, strict=strict)
 
 
 def info(

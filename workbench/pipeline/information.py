@@ -47,6 +47,7 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
             "reason": result.reason,
             "jaccard": result.jaccard,
             "dice": result.dice,
+            "doubts": [doubt.to_json() for doubt in result.doubts],
         }
     if is_panorama(path):
         panorama = load_panorama(path)
@@ -58,6 +59,7 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
             "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
             "depth": panorama.depth_mm is not None,
             "valid_fraction": float(panorama.valid.mean()),
+            "doubts": [doubt.to_json() for doubt in panorama.doubts],
             "notes": list(panorama.notes),
         }
     manifest = manifest_for(path, modality)

@@ -97,10 +97,10 @@ def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool
     the digests of its inputs, or else by the folder's name. With ``repeats``, comparisons in one folder are of one
     specimen; else each is of its own.
 
-    ``scores``: a row a comparison and score, with its interval over cells. ``summary``: a row a set and score: n,
-    median (of aligned: mean) and its interval, quartiles, over specimens (their means where there are repeats).
-    ``paired``: second set less first. ``repeatability``: within specimens. The last two are empty where there are no
-    pairs and no repeats.
+    ``scores``: a row a comparison and score, with its interval over cells and the codes of the comparison's doubts.
+    ``summary``: a row a set and score: n, median (of aligned: mean) and its interval, quartiles, over specimens (their
+    means where there are repeats). ``paired``: second set less first. ``repeatability``: within specimens. The last two
+    are empty where there are no pairs and no repeats.
 
     Raises :class:`EndoctError` where a folder is no comparison, or no two can be paired.
     """
@@ -153,6 +153,7 @@ def _rows(compared: Compared) -> Iterator[Row]:
             "value": value,
             "low": interval[0] if interval else None,
             "high": interval[1] if interval else None,
+            "doubts": " ".join(sorted({doubt.code for doubt in compared.result.doubts})),
         }
 
 

@@ -13,6 +13,7 @@ from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.files import State, check_unchanged, state_of
+from endoct.stitching.observed import doubts_of_observed
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.parallel import thread_map
 from endoct.workbench.pipeline.inputs import digests, versions
@@ -105,10 +106,12 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     if not panorama.valid.any():
         raise NotSeen(
             f"nothing of the wall could be seen in {opened.path}",
-            found=" ".join(panorama.notes).rstrip(".") or "no valid sample in the panorama",
+            found=" ".join([*(doubt.what for doubt in panorama.doubts), *panorama.notes]).rstrip(".")
+            or "no valid sample in the panorama",
             expected="a recording of a bore wall",
             remedy=f"look at the {manifest.frame_dim}s",
         )
+    panorama = replace(panorama, doubts=(*panorama.doubts, *doubts_of_observed(panorama)))
     return Unrolled(panorama, manifest, stream, calibration)
 
 

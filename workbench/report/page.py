@@ -14,13 +14,14 @@ from endoct.stitching.contents import is_marked, marked
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
 from endoct.stitching.worker_process import WorkerProcess
-from endoct.workbench.report.doubts import doubts, without_stop
+from endoct.workbench.report.doubts import count_doubts, count_notes, doubts_box, notes_table
 from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
 from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.findings import Findings, read_findings
+from endoct.workbench.report.flags import flag_rows
 from endoct.workbench.report.scores import score_tables
 from endoct.workbench.report.tables import numbers, provenance, threshold_text
-from endoct.workbench.report.wording import bullets, interval_text, length_text, share_text
+from endoct.workbench.report.wording import interval_text, length_text, share_text, table, without_stop
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.refusals import visible_lines
 
@@ -77,8 +78,8 @@ def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
     sections = [
         *(_section(name, title, bodies[name]) for name, title in FIGURE_SECTIONS.items()),
         _section("numbers", "Numbers", "".join(numbers(findings))),
-        _section("quality", "Quality along the bore", bodies["quality"]),
-        _section("doubts", "What was not trusted", _doubts(findings)),
+        _section("notes", "Notes", notes_table(findings.result)),
+        _section("quality", "Quality along the bore", "".join(_flags(findings)) + bodies["quality"]),
         _section("provenance", "How it was made", "".join(provenance(findings.result))),
     ]
     a, b = findings.sides
@@ -107,10 +108,16 @@ def _headline(findings: Findings) -> Iterator[str]:
     result = findings.result
     a, b = (side.name for side in findings.sides)
     if alignment := result.alignment if findings.aligned else None:
-        yield f'<p class="verdict aligned">{escape(_verdict(alignment))}</p>\n'
+        strength = escape(_strength(alignment))
+        if result.doubts:
+            yield f'<p class="verdict doubted">Aligned, with {count_doubts(result.doubts)}.</p>\n'
+            yield f"{doubts_box(result.doubts)}<p>Aligned {strength}</p>\n"
+        else:
+            yield f'<p class="verdict aligned">Aligned {strength}</p>\n'
         yield f"<p>{escape(_placement(a, b, alignment))}</p>\n"
     else:
         yield '<p class="verdict unaligned">Not aligned: the two sides could not be brought onto each other.</p>\n'
+        yield doubts_box(result.doubts)
         yield (
             f"<p>Reason: {escape(without_stop(result.reason))}. Without an alignment no place on one side "
             "corresponds to a place on the other, so the two are not scored against each other and there is no "
@@ -119,16 +126,13 @@ def _headline(findings: Findings) -> Iterator[str]:
     if cards := "".join(_cards(findings)):
         yield f'<ul class="cards">{cards}</ul>\n'
     yield f"<p>{escape(_conditions(findings))}</p>\n"
-    count = len(doubts(findings))
-    if count:
-        said = "1 thing was not trusted" if count == 1 else f"{count} things were not trusted"
-        yield f'<p class="warn"><a href="#doubts">{said}</a>, listed below.</p>\n'
-    else:
-        yield "<p>Nothing was reported as not trusted.</p>\n"
+    if count := count_notes(result):
+        said = "1 note" if count == 1 else f"{count} notes"
+        yield f'<p><a href="#notes">{said}</a> on single frames or rows, below.</p>\n'
 
 
-def _verdict(alignment: StoredAlignment) -> str:
-    said = f"Aligned with confidence {alignment.confidence:.2f}"
+def _strength(alignment: StoredAlignment) -> str:
+    said = f"with confidence {alignment.confidence:.2f}"
     if alignment.correlation and alignment.ratio:
         correlation = f"{alignment.correlation:.2f}".replace("-", "−")
         said += f" (correlation {correlation}, {alignment.ratio:.1f} times the runner-up)"
@@ -185,11 +189,14 @@ def _conditions(findings: Findings) -> str:
     return " ".join(parts)
 
 
-def _doubts(findings: Findings) -> str:
-    sentences = doubts(findings)
-    if not sentences:
-        return "<p>Nothing was reported as not trusted.</p>\n"
-    return f'<div class="doubts">{bullets(sentences)}</div>\n'
+def _flags(findings: Findings) -> Iterator[str]:
+    """Yield which frames of each side are flagged, as HTML."""
+    for side in findings.sides:
+        if rows := list(flag_rows(side)):
+            dim = side.panorama.frame_dim
+            yield table(
+                rows, [f"{side.name}: {dim}s flagged", "how many", f"which (first: {dim} 0)", "z in its own frame"]
+            )
 
 
 def _section(name: str, title: str, body: str) -> str:

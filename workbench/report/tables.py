@@ -7,9 +7,17 @@ from html import escape
 import numpy as np
 
 from endoct.fusion.result import Overlap, Result, Threshold
-from endoct.workbench.report.doubts import without_stop
 from endoct.workbench.report.findings import Findings, SideFindings
-from endoct.workbench.report.wording import NOTHING, area_text, count_text, flattened, share_text, table, value_text
+from endoct.workbench.report.wording import (
+    NOTHING,
+    area_text,
+    count_text,
+    flattened,
+    share_text,
+    table,
+    value_text,
+    without_stop,
+)
 
 OVERLAP_COLUMNS: Mapping[str, Callable[[Overlap], str]] = {
     "Jaccard": lambda overlap: share_text(overlap.jaccard),

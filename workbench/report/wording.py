@@ -56,6 +56,11 @@ def interval_text(interval: Sequence[float] | None, digits: int = 2) -> str:
     return f"95 % interval {low} to {high}"
 
 
+def without_stop(text: str | None) -> str:
+    """Return a sentence without its full stop, to be put into another."""
+    return (text or "").strip().rstrip(".")
+
+
 def key_text(key: str) -> str:
     """Return a key in words, without the unit that goes to its value: "z_shift_mm" as "z shift"."""
     return " ".join(_words_and_unit(key)[0])
@@ -92,11 +97,6 @@ def table(rows: Iterable[Sequence[str]], header: Sequence[str] = (), *, code: Se
         + (f"<thead><tr>{head}</tr></thead>" if header else "")
         + f"<tbody>\n{body}</tbody></table></div>\n"
     )
-
-
-def bullets(sentences: Iterable[str]) -> str:
-    """Return an HTML list of plain sentences."""
-    return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>\n"
 
 
 def _words_and_unit(key: str) -> tuple[list[str], str]:

@@ -11,6 +11,7 @@ from endoct.modalities.endoscope.motion.motion import Motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import turned_harmonic
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed
 
@@ -29,7 +30,7 @@ class Places:
     z_mm: Coordinates
     roll_rad: Coordinates
     sway_rad: Coordinates
-    doubts: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
 
 
 def place_frames(
@@ -94,8 +95,8 @@ def _notes_on_span(z_mm: Coordinates, nominal: Coordinates, feed_sigma: float) -
     return (f"The frames span {measured:.2f} mm as measured and {expected:.2f} mm by the nominal feed.",)
 
 
-def _doubts_of_feed(feed: Feed, nominal: Coordinates | None) -> tuple[str, ...]:
-    """Return a sentence where neighbouring frames lie much farther apart, or nearer, than the nominal feed has them."""
+def _doubts_of_feed(feed: Feed, nominal: Coordinates | None) -> tuple[Doubt, ...]:
+    """Return a doubt where neighbouring frames lie much farther apart, or nearer, than the nominal feed has them."""
     if nominal is None:
         return ()
     measured_mm, stated_mm = (np.abs(np.diff(z_mm)) for z_mm in (feed.z_mm, nominal))
@@ -107,7 +108,9 @@ def _doubts_of_feed(feed: Feed, nominal: Coordinates | None) -> tuple[str, ...]:
     error = 1.25 * 1.48 * float(np.median(np.abs(measured_mm / stated_mm - ratio)) / np.sqrt(known.sum()))
     if abs(ratio - 1) <= max(DOUBTED_FEED, SURE_OF_FEED * error):
         return ()
-    return (
-        f"Neighbouring frames lie {np.median(measured_mm):.3f} mm apart as measured and {np.median(stated_mm):.3f} mm "
-        "by the nominal feed, in the median: the annulus, its visible length or that feed is wrong, and z with it.",
+    step_mm, nominal_mm = float(np.median(measured_mm)), float(np.median(stated_mm))
+    what = (
+        f"Neighbouring frames lie {step_mm:.3f} mm apart as measured and {nominal_mm:.3f} mm by the nominal feed, in "
+        "the median: the annulus, its visible length or that feed is wrong, and z with it."
     )
+    return (Doubt("feed-against-nominal", what, value=step_mm, unit="mm", expected=nominal_mm),)

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from benchmarks.fuzz.seed_results import comparison_files
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import NotVisible, Overlap, OwnRows, PairScores, Result, StoredAlignment, Strata, Stratum
+from endoct.stitching.doubt import Doubt
 
 SMALLEST = {"sides": ["a", "b"], "aligned": False, "alignment": None, "jaccard": None, "dice": None}
 
@@ -73,20 +74,32 @@ def test_a_result_is_shown_in_one_line() -> None:
 
 
 def test_a_result_is_completed_by_how_it_was_made() -> None:
-    result = Result.from_json(SMALLEST | {"valid_fraction": 1.0, "doubts": {"a": ["d", "n"], "b": []}})
+    doubt = {"code": "odd", "side": "a", "what": "d", "value": 0.5, "unit": "1", "expected": [0.9, 1.0]}
+    result = Result.from_json(SMALLEST | {"valid_fraction": 1.0, "doubts": [doubt]})
     made = result.completed(
         truth={}, raters=None, notes={"a": ("n",), "b": ()}, versions={"endoct": "1"}, inputs={"x": "d"},
         parameters={"compare": {"force": True}}, seconds={"align": 1.0},
     )  # fmt: skip
-    assert made.notes == {"a": ("n", "d"), "b": ()}
+    assert made.notes == {"a": ("n",), "b": ()}
+    assert made.doubts == (Doubt("odd", "d", "a", 0.5, "1", (0.9, 1.0)),)
+    assert made.to_json()["doubts"] == [doubt]
     assert made.forced
     assert not {"truth", "raters", "twist"} & made.to_json().keys()
     assert list(made.to_json())[-5:] == ["notes", "versions", "inputs", "parameters", "seconds"]
 
 
+def test_sentences_by_side_of_older_versions_are_read_as_doubts_once() -> None:
+    older = {"valid_fraction": 1.0, "doubts": {"a": ["d"], "b": []}, "notes": {"a": ["n", "d"], "b": []}}
+    result = Result.from_json(SMALLEST | older)
+    assert result.doubts == (Doubt("unspecified", "d", "a"),)
+    assert result.notes == {"a": ("n",), "b": ()}
+    assert Result.from_json(result.to_json()) == result
+
+
 @pytest.mark.parametrize(
     "changed",
     [
+        {"doubts": {"a": "text"}}, {"doubts": [3]}, {"doubts": [{"code": "A B", "what": "x"}]}, {"doubts": "x"},
         {"aligned": True}, {"aligned": 1}, {"sides": ["a"]}, {"valid_fraction": None}, {"jaccard": True},
         {"parameters": {"compare": None}}, {"raters": {"pairs": [], "consensus": {}}},
         {"scores": {"strata": {"colour": []}}}, {"scores": {"own_rows": {"jaccard": 0.5}}}, {"seconds": {"x": 1e13}},

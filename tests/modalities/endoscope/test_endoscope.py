@@ -214,7 +214,10 @@ def test_a_scale_that_the_feed_contradicts_is_doubted(short: Callable[..., Path]
     assert survey(path).doubts == ()
     stated = stream.acquisition.visible_length_mm
     (doubt,) = survey(path, visible_length_mm=1.4 * stated, focal_px=None).doubts
-    assert "apart as measured and 0.200 mm by the nominal feed" in doubt
+    assert doubt.code == "feed-against-nominal"
+    assert "apart as measured and 0.200 mm by the nominal feed" in doubt.what
+    assert (doubt.unit, doubt.expected) == ("mm", pytest.approx(0.2))
+    assert doubt.value == pytest.approx(1.4 * 0.2, rel=0.1)
 
 
 def test_an_annulus_too_narrow_for_rows_is_told(short: Callable[..., Path]) -> None:

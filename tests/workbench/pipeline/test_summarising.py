@@ -12,6 +12,7 @@ import pytest
 
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, Overlap, PairScores, Result, StoredAlignment
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import cli, summarise
 
@@ -43,6 +44,15 @@ def stored(jaccard: float | None) -> dict[str, Any]:
         valid_fraction=1.0,
     )
     return result.to_json()
+
+
+def test_the_codes_of_doubts_are_a_column(tmp_path: Path) -> None:
+    doubts = [
+        Doubt(code, "Odd.", side).to_json() for code, side in (("wall-odd", "oct"), ("forced", None), ("wall-odd", "a"))
+    ]
+    folders = [write(tmp_path / "s0", 0.5, doubts=doubts), write(tmp_path / "s1", 0.6)]
+    found = rows(summarise(folders, tmp_path / "out"), "scores", "jaccard")
+    assert [row["doubts"] for row in found] == ["forced wall-odd", ""]
 
 
 def rows(tables: dict[str, list[dict[str, Any]]], name: str, score: str) -> list[dict[str, Any]]:

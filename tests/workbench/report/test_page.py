@@ -15,10 +15,9 @@ import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 from PIL import Image
 
-from endoct.fusion.result import CorrectedTwist, Drift, Line, MaskScores, PairScores, Result, Threshold
+from endoct.fusion.result import MaskScores, Result, Threshold
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.report.doubts import doubts
-from endoct.workbench.report.findings import read_findings
 from endoct.workbench.report.page import write_report
 from endoct.workbench.report.pictures import load_pictures, save_pictures
 from endoct.workbench.running.second_process import second_process
@@ -132,39 +131,44 @@ def test_every_figure_is_embedded_and_lies_beside_the_page(aligned: Made) -> Non
             assert (edge == 255).all(), f"{path.name} is cut off"
 
 
-def test_the_report_says_what_was_not_trusted(aligned: Made) -> None:
+DOUBTS = (
+    Doubt("scale-at-limit", "The scale ended at 1.050 <of its search>.", value=1.05, unit="1", expected=(0.95, 1.05)),
+    Doubt("wall-far-from-nominal", "The wall lies 0.30 mm behind the nominal bore.", side="oct", value=3.1, unit="mm"),
+)
+
+
+def test_doubts_head_the_report_in_full_and_once(make: Callable[..., Made]) -> None:
+    _, _, page = make(Kind("endoscope", depth=False), Kind("oct"), doubts=DOUBTS)
+    headline = page.text[: page.text.index("Panoramas")]
+    assert "Aligned, with 2 doubts." in headline
+    assert 'class="verdict doubted"' in page.source
+    assert 'class="verdict aligned"' not in page.source
+    for doubt in DOUBTS:
+        assert page.text.count(doubt.what) == 1
+        assert headline.index(doubt.what) < headline.index("with confidence 0.63")
+    assert "oct: The wall lies" in headline
+    assert headline.index(DOUBTS[0].code) < headline.index(DOUBTS[1].what)
+
+
+def test_doubts_about_a_side_head_the_report_of_what_is_not_aligned(make: Callable[..., Made]) -> None:
+    _, _, page = make(Kind("endoscope", depth=False), Kind("oct"), aligned=False, doubts=DOUBTS[1:])
+    assert page.text.index("Not aligned") < page.text.index(DOUBTS[1].what) < page.text.index("Panoramas")
+
+
+def test_notes_are_listed_once_and_flagged_frames_in_a_table(aligned: Made) -> None:
     _, _, page = aligned
-    said = page.text[page.text.index("What was not trusted") :]
-    assert "oct: 3 of 15 slices (3, 8–9; z = 0.60, 1.60–1.80 mm): bridged." in said
-    assert "oct: Depth rows 92–93 hold fixed lines & were interpolated." in said
+    assert "1 note on single frames or rows" in page.text
+    assert "doubt" not in page.text
+    said = page.text[page.text.index("Notes") :]
+    assert page.text.count("Depth rows 92–93 hold fixed lines & were interpolated.") == 1
+    assert "bridged 3 of 15 3, 8–9 0.60, 1.60–1.80 mm" in said
     assert "pair" not in said[: said.index("How it was made")]
-    assert "3 things were not trusted" in page.text
 
 
-def test_little_observed_wall_is_not_trusted(make: Callable[..., Made]) -> None:
-    _, _, page = make(Kind("oct-1"), Kind("oct-2"), valid_fraction=0.41, jaccard=None, dice=None, scores=None)
-    assert "Both sides observed only 41.0% of the wall" in page.text
-    assert "Neither side shows a cell" in page.text
+def test_two_of_one_modality_and_nothing_to_score(make: Callable[..., Made]) -> None:
+    _, _, page = make(Kind("oct-1"), Kind("oct-2"), jaccard=None, dice=None, scores=None)
     assert "cylinder-oct-1.png" in page.text
     assert "cylinder-oct-2.png" in page.text
-
-
-@pytest.mark.parametrize(("per_mm", "error", "doubted"), [(0.04, 0.01, True), (0.04, 0.03, False), (0.005, 0.0, False)])
-def test_cells_that_drift_apart_cast_doubt(tmp_path: Path, per_mm: float, error: float, doubted: bool) -> None:
-    still = Line(mean=0.0, per_mm=0.0, per_mm_error=0.01)
-    moving = Line(mean=0.0, per_mm=per_mm, per_mm_error=error)
-    scores = PairScores(drift=Drift(pairs=12, length_mm=8.0, z_mm=moving, arc_mm=still))
-    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), scores=scores)
-    said = [sentence for sentence in doubts(read_findings(tmp_path / "c")) if "drift apart" in sentence]
-    assert len(said) == doubted
-    if doubted:
-        assert said[0].startswith("Cells that both sides show drift apart along the bore, by 0.32 mm over 8.0 mm of it")
-
-
-def test_a_twist_corrected_against_the_other_side_is_said_with_both_figures(tmp_path: Path) -> None:
-    twist = CorrectedTwist(jaccard_without=0.71, jaccard_with=0.78)
-    write_comparison(tmp_path / "c", Kind("endoscope", depth=False), Kind("oct"), twist=twist)
-    assert any("0.710 without it, 0.780 with it" in said for said in doubts(read_findings(tmp_path / "c")))
 
 
 def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made]) -> None:
@@ -214,6 +218,7 @@ def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
     _, _, page = make(
         Kind("endoscope", depth=False),
         Kind("oct"),
+        doubts=(Doubt("odd", hostile, side=hostile),),
         notes={"endoscope": (hostile,), "oct": ()},
         inputs={hostile: hostile},
         versions={hostile: hostile, "endoct": hostile},
@@ -226,7 +231,7 @@ def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
     assert {"script", "link", "iframe", "object", "base"}.isdisjoint(page.tags)
     assert all(image.startswith("data:image/webp;base64,") for image in page.images)
     assert not page.inline
-    assert page.text.count("<script>alert(1)</script>") >= 9
+    assert page.text.count("<script>alert(1)</script>") >= 11
     assert page.source.replace("\n", "").isprintable()
     assert r"\x1b[31m\u202e\udce9" in page.text
 

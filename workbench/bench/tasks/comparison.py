@@ -106,8 +106,7 @@ def judge(case: Case[Given, Path], answer: ComparedPair) -> dict[str, float]:
         scores, right = _against_drawn(folder, answer), 1.0
     if answer.comparison.alignment is None:
         raise Declined(answer.comparison.reason or "not aligned", {SUCCESS: 0.0} | scores)
-    doubted = any(answer.comparison.result.doubts.values())
-    return {SUCCESS: right, DOUBTED: float(doubted)} | scores
+    return {SUCCESS: right, DOUBTED: float(bool(answer.comparison.doubts))} | scores
 
 
 def _against_drawn(folder: Path, answer: ComparedPair) -> dict[str, float]:

@@ -96,7 +96,7 @@ def ours(panorama: Panorama) -> Mask:
     """
     cells = find_cells(prepare(panorama), SegmentParameters())
     if cells.doubt is not None:
-        raise Declined(cells.doubt)
+        raise Declined(cells.doubt.what)
     return cells.mask
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.circle import wrap_rad
-from endoct.workbench.report.doubts import doubted_frames
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     INK,
@@ -25,6 +24,7 @@ from endoct.workbench.report.figures.drawing import (
     save,
 )
 from endoct.workbench.report.findings import SideFindings
+from endoct.workbench.report.flags import flagged_frames
 
 MAX_COMPONENTS = 4
 TICK_STEPS = (1, 2, 2.5, 5, 10)
@@ -36,7 +36,7 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
     varying = {name: one for name, one in numbers.items() if _varies(one.values)}
     if not varying or z_mm.size < 2:
         return None
-    doubted = [(doubt, frames) for doubt, frames in doubted_frames(side) if frames.any()]
+    doubted = [(doubt, frames) for doubt, frames in flagged_frames(side) if frames.any()]
     flagged = np.zeros(z_mm.size, dtype=np.bool_)
     for _, frames in doubted:
         flagged |= frames

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.task import Case
 from endoct.workbench.bench.tasks import comparison
@@ -23,9 +24,8 @@ def test_panoramas_are_unrolled_once_for_the_same_settings(monkeypatch: pytest.M
 
 def test_doubts_of_a_comparison_are_scored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(comparison, "_against_drawn", lambda folder, answer: {"oct_truth": 0.4})
-    for doubts, doubted in (((), 0.0), (("What was taken for cells may be noise.",), 1.0)):
-        result = SimpleNamespace(doubts={"endoscope": (), "oct": doubts})
-        made = SimpleNamespace(alignment="there", result=result)
+    for doubts, doubted in (((), 0.0), ((Doubt("cells-in-noise", "What was taken for cells may be noise."),), 1.0)):
+        made = SimpleNamespace(alignment="there", doubts=doubts)
         answer: Any = SimpleNamespace(comparison=made)
         scores = comparison.judge(Case("one", (), tmp_path, {}), answer)
         assert scores == {"success": 1.0, "doubted": doubted, "oct_truth": 0.4}

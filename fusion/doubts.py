@@ -1,0 +1,80 @@
+"""What speaks against a comparison: the alignment, the cells of its two sides, and the wall that both observed."""
+
+import math
+from collections.abc import Iterator
+
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.registration.align import BELIEVABLE
+from endoct.fusion.result import CorrectedTwist, Drift, Line, Result
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.observed import LEAST_VALID_SHARE
+
+LEAST_DRIFT_MM = 0.1
+"""Cells that drift apart by less are no reason to doubt the alignment,"""
+SURE_OF_DRIFT = 2.5
+"""nor by less than so many standard errors."""
+AT_LIMIT = 1e-4
+"""A scale that ends nearer than this to a limit of its search was held there."""
+
+
+def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters, of: str) -> Iterator[Doubt]:
+    """Yield what speaks against where side ``of`` was placed."""
+    if parameters.force:
+        what = (
+            f"The best alignment was accepted because that was asked for (force); its confidence is "
+            f"{alignment.confidence:.2f}, and from {BELIEVABLE:g} on one can stand out by itself."
+        )
+        yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
+    low, high = parameters.z_scale_min, parameters.z_scale_max
+    if low < high and not low + AT_LIMIT < alignment.z_scale < high - AT_LIMIT:
+        what = (
+            f"The scale of {of} along the bore ended at a limit of its search ({alignment.z_scale:.3f}, searched from "
+            f"{low:g} to {high:g}): the true one may lie beyond, and a feed or a length in a sidecar may be wrong."
+        )
+        yield Doubt("scale-at-limit", what, value=alignment.z_scale, unit="1", expected=(low, high))
+
+
+def doubts_of_result(result: Result) -> Iterator[Doubt]:
+    """Yield what the scores of an aligned comparison say against it."""
+    if result.valid_fraction < LEAST_VALID_SHARE:
+        what = f"Both sides observed only {result.valid_fraction:.1%} of the wall over the length that they share."
+        share = result.valid_fraction
+        yield Doubt("little-observed-by-both", what, value=share, unit="1", expected=(LEAST_VALID_SHARE, 1.0))
+    if drift := result.scores.drift if result.scores else None:
+        yield from _of_drift(drift)
+    if result.jaccard is None:
+        what = "Neither side shows a cell where both observed the wall, so there is nothing to score."
+        yield Doubt("nothing-to-score", what)
+
+
+def doubt_of_twist(twist: CorrectedTwist, names: tuple[str, str]) -> Doubt:
+    """Return the doubt that a corrected twist raises the score by itself."""
+    without, corrected = twist.jaccard_without, twist.jaccard_with
+    what = (
+        f"The rows of {names[1]} were turned to where they fit {names[0]} best, as was asked for. That raises the "
+        f"score by itself: the Jaccard index is {_share(without)} without it, {_share(corrected)} with it."
+    )
+    gain = None if without is None or corrected is None else corrected - without
+    return Doubt("twist-corrected", what, value=gain, unit=None if gain is None else "1", expected=None)
+
+
+def _of_drift(drift: Drift) -> Iterator[Doubt]:
+    for where, line in (("along the bore", drift.z_mm), ("around the bore", drift.arc_mm)):
+        if grown_mm := _grown_mm(line, drift.length_mm):
+            what = (
+                f"Cells that both sides show drift apart {where}, by {abs(grown_mm):.2f} mm over "
+                f"{drift.length_mm:.1f} mm of it: the alignment may be wrong, or not rigid."
+            )
+            yield Doubt("cells-drift-apart", what, value=grown_mm, unit="mm", expected=0.0)
+
+
+def _grown_mm(line: Line, length_mm: float) -> float | None:
+    """Return by how much matched cells drift apart over the length on which there are any; None where they do not."""
+    grown_mm = line.per_mm * length_mm
+    sure = abs(line.per_mm) > SURE_OF_DRIFT * line.per_mm_error
+    return grown_mm if sure and math.isfinite(grown_mm) and abs(grown_mm) > LEAST_DRIFT_MM else None
+
+
+def _share(jaccard: float | None) -> str:
+    return "not known" if jaccard is None else f"{jaccard:.3f}"
