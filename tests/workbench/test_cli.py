@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -224,6 +225,23 @@ def test_two_different_patterns_are_not_aligned_and_status_3(tmp_path: Path, run
     (tmp_path / "c" / "report.html").unlink()
     assert run("report", tmp_path / "c")[0] == 0
     assert (tmp_path / "c" / "report.html").is_file()
+
+
+def test_a_doubt_of_one_recording_is_said_once_and_status_3_if_strict(
+    quick_specimen: Path, tmp_path: Path, run: Run
+) -> None:
+    store = tmp_path / "x.zarr"
+    arguments = "unroll", quick_specimen / "oct", "-o", store, "--set", "bore_diameter_mm=2.1", "--overwrite"
+    status, said = run(*arguments)
+    assert status == 0
+    assert said.count("\nDOUBT: The wall lies") == said.count("The wall lies") == 1
+    status, said = run(*arguments, "--strict", "--json")
+    assert status == 3
+    (doubt,) = json.loads(said)["doubts"]
+    assert (doubt["code"], doubt["unit"], doubt["expected"]) == ("wall-far-from-nominal", "mm", 2.1)
+    stated = tomllib.loads((quick_specimen / "oct" / "acquisition.toml").read_text())
+    assert doubt["value"] == pytest.approx(stated["bore_diameter_mm"], abs=0.02)
+    assert load_panorama(store).doubts[0].to_json() == doubt
 
 
 def test_modalities_lists_both(run: Run) -> None:
