@@ -142,7 +142,8 @@ class Picture:
     Attributes: ``name`` (short, used in file names); ``title``; ``image`` (row, column) or (row, column, 3),
     at most about 1000 samples a side; ``x_label`` and ``y_label`` with units; ``x_extent`` and ``y_extent``,
     the coordinates of the first and the last pixel centre along columns and rows; ``curves``: label to
-    float64 (n, 2) of x and y in those coordinates, NaN where a curve is interrupted.
+    float64 (n, 2) of x and y in those coordinates, NaN where a curve is interrupted; ``about``: what else there is to
+    see in it, in a sentence or two.
     """
 
     name: str
@@ -153,6 +154,7 @@ class Picture:
     x_extent: tuple[float, float]
     y_extent: tuple[float, float]
     curves: Mapping[str, Coordinates] = field(default_factory=dict)
+    about: str = ""
 
 
 def import_cause(error: BaseException) -> str:

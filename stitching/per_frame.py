@@ -1,5 +1,6 @@
-"""Numbers per frame with what they mean: unit, title, and of a flag which value speaks for its frame."""
+"""Numbers per frame with what they mean: unit, title, usual range, and of a flag which value speaks for its frame."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,12 +28,14 @@ class Meaning:
 
     Attributes: ``title``, what they are, in words ("pair correlation"), of a flag what it says where it is true ("pair
     trusted"); ``unit`` of the numbers, "" where they have none; ``trusted_when``, of a flag, the value of frames that
-    can be trusted, None where it says nothing about that.
+    can be trusted, None where it says nothing about that; ``usual``, of numbers that say how good a frame is, the
+    least and the largest of sound recordings, in ``unit``, infinite where there is no limit. Reports put those first.
     """
 
     title: str
     unit: str = ""
     trusted_when: bool | None = None
+    usual: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +43,14 @@ class PerFrame:
     """Numbers per frame: ``values``, (n_frames, …), read-only; the others as in :class:`Meaning`.
 
     Raises :class:`EndoctError` where a title or a unit is no short plain text, or something else than one flag a frame
-    says which frames can be trusted.
+    says which frames can be trusted, or the usual range is none.
     """
 
     values: NDArray[Any]
     unit: str
     title: str
     trusted_when: bool | None = None
+    usual: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", readonly(self.values, np.asarray(self.values).dtype))
@@ -63,12 +67,18 @@ class PerFrame:
                 found=f"{self.values.dtype} {self.values.shape}",
                 expected="true or false for every frame",
             )
+        if self.usual is not None and not self.usual[0] < self.usual[1]:
+            raise EndoctError(f"'{self.title}' cannot usually lie from {self.usual[0]} to {self.usual[1]}")
 
     def attributes(self) -> dict[str, str]:
-        """Return what a store says of the numbers: ``units``, ``long_name``, ``trusted_when``, where there are any."""
+        """Return what a store says of the numbers.
+
+        ``units``, ``long_name``, ``trusted_when`` and ``usual_range`` ("0.7 1", "15 inf"), where there are any.
+        """
         units = {"units": self.unit} if self.unit else {}
         trusted = {} if self.trusted_when is None else {"trusted_when": str(self.trusted_when).lower()}
-        return {**units, "long_name": self.title, **trusted}
+        usual = {} if self.usual is None else {"usual_range": f"{self.usual[0]!r} {self.usual[1]!r}"}
+        return {**units, "long_name": self.title, **trusted, **usual}
 
     @property
     def doubted(self) -> Mask:
@@ -98,8 +108,17 @@ def per_frame(values: Mapping[str, ArrayLike | PerFrame], meanings: Mapping[str,
             continue
         array = np.asarray(given)
         meaning = meanings.get(name) or usual_meaning(name, array)
-        described[name] = PerFrame(array, meaning.unit, meaning.title, meaning.trusted_when)
+        described[name] = PerFrame(array, meaning.unit, meaning.title, meaning.trusted_when, meaning.usual)
     return described
+
+
+def stored_range(text: object) -> tuple[float, float] | None:
+    """Return the range that a store's ``usual_range`` gives; None for nothing, and for what is none."""
+    try:
+        low, high = (float(part) for part in str(text).split())
+    except ValueError:
+        return None
+    return (low, high) if low < high and not math.isnan(low + high) else None
 
 
 def usual_meaning(name: str, values: NDArray[Any]) -> Meaning:

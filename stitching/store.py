@@ -14,7 +14,7 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.json_values import a_list, an_object, number, texts
 from endoct.stitching.panorama import FORMAT, SURFACE, Panorama
-from endoct.stitching.per_frame import PerFrame, per_frame
+from endoct.stitching.per_frame import PerFrame, per_frame, stored_range
 from endoct.stitching.zarr_store import Named, read_array_attributes, read_arrays, read_attributes, write_arrays
 
 
@@ -106,7 +106,8 @@ def _described(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -
     if "long_name" not in attributes:
         return per_frame({name: values}, {})[name]
     trusted_when = {"true": True, "false": False}.get(str(attributes.get("trusted_when")))
-    return PerFrame(values, attributes.get("units", ""), attributes["long_name"], trusted_when)
+    usual = stored_range(attributes.get("usual_range"))
+    return PerFrame(values, attributes.get("units", ""), attributes["long_name"], trusted_when, usual)
 
 
 def _provenance(attributes: Mapping[str, Any], what: str) -> tuple[dict[str, Any], tuple[str, ...], tuple[Doubt, ...]]:

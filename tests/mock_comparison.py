@@ -1,6 +1,7 @@
 """What ``endoct compare`` leaves for its report, made up: cells, some over the seam, and what was not observed."""
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
 from endoct.workbench.report.pictures import save_pictures
 
@@ -95,7 +97,8 @@ def _panorama(side: Kind, intensity: Any, depth_mm: Any, valid: Any) -> Panorama
     per_frame = {
         "slice_z_mm": FRAME_Z_MM,
         "slice_index": np.arange(15),
-        "residual_mm": 0.004 + 0.001 * np.sin(FRAME_Z_MM),
+        "residual_mm": PerFrame(0.004 + 0.001 * np.sin(FRAME_Z_MM), "mm", "misfit of the face", usual=(0.0, 0.0045)),
+        "signal": PerFrame(np.full(15, 20.0), "dB", "signal", usual=(12.0, math.inf)),
         "phase_rad": np.mod(6.2 + 0.02 * np.arange(15), 2 * np.pi),
         "omega": np.ones(15),
         "bridged": np.isin(np.arange(15), BRIDGED),
@@ -114,6 +117,6 @@ def mock_pictures() -> tuple[Picture, ...]:
     noise = np.random.default_rng(2).random((50, 100)).astype(np.float32)
     labels = {"x_label": "rotation (rad)", "y_label": "depth (mm)", "x_extent": (0.0, 6.2), "y_extent": (0.0, 2.5)}
     return (
-        Picture("raw", "B-scan as recorded", noise, **labels, curves={"outer face": curve}),
+        Picture("raw", "B-scan as recorded", noise, **labels, curves={"outer face": curve}, about="Lines: the sheath."),
         Picture("flat", "B-scan undistorted", noise, **labels, curves={}),
     )

@@ -29,6 +29,7 @@ def picture_frame(frame: Frame, calibration: EndoscopeCalibration) -> tuple[Pict
             x_extent=(0.0, width - 1.0),
             y_extent=(0.0, height - 1.0),
             curves=_rims(calibration.annuli[frame.index], width, height),
+            about="The wall is seen between the two rims of the mirror; in the middle the camera sees itself.",
         ),
         Picture(
             name="strip",

@@ -1,5 +1,6 @@
 """The OCT plug-in as the registry sees it before loading it: the keys of its sidecar and what it provides."""
 
+import math
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -90,28 +91,29 @@ MANIFEST = Manifest(
     provides=frozenset({"intensity", "depth", "volume"}),
     frame_dim="slice",
     implementation="endoct.modalities.oct.plugin:OCT",
+    # usual: what 98 % of the slices have, rounded outward (`quick`, `hard`, `learning`, seeds 11–14)
     per_frame={
-        "sine_amplitude_mm": Meaning("sine amplitude", "mm"),
-        "sine_omega": Meaning("sine omega"),
-        "sine_phase_rad": Meaning("sine phase", "rad"),
-        "sine_offset_mm": Meaning("sine offset", "mm"),
-        "offset_mm": Meaning("offset", "mm"),
-        "offset_direction_rad": Meaning("offset direction", "rad"),
-        "glass_mm": Meaning("glass", "mm"),
-        "inlier_fraction": Meaning("inlier fraction"),
-        "residual_mm": Meaning("residual", "mm"),
+        "sine_amplitude_mm": Meaning("amplitude A of the sine fitted to the capillary", "mm"),
+        "sine_omega": Meaning("periods a turn ω of the sine fitted to the capillary"),
+        "sine_phase_rad": Meaning("phase φ of the sine fitted to the capillary", "rad"),
+        "sine_offset_mm": Meaning("mean depth D of the sine fitted to the capillary", "mm"),
+        "offset_mm": Meaning("catheter off the axis of the capillary", "mm"),
+        "offset_direction_rad": Meaning("direction in which the catheter is off the axis", "rad"),
+        "glass_mm": Meaning("thickness of the glass", "mm"),
+        "inlier_fraction": Meaning("share of A-scans that show the capillary", usual=(0.6, 1.0)),
+        "residual_mm": Meaning("misfit of the capillary", "mm", usual=(0.0, 0.004)),
         "bridged": Meaning("bridged", trusted_when=False),
-        "start_angle_rad": Meaning("start angle", "rad"),
+        "start_angle_rad": Meaning("angle at which the turn starts", "rad"),
         "start_angle_known": Meaning("start angle known", trusted_when=True),
-        "start_angle_sigma_rad": Meaning("start angle sigma", "rad"),
-        "turn_length": Meaning("turn length"),
-        "rotation_amplitude_rad": Meaning("rotation amplitude", "rad"),
+        "start_angle_sigma_rad": Meaning("standard error of the start angle", "rad"),
+        "turn_length": Meaning("length of the turn"),
+        "rotation_amplitude_rad": Meaning("largest departure from even rotation", "rad", usual=(0.0, math.radians(6))),
         "rotation_known": Meaning("rotation known", trusted_when=True),
-        "rotation_sigma_rad": Meaning("rotation sigma", "rad"),
-        "rotation_harmonics_rad": Meaning("rotation harmonics", "rad"),
-        "lost_at_rad": Meaning("lost at", "rad"),
-        "lost_rad": Meaning("lost", "rad"),
-        "surface_fraction": Meaning("surface fraction"),
-        "wall_sigmas": Meaning("wall sigmas"),
+        "rotation_sigma_rad": Meaning("standard error of the rotation", "rad"),
+        "rotation_harmonics_rad": Meaning("departure from even rotation, harmonics", "rad"),
+        "lost_at_rad": Meaning("angle at which A-scans are missing", "rad"),
+        "lost_rad": Meaning("angle over which A-scans are missing", "rad"),
+        "surface_fraction": Meaning("share of A-scans that show the wall", usual=(0.95, 1.0)),
+        "wall_sigmas": Meaning("wall over the noise (standard errors)", usual=(12.0, math.inf)),
     },
 )

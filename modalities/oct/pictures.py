@@ -14,7 +14,7 @@ PICTURE_COLUMNS = 1000
 
 
 def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, ...]:
-    """Return the B-scan as recorded, with outer face, sine and wall, and the same undistorted, with the wall."""
+    """Return the B-scan as recorded, with outer face, its sine and wall, and the same undistorted, with the wall."""
     beams = profile_beams(frame, calibration)
     mm, index = calibration.mm_per_px, frame.index
     n_columns = min(PICTURE_COLUMNS, frame.samples.shape[0])
@@ -30,9 +30,11 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
         y_extent=(0.0, (calibration.n_depth - 1) * mm),
         curves={
             "outer face of the capillary": _curve(beams.angle_rad, beams.face_mm),
-            "sine": _curve(beams.angle_rad, calibration.faces.sines[index](beams.angle_rad)),
+            "sine first fitted to it": _curve(beams.angle_rad, calibration.faces.sines[index](beams.angle_rad)),
             "wall": _curve(beams.angle_rad, wall),
         },
+        about="Bright lines above that face: the end of the fibre, the catheter's sheath, and the inner face of the "
+        "capillary. A straight line that crosses the others is added by the detector.",
     )
     theta, radii = calibration.grid.theta_rad, volume_radii_mm(calibration)
     undistorted = resample(frame, calibration, radii)
@@ -50,6 +52,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
         x_extent=(float(theta[0]), float(theta[::every][-1])),
         y_extent=(float(radii[0]), float(radii[-1])),
         curves={"wall": _curve(theta, wall_radius)},
+        about="Black below the wall: deeper than was recorded.",
     )
 
 

@@ -10,7 +10,7 @@ from endoct.modalities.registry import manifests
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.per_frame import Meaning, PerFrame, per_frame, usual_meaning
+from endoct.stitching.per_frame import Meaning, PerFrame, per_frame, stored_range, usual_meaning
 from endoct.stitching.store import load_panorama, save_panorama
 
 GRID = SurfaceGrid.full_circle(3, 8, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
@@ -51,8 +51,11 @@ def test_flags_that_speak_for_a_frame_differ_from_those_against_it() -> None:
 @pytest.mark.parametrize("name", ["oct", "endoscope"])
 def test_flags_of_our_modalities_are_declared_as_their_names_say(name: str) -> None:
     for key, meaning in manifests()[name].per_frame.items():
-        values = np.zeros(3) if meaning.trusted_when is None else FLAGS
-        assert meaning == usual_meaning(key, values)
+        by_name = usual_meaning(key, np.zeros(3) if meaning.trusted_when is None else FLAGS)
+        assert (meaning.unit, meaning.trusted_when) == (by_name.unit, by_name.trusted_when)
+        PerFrame(np.zeros(3), meaning.unit, meaning.title, usual=meaning.usual)  # titles can be stored and drawn
+        if meaning.trusted_when is not None:
+            assert meaning.title == by_name.title
 
 
 @pytest.mark.parametrize(
@@ -71,6 +74,17 @@ def test_what_cannot_be_meant(values: NDArray[np.generic], unit: str, title: str
         PerFrame(values, unit, title, trusted_when)
 
 
+@pytest.mark.parametrize("usual", [(1.0, 1.0), (2.0, 1.0), (float("nan"), 1.0)])
+def test_what_is_no_usual_range(usual: tuple[float, float]) -> None:
+    with pytest.raises(EndoctError):
+        PerFrame(np.zeros(3), "", "x", usual=usual)
+
+
+@pytest.mark.parametrize("text", [None, "", "1", "1 2 3", "x y", "2 1", "nan 1", "-inf inf", 5])
+def test_a_store_without_a_usual_range(text: object) -> None:
+    assert stored_range(text) is None
+
+
 def test_the_meaning_lies_in_the_store(tmp_path: Path) -> None:
     ones = np.ones(GRID.shape)
     given = {
@@ -78,6 +92,8 @@ def test_the_meaning_lies_in_the_store(tmp_path: Path) -> None:
         "settled": PerFrame(FLAGS, "", "settled", trusted_when=True),
         "lost": PerFrame(FLAGS, "", "lost", trusted_when=False),
         "noise_level": PerFrame(np.zeros((3, 2)), "dB", "level of noise"),
+        "contrast": PerFrame(np.zeros(3), "", "contrast", usual=(0.3, 1.0)),
+        "signal": PerFrame(np.zeros(3), "dB", "signal", usual=(15.0, float("inf"))),
     }
     made = Panorama(GRID, ones, None, ones > 0, ones, "oct", True, True, "slice", given)
     save_panorama(made, tmp_path / "p.zarr")
@@ -85,5 +101,7 @@ def test_the_meaning_lies_in_the_store(tmp_path: Path) -> None:
     assert loaded.keys() == given.keys()
     for name, one in given.items():
         again = loaded[name]
-        assert (again.unit, again.title, again.trusted_when) == (one.unit, one.title, one.trusted_when)
+        assert (again.unit, again.title, again.trusted_when, again.usual) == (
+            one.unit, one.title, one.trusted_when, one.usual,
+        )  # fmt: skip
         np.testing.assert_array_equal(again.values, one.values)

@@ -24,11 +24,11 @@ def doubts_box(doubts: Sequence[Doubt]) -> str:
 
 
 def notes_table(result: Result) -> str:
-    """Return what is to be known of some frames or rows, a line for each note; "" without any."""
+    """Return what is to be known besides, a line for each note; "" without any."""
     rows = [(side, note) for side, said in result.notes.items() for note in said]
     if not rows:
         return ""
-    return "<p class=soft>What concerns some frames or rows only.</p>\n" + table(rows)
+    return table(rows, text=(1,))
 
 
 def count_notes(result: Result) -> int:

@@ -18,10 +18,11 @@ from endoct.workbench.report.doubts import count_doubts, count_notes, doubts_box
 from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
 from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.findings import Findings, read_findings
-from endoct.workbench.report.flags import flag_rows
+from endoct.workbench.report.quality import quality_of
 from endoct.workbench.report.scores import score_tables
 from endoct.workbench.report.tables import numbers, provenance, threshold_text
-from endoct.workbench.report.wording import interval_text, length_text, share_text, table, without_stop
+from endoct.workbench.report.wording import interval_text, length_text, share_text, without_stop
+from endoct.workbench.report.words import words
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.refusals import visible_lines
 
@@ -71,15 +72,22 @@ def _draw_there(folder: Path, figures: Path) -> list[Drawn]:
 
 def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
     """Return the whole page, figures and style embedded; figures by section, in the order given."""
-    bodies = dict.fromkeys((*FIGURE_SECTIONS, "quality"), "")
+    of_frames = [f"{part}-{side.name}" for side in findings.sides for part in ("quality", "numbers")]
+    bodies = dict.fromkeys((*FIGURE_SECTIONS, *of_frames), "")
     for number, figure in enumerate(sorted(drawn, key=lambda one: list(bodies).index(one.section)), 1):
         bodies[figure.section] += _figure(number, figure)
     bodies["agreement"] += "".join(score_tables(findings))
+    titles = FIGURE_SECTIONS if findings.aligned else FIGURE_SECTIONS | {"masks": "Cells"}
+    quality = (
+        "".join(quality_of(side, bodies[f"quality-{side.name}"], bodies[f"numbers-{side.name}"]))
+        for side in findings.sides
+    )
     sections = [
-        *(_section(name, title, bodies[name]) for name, title in FIGURE_SECTIONS.items()),
+        *(_section(name, title, bodies[name]) for name, title in titles.items()),
         _section("numbers", "Numbers", "".join(numbers(findings))),
         _section("notes", "Notes", notes_table(findings.result)),
-        _section("quality", "Quality along the bore", "".join(_flags(findings)) + bodies["quality"]),
+        _section("quality", "Quality along the bore", "".join(quality)),
+        _section("words", "Words", words(findings)),
         _section("provenance", "How it was made", "".join(provenance(findings.result))),
     ]
     a, b = findings.sides
@@ -128,7 +136,7 @@ def _headline(findings: Findings) -> Iterator[str]:
     yield f"<p>{escape(_conditions(findings))}</p>\n"
     if count := count_notes(result):
         said = "1 note" if count == 1 else f"{count} notes"
-        yield f'<p><a href="#notes">{said}</a> on single frames or rows, below.</p>\n'
+        yield f'<p><a href="#notes">{said}</a>, below.</p>\n'
 
 
 def _strength(alignment: StoredAlignment) -> str:
@@ -187,16 +195,6 @@ def _conditions(findings: Findings) -> str:
         f"Cells of {s.name}: {threshold_text(thresholds[s.name])}." for s in findings.sides if s.name in thresholds
     ]
     return " ".join(parts)
-
-
-def _flags(findings: Findings) -> Iterator[str]:
-    """Yield which frames of each side are flagged, as HTML."""
-    for side in findings.sides:
-        if rows := list(flag_rows(side)):
-            dim = side.panorama.frame_dim
-            yield table(
-                rows, [f"{side.name}: {dim}s flagged", "how many", f"which (first: {dim} 0)", "z in its own frame"]
-            )
 
 
 def _section(name: str, title: str, body: str) -> str:

@@ -40,6 +40,7 @@ class _Metadata(BaseModel):
     x_extent: tuple[_Place, _Place]
     y_extent: tuple[_Place, _Place]
     curves: tuple[str, ...] = Field(max_length=100)
+    about: str = Field(default="", max_length=1000)
 
 
 def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[Picture]) -> None:
@@ -64,6 +65,7 @@ def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[
             "x_extent": [float(v) for v in picture.x_extent],
             "y_extent": [float(v) for v in picture.y_extent],
             "curves": list(picture.curves),
+            "about": picture.about,
         }
         arrays: dict[str, Any] = {
             f"curve_{k}": np.asarray(curve, np.float64) for k, curve in enumerate(picture.curves.values())
@@ -98,6 +100,7 @@ def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
                 x_extent=metadata.x_extent,
                 y_extent=metadata.y_extent,
                 curves={label: _curve(arrays[f"curve_{k}"]) for k, label in enumerate(metadata.curves)},
+                about=metadata.about,
             )
         plain_name(metadata.name, f"the picture {path}")
         loaded.append((plain_name(metadata.side, f"a side in {path}"), metadata.place, metadata.order, picture))

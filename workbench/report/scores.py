@@ -7,9 +7,10 @@ from endoct.fusion.result import CellScores, Limits, PairwiseScores, Raters, Sco
 from endoct.workbench.report.findings import Findings
 from endoct.workbench.report.wording import NOTHING, count_text, interval_text, length_text, share_text, table
 
-RATER_COLUMNS = "Jaccard", "Dice", "Outlines, mean", "95th percentile", "within tolerance"
+RATER_COLUMNS = "Jaccard", "Dice", "Outlines, mean distance", "95th percentile", "within tolerance"
 
 Pair = tuple[float, float]
+Names = tuple[str, str]
 
 
 def score_tables(findings: Findings) -> Iterator[str]:
@@ -17,23 +18,25 @@ def score_tables(findings: Findings) -> Iterator[str]:
     cards = dict(_cards(findings))
     if rows := list(_rows(cards)):
         yield "<h3>Outlines and cells</h3>\n"
-        yield table(rows, ["", *cards])
+        yield table(rows, ["", *(f"{first} and {second}" for first, second in cards)])
         yield (
-            "<p class=soft>Outlines: distance on the bore from either to the other where both observed the wall. Cells "
-            "match where their intersection is at least half of their union. Precision: share of the second's cells "
-            "that the first shows too; recall: share of the first's cells that the second shows; quality: both and "
-            "the overlap in one (panoptic quality). Only cells of which the other observed half. Each cell is a line "
-            'of <span class="code">cells.csv</span>. What each score means: docs/explanation/scores.md.</p>\n'
+            "<p class=soft>In brackets: 95 % intervals. Outlines: distance on the wall from either to the other, where "
+            "both observed. Cells match where the area they share is at least half of their union. Only cells at "
+            "least half of which the other side observed are counted. Precision: of the cells of the one named second, "
+            "the share that the first shows too. Recall: of the cells of the first, the share that the second shows. "
+            "Quality: both of these and the overlap of matched cells in one number (panoptic quality). Each cell is a "
+            'line of <span class="code">cells.csv</span>.</p>\n'
         )
     if raters := findings.result.raters:
         yield from _raters(raters)
 
 
-def _cards(findings: Findings) -> Iterator[tuple[str, Scores]]:
+def _cards(findings: Findings) -> Iterator[tuple[Names, Scores]]:
+    """Yield the scores of every pair by its two names."""
     result = findings.result
     a, b = result.sides
     if result.aligned and result.scores:
-        yield f"{a} and {b}", result.scores
+        yield (a, b), result.scores
     against: Mapping[str, Mapping[str, Scores]]
     if result.raters:
         against = {"consensus": result.raters.majority.sides}
@@ -41,10 +44,10 @@ def _cards(findings: Findings) -> Iterator[tuple[str, Scores]]:
         against = {Path(path).name: sides for path, sides in (result.truth or {}).items()}
     for name, sides in against.items():
         for side, scores in sides.items():
-            yield f"{name} and {side}", scores
+            yield (name, side), scores
 
 
-def _rows(cards: Mapping[str, Scores]) -> Iterator[list[str]]:
+def _rows(cards: Mapping[Names, Scores]) -> Iterator[list[str]]:
     boundaries = [card.boundary for card in cards.values()]
     cells = [card.cells for card in cards.values()]
     if tolerances := [b.tolerance_mm for b in boundaries if b]:
@@ -56,15 +59,15 @@ def _rows(cards: Mapping[str, Scores]) -> Iterator[list[str]]:
         within = (_share(b.within_share, b.within_interval) if b else NOTHING for b in boundaries)
         yield [f"Outlines within {tolerances[0]:g} mm of each other", *within]
     if any(cells):
-        yield ["Cells, of the first and of the second", *(_counts(c) for c in cells)]
-        yield ["… of them matched", *(count_text(c.matched) if c else NOTHING for c in cells)]
+        yield ["Cells counted", *(_counts(names, c) for names, c in zip(cards, cells, strict=True))]
+        yield ["Cells matched", *(count_text(c.matched) if c else NOTHING for c in cells)]
         yield ["Cells, precision", *(_share(c.precision, c.precision_interval) if c else NOTHING for c in cells)]
         yield ["Cells, recall", *(_share(c.recall, c.recall_interval) if c else NOTHING for c in cells)]
         yield ["Cells, quality", *(_share(c.quality, c.quality_interval) if c else NOTHING for c in cells)]
     areas, depths = ([card.area_mm2 for card in cards.values()], [card.depth_mm for card in cards.values()])
-    for limits, title, unit in ((areas, "area of matched cells", "mm²"), (depths, "depth of matched cells", "mm")):
+    for limits, title, unit in ((areas, "Area of matched cells", "mm²"), (depths, "Depth of matched cells", "mm")):
         if any(limits):
-            yield [f"Second less first, {title}", *(_limits(of, unit) for of in limits)]
+            yield [f"{title}, difference", *(_limits(n, of, unit) for n, of in zip(cards, limits, strict=True))]
 
 
 def _length(value_mm: float | None, interval: Pair | None) -> str:
@@ -82,15 +85,17 @@ def _between(interval: Pair | None, digits: int) -> str:
     return f" ({text})" if text else ""
 
 
-def _counts(cells: CellScores | None) -> str:
-    return f"{cells.of_reference} and {cells.of_other}" if cells else NOTHING
+def _counts(names: Names, cells: CellScores | None) -> str:
+    """Return "endoscope 21, oct 18"."""
+    return f"{names[0]} {cells.of_reference}, {names[1]} {cells.of_other}" if cells else NOTHING
 
 
-def _limits(limits: Limits | None, unit: str) -> str:
+def _limits(names: Names, limits: Limits | None, unit: str) -> str:
+    """Return "oct − endoscope: −0.018 mm² (95 % within −0.194 to 0.158, 4 cells)"."""
     if limits is None:
         return NOTHING
     bias, low, high = (f"{value:.3f}".replace("-", "−") for value in (limits.bias, limits.low, limits.high))
-    return f"{bias} {unit} (limits {low} to {high}, n = {limits.pairs})"
+    return f"{names[1]} − {names[0]}: {bias} {unit} (95 % within {low} to {high}, {limits.pairs} cells)"
 
 
 def _raters(raters: Raters) -> Iterator[str]:

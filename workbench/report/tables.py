@@ -6,8 +6,9 @@ from html import escape
 
 import numpy as np
 
-from endoct.fusion.result import Overlap, Result, Threshold
-from endoct.workbench.report.findings import Findings, SideFindings
+from endoct.fusion.result import Result, Threshold
+from endoct.workbench.report.findings import Findings, NamedOverlap, SideFindings
+from endoct.workbench.report.placement import alignment_rows
 from endoct.workbench.report.wording import (
     NOTHING,
     area_text,
@@ -19,14 +20,13 @@ from endoct.workbench.report.wording import (
     without_stop,
 )
 
-OVERLAP_COLUMNS: Mapping[str, Callable[[Overlap], str]] = {
-    "Jaccard": lambda overlap: share_text(overlap.jaccard),
-    "Dice": lambda overlap: share_text(overlap.dice),
-    "Both": lambda overlap: area_text(overlap.both_mm2),
-    "Only the first": lambda overlap: area_text(overlap.only_a_mm2),
-    "Only the second": lambda overlap: area_text(overlap.only_b_mm2),
-    "Neither": lambda overlap: area_text(overlap.neither_mm2),
-    "sites": lambda overlap: count_text(overlap.sites),
+OVERLAP_COLUMNS: Mapping[str, Callable[[NamedOverlap], str]] = {
+    "Jaccard": lambda named: share_text(named.overlap.jaccard),
+    "Dice": lambda named: share_text(named.overlap.dice),
+    "Both": lambda named: area_text(named.overlap.both_mm2),
+    "Only one": lambda named: _only_one(named),
+    "Neither": lambda named: area_text(named.overlap.neither_mm2),
+    "Places": lambda named: count_text(named.overlap.sites),
 }
 ALWAYS = ("Jaccard", "Dice")
 """Columns that are there also where nothing is known."""
@@ -36,19 +36,22 @@ def numbers(findings: Findings) -> Iterator[str]:
     """Yield the numbers of a comparison as HTML."""
     result = findings.result
     if overlaps := findings.overlaps:
-        texts = {title: [text(named.overlap) for named in overlaps] for title, text in OVERLAP_COLUMNS.items()}
+        texts = {title: [text(named) for named in overlaps] for title, text in OVERLAP_COLUMNS.items()}
         texts = {title: cells for title, cells in texts.items() if title in ALWAYS or set(cells) != {NOTHING}}
         names = [f"{named.of[0]} and {named.of[1]}, {named.where}" for named in overlaps]
         yield "<h3>Overlap of the cells</h3>\n"
         yield table(zip(names, *texts.values(), strict=True), ["", *texts])
-        yield "<p class=soft>Counted where both observed the wall; areas on the nominal bore.</p>\n"
+        yield (
+            "<p class=soft>Areas that both, only one or neither of the two call cell, where both observed the wall, on "
+            "a cylinder of the nominal diameter.</p>\n"
+        )
     if result.aligned and result.alignment:
         a, b = (side.name for side in findings.sides)
         yield f"<h3>Alignment of {escape(b)} to {escape(a)}</h3>\n"
-        yield _leaves(result.alignment.model_dump(exclude_unset=True))
+        yield table(alignment_rows(result.alignment))
     elif result.best_unbelieved:
-        yield "<h3>The best alignment found, which was not believed</h3>\n"
-        yield _leaves(result.best_unbelieved.model_dump(exclude_unset=True))
+        yield "<h3>The best alignment found, which was not accepted</h3>\n"
+        yield table(alignment_rows(result.best_unbelieved))
     yield "<h3>Sides</h3>\n"
     columns = [_side_facts(side, result) for side in findings.sides]
     yield table(
@@ -81,6 +84,13 @@ def threshold_text(threshold: Threshold | None) -> str:
     return of if threshold.value is None else f"{of}, above {threshold.value:.3g}{unit}"
 
 
+def _only_one(named: NamedOverlap) -> str:
+    """Return "endoscope 0.47 mm², oct 0.21 mm²"."""
+    areas = zip(named.of, (named.overlap.only_a_mm2, named.overlap.only_b_mm2), strict=True)
+    known = [f"{name} {area_text(area)}" for name, area in areas if area is not None]
+    return ", ".join(known) or NOTHING
+
+
 def _leaves(values: Mapping[str, object]) -> str:
     return table((name, value_text(key, value)) for name, key, value in flattened(values))
 
@@ -88,17 +98,17 @@ def _leaves(values: Mapping[str, object]) -> str:
 def _side_facts(side: SideFindings, result: Result) -> dict[str, str]:
     panorama = side.panorama
     cells = float(side.mask[side.valid].mean()) if side.valid.any() else math.nan
-    depth = "none"
+    depth = NOTHING
     if side.depth_mm is not None:
         low, high = (float(v) for v in np.nanpercentile(side.depth_mm[side.valid], (5, 95)))
         depth = f"{low:.3f} to {high:.3f} mm".replace("-", "−")
     frames = side.frame_z_mm.size
     return {
-        "Recorded": f"{frames} {panorama.frame_dim}{'s' if frames != 1 else ''}" if frames else "–",
+        "Recorded": f"{frames} {panorama.frame_dim}{'s' if frames != 1 else ''}" if frames else NOTHING,
         "Own panorama, z × θ": f"{panorama.grid.n_z} × {panorama.grid.n_theta} samples",
         "Observed of its own panorama": f"{panorama.valid.mean():.1%}",
         "Observed of the common grid": f"{side.valid.mean():.1%}",
-        "Cells, of the wall it observed": f"{cells:.1%}" if math.isfinite(cells) else "–",
+        "Cells, of the wall it observed": f"{cells:.1%}" if math.isfinite(cells) else NOTHING,
         "Depth, 5th to 95th percentile": depth,
         "Cells segmented by": threshold_text((result.threshold or {}).get(side.name)),
         "Cells look": (result.polarity or {}).get(side.name) or NOTHING,

@@ -76,12 +76,17 @@ def flattened(values: Mapping[str, object], path: str = "") -> Iterator[tuple[st
             yield name, str(key), value
 
 
-def table(rows: Iterable[Sequence[str]], header: Sequence[str] = (), *, code: Sequence[int] = ()) -> str:
-    """Return an HTML table of plain texts, the first column as row headers; columns in ``code`` in fixed width."""
+def table(
+    rows: Iterable[Sequence[str]], header: Sequence[str] = (), *, code: Sequence[int] = (), text: Sequence[int] = ()
+) -> str:
+    """Return an HTML table of plain texts, the first column as row headers; columns in ``code`` in fixed width.
+
+    A cell is set as a number, to the right, unless it is long or its column is in ``text``.
+    """
     body = "".join(
         f'<tr><th scope="row">{escape(row[0])}</th>'
         + "".join(
-            f'<td class="{"code" if k in code else "text" if len(cell) > 30 else "number"}">{escape(cell)}</td>'
+            f'<td class="{"code" if k in code else _kind(cell, k in text)}">{escape(cell)}</td>'
             for k, cell in enumerate(row[1:], 1)
         )
         + "</tr>\n"
@@ -90,13 +95,18 @@ def table(rows: Iterable[Sequence[str]], header: Sequence[str] = (), *, code: Se
     if not body:
         return ""
     head = "".join(
-        f"<th{' class=number' if k and k not in code else ''}>{escape(name)}</th>" for k, name in enumerate(header)
+        f"<th{' class=number' if k and k not in (*code, *text) else ''}>{escape(name)}</th>"
+        for k, name in enumerate(header)
     )
     return (
         '<div class="scroll"><table>'
         + (f"<thead><tr>{head}</tr></thead>" if header else "")
         + f"<tbody>\n{body}</tbody></table></div>\n"
     )
+
+
+def _kind(cell: str, is_text: bool) -> str:
+    return "text" if is_text or len(cell) > 30 else "number"
 
 
 def _words_and_unit(key: str) -> tuple[list[str], str]:

@@ -15,7 +15,7 @@ import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 from PIL import Image
 
-from endoct.fusion.result import MaskScores, Result, Threshold
+from endoct.fusion.result import CellScores, Limits, MaskScores, PairScores, Result, Threshold
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.report.page import write_report
@@ -115,7 +115,7 @@ def test_every_figure_is_embedded_and_lies_beside_the_page(aligned: Made) -> Non
     files = list((folder / "figures").glob("*.png"))
     assert {path.stem for path in files} == {
         "panoramas", "masks", "alignment", "depth-oct", "frames-endoscope", "frames-oct", "cylinder-oct",
-        "quality-endoscope", "quality-oct",
+        "quality-endoscope", "quality-oct", "numbers-endoscope", "numbers-oct",
     }  # fmt: skip
     assert len(page.images) == len(files)
     for source in page.images:
@@ -157,12 +157,36 @@ def test_doubts_about_a_side_head_the_report_of_what_is_not_aligned(make: Callab
 
 def test_notes_are_listed_once_and_flagged_frames_in_a_table(aligned: Made) -> None:
     _, _, page = aligned
-    assert "1 note on single frames or rows" in page.text
-    assert "doubt" not in page.text
+    assert "1 note , below." in page.text
+    assert 'class="doubts"' not in page.source
     said = page.text[page.text.index("Notes") :]
     assert page.text.count("Depth rows 92–93 hold fixed lines & were interpolated.") == 1
     assert "bridged 3 of 15 3, 8–9 0.60, 1.60–1.80 mm" in said
     assert "pair" not in said[: said.index("How it was made")]
+
+
+def test_numbers_with_a_usual_range_are_in_view_and_all_others_folded_away(aligned: Made) -> None:
+    _, _, page = aligned
+    opened, folded = page.source.index("<details>"), page.source.index("</details>")
+    assert page.source.index('id="quality-endoscope"') < opened < page.source.index('id="numbers-endoscope"') < folded
+    assert "<details open" not in page.source
+    rows = re.sub(r"<[^>]+>", " ", page.source[opened:folded])
+    assert re.search(r"residual_mm\s+misfit of the face\s+0 to 0.0045 mm\s+0.00\d+ to 0.00\d+ mm", rows)
+    assert re.search(r"signal\s+signal\s+at least 12 dB\s+20 dB", rows)
+    assert re.search(r"phase_rad\s+phase\s+–\s+−?[\d.]+ to [\d.]+°", rows)
+
+
+def test_the_caption_of_single_frames_says_what_is_what(aligned: Made) -> None:
+    _, _, page = aligned
+    assert "Drawn in: outer face (orange). Lines: the sheath." in page.text
+
+
+def test_differences_say_of_what(make: Callable[..., Made]) -> None:
+    limits = Limits(pairs=4, bias=-0.018, low=-0.194, high=0.158)
+    cells = CellScores(of_reference=7, of_other=5, matched=5)
+    _, _, page = make(Kind("endoscope", depth=False), Kind("oct"), scores=PairScores(area_mm2=limits, cells=cells))
+    assert "Cells counted endoscope 7, oct 5" in page.text
+    assert "oct − endoscope: −0.018 mm² (95 % within −0.194 to 0.158, 4 cells)" in page.text
 
 
 def test_two_of_one_modality_and_nothing_to_score(make: Callable[..., Made]) -> None:

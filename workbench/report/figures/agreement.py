@@ -27,7 +27,7 @@ from endoct.workbench.report.figures.drawing import (
 from endoct.workbench.report.findings import Findings
 
 CAUSE_COLOURS = {"alignment": SKY, "sampling": ORANGE, "visibility": GREEN, "segmentation": VERMILION}
-STRATA_TITLES = {"diameter_mm": "diameter (mm)", "depth_mm": "depth (mm)", "contrast": "contrast (1)"}
+STRATA_TITLES = {"diameter_mm": "diameter (mm)", "depth_mm": "depth (mm)", "contrast": "contrast"}
 
 
 def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
@@ -52,7 +52,7 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
         axes.set_xlim(0, 1)
         axes.set_ylim(-0.5, 0.5)
         axes.set_yticks([])
-        axes.set_xlabel("share of the cells that either side shows (1)")
+        axes.set_xlabel("share of the area that either side calls cell")
         for edge in ("top", "right", "left"):
             axes.spines[edge].set_visible(False)
         axes.legend(
@@ -65,22 +65,24 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
 
 def _budget_caption(budget: Budget) -> str:
     caption = (
-        "On the common grid, where both observed the wall. Alignment: what the uncertainty of the found alignment "
-        "costs masks that agree. Sampling: what such masks lose besides, sampled at each side's own rows. Visibility: "
-        "cells of one side of which the other has no sign. Segmentation: the rest, cells missed or drawn differently, "
-        "and departures from a rigid alignment. In parentheses 95 % intervals over patches of wall. "
+        "On the common grid, where both observed the wall. Alignment: what its likely error costs. Sampling: what it "
+        "costs that each side has samples at other places. Visibility: cells of one side of which the other shows no "
+        "trace. Segmentation: the rest, such as cells that one side misses or outlines differently, and what a "
+        "rotation, a shift and a scale cannot bring together. In brackets: 95 % intervals. "
     )
     if not budget.alignment_known:
         caption += "The uncertainty of the alignment is not known: what it costs counts as segmentation. "
     if budget.parts.segmentation.share < 0:
         caption += "Segmentation is negative: the causes before it predict more loss than there is. "
     invisible = [
-        f"{of.cells} cells ({of.area_mm2:.2f} mm²) not visible to {name}"
+        f"{of.cells} cell{'s' if of.cells != 1 else ''} ({of.area_mm2:.2f} mm²) not visible to {name}"
         for name, of in budget.not_visible.items()
         if of.cells
     ]
     uncovered = [
-        f"{area:.2f} mm² of cells not covered by {name}" for name, area in budget.not_covered.items() if area >= 0.005
+        f"{area:.2f} mm² of cells outside of what {name} observed"
+        for name, area in budget.not_covered.items()
+        if area >= 0.005
     ]
     text_after = ", ".join([*invisible, *(f"{text} (in no score)" for text in uncovered)])
     return caption + (f"{text_after[0].upper()}{text_after[1:]}." if text_after else "")
@@ -102,16 +104,15 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
             _bland_altman(place(figure, 4.7, 0.0, 2.45, 1.95), pairs, area, findings)
         saved = save(figure, folder / "scores.png")
     caption = (
-        "(a) Jaccard index with its 95 % interval over the places where either side shows a cell, by the place's "
-        "diameter, and by depth and contrast (median over it) where a side knows them; n counts places, without an "
-        "interval where there are fewer than five."
+        "(a) Jaccard index over n places at which either side shows a cell, with its 95 % interval where n is at "
+        "least five: by the diameter of the place, and by its median depth and contrast where a side knows them."
     )
     if area:
         a, b = (side.name for side in findings.sides)
         caption += (
-            f" (b) Area of {area.pairs} matched whole cells, {b} less {a}, against their mean (Bland and Altman): "
-            f"bias {_number(area.bias)} mm² (line), 95 % of differences within {_number(area.low)} to "
-            f"{_number(area.high)} mm² (dashed)."
+            f" (b) Area of {area.pairs} matched whole cells, {b} − {a}, against the mean of both (Bland and Altman). "
+            f"Line: mean difference, {_number(area.bias)} mm². Dashed: between these lie 95 % of the differences, "
+            f"{_number(area.low)} to {_number(area.high)} mm²."
         )
     return Drawn(saved, "agreement", "Agreement by kinds of cells", caption)
 
@@ -138,7 +139,7 @@ def _by_kind(axes: Axes, strata: Strata, title: str) -> None:
     for edge in ("top", "right", "left"):
         axes.spines[edge].set_visible(False)
     axes.set_title(title, pad=4)
-    axes.set_xlabel("Jaccard index (1)")
+    axes.set_xlabel("Jaccard index")
 
 
 def _bland_altman(axes: Axes, pairs: Coordinates, area: Limits, findings: Findings) -> None:

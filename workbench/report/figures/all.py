@@ -9,7 +9,7 @@ from endoct.workbench.report.figures.agreement import draw_budget, draw_scores
 from endoct.workbench.report.figures.cylinder import draw_cylinder
 from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.figures.frames import draw_depth, draw_frames
-from endoct.workbench.report.figures.quality import draw_quality
+from endoct.workbench.report.figures.quality import draw_other_numbers, draw_quality
 from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panoramas
 from endoct.workbench.report.findings import Findings
 
@@ -42,6 +42,7 @@ def _on_own_rows(findings: Findings, folder: Path) -> Iterator[Drawing]:
         yield partial(draw_depth, side, folder)
         yield partial(draw_frames, side, folder)
         yield partial(draw_quality, side, folder)
+        yield partial(draw_other_numbers, side, folder)
 
 
 def _drawn(drawings: Iterable[Drawing]) -> list[Drawn]:

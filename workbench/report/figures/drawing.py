@@ -50,7 +50,6 @@ ORANGE, BLUE, GREEN, VERMILION, PURPLE, SKY = "#E69F00", "#0072B2", "#009E73", "
 INK, PAPER = "#3a3a3a", "#f4f4f2"
 NOT_OBSERVED, HATCH = "#b9d0f2", "#7f9fd0"
 """What was not observed: blue enough to differ from bright samples where it is too small for the hatch."""
-CURVES = (VERMILION, SKY, GREEN, ORANGE)
 PLACES = (PURPLE, ORANGE, BLUE)
 
 INTENSITY_COLOURS, DEPTH_COLOURS = "gray", "magma_r"

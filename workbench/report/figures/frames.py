@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,13 @@ from numpy.typing import NDArray
 
 from endoct.modalities.contract import Picture
 from endoct.workbench.report.figures.drawing import (
-    CURVES,
     DEPTH_COLOURS,
+    GREEN,
+    ORANGE,
     PAGE_WIDTH_IN,
     PLACES,
+    SKY,
+    VERMILION,
     Drawn,
     hatch_not_observed,
     journal_style,
@@ -36,7 +40,14 @@ from endoct.workbench.report.figures.wall_panels import (
 )
 from endoct.workbench.report.findings import SideFindings
 
-DASHES: tuple[Any, ...] = ("-", (0, (4, 4)))
+Style = tuple[str, str, Any]
+"""Of a curve: what a caption calls it, its colour, and its dashes."""
+STYLES: tuple[Style, ...] = (
+    ("orange", VERMILION, "-"),
+    ("blue, dashed", SKY, (0, (4, 4))),
+    ("green", GREEN, "-"),
+    ("yellow, dashed", ORANGE, (0, (4, 4))),
+)
 """Every other curve is dashed, so that two that coincide both show."""
 TITLE_LINE_IN = 0.15
 
@@ -45,7 +56,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     """Draw every picture of a side: a row for each frame, as recorded and then as processed."""
     if not side.pictures:
         return None
-    frames = list(side.pictures.items())
+    frames, styles = list(side.pictures.items()), curve_styles(side)
     most = max(len(pictures) for _, pictures in frames)
     # B-scans are wide: a row for each frame. Images of a camera are not: a column for each.
     down = not _is_image(frames[0][1][0])
@@ -71,11 +82,12 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
         figure = new_figure(PAGE_WIDTH_IN, below_in)
         for (row, column), (place_of, picture) in panels.items():
             axes = place(figure, column * pitch_in + 0.5, tops_in[row], width_in, heights_in[row])
-            show_picture(axes, picture, legend=place_of == last, y_label=down or column == 0)
+            show_picture(axes, picture, styles, legend=place_of == last, y_label=down or column == 0)
             axes.set_title(titles[row, column], pad=3)
         saved = save(figure, folder / f"frames-{side.name}.png")
-    names = list(dict.fromkeys(label for ps in side.pictures.values() for p in ps for label in p.curves))
-    drawn = f" Drawn in: {', '.join(names)}." if names else ""
+    drawn = ", ".join(f"{label} ({name})" for label, (name, *_) in styles.items())
+    drawn = f" Drawn in: {drawn}." if drawn else ""
+    about = "".join(f" {text}" for text in dict.fromkeys(p.about for ps in side.pictures.values() for p in ps) if text)
     gaps = any(np.isnan(p.image).any() for ps in side.pictures.values() for p in ps if p.image.dtype.kind == "f")
     hatched = " Hatched: not valid." if gaps else ""
     return Drawn(
@@ -83,7 +95,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
         "frames",
         f"Single frames, {side.name}",
         f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after."
-        f"{drawn}{hatched}",
+        f"{drawn}{about}{hatched}",
     )
 
 
@@ -96,7 +108,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
     length_mm, around_mm = grid.n_z * grid.dz_mm * z_stretch(grid), 2 * np.pi * grid.radius_mm
     wall_in = float(np.clip(MAX_PANEL_HEIGHT_IN * around_mm / length_mm, 1.2, 3.4))
     wall_height_in = wall_in * length_mm / around_mm
-    right_in = LEFT_IN + wall_in + 0.65
+    right_in, styles = LEFT_IN + wall_in + 0.65, curve_styles(side)
     pitch_in = max(wall_height_in / max(1, len(side.pictures)), 1.2)
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, max(wall_height_in, pitch_in * len(side.pictures)))
@@ -112,7 +124,7 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
                 _mark_place(axes, float(side.frame_z_mm[place_of]), colour)
             part = place(figure, right_in, k * pitch_in, PAGE_WIDTH_IN - right_in - 0.1, min(pitch_in - 0.3, 2.2))
             last = k == len(side.pictures) - 1
-            show_picture(part, pictures[-1], legend=last, x_label=last, y_label=k == len(side.pictures) // 2)
+            show_picture(part, pictures[-1], styles, legend=last, x_label=last, y_label=k == len(side.pictures) // 2)
             part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place_of)}", pad=3)
             for spine in part.spines.values():
                 spine.set(color=colour, linewidth=1.6)
@@ -122,12 +134,24 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
         "depth",
         f"Colour-coded depth, {side.name}",
         "(a) Depth of the wall on the side's own rows and in its own frame, before any alignment: no interpolation. "
-        "Hatched: not observed." + (" Beside: the frames at the lines of their colour." if side.pictures else ""),
+        "Hatched: not observed." + (" Right: the frames at the lines of their colour." if side.pictures else ""),
     )
 
 
+def curve_styles(side: SideFindings) -> dict[str, Style]:
+    """Return how every curve is drawn, by its label, alike in all pictures of a side."""
+    labels = dict.fromkeys(label for pictures in side.pictures.values() for one in pictures for label in one.curves)
+    return {label: STYLES[k % len(STYLES)] for k, label in enumerate(labels)}
+
+
 def show_picture(
-    axes: Axes, picture: Picture, *, legend: bool = True, x_label: bool = True, y_label: bool = True
+    axes: Axes,
+    picture: Picture,
+    styles: Mapping[str, Style],
+    *,
+    legend: bool = True,
+    x_label: bool = True,
+    y_label: bool = True,
 ) -> None:
     """Draw one picture with its curves; with equal scales where both axes have one unit of length or pixels."""
     image: NDArray[Any] = picture.image
@@ -147,15 +171,9 @@ def show_picture(
         axes.imshow(image, cmap="gray", vmin=low, vmax=high, **options)
     else:
         axes.imshow(image, **options)
-    for k, (label, curve) in enumerate(picture.curves.items()):
-        axes.plot(
-            x_scale * curve[:, 0],
-            curve[:, 1],
-            color=CURVES[k % len(CURVES)],
-            linewidth=0.9,
-            linestyle=DASHES[k % 2],
-            label=label,
-        )
+    for label, curve in picture.curves.items():
+        _, colour, dashes = styles[label]
+        axes.plot(x_scale * curve[:, 0], curve[:, 1], color=colour, linewidth=0.9, linestyle=dashes, label=label)
     axes.set_xlim(left - half_x, right + half_x)
     axes.set_ylim(bottom + half_y, top - half_y)
     if y_label:

@@ -164,7 +164,7 @@ def _agreement(axes: Axes, grid: SurfaceGrid, a: Mask, b: Mask, observed: Mask) 
     axes.tick_params(labelleft=False)
     axes.grid(color="#e3e3e3", linewidth=0.4)
     axes.set_title("(c) along the bore", pad=ABOVE_PT)
-    axes.set_xlabel("share (1)")
+    axes.set_xlabel("index, share")
     _legend(axes, None)
 
 
