@@ -1,0 +1,73 @@
+"""One pair made, compared and judged: a row of the table."""
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks.independent.judge import (
+    against_truth,
+    loss_of_alignment,
+    measured_place,
+    misplaced,
+    pair_jaccard,
+)
+from benchmarks.independent.ours import Answer, endoct_answer
+from benchmarks.independent.pair import Pair, make_pair, write_pair
+from benchmarks.independent.sets import recipe_of
+from benchmarks.independent.truth import between
+from endoct.stitching.errors import EndoctError
+
+Row = dict[str, str | float | bool]
+
+
+def judged(name: str, seed: int) -> list[Row]:
+    """Return a row for each chain's answer to one pair of a set."""
+    began = time.perf_counter()
+    pair = make_pair(recipe_of(name, seed), seed)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "pair"
+        write_pair(pair, folder)
+        made = time.perf_counter() - began
+        rows = [_row(name, seed, "endoct", pair, lambda: endoct_answer(folder))]
+    return [row | {"seconds_made": made} for row in rows]
+
+
+def _row(name: str, seed: int, chain: str, pair: Pair, answer_to: Callable[[], Answer]) -> Row:
+    e = pair.recipe.endoscope
+    row: Row = {"set": name, "seed": seed, "chain": chain, "fault": pair.recipe.oct.fault or e.fault or ""}
+    row |= {"fault_size": pair.recipe.oct.fault_size, "stated": e.stated, "cells": len(pair.bore.cells)}
+    row |= {"half_angle_deg": e.half_angle_deg, "distance_mm": e.distance_mm, "ahead": e.ahead}
+    began = time.perf_counter()
+    try:
+        answer = answer_to()
+    except EndoctError as error:
+        return row | {"outcome": "refused", "reason": str(error), "seconds": time.perf_counter() - began}
+    row |= {"seconds": time.perf_counter() - began, "reason": answer.reason, "doubts": "; ".join(answer.doubts)}
+    return row | scores(pair, answer)
+
+
+def scores(pair: Pair, answer: Answer) -> Row:
+    """Return what the judge says of an answer."""
+    a, b, bore = answer.endoscope, answer.oct, pair.bore
+    b_place = pair.oct_place
+    a_place = measured_place(bore, a, pair.endoscope_place)
+    true, stated = between(a_place, b_place), answer.oct_in_endoscope
+    row: Row = {
+        "outcome": "aligned" if stated else "not aligned",
+        "jaccard_endoscope": against_truth(bore, a_place, a),
+        "jaccard_oct": against_truth(bore, b_place, b),
+        "jaccard_true_place": pair_jaccard(a, b, true),
+        "endoscope_place_z_mm": a_place.z_mm - pair.endoscope_place.z_mm,
+        "endoscope_place_theta_rad": a_place.theta_rad - pair.endoscope_place.theta_rad,
+        "endoscope_place_scale": a_place.scale,
+    }
+    if stated is None:
+        return row
+    error = misplaced(stated, true, b, answer.covariance)
+    row |= {f"error_{key}": value for key, value in vars(error).items()}
+    row["jaccard_pair"] = pair_jaccard(a, b, stated)
+    row["loss_true"] = loss_of_alignment(bore, a, b, a_place, b_place, stated)
+    if answer.alignment_share is not None:
+        row["loss_stated"] = answer.alignment_share
+    return row
