@@ -1,6 +1,7 @@
 """A bore whose cells have star-shaped, ragged outlines; everything else about the wall follows from noise."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -9,7 +10,7 @@ from scipy import ndimage
 
 from benchmarks.independent.recipe import BoreRecipe
 
-Floats = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
 Map = NDArray[np.float32]
 STEP_MM = 0.006
 GAP_MM = 0.06
@@ -55,7 +56,7 @@ class Bore:
 
     @property
     def length_mm(self) -> float:
-        return self.level.shape[0] * STEP_MM
+        return float(self.level.shape[0] * STEP_MM)
 
     def places(self, theta_rad: Floats, z_mm: Floats) -> tuple[Floats, Floats]:
         """Return fractional (row, column) on the maps; columns wrap within the map."""
@@ -74,11 +75,11 @@ class Bore:
         lower = values[row + 1, column] * (1 - right) + values[row + 1, beside] * right
         return np.asarray(upper * (1 - down) + lower * down, dtype=np.float32)
 
-    def nearest(self, values: NDArray[np.int32] | Map, theta_rad: Floats, z_mm: Floats) -> NDArray[np.generic]:
+    def nearest(self, values: NDArray[np.int32] | Map, theta_rad: Floats, z_mm: Floats) -> NDArray[Any]:
         """Return a map's values at the nearest samples."""
         rows, columns = self.places(theta_rad, z_mm)
         row = np.clip(np.rint(rows), 0, values.shape[0] - 1).astype(np.intp)
-        return values[row, np.rint(columns).astype(np.intp) % values.shape[1]]
+        return np.asarray(values[row, np.rint(columns).astype(np.intp) % values.shape[1]])
 
     def is_cell(self, theta_rad: Floats, z_mm: Floats) -> NDArray[np.bool_]:
         """Return where the wall at r = R is missing (any shape)."""

@@ -21,6 +21,7 @@ COHERENCE_PX = 1.1
 SHEATH_WALL_MM = 0.05
 DB_PER_COUNT = 0.25
 NOISE_COUNT = 42.0
+Samples = NDArray[np.uint8 | np.uint16]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class Pullback:
     A-scan), the direction of each beam, both in the bore's frame; ``offset_mm`` (slice, 2) of the catheter.
     """
 
-    samples: NDArray[np.uint8] | NDArray[np.uint16]
+    samples: Samples
     z_mm: Floats
     angle_rad: Floats
     offset_mm: Floats
@@ -104,7 +105,7 @@ def _refract(way: Floats, outward: Floats, ratio: float) -> Floats:
 
 def _slice(
     bore: Bore, recipe: CatheterRecipe, z_mm: float, angle_rad: Floats, offset_mm: Floats, rng: Generator
-) -> NDArray[np.uint8] | NDArray[np.uint16]:
+) -> Samples:
     n, depths, pixel = recipe.a_scans, recipe.depths, recipe.axial_pixel_mm
     path = recipe.first_sample_mm + pixel * np.arange(depths)
     to_inner, to_outer, place, way = beam_paths(recipe, angle_rad, offset_mm)
@@ -139,8 +140,9 @@ def _slice(
         field[line - 1 : line + 2] += np.array([3.0, 9.0, 4.0])[:, None]
     amplitude = np.abs(field)
     if recipe.linear:
-        return np.clip(np.rint(120 * amplitude), 0, 65535).astype(np.uint16)
-    return np.clip(np.rint(20 / DB_PER_COUNT * np.log10(amplitude + 1e-6) + NOISE_COUNT), 0, 255).astype(np.uint8)
+        return np.asarray(np.clip(np.rint(120 * amplitude), 0, 65535), dtype=np.uint16)
+    counts = 20 / DB_PER_COUNT * np.log10(amplitude + 1e-6) + NOISE_COUNT
+    return np.asarray(np.clip(np.rint(counts), 0, 255), dtype=np.uint8)
 
 
 def _roll_off(path: Floats) -> Floats:
@@ -171,7 +173,9 @@ def _squareness(recipe: CatheterRecipe, angle_rad: Floats, offset_mm: Floats) ->
     return np.asarray(0.35 + 0.65 * np.exp(-((incidence / 0.07) ** 2)))
 
 
-def _face(path: Floats, at_mm: Floats, level_db: float, strength: Floats, pixel: float, rng: Generator) -> Floats:
+def _face(
+    path: Floats, at_mm: Floats, level_db: float, strength: Floats, pixel: float, rng: Generator
+) -> NDArray[np.complex64]:
     """Return a coherent line at an optical length, its phase turning with its place."""
     nearest = np.clip(np.rint((at_mm - path[0]) / pixel), 0, path.size - 2).astype(np.intp)
     share = (at_mm - path[0]) / pixel - nearest

@@ -16,17 +16,22 @@ from benchmarks.independent.bore import Bore, Floats
 from benchmarks.independent.truth import Place
 
 Bools = NDArray[np.bool_]
+LEAST_FIT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """What one side said of the wall: arrays (z, θ), on rows ``z_mm`` and columns ``theta_rad`` of its own."""
+    """What one side said of the wall: arrays (z, θ), on rows ``z_mm`` and columns ``theta_rad`` of its own.
+
+    ``depth_mm`` is None for a side without depth.
+    """
 
     intensity: NDArray[np.float32]
     cells: Bools
     valid: Bools
     z_mm: Floats
     theta_rad: Floats
+    depth_mm: Floats | None = None
 
 
 def jaccard(one: Bools, other: Bools, where: Bools) -> float:
@@ -43,6 +48,18 @@ def true_cells(bore: Bore, place: Place, wall: Wall) -> Bools:
 def against_truth(bore: Bore, place: Place, wall: Wall) -> float:
     """Return a side's Jaccard index against the truth, on its own valid samples."""
     return jaccard(wall.cells, true_cells(bore, place, wall), wall.valid)
+
+
+def depth_errors(bore: Bore, place: Place, wall: Wall) -> tuple[float, float]:
+    """Return (median depth of plain wall in mm, median of depth over true depth in cells 0.15 to 0.6 mm deep)."""
+    if wall.depth_mm is None:
+        return float("nan"), float("nan")
+    theta, z = _on_bore(place, wall)
+    known = wall.valid & np.isfinite(wall.depth_mm)
+    level, relief = bore.at(bore.level, theta, z), bore.at(bore.relief_mm, theta, z)
+    plain, inside = known & (level > 1.2), known & (level < 0.8) & (relief > 0.15) & (relief < 0.6)
+    flat = float(np.median(wall.depth_mm[plain])) if plain.any() else float("nan")
+    return flat, float(np.median(wall.depth_mm[inside] / relief[inside])) if inside.any() else float("nan")
 
 
 def pair_jaccard(a: Wall, b: Wall, b_in_a: Place) -> float:
@@ -99,10 +116,11 @@ def misplaced(stated: Place, true: Place, b: Wall, covariance: Floats | None) ->
     )
 
 
-def measured_place(bore: Bore, wall: Wall, guess: Place) -> Place:
-    """Return where a side's picture of plain wall fits the true texture best, near ``guess`` (±0.15 mm, ±0.05 rad).
+def measured_place(bore: Bore, wall: Wall, guess: Place) -> tuple[Place, float]:
+    """Return where a side's picture of plain wall fits the true texture best, near ``guess``, and how they correlate.
 
-    A coarse search over z and θ, then Gauss–Newton over θ, z and scale. Samples within 0.1 mm of a cell do not count.
+    A coarse search (±0.15 mm, ±0.05 rad, ±4 %), then Gauss–Newton over θ, z and scale. Samples near a cell do not
+    count. Where the picture fits nowhere, the guess stands.
     """
     theta, z = _on_bore(guess, wall)
     plain = wall.valid & (bore.at(_far_from_cells(bore), theta, z) > 0.5)
@@ -112,21 +130,33 @@ def measured_place(bore: Bore, wall: Wall, guess: Place) -> Place:
     pick = np.random.default_rng(0).permutation(rows.size)[:60000]
     rows, columns = rows[pick], columns[pick]
     value = picture[rows, columns]
+    middle = float(wall.z_mm.mean())
 
-    def fits(place: Place) -> float:
-        seen = bore.at(truth, *place.to_bore(wall.theta_rad[columns], wall.z_mm[rows]))
-        return float(np.corrcoef(seen, value)[0, 1])
+    def fit(place: Place, some: slice = slice(None)) -> float:
+        seen = bore.at(truth, *place.to_bore(wall.theta_rad[columns[some]], wall.z_mm[rows[some]]))
+        return float(np.corrcoef(seen, value[some])[0, 1])
 
-    tries = [
-        replace(guess, theta_rad=guess.theta_rad + d_theta, z_mm=guess.z_mm + d_z)
+    tries = (
+        _moved(guess, d_theta, d_z, d_scale, middle)
+        for d_scale in np.arange(-0.04, 0.0401, 0.01)
         for d_theta in np.arange(-0.05, 0.0501, 0.0125)
         for d_z in np.arange(-0.15, 0.1501, 0.015)
-    ]
-    place = max(tries, key=fits)
-    middle = float(wall.z_mm.mean())
+    )
+    place = max(tries, key=lambda one: fit(one, slice(4000)))
     for _ in range(12):
         place = _newton(bore, truth, place, wall, rows, columns, value, middle)
-    return place
+    return (place, fit(place)) if fit(place) > LEAST_FIT else (guess, fit(guess))
+
+
+def _moved(place: Place, theta_rad: float, z_mm: float, scale: float, middle_mm: float) -> Place:
+    """Return a place moved by that much in the bore's frame at ``middle_mm``, and stretched about it."""
+    shift = z_mm - (-1 if place.reversed else 1) * scale * middle_mm
+    return replace(
+        place,
+        theta_rad=float(place.theta_rad + theta_rad),
+        z_mm=float(place.z_mm + shift),
+        scale=float(place.scale + scale),
+    )
 
 
 def _newton(
@@ -147,12 +177,7 @@ def _newton(
     gain = float((seen * value).sum() / (seen**2).sum())
     design = np.stack([gain * by_theta, gain * by_z, gain * by_z * along, seen], axis=1)
     step = np.linalg.lstsq(design, value - gain * seen, rcond=None)[0]
-    scale = place.scale + step[2]
-    # the middle of the wall moves by step[1] alone, whatever the scale does
-    shift = step[1] - (-1 if place.reversed else 1) * step[2] * middle_mm
-    return replace(
-        place, theta_rad=float(place.theta_rad + step[0]), z_mm=place.z_mm + float(shift), scale=float(scale)
-    )
+    return _moved(place, *step[:3], middle_mm)
 
 
 def _texture(intensity: NDArray[np.float32], plain: Bools, wall: Wall, radius_mm: float) -> Floats:

@@ -114,7 +114,11 @@ def travel(bore: Bore, recipe: MirrorRecipe, rng: Generator) -> Journey:
     apex = first + np.concatenate([[0.0], np.cumsum(steps)])
     roll = recipe.roll_rad * np.cumsum(rng.normal(size=count)) / np.sqrt(count)
     roll -= roll[0]
+    if recipe.fault == "pipe_end":
+        return Journey(_pipe_end(recipe, count, rng), apex, roll, optics, pitch)
     light = _light(recipe, optics, rng)
+    if recipe.fault == "saturated":
+        light *= 2.2
     around = _background(recipe, optics, rng)
     frames = np.stack([
         _frame(bore, recipe, optics, apex[k], recipe.start_rad + roll[k], sign, light, around, rng)
@@ -137,12 +141,16 @@ def _frame(
     rng: Generator,
 ) -> NDArray[np.uint8]:
     brightness = light * wall_brightness(bore, optics, apex_mm, turn_rad, sign)
+    if recipe.fault == "far_rim":
+        end = recipe.start_mm + 0.8 * recipe.length_mm
+        beyond = sign * (seen_at(optics, optics.reach_mm, apex_mm, turn_rad, sign)[1] - end)
+        brightness = np.where(beyond > 0, 0.1 * light, brightness) + 0.8 * np.exp(-((beyond / 0.02) ** 2))
     image = around.copy()
     image[optics.row, optics.column] += brightness
     image = ndimage.gaussian_filter(image, 0.6)
     counts = 205 * recipe.exposure * image
     counts += rng.normal(size=counts.shape) * np.sqrt(recipe.noise**2 + 0.03 * np.maximum(counts, 0))
-    return np.clip(np.rint(counts + 2), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(counts + 2), 0, 255), dtype=np.uint8)
 
 
 def wall_brightness(bore: Bore, optics: Optics, apex_mm: float, turn_rad: float, sign: float) -> Map:
@@ -211,3 +219,15 @@ def _background(recipe: MirrorRecipe, optics: Optics, rng: Generator) -> Floats:
     glint = 0.6 + 0.4 * np.cos(turn - rng.uniform(0, 2 * np.pi))
     image += recipe.ring * glint * np.exp(-(((radius - at) / 2.2) ** 2))
     return np.asarray(image)
+
+
+def _pipe_end(recipe: MirrorRecipe, count: int, rng: Generator) -> NDArray[np.uint8]:
+    """Return pictures of a pipe's end, hardly moving: a bright inner ring, a blurred outer one, unlike centres."""
+    row, column = np.indices((recipe.size_px, recipe.size_px)) / recipe.size_px
+    frames = []
+    for _ in range(count):
+        x, y = 0.5 + rng.normal(size=2) * 0.002
+        near, far = np.hypot(column - x, row - y), np.hypot(column - x - 0.05, row - y + 0.03)
+        image = 30 + 150 * np.exp(-(((near - 0.2) / 0.02) ** 2)) + 90 * np.exp(-(((far - 0.4) / 0.07) ** 2))
+        frames.append(image + rng.normal(size=image.shape) * 3)
+    return np.asarray(np.clip(np.rint(frames), 0, 255), dtype=np.uint8)

@@ -56,6 +56,7 @@ def _wall(side: PlacedSide) -> Wall:
         panorama.valid,
         panorama.grid.z_mm,
         panorama.grid.theta_rad,
+        panorama.depth_mm,
     )
 
 

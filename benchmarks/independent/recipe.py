@@ -7,7 +7,7 @@ Stated = Literal["optics", "half_angle", "visible_length", "feed"]
 CatheterFault = Literal[
     "turn_step", "start_jump", "lost_slices", "swapped_slices", "pitch", "capillary", "upside_down", "no_catheter"
 ]
-MirrorFault = Literal["far_rim", "non_square", "saturated"]
+MirrorFault = Literal["far_rim", "non_square", "saturated", "pipe_end"]
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class CatheterRecipe:
 class MirrorRecipe:
     """The endoscope: a pinhole before a cone, its light, its motion and what its sidecar states.
 
-    ``inner_share`` is the inner rim's radius in the image over the outer one's, ``rim_shift_px`` by how much the rims are
-    shifted from the optical axis (px), ``bore_offset_mm`` how far the probe's axis lies from the bore's, ``length_mm``
-    the wall seen in all, ``start_mm`` where that begins.
+    ``inner_share`` is the inner rim's radius in the image over the outer one's, ``rim_shift_px`` by how much the rims
+    are shifted from the optical axis (px), ``bore_offset_mm`` how far the probe's axis lies from the bore's,
+    ``length_mm`` the wall seen in all, ``start_mm`` where that begins.
     """
 
     half_angle_deg: float = 45.0

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from benchmarks.independent.judge import (
     against_truth,
+    depth_errors,
     loss_of_alignment,
     measured_place,
     misplaced,
@@ -15,6 +16,7 @@ from benchmarks.independent.judge import (
 from benchmarks.independent.ours import Answer, endoct_answer
 from benchmarks.independent.pair import Pair, make_pair, write_pair
 from benchmarks.independent.sets import recipe_of
+from benchmarks.independent.simplest import simplest_answer
 from benchmarks.independent.truth import between
 from endoct.stitching.errors import EndoctError
 
@@ -30,6 +32,7 @@ def judged(name: str, seed: int) -> list[Row]:
         write_pair(pair, folder)
         made = time.perf_counter() - began
         rows = [_row(name, seed, "endoct", pair, lambda: endoct_answer(folder))]
+    rows.append(_row(name, seed, "simplest", pair, lambda: simplest_answer(pair)))
     return [row | {"seconds_made": made} for row in rows]
 
 
@@ -62,6 +65,7 @@ def scores(pair: Pair, answer: Answer) -> Row:
         "endoscope_place_theta_rad": a_place.theta_rad - pair.endoscope_place.theta_rad,
         "endoscope_place_scale": a_place.scale,
     }
+    row["wall_depth_mm"], row["cell_depth_ratio"] = depth_errors(bore, b_place, b)
     if stated is None:
         return row
     error = misplaced(stated, true, b, answer.covariance)

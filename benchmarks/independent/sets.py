@@ -1,15 +1,24 @@
 """Named sets of recipes: what each draws for a seed. Kinds alternate with the seed, so that any run has all of them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
 from benchmarks.independent.mirror import focal_px, wall_z_mm
-from benchmarks.independent.recipe import BoreRecipe, CatheterRecipe, MirrorRecipe, Recipe
+from benchmarks.independent.recipe import (
+    BoreRecipe,
+    CatheterFault,
+    CatheterRecipe,
+    MirrorFault,
+    MirrorRecipe,
+    Recipe,
+    Stated,
+)
 
 SETS = ("few", "usual", "many", "tiny", "mirrors", "sound", "broken")
-CATHETER_FAULTS = (
+CATHETER_FAULTS: tuple[tuple[CatheterFault, float], ...] = (
     ("turn_step", 0.3),
     ("start_jump", 0.3),
     ("lost_slices", 4.0),
@@ -23,8 +32,9 @@ CATHETER_FAULTS = (
     ("upside_down", 0.0),
     ("no_catheter", 0.0),
 )
+MIRROR_FAULTS: tuple[MirrorFault, ...] = ("far_rim", "non_square", "saturated", "pipe_end")
 MIRROR_KINDS = ("telecentric", "usual", "wide", "near")
-STATED = ("optics", "half_angle", "visible_length", "feed")
+STATED: tuple[Stated, ...] = ("optics", "half_angle", "visible_length", "feed")
 
 
 def recipe_of(name: str, seed: int) -> Recipe:
@@ -36,13 +46,30 @@ def recipe_of(name: str, seed: int) -> Recipe:
         return _pair(replace(_bore(rng), cells=80, size_mm=(0.3, 0.8)), rng)
     if name == "tiny":
         return _pair(replace(_bore(rng), cells=30, size_mm=(0.2, 0.4), depth_mm=(0.2, 0.6)), rng)
-    recipe = _pair(_bore(rng), rng)
+    bore = _bore(rng)
+    if name == "sound":
+        kinds: tuple[dict[str, Any], ...] = (
+            {},
+            {"cells": 4, "size_mm": (0.6, 1.5)},
+            {"cells": 80, "size_mm": (0.3, 0.8)},
+            {"floor_brightness": (0.5, 0.8)},
+            {"texture": 0.05},
+        )
+        bore = replace(bore, **kinds[seed % 5])
+    recipe = _pair(bore, rng)
+    if name == "sound" and seed % 3 == 0:
+        recipe = replace(recipe, oct=replace(recipe.oct, lines=(int(rng.integers(200, 300)),)))
     if name in ("mirrors", "sound"):
         kind, stated = MIRROR_KINDS[seed % 4], STATED[(seed // 4) % 4]
         endoscope = replace(_mirror(kind, rng), stated=stated)
         return replace(recipe, endoscope=replace(endoscope, ahead=seed % 3 > 0))
     if name == "broken":
-        fault, size = CATHETER_FAULTS[seed % len(CATHETER_FAULTS)]
+        kind_of = seed % (len(CATHETER_FAULTS) + len(MIRROR_FAULTS))
+        if kind_of >= len(CATHETER_FAULTS):
+            mirror_fault = MIRROR_FAULTS[kind_of - len(CATHETER_FAULTS)]
+            aspect = 1.1 if mirror_fault == "non_square" else 1.0
+            return replace(recipe, endoscope=replace(recipe.endoscope, fault=mirror_fault, aspect=aspect))
+        fault, size = CATHETER_FAULTS[kind_of]
         return replace(recipe, oct=replace(recipe.oct, fault=fault, fault_size=size))
     return recipe
 

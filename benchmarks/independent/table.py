@@ -46,7 +46,8 @@ def _of_chain(chain: str, rows: pd.DataFrame) -> Iterator[str]:
     yield f"\n{chain}: {len(rows)} pairs, {outcomes}; {_doubted(rows)} doubted"
     for name in _SCORES:
         if name in rows and (values := rows[name].dropna()).size:
-            yield f"  {name:22s} median {values.median():.3f}, from {values.min():.3f} to {values.max():.3f} ({values.size})"
+            said = f"median {values.median():.3f}, from {values.min():.3f} to {values.max():.3f}"
+            yield f"  {name:22s} {said} ({values.size})"
     for name, in_sigmas in _ERRORS.items():
         if name in rows and (values := rows[name].abs().dropna()).size:
             said = f"  |{name}|".ljust(24) + f" median {values.median():.4f}, worst {values.max():.4f}"
