@@ -177,7 +177,7 @@ def _newton(
     gain = float((seen * value).sum() / (seen**2).sum())
     design = np.stack([gain * by_theta, gain * by_z, gain * by_z * along, seen], axis=1)
     step = np.linalg.lstsq(design, value - gain * seen, rcond=None)[0]
-    return _moved(place, *step[:3], middle_mm)
+    return _moved(place, float(step[0]), float(step[1]), float(step[2]), middle_mm)
 
 
 def _texture(intensity: NDArray[np.float32], plain: Bools, wall: Wall, radius_mm: float) -> Floats:

@@ -46,6 +46,8 @@ def _row(name: str, seed: int, chain: str, pair: Pair, answer_to: Callable[[], A
         answer = answer_to()
     except EndoctError as error:
         return row | {"outcome": "refused", "reason": str(error), "seconds": time.perf_counter() - began}
+    except Exception as error:  # noqa: BLE001  a chain that breaks is a finding, and the others are still to be judged
+        return row | {"outcome": "crashed", "reason": repr(error), "seconds": time.perf_counter() - began}
     row |= {"seconds": time.perf_counter() - began, "reason": answer.reason, "doubts": "; ".join(answer.doubts)}
     return row | scores(pair, answer)
 
@@ -54,13 +56,14 @@ def scores(pair: Pair, answer: Answer) -> Row:
     """Return what the judge says of an answer."""
     a, b, bore = answer.endoscope, answer.oct, pair.bore
     b_place = pair.oct_place
-    a_place = measured_place(bore, a, pair.endoscope_place)
+    a_place, fit = measured_place(bore, a, pair.endoscope_place)
     true, stated = between(a_place, b_place), answer.oct_in_endoscope
     row: Row = {
         "outcome": "aligned" if stated else "not aligned",
         "jaccard_endoscope": against_truth(bore, a_place, a),
         "jaccard_oct": against_truth(bore, b_place, b),
         "jaccard_true_place": pair_jaccard(a, b, true),
+        "endoscope_place_fit": fit,
         "endoscope_place_z_mm": a_place.z_mm - pair.endoscope_place.z_mm,
         "endoscope_place_theta_rad": a_place.theta_rad - pair.endoscope_place.theta_rad,
         "endoscope_place_scale": a_place.scale,

@@ -4,6 +4,8 @@ It is given the annulus, the visible length and the sheath's size, trusts a line
 is and the nominal slices, and never says that it does not know.
 """
 
+from itertools import pairwise
+
 import numpy as np
 from scipy import ndimage
 from skimage.filters import threshold_li
@@ -38,7 +40,7 @@ def _endoscope(pair: Pair) -> tuple[Wall, Floats]:
     frames = journey.frames if recipe.travel == "in" else journey.frames[::-1]
     strips = np.stack([ndimage.map_coordinates(f.astype(float), at, order=1) for f in frames])
     strips /= np.maximum(ndimage.gaussian_filter1d(np.median(strips, axis=0), 40, axis=1, mode="wrap"), 1)
-    feed = np.cumsum([0, *(_shift(a, b) for a, b in zip(strips[:-1], strips[1:], strict=True))])
+    feed = np.cumsum([0, *(_shift(a, b) for a, b in pairwise(strips))])
     total = np.zeros((n + int(feed[-1]) + 1, COLUMNS))
     count = np.zeros((total.shape[0], 1))
     for start, strip in zip(feed.astype(int), strips, strict=True):
