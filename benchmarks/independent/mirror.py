@@ -118,7 +118,7 @@ def travel(bore: Bore, recipe: MirrorRecipe, rng: Generator) -> Journey:
         return Journey(_pipe_end(recipe, count, rng), apex, roll, optics, pitch)
     light = _light(recipe, optics, rng)
     if recipe.fault == "saturated":
-        light *= 2.2
+        light *= 1.5
     around = _background(recipe, optics, rng)
     frames = np.stack([
         _frame(bore, recipe, optics, apex[k], recipe.start_rad + roll[k], sign, light, around, rng)
@@ -142,7 +142,7 @@ def _frame(
 ) -> NDArray[np.uint8]:
     brightness = light * wall_brightness(bore, optics, apex_mm, turn_rad, sign)
     if recipe.fault == "far_rim":
-        end = recipe.start_mm + 0.8 * recipe.length_mm
+        end = recipe.start_mm + 0.93 * recipe.length_mm
         beyond = sign * (seen_at(optics, optics.reach_mm, apex_mm, turn_rad, sign)[1] - end)
         brightness = np.where(beyond > 0, 0.1 * light, brightness) + 0.8 * np.exp(-((beyond / 0.02) ** 2))
     image = around.copy()

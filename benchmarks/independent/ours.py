@@ -61,11 +61,9 @@ def _wall(side: PlacedSide) -> Wall:
 
 
 def _doubts(comparison: Comparison) -> tuple[str, ...]:
-    """Return every doubt as "side code"; where doubts have no code yet, their first words stand for it."""
+    """Return every doubt as "side: code"; where doubts have no code yet, their first words stand for it."""
     stated: object = comparison.result.doubts
     if isinstance(stated, dict):
         return tuple(f"{side}: {' '.join(text.split()[:4])}" for side, texts in stated.items() for text in texts)
-    return tuple(
-        f"{getattr(doubt, 'side', '')} {getattr(doubt, 'code', doubt)}"
-        for doubt in stated or ()  # type: ignore[attr-defined]
-    )
+    listed = stated if isinstance(stated, list | tuple) else ()
+    return tuple(f"{getattr(doubt, 'side', None) or 'both'}: {getattr(doubt, 'code', doubt)}" for doubt in listed)

@@ -38,9 +38,9 @@ class CatheterRecipe:
     the angles, slices for lost and swapped ones, stated / true for pitch and capillary.
     """
 
-    slices: int = 72
-    pitch_mm: float = 0.14
-    a_scans: int = 500
+    slices: int = 60
+    pitch_mm: float = 0.16
+    a_scans: int = 420
     depths: int = 400
     axial_pixel_mm: float = 0.005
     first_sample_mm: float = 0.2

@@ -118,7 +118,7 @@ def _mirror(kind: str, rng: Generator) -> MirrorRecipe:
             distance_mm=float(rng.uniform(nearest, farthest)),
             mirror_radius_mm=float(rng.uniform(0.8, 1.0)),
             inner_share=float(rng.uniform(0.3, 0.5)),
-            size_px=int(rng.integers(150, 230)) * 2,
+            size_px=int(rng.integers(140, 195)) * 2,
             exposure=float(rng.uniform(0.5, 1.0)),
             light_around=float(rng.uniform(0.0, 0.3)),
             light_along=float(rng.uniform(0.0, 0.5)),
