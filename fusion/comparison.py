@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from endoct.fusion.doubts import doubt_of_twist, doubts_of_alignment, doubts_of_result
+from endoct.fusion.doubts import doubt_of_twist, doubts_of_alignment, doubts_of_parts, doubts_of_result
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align_sides
+from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
 from endoct.fusion.result import Believable, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
 from endoct.fusion.scoring.overlap import overlap
@@ -76,8 +77,13 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
     # doubt
     doubts = [doubt for each in segmented for doubt in each.doubts]
     if alignment is not None:
-        whole = *doubts_of_alignment(alignment, parameters, b.name), *doubts_of_result(result)
-        doubts = [*whole, *doubts]
+        parts = parts_out_of_place(a.evidence, b.evidence, alignment)
+        doubts = [
+            *doubts_of_alignment(alignment, parameters, b.name),
+            *doubts_of_parts(parts, b.name),
+            *doubts_of_result(result),
+            *doubts,
+        ]
     result = result.model_copy(update={"doubts": tuple(dict.fromkeys(doubts))})
     return Comparison(grid, sides, alignment, result.reason, result, scored.cells)
 

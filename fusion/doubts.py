@@ -1,11 +1,12 @@
 """What speaks against a comparison: the alignment, the cells of its two sides, and the wall that both observed."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE
+from endoct.fusion.registration.rigidity import FAR_MM, Part
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Result
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.observed import LEAST_VALID_SHARE
@@ -33,6 +34,24 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters, of:
             f"{low:g} to {high:g}): the true one may lie beyond, and a feed or a length in a sidecar may be wrong."
         )
         yield Doubt("scale-at-limit", what, value=alignment.z_scale, unit="1", expected=(low, high))
+
+
+def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:
+    """Yield the doubt that parts of the wall raise which do not lie where the alignment puts side ``of``."""
+    if not parts:
+        return
+    worst = parts[0]
+    where = (
+        f"between z = {worst.first:.1f} and {worst.last:.1f} mm"
+        if worst.kind == "band"
+        else f"between θ = {math.degrees(worst.first):.0f}° and {math.degrees(worst.last):.0f}°"
+    )
+    what = (
+        f"The wall of {of} does not lie as one piece where it was aligned: {where} it fits best "
+        f"{worst.along_mm:+.2f} mm along and {worst.around_mm:+.2f} mm around the bore from there. Slices or frames "
+        "may be lost, swapped or turned."
+    )
+    yield Doubt("parts-out-of-place", what, side=of, value=worst.off_mm, unit="mm", expected=(0.0, FAR_MM))
 
 
 def doubts_of_result(result: Result) -> Iterator[Doubt]:

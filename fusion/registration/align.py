@@ -35,8 +35,8 @@ LEFT_BY_INSTRUMENTS = 0.0043, 0.0055, 0.002
 """By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
 Rotation and feed are known no better, and residuals do not show it. Root mean square of 24 simulated specimens (`quick`
 and `hard`, seeds 0–11) against their truth."""
-UNKNOWN_SLANT_MM = 0.016
-"""The same along z where nothing is known of the direction of view."""
+UNKNOWN_SLANT = 0.4
+"""Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
 CELL_MM = 0.04
 """Relief beyond which a sample counts as cell when the depth of cells is averaged."""
 
@@ -114,8 +114,10 @@ def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -
     that too near. The scale errs about B's middle.
     """
     light, relief = (b, a) if a.kind == "relief" else (a, b)
-    known = light.kind == "darkness" and light.slant is not None
-    lag_mm = 0.5 * (light.slant or 0.0) * _depth_mm(relief) if known else 0.0
+    slant = light.slant if light.kind == "darkness" else None
+    half_depth_mm = 0.5 * _depth_mm(relief)
+    lag_mm = (slant or 0.0) * half_depth_mm
+    unknown_mm = UNKNOWN_SLANT * half_depth_mm if slant is None else 0.0
     direction = -1.0 if alignment.z_reversed else 1.0
     shift_mm = lag_mm if light is a else -direction * alignment.z_scale * lag_mm
     alignment = replace(alignment, z_shift_mm=alignment.z_shift_mm + shift_mm)
@@ -123,7 +125,7 @@ def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -
         return alignment
     turn_rad, along_mm, of_scale = LEFT_BY_INSTRUMENTS
     middle_mm = direction * float(b.z_mm[[0, -1]].mean())
-    left = turn_rad, along_mm if known else UNKNOWN_SLANT_MM, of_scale
+    left = turn_rad, float(np.hypot(along_mm, unknown_mm)), of_scale
     to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * left
     return replace(alignment, covariance=as_covariance(np.array(alignment.covariance) + to_origin @ to_origin.T))
 

@@ -18,7 +18,8 @@ def per_frame_values(
 ) -> dict[str, NDArray[Any]]:
     """Return the numbers per frame, in recording order."""
     feed, optics, annuli = motion.feed, motion.band.optics, frames.annuli
-    slant = float(optics.slant(optics.r_px(motion.band.outward_mm)).mean())
+    # an assumed cone gives z along the annulus, but not the direction of view: other mirrors show the same z(r)
+    slant = np.nan if optics.assumed else float(optics.slant(optics.r_px(motion.band.outward_mm)).mean())
     return {
         "view_slant": np.full(places.z_mm.size, slant),
         "z_mm": places.z_mm,

@@ -1,0 +1,73 @@
+"""Parts of a wall that do not lie where a rigid alignment puts them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bore_pairs import Pair, make_pair
+
+from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.registration.rigidity import Part, parts_out_of_place
+from endoct.stitching.panorama import Panorama
+
+ROWS, ROW_MM, TURN_RAD = 45, 0.2, 0.3
+
+
+def out_of_place(pair: Pair, b: Panorama | None = None) -> tuple[Part, ...]:
+    return parts_out_of_place(prepare(pair.a), prepare(b or pair.b), pair.truth)
+
+
+def rearranged(b: Panorama, rows: np.ndarray) -> Panorama:
+    """``b`` with its rows in another order, or some of them twice."""
+    assert b.depth_mm is not None
+    return replace(b, intensity=b.intensity[rows], depth_mm=b.depth_mm[rows])
+
+
+def turned(b: Panorama, where: tuple[slice, slice]) -> Panorama:
+    """``b`` whose part ``where`` is that which lies ``TURN_RAD`` before it."""
+    assert b.depth_mm is not None
+    columns = round(TURN_RAD / b.grid.dtheta_rad)
+    images = [image.copy() for image in (b.intensity, b.depth_mm)]
+    for image in images:
+        image[where] = np.roll(image, columns, axis=1)[where]
+    return replace(b, intensity=images[0], depth_mm=images[1])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "way", [{}, {"mirrored": True}, {"z_reversed": True}, {"mirrored": True, "z_reversed": True, "z_scale": 1.02}]
+)
+def test_a_rigid_wall_lies_as_one_piece(seed: int, way: dict) -> None:
+    assert out_of_place(make_pair(seed, rows=ROWS, **way)) == ()
+
+
+def test_a_recording_that_turned_on_its_way_is_out_of_place_from_there() -> None:
+    pair = make_pair(rows=ROWS)
+    worst = out_of_place(pair, turned(pair.b, (slice(ROWS // 2, None), slice(None))))[0]
+    assert worst.kind == "band"
+    assert worst.around_mm == pytest.approx(-TURN_RAD * pair.a.grid.radius_mm, abs=0.05)
+    assert abs(worst.along_mm) < 0.1
+
+
+def test_a_step_within_every_turn_shows_in_sectors() -> None:
+    pair = make_pair(rows=ROWS)
+    half = pair.b.grid.n_theta // 2
+    parts = out_of_place(pair, turned(pair.b, (slice(None), slice(half, None))))
+    sectors = [part for part in parts if part.kind == "sector"]
+    assert sectors
+    assert sectors[0].around_mm == pytest.approx(-TURN_RAD * pair.a.grid.radius_mm, abs=0.05)
+
+
+def test_lost_slices_shift_what_follows() -> None:
+    pair = make_pair(rows=ROWS)
+    rows = np.r_[0:20, 24:ROWS, [ROWS - 1] * 4]
+    worst = out_of_place(pair, rearranged(pair.b, rows))[0]
+    assert worst.along_mm == pytest.approx(4 * ROW_MM, abs=0.1)
+
+
+@pytest.mark.parametrize("rearrange", [lambda rows: np.r_[rows[:10], rows[25:30], rows[15:25], rows[10:15], rows[30:]]])
+def test_swapped_slices_are_found_where_they_belong(rearrange: Callable[[np.ndarray], np.ndarray]) -> None:
+    pair = make_pair(rows=ROWS)
+    parts = out_of_place(pair, rearranged(pair.b, rearrange(np.arange(ROWS))))
+    assert {round(part.along_mm / (15 * ROW_MM)) for part in parts} == {-1, 1}
