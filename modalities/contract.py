@@ -52,12 +52,33 @@ class Frame:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
+Certainty = Literal["sure", "likely", "unsure"]
+"""How much a plug-in that claims a path relies on that; the surest one reads it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """What can be said of a recording before anybody wrote a sidecar.
+
+    Attributes: ``n_frames``; ``size``, the samples of one frame in words, as "504 A-scans × 373 depth samples";
+    ``dtype`` of the samples; ``pictures``, a few frames from the first to the last as their files hold them,
+    (row, column) or (row, column, channel).
+    """
+
+    n_frames: int
+    size: str
+    dtype: str
+    pictures: tuple[NDArray[Any], ...]
+
+
 @dataclass(frozen=True)
 class Sniff:
-    """Whether a plug-in claims a path, and why (not)."""
+    """Whether a plug-in claims a path, and why (not); how sure it is, and what it saw, where it can say that."""
 
     claims: bool
     reason: str
+    certainty: Certainty = "sure"
+    preview: Preview | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)

@@ -98,6 +98,11 @@ def open_stack(path: Path) -> ImageStack:
     return ImageStack(path, 1, _ReadImages((path,)))
 
 
+def some_frames(stack: ImageStack) -> list[NDArray[Any]]:
+    """Return the first, the middle and the last frame, of a short recording fewer. Raises what reading one does."""
+    return [stack[index] for index in sorted({0, (len(stack) - 1) // 2, len(stack) - 1})]
+
+
 def image_files(folder: Path) -> list[Path]:
     """Return the images in ``folder`` in the order of the numbers in their names."""
     files = [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]

@@ -5,16 +5,17 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from endoct.modalities.acquisition import SIDECAR_NAME, read_keys, sidecar_path, validate
-from endoct.modalities.contract import FrameStream, Manifest, Sniff, import_cause
+from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, import_cause
 from endoct.modalities.folders import exists
 from endoct.modalities.keys import abridged
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.names import plain_name
 
 GROUP = "endoct.modalities"
+SUREST_FIRST: tuple[Certainty, ...] = get_args(Certainty)
 
 
 @cache
@@ -43,9 +44,9 @@ def manifests() -> Mapping[str, Manifest]:
 
 
 def manifest_for(path: Path, modality: str | None = None) -> Manifest:
-    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else the one that claims it.
+    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else the surest that claims it.
 
-    Raises :class:`EndoctError` where there is none, or two claim it.
+    Raises :class:`EndoctError` where there is none, or two claim it and are equally sure.
     """
     if not exists(path):
         raise EndoctError(f"{path} does not exist", remedy="check the path")
@@ -56,8 +57,9 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
         if name not in manifests():
             raise EndoctError(f"unknown modality '{name[:80]}'", expected=f"one of {', '.join(manifests())}")
         return manifests()[name]
-    verdicts = {name: _sniffed(path, manifest) for name, manifest in manifests().items()}
-    claims = [name for name, verdict in verdicts.items() if verdict.claims]
+    verdicts = {name: sniffed(path, manifest) for name, manifest in manifests().items()}
+    claimed = {name: SUREST_FIRST.index(verdict.certainty) for name, verdict in verdicts.items() if verdict.claims}
+    claims = [name for name, rank in claimed.items() if rank == min(claimed.values())]
     if len(claims) == 1:
         return manifests()[claims[0]]
     if claims:
@@ -71,7 +73,9 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
     raise EndoctError(
         f"no modality reads {path}",
         found=", ".join(f"{name}: {verdict.reason}" for name, verdict in verdicts.items()),
-        remedy=f"name one of {', '.join(inside)}" if inside else "see `endoct modalities` for what can be read",
+        remedy=f"name one of {', '.join(inside)}"
+        if inside
+        else "see `endoct modalities` for what can be read; where you know what it is, say so with modality='NAME'",
     )
 
 
@@ -97,6 +101,7 @@ def open_recording(
         return manifest, manifest.load().open(path, acquisition)
 
 
-def _sniffed(path: Path, manifest: Manifest) -> Sniff:
+def sniffed(path: Path, manifest: Manifest) -> Sniff:
+    """Return what one plug-in says of ``path``. Raises :class:`EndoctError` for whatever it raises."""
     with refusing(f"the modality '{manifest.name}' cannot say whether it reads {path}"):
         return manifest.load().sniff(path)

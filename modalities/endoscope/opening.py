@@ -1,4 +1,4 @@
-"""Recordings of an endoscope on disk: what looks like one, and the stream of their frames."""
+"""Recordings of an endoscope on disk: the stream of their frames."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,19 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, Sniff, inward_positions_mm
+from endoct.modalities.contract import Frame, inward_positions_mm
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.folders import exists, is_folder
 from endoct.modalities.numbering import positions_by_number
-from endoct.modalities.recording import IMAGE_SUFFIXES, ImageStack, image_files, open_stack, whole_recordings
-from endoct.modalities.tiff import is_tiff
-from endoct.modalities.video import is_video
+from endoct.modalities.recording import ImageStack, open_stack
 from endoct.stitching.arrays import Coordinates, readonly
 from endoct.stitching.errors import EndoctError
 
 LEAST_SIDE_PX = 32
-DARK_GROUND = 0.3
-"""Of the bright parts' brightness: a ground below that is dark."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,27 +63,3 @@ def open_frames(path: Path, acquisition: Acquisition) -> EndoscopeRecording:
         positions_mm=acquisition.positions_mm,
     )
     return EndoscopeRecording(stack, acquisition, readonly(z_mm, np.float64))
-
-
-def sniff_frames(path: Path) -> Sniff:
-    """Claim a folder or file whose first image is a photograph: in colour, or bright on a dark border."""
-    if not exists(path):
-        return Sniff(False, "it does not exist")
-    try:
-        if is_folder(path) and not image_files(path) and not any(map(is_video, whole_recordings(path))):
-            return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)}) and no video")
-        if path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES and not is_tiff(path) and not is_video(path):
-            return Sniff(False, f"it is no image ({', '.join(IMAGE_SUFFIXES)}) and no video")
-        first = open_stack(path)[0]
-    except EndoctError as error:
-        return Sniff(False, str(error))
-    if first.ndim == 3:
-        return Sniff(True, "its images are in colour")
-    height, width = first.shape
-    rim = max(1, min(height, width) // 20)
-    corners = [first[y, x] for y in (slice(rim), slice(-rim, None)) for x in (slice(rim), slice(-rim, None))]
-    ground = max(float(np.median(corner)) for corner in corners)
-    bright = float(np.percentile(first, 90))
-    if bright > 0 and ground < DARK_GROUND * bright and max(height, width) <= 2 * min(height, width):
-        return Sniff(True, "its images are a bright disc or ring on dark ground")
-    return Sniff(False, "its images are grey and fill the frame, unlike an endoscope's")

@@ -6,9 +6,10 @@ from pathlib import Path
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream, Modality, Picture, Sniff
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.opening import EndoscopeRecording, open_frames, sniff_frames
+from endoct.modalities.endoscope.opening import EndoscopeRecording, open_frames
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.pictures import picture_frame
+from endoct.modalities.endoscope.sniffing import sniff_frames
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.endoscope.unroll import unroll_frame
 from endoct.stitching.panorama import Panorama
@@ -21,7 +22,7 @@ class EndoscopeModality:
     parameters = EndoscopeParameters
 
     def sniff(self, path: Path) -> Sniff:
-        """Say whether ``path`` holds photographs."""
+        """Say whether ``path`` holds images of a mirror's annulus."""
         return sniff_frames(path)
 
     def open(self, path: Path, acquisition: Acquisition) -> EndoscopeRecording:

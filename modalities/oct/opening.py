@@ -1,10 +1,10 @@
-"""Pullbacks on disk: what looks like one, and the stream of their B-scans."""
+"""Pullbacks on disk: the stream of their B-scans."""
 
 from pathlib import Path
 
 import numpy as np
 
-from endoct.modalities.contract import Frame, Sniff, inward_positions_mm
+from endoct.modalities.contract import Frame, inward_positions_mm
 from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.recording import ImageStack, open_stack
@@ -14,7 +14,6 @@ from endoct.stitching.errors import EndoctError
 LEAST_ASCANS = 64
 LEAST_DEPTH = 48
 FARTHEST_WALL = 10.0  # from the capillary, in depths of a B-scan; beyond that, nothing could be seen of the bore
-LAYERED = 4.0  # how much more the rows of a B-scan (depth) differ among themselves than its columns (θ)
 
 
 class Pullback:
@@ -80,22 +79,3 @@ class Pullback:
 
     def __getitem__(self, index: int) -> Frame:
         return Frame(index=index, samples=self._stack[index].T, z_mm=float(self.z_mm[index]))
-
-
-def sniff_pullback(path: Path) -> Sniff:
-    """Claim a stack of grey pages whose rows differ (depth) and whose columns are alike (θ)."""
-    try:
-        stack = open_stack(path)
-        page = stack[0]
-    except EndoctError as error:
-        return Sniff(False, str(error))
-    if page.ndim != 2:
-        return Sniff(False, "its pages are colour images")
-    if len(stack) < 2:
-        return Sniff(False, "it holds a single image, no pullback")
-    if page.shape[0] < LEAST_DEPTH or page.shape[1] < LEAST_ASCANS:
-        return Sniff(False, f"its pages of {page.shape[0]} × {page.shape[1]} are too small for B-scans")
-    over_depth, over_theta = float(np.var(page.mean(axis=1))), float(np.var(page.mean(axis=0)))
-    if over_depth > LAYERED * over_theta:
-        return Sniff(True, "a stack of grey pages layered along depth")
-    return Sniff(False, "its pages are not layered along depth as B-scans are")

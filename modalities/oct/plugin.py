@@ -6,10 +6,11 @@ from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream, Picture, Sniff, VolumetricModality
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.opening import Pullback, sniff_pullback
+from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.pictures import picture_bscan
 from endoct.modalities.oct.settle import settle_pullback
+from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
 from endoct.modalities.oct.unroll import unroll_bscan
 from endoct.modalities.oct.volume import write_volume

@@ -8,6 +8,7 @@ import numpy as np
 
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.depth_order import UPSIDE_DOWN
 from endoct.modalities.oct.face.faces import locate_faces
 from endoct.modalities.oct.face.glass import measure_glass
 from endoct.modalities.oct.face.slices import SliceFeatures, examine_bscan
@@ -28,7 +29,7 @@ MOST_COLUMNS = 2048
 
 
 def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
-    """Survey ``stream`` in one pass. Raises :class:`NotSeen` where it shows no capillary, or nothing at all."""
+    """Survey ``stream`` in one pass. Raises :class:`NotSeen` where it shows no capillary, nothing, or depth reversed."""
     acquisition = cast(OctAcquisition, stream.acquisition)
     n_ascans, n_depth = stream[0].samples.shape
     n_theta = min(parameters.n_theta or MOST_COLUMNS, n_ascans)
@@ -42,6 +43,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         inward = np.argsort(z_mm, kind="stable")
         slices = Computed(len(kept), lambda i: kept[int(inward[i])])
         _reject_empty(slices)
+        _reject_upside_down(slices)
         faces = locate_faces(slices, acquisition, parameters)
         lines = find_fixed_lines(slices, faces, acquisition) if parameters.fixed_lines else FixedLines.none(n_depth)
         glass = measure_glass(slices, faces, acquisition.medium_index)
@@ -76,6 +78,17 @@ def _grid(row_z_mm: Coordinates, n_theta: int, acquisition: OctAcquisition) -> S
         dz_mm=float(np.median(np.diff(row_z_mm))) if len(row_z_mm) > 1 else acquisition.pullback_pitch_mm,
         radius_mm=acquisition.bore_radius_mm,
     )
+
+
+def _reject_upside_down(slices: Sequence[SliceFeatures]) -> None:
+    share = float(np.mean([features.brightening for features in slices]))
+    if share < UPSIDE_DOWN:
+        raise NotSeen(
+            "the pullback is upside down: depth seems to run from the last row to the first",
+            found=f"in {1 - share:.0%} of the directions it darkens with depth faster than it brightens",
+            expected="tissue that is brightest at its surface and fades behind it",
+            remedy="turn the pages over, so that the catheter lies at the first row, and export them again",
+        )
 
 
 def _reject_empty(slices: Sequence[SliceFeatures]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, sector_angles_rad
+from endoct.modalities.oct.depth_order import share_brightening
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.lines import Lines, find_lines
 from endoct.modalities.oct.face.points import Points, line_points
@@ -24,7 +25,8 @@ class SliceFeatures:
 
     Attributes: ``points`` on bright lines; ``n_columns``, the number of sectors of the turn that were searched for
     them; ``lines`` through them; ``ascans``, some A-scans (n, depth) in the recording's logarithmic samples, at the
-    rotation angles ``ascan_angle_rad``; ``saturated``, whether most of the B-scan is.
+    rotation angles ``ascan_angle_rad``; ``saturated``, whether most of the B-scan is; ``brightening``, the share of
+    directions that brighten with depth faster than they darken, see :mod:`endoct.modalities.oct.depth_order`.
     """
 
     points: Points
@@ -33,6 +35,7 @@ class SliceFeatures:
     ascans: Image
     ascan_angle_rad: Coordinates
     saturated: bool = False
+    brightening: float = 1.0
 
 
 def examine_bscan(
@@ -57,6 +60,7 @@ def examine_bscan(
         ascans=logarithmic(fine[kept], acquisition.intensity),
         ascan_angle_rad=sector_angles_rad(n_ascans, n_theta)[kept],
         saturated=_saturated(frame),
+        brightening=share_brightening(coarse),
     )
 
 

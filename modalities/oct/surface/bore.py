@@ -26,13 +26,15 @@ FRONT_PER_MM = 750.0  # of wall: evidence lost before the bore's wall, where the
 def gap_rows(rows: NDArray[np.intp], first_row: NDArray[np.intp], evidence: Image, mm_per_px: float) -> Coordinates:
     """Return how many rows the bore's wall lies behind ``first_row``, float64 (n,), from surfaces at ``rows`` (n,).
 
-    ``evidence`` is that for the rows, (n, n_depth + 1). All NaN where there is hardly any surface.
+    ``evidence`` is that for the rows, (n, n_depth + 1). All NaN where there is hardly any surface, or no evidence for one.
     """
     surface = rows < evidence.shape[1] - 1
     if np.count_nonzero(surface) < max(LEAST_SEEN * rows.size, 8):
         return np.full(rows.size, np.nan)
     gap = (rows - first_row).astype(np.float64)
     weight = np.where(surface, np.maximum(evidence[np.arange(rows.size), rows], 0), 0).astype(np.float64)
+    if not weight.any():  # as in a B-scan that is upside down: nothing brightens with depth
+        return np.full(rows.size, np.nan)
     weight = np.minimum(weight, STRONGEST * max(float(np.median(weight[surface])), 1e-9))
     density = np.bincount(np.maximum(rows - first_row, 0), weights=weight)
     wide = max(1, round(SEARCH_MM / mm_per_px))
