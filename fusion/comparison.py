@@ -34,7 +34,7 @@ def compare_panoramas(
     Where no alignment stands out, ``alignment`` is None and ``reason`` says why; B is then placed by its nominal
     orientation and nothing is scored.
 
-    Raises :class:`EndoctError` where the bore diameters differ, a side has nothing valid, or shows no cells.
+    Raises :class:`EndoctError` where the bore diameters differ too much, a side has nothing valid, or shows no cells.
     """
     return compare_sides(*two_sides(a, b), parameters or CompareParameters())
 
@@ -59,7 +59,7 @@ def compare_sides(a: Side, b: Side, parameters: CompareParameters) -> Comparison
 
 
 def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
-    check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
+    on_bore = check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
     # align
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
     search_result = align_sides(a, b, z_scale_range=z_scale_range, force=parameters.force)
@@ -84,7 +84,8 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
             *doubts_of_result(result),
             *doubts,
         ]
-    result = result.model_copy(update={"doubts": tuple(dict.fromkeys(doubts))})
+    noted = {"notes": {b.name: on_bore}} if on_bore else {}
+    result = result.model_copy(update={"doubts": tuple(dict.fromkeys(doubts)), **noted})
     return Comparison(grid, sides, alignment, result.reason, result, scored.cells)
 
 

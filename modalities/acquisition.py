@@ -1,10 +1,12 @@
 """The sidecar ``acquisition.toml``: what the files themselves do not say about a recording."""
 
 import difflib
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -23,16 +25,39 @@ MOST_PLACE_MM = 1e4
 MOST_PLACES = 1_000_000
 Place = Annotated[float, Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)]
 LONGEST_KEY = 100
+_COMMA_DECIMAL = re.compile(
+    r"^[ \t]*([A-Za-z0-9_-]{1,100})[ \t]*=[ \t]*([-+]?[0-9]{1,20},[0-9]{1,20})(?![0-9,])", re.MULTILINE
+)
+"""A number as many countries write it, which TOML has not."""
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Groups of keys of which a recording needs one, whole; ``why`` it does."""
+
+    groups: tuple[tuple[str, ...], ...]
+    why: str
+
+    def is_met(self, keys: Collection[str]) -> bool:
+        """Say whether ``keys`` hold a whole group."""
+        return any(all(key in keys for key in group) for group in self.groups)
+
+    def __str__(self) -> str:
+        """Return the groups in words, as "a, b, or c with d and e"."""
+        each = [" with ".join([group[0], *filter(None, [" and ".join(group[1:])])]) for group in self.groups]
+        return f"one of {', '.join(each[:-1])}, or {each[-1]}"
 
 
 class Acquisition(BaseModel):
     """Keys that every modality's sidecar has; a plug-in derives its own model and adds keys.
 
     Each field's ``description`` says what it is and why it matters; ``endoct info --write-sidecar`` prints
-    it. A key that is not known is left out, never set to zero.
+    it. A key that is not known is left out, never set to zero. ``alternatives`` are keys none of which is required,
+    though a recording needs one or another.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False, allow_inf_nan=False)
+    alternatives: ClassVar[tuple[OneOf, ...]] = ()
 
     modality: str = Field(description="the plug-in that reads this recording")
     bore_diameter_mm: float = Field(ge=0.1, le=100, description="nominal diameter of the drill hole; sets mm along θ")
@@ -118,4 +143,15 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file of at most 1 MB. Raises :class:`EndoctError` where it cannot be read."""
     data = read_small(path)
     with refusing(f"{path} is not valid TOML"):
-        return tomllib.loads(data.decode("utf-8"))
+        text = data.decode("utf-8")
+        try:
+            return tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            if (comma := _COMMA_DECIMAL.search(text)) is None:
+                raise
+            line = text.count("\n", 0, comma.start()) + 1
+            raise EndoctError(
+                f"{path} is not valid TOML",
+                found=f"{comma[0].strip()} in line {line}",
+                remedy=f"write numbers with a point: {comma[1]} = {comma[2].replace(',', '.')}",
+            ) from error

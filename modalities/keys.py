@@ -1,5 +1,6 @@
 """Values of keys: of which kind they must be, and what is said of those that cannot be used."""
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, get_args
 
@@ -41,8 +42,12 @@ def check_kinds(model: type[BaseModel], keys: Mapping[str, Any], where: str, ins
         for one in value if isinstance(value, list | tuple) else [value]:
             wrong = isinstance(one, bool | str) and type(one) not in kinds
             if wrong or (isinstance(one, int) and abs(one) > LARGEST_WHOLE):
+                comma = isinstance(one, str) and re.fullmatch(r"[-+]?[0-9]{1,20},[0-9]{1,20}", one.strip())
                 raise EndoctError(
-                    f"'{inside}{name}' in {where} cannot be used", found=abridged(one), expected="a valid number"
+                    f"'{inside}{name}' in {where} cannot be used",
+                    found=abridged(one),
+                    expected="a valid number",
+                    remedy=f"write it with a point: {comma[0].replace(',', '.')}" if comma else "",
                 )
 
 

@@ -10,6 +10,7 @@ from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.bone.cells import draw_cells
 from endoct.synthetic.endoscope.cone import Cone, focal_length_px
+from endoct.synthetic.sample.parameter_fields import Stated
 from endoct.synthetic.sample.parameters import (
     Bore,
     Debris,
@@ -148,7 +149,7 @@ def _oct(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, 
         rotation_error_rad=_rotation_error(rng, n, drawn["rotation_error_peak_rad"]),
         lost_ascans=_lost(rng, size, drawn["lost_blocks"]),
         states_first_sample=one.yes("oct.states_first_sample", 0.2),
-        stated_travel=travel if rng.random() < 0.7 else "unknown",
+        stated_travel=_stated(one, "oct.stated_travel", travel),
         states_handedness=one.yes("oct.states_handedness", 0.5),
     )
 
@@ -237,8 +238,14 @@ def _endoscope(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordin
         offset_mm=_pairs(probe),
         states_optics=one.yes("endoscope.states_optics", 0.5),
         states_annulus=one.yes("endoscope.states_annulus", 0.25),
-        stated_travel=travel if rng.random() < 0.7 else "unknown",
+        stated_travel=_stated(one, "endoscope.stated_travel", travel),
     )
+
+
+def _stated(one: Drawer, path: str, travel: Travel) -> Stated:
+    """Return what the operator says of the travel: mostly what it was, unless the user varies it."""
+    word = one.word(path, {travel: 0.7, "unknown": 0.3})
+    return "in" if word == "in" else "out" if word == "out" else "unknown"
 
 
 def _fitting_annulus(

@@ -50,7 +50,7 @@ def _sidecar(path: Path) -> None:
     from endoct.modalities.acquisition import read_keys, validate
     from endoct.modalities.registry import manifests
     from endoct.stitching.errors import EndoctError
-    from endoct.workbench.pipeline.information import write_sidecar_template
+    from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
 
     keys = read_keys(path)
     try:

@@ -17,6 +17,9 @@ FARTHEST_OUTLINE_MM = 1.0
 FINEST_DZ_MM = 0.02
 """Rows of a common grid lie no closer unless asked to."""
 
+SAME_BORE = 0.03
+"""Nominal diameters of one bore that two people wrote down differ by no more, as a share of the larger."""
+
 IN_PLACE = Alignment(theta_shift_rad=0.0, z_shift_mm=0.0)
 
 
@@ -107,12 +110,19 @@ def common_grid(a: Sampling, b: Sampling, *, dz_mm: float | None, n_theta: int) 
     return SurfaceGrid.full_circle(before + after + 1, n_theta, z0_mm=z0_mm, dz_mm=dz_mm, radius_mm=radius_mm)
 
 
-def check_same_bore(radius_a_mm: float, radius_b_mm: float) -> None:
-    """Raise :class:`EndoctError` where two sides give different bore diameters."""
-    if abs(radius_a_mm - radius_b_mm) > 1e-6:
+def check_same_bore(radius_a_mm: float, radius_b_mm: float) -> tuple[str, ...]:
+    """Return a note where two sides state slightly different diameters of their bore, nothing where they agree.
+
+    Raises :class:`EndoctError` where the diameters differ by more than ``SAME_BORE``.
+    """
+    if abs(radius_a_mm - radius_b_mm) <= 1e-6:
+        return ()
+    a_mm, b_mm = f"{2 * radius_a_mm:g} mm", f"{2 * radius_b_mm:g} mm"
+    if abs(radius_a_mm - radius_b_mm) > SAME_BORE * max(radius_a_mm, radius_b_mm):
         raise EndoctError(
-            "the two sides are of different bores",
-            found=f"bore diameters of {2 * radius_a_mm:g} and {2 * radius_b_mm:g} mm",
-            expected="one bore",
-            remedy="check bore_diameter_mm in both sidecars",
+            "the two sides are of bores of different diameters",
+            found=f"bore_diameter_mm {a_mm} for side A and {b_mm} for side B",
+            expected=f"one bore, its diameters stated within {SAME_BORE:.0%}",
+            remedy="correct bore_diameter_mm where one bore was recorded; these may be recordings of two bores",
         )
+    return (f"bore_diameter_mm is {b_mm} for this side and {a_mm} for the other; the comparison is on {a_mm}.",)

@@ -167,10 +167,10 @@ class Result(Part):
     ) -> "Result":
         """Return the whole result: this with the scores against masks, where there are any, and how it was made.
 
-        ``notes`` are what the sides' panoramas note.
+        ``notes`` are what the sides' panoramas note; what the comparison noted joins them.
         """
         made = {
-            "notes": {side: tuple(said) for side, said in notes.items()},
+            "notes": {side: tuple(dict.fromkeys([*said, *self.notes.get(side, ())])) for side, said in notes.items()},
             "versions": versions,
             "inputs": inputs,
             "parameters": parameters,

@@ -1,10 +1,10 @@
 """What is known of the cone-mirror endoscope without loading it: its name, its files, its sidecar."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from endoct.modalities.acquisition import Acquisition, Travel
+from endoct.modalities.acquisition import Acquisition, OneOf, Travel
 from endoct.modalities.contract import Manifest
 from endoct.modalities.recording import IMAGE_SUFFIXES
 from endoct.modalities.video import VIDEO_SUFFIXES
@@ -34,6 +34,19 @@ class AnnulusKeys(BaseModel):
 
 class EndoscopeAcquisition(Acquisition):
     """The sidecar of a cone-mirror endoscope's recording."""
+
+    alternatives: ClassVar[tuple[OneOf, ...]] = (
+        OneOf(
+            (
+                ("feed_pitch_mm",),
+                ("visible_length_mm",),
+                ("positions_mm",),
+                ("frame_rate_hz", "feed_speed_mm_s"),
+                ("cone_half_angle_deg", "focal_px", "mirror_distance_mm"),
+            ),
+            "the scale along the bore",
+        ),
+    )
 
     modality: Literal["endoscope"] = Field(default="endoscope", description="the plug-in that reads this recording")
     travel: Travel = Field(default="in", description="which way the endoscope moved: in, out or unknown")

@@ -27,6 +27,7 @@ SIDE_PX = 240
 """Images are reduced to about this shorter side; an annulus is as clear then."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of samples near the largest float
 def sniff_frames(path: Path) -> Sniff:
     """Claim images that show a bright ring, dark inside and outside: a mirror's annulus."""
     if not exists(path):

@@ -29,7 +29,10 @@ MOST_COLUMNS = 2048
 
 
 def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
-    """Survey ``stream`` in one pass. Raises :class:`NotSeen` where it shows no capillary, nothing, or depth reversed."""
+    """Survey ``stream`` in one pass.
+
+    Raises :class:`NotSeen` where it shows no capillary or nothing, or is upside down.
+    """
     acquisition = cast(OctAcquisition, stream.acquisition)
     n_ascans, n_depth = stream[0].samples.shape
     n_theta = min(parameters.n_theta or MOST_COLUMNS, n_ascans)

@@ -1,13 +1,15 @@
 """The commands of `endoct`, as tyro reads them from their signatures and docstrings."""
 
+import difflib
 import functools
 import io
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr
 
 import tyro
 
+from endoct.stitching.errors import visible
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import compare, report, summarise
 from endoct.workbench.commands.completion import completion
@@ -15,6 +17,9 @@ from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import dataset, demo, simulate
 from endoct.workbench.running.refusals import visible_lines
+from endoct.workbench.running.status import WRONG_USAGE
+
+LONGEST_NAME = 30
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -33,6 +38,9 @@ def run(arguments: Sequence[str]) -> int:
         "modalities": modalities,
         "completion": completion,
     }
+    if arguments and (near := _near(arguments[0], commands)):
+        sys.stderr.write(f"endoct: unknown command '{visible(arguments[0])}'; did you mean '{near}'?\n")
+        return WRONG_USAGE
     with nullcontext() if all(map(str.isprintable, arguments)) else _visible_errors():
         command: Callable[[], int] = tyro.extras.subcommand_cli_from_dict(
             {name: _later(command) for name, command in commands.items()},
@@ -43,6 +51,13 @@ def run(arguments: Sequence[str]) -> int:
             config=(tyro.conf.FlagCreatePairsOff,),
         )
     return command()
+
+
+def _near(name: str, commands: Collection[str]) -> str | None:
+    """Return the command that a misspelt one is nearest to; None for a command, an option, or nothing near."""
+    if name in commands or name.startswith("-") or len(name) > LONGEST_NAME:
+        return None
+    return next(iter(difflib.get_close_matches(name, commands, 1, cutoff=0.6)), None)
 
 
 def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:

@@ -2,9 +2,9 @@
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.text import Text
@@ -15,6 +15,9 @@ from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.running.progress import ConsoleStages, SilentStages, Stages
 from endoct.workbench.running.refusals import visible_lines
 from endoct.workbench.running.status import DONE, DOUBTED, NOT_ALIGNED
+
+if TYPE_CHECKING:
+    from endoct.fusion.result import Result
 
 
 class TextConsole(Console):
@@ -49,6 +52,8 @@ def print_result(folder: Path, *, as_json: bool, strict: bool = False) -> int:
     else:
         print_line(f"not aligned: {result.reason}")
     if not as_json:
+        for line in _against_truth(result):
+            print_line(line)
         print_doubts(result.doubts, result.notes)
         print_line(f"report: {folder / 'report.html'}")
     return status_of(result.doubts, strict=strict) if result.aligned else NOT_ALIGNED
@@ -70,6 +75,20 @@ def status_of(doubts: Sequence[Doubt], *, strict: bool) -> int:
 
 def _of(side: str | None) -> str:
     return f" ({side})" if side else ""
+
+
+def _against_truth(result: "Result") -> Iterator[str]:
+    """Yield a line for each mask given as truth: how well each side agrees with that."""
+    for path, scores in (result.truth or {}).items():
+        each = [f"{side} {_index(of_side.jaccard)}" for side, of_side in scores.items()]
+        yield f"Jaccard index against {path}: {', '.join(each)}"
+    if result.raters:
+        each = [f"{side} {_index(of_side.jaccard)}" for side, of_side in result.raters.majority.sides.items()]
+        yield f"Jaccard index against what most raters drew: {', '.join(each)}"
+
+
+def _index(jaccard: float | None) -> str:
+    return "not known" if jaccard is None else f"{jaccard:.3f}"
 
 
 def command_stages(as_json: bool) -> Stages:

@@ -1,9 +1,10 @@
 """Commands about one recording, and what can be read."""
 
 from pathlib import Path
+from typing import Annotated
 
 from rich.table import Table
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from endoct.workbench.commands.console import (
     TextConsole,
@@ -77,6 +78,7 @@ def info(
     path: Positional[Path],
     modality: ModalityName = None,
     write_sidecar: bool = False,
+    thumbnail: Annotated[Path | None, arg(metavar="FILE.png")] = None,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -86,14 +88,22 @@ def info(
         path: folder or file
         modality: plug-in to read it with
         write_sidecar: write an acquisition.toml to fill in
+        thumbnail: write a picture of the first, the middle and the last frame of a recording
         overwrite: replace the acquisition.toml if it exists
         json: print as JSON
     """
-    from endoct.workbench.pipeline.information import describe, write_sidecar_template
+    from endoct.workbench.pipeline.information import STATED, describe, in_lines, recognise
+    from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
+    from endoct.workbench.pipeline.thumbnail import write_thumbnail
 
+    if thumbnail is not None:
+        write_thumbnail(recognise(path, modality).sniff.preview, path, thumbnail)
     if write_sidecar:
-        sidecar, missing = write_sidecar_template(path, modality, overwrite=overwrite)
+        recognised = recognise(path, modality)
+        sidecar, missing = write_sidecar_template(path, recognised.manifest.name, overwrite=overwrite)
         print_line(f"sidecar: {sidecar}")
+        if recognised.certainty != STATED:
+            print_line(f"modality: {recognised.manifest.name} ({recognised.certainty}: {recognised.sniff.reason})")
         for key, why in missing.items():
             print_line(f"to fill in: {key} – {why}")
         return DONE
@@ -101,10 +111,8 @@ def info(
     if json:
         print_json(facts)
     else:
-        table = Table(show_header=False, box=None)
-        for key, value in facts.items():
-            table.add_row(key, str(value))
-        TextConsole().print(table)
+        for line in in_lines(facts):
+            print_line(line)
     return DONE
 
 

@@ -1,22 +1,44 @@
 """What a path is, what its sidecar lacks, and which modalities are installed."""
 
-import json
-import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic.fields import FieldInfo
-
 from endoct.fusion.files.result_file import read_result
-from endoct.modalities.acquisition import read_keys, read_toml, sidecar_path, validate
-from endoct.modalities.contract import Manifest
-from endoct.modalities.registry import manifest_for, manifests, open_recording
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
-from endoct.stitching.output import new_output
+from endoct.modalities.acquisition import read_keys, sidecar_path, validate
+from endoct.modalities.contract import FrameStream, Manifest, Preview, Sniff
+from endoct.modalities.folders import exists
+from endoct.modalities.registry import manifest_for, manifests, open_recording, sniffed
 from endoct.stitching.store import is_panorama, load_panorama
-from endoct.workbench.running.kinds import SIDECAR
+from endoct.workbench.pipeline.inputs import path_text
+from endoct.workbench.pipeline.sidecar_template import missing_keys
 
-_FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."
+_KEY_WIDTH = 18
+STATED = "stated"
+CONTRADICTED = "stated, but it does not look like one"
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """Which plug-in reads a recording, and what it says of that; ``stated``: somebody said which, it is no guess."""
+
+    manifest: Manifest
+    sniff: Sniff
+    stated: bool
+
+    @property
+    def certainty(self) -> str:
+        """How sure it is that this is the recording's modality."""
+        if self.stated:
+            return STATED if self.sniff.claims else CONTRADICTED
+        return self.sniff.certainty
+
+
+def recognise(path: Path, modality: str | None = None) -> Recognised:
+    """Return which plug-in reads ``path``, and why. Raises :class:`EndoctError` where there is none or two do."""
+    manifest = manifest_for(path, modality)
+    stated = modality is not None or "modality" in read_keys(path)
+    return Recognised(manifest, sniffed(path, manifest), stated)
 
 
 def installed_modalities() -> list[dict[str, object]]:
@@ -62,83 +84,65 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
             "doubts": [doubt.to_json() for doubt in panorama.doubts],
             "notes": list(panorama.notes),
         }
-    manifest = manifest_for(path, modality)
+    return _recording(path, modality)
+
+
+def in_lines(facts: Mapping[str, object]) -> Iterator[str]:
+    """Yield what :func:`describe` returned for people: a key and a value on each line."""
+    for key, value in facts.items():
+        for number, text in enumerate(_texts(value)):
+            yield f"{'' if number else key:<{_KEY_WIDTH}}{text}"
+
+
+def _texts(value: object) -> list[str]:
+    if isinstance(value, Mapping):
+        return [f"{key}: {text}" for key, each in value.items() for text in _texts(each)] or ["none"]
+    if isinstance(value, list) and not all(isinstance(each, int | float) for each in value):
+        return [text for each in value for text in _texts(each)] or ["none"]
+    if isinstance(value, list):
+        return [", ".join(f"{each:g}" for each in value) or "none"]
+    if isinstance(value, bool) or value is None:
+        return [{True: "yes", False: "no", None: "none"}[value]]
+    return [f"{value:g}" if isinstance(value, float) else str(value)]
+
+
+def _recording(path: Path, modality: str | None) -> dict[str, object]:
+    recognised = recognise(path, modality)
+    manifest, sidecar = recognised.manifest, sidecar_path(path)
     keys = read_keys(path) | {"modality": manifest.name}
-    if missing := _missing(manifest, keys):
-        return {
-            "kind": "recording",
-            "modality": manifest.name,
-            "missing": missing,
-            "remedy": f"endoct info {path} --write-sidecar",
-        }
-    validate(manifest.acquisition, keys, str(sidecar_path(path)))
-    _, stream = open_recording(path, modality=manifest.name)
-    first = stream[0].samples
-    return {
-        "kind": "recording",
-        "modality": manifest.name,
-        "title": manifest.title,
-        "frames": len(stream),
-        "frame_shape": list(first.shape),
-        "dtype": str(first.dtype),
-        "sidecar": stream.acquisition.model_dump(mode="json", exclude_none=True),
-    }
+    missing = missing_keys(manifest.acquisition, keys)
+    stream: FrameStream | None = None
+    if all(key in keys for key, field in manifest.acquisition.model_fields.items() if field.is_required()):
+        validate(manifest.acquisition, keys, str(sidecar))
+        _, stream = open_recording(path, modality=manifest.name)
+    facts: dict[str, object] = {"kind": "recording", "modality": manifest.name, "title": manifest.title}
+    facts |= _size(manifest, recognised.sniff.preview, stream)
+    facts |= {"certainty": recognised.certainty, "seen": recognised.sniff.reason}
+    if stream is not None:
+        facts["sidecar"] = stream.acquisition.model_dump(mode="json", exclude_none=True)
+    if missing:
+        facts["missing"] = missing
+    return facts | {"next": _next(path, sidecar, bool(missing), modality)}
 
 
-def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool) -> tuple[Path, dict[str, str]]:
-    """Write an ``acquisition.toml`` to fill in; return its path and the keys still missing, with why they matter.
-
-    Keys that an existing sidecar has are kept. Raises :class:`EndoctError` where one exists and ``overwrite`` is
-    not set, or it is no such template or holds comments of the user's own, or nothing says which modality it is.
-    """
-    manifest = manifest_for(path, modality)
-    sidecar = sidecar_path(path)
-    if sidecar.exists() and not overwrite:
-        raise EndoctError(f"{sidecar} exists already", remedy="edit it, or lay its keys out anew with overwrite=True")
-    kept = (read_toml(sidecar) if sidecar.exists() else {}) | {"modality": manifest.name}
-    fields = manifest.acquisition.model_fields
-    if unknown := sorted(kept.keys() - fields.keys()):
-        raise EndoctError(
-            f"'{unknown[0]}' in {sidecar} is no key of '{manifest.name}'",
-            expected=", ".join(fields),
-            remedy="correct or remove it first: it would be lost",
-        )
-    lines = [f"{_FIRST_LINE[0]}{path.name}{_FIRST_LINE[1]}", ""]
-    for key, field in manifest.acquisition.model_fields.items():
-        lines += [f"# {_about(field)}", _line(key, field, kept), ""]
-    text = "\n".join(lines)
-    with refusing(f"{sidecar} cannot be laid out anew", remedy="edit it by hand"):
-        if tomllib.loads(text) != kept:
-            raise ValueError("its values would change")
-    with new_output(sidecar, SIDECAR, overwrite=overwrite, is_ours=_is_template) as scratch:
-        scratch.write_text(text, encoding="utf-8")
-    return sidecar, _missing(manifest, kept)
+def _size(manifest: Manifest, preview: Preview | None, stream: FrameStream | None) -> dict[str, object]:
+    """Return how many frames there are, and their axes in words, as far as that is known."""
+    if preview is not None:
+        n_frames, size, dtype = preview.n_frames, preview.size, preview.dtype
+    elif stream is not None:
+        samples = stream[0].samples
+        n_frames, size, dtype = len(stream), f"{' × '.join(map(str, samples.shape))} samples", str(samples.dtype)
+    else:
+        return {}
+    frames = f"{n_frames} {manifest.frame_dim}{'' if n_frames == 1 else 's'}"
+    return {"frames": n_frames, "axes": f"{size}, {frames}", "dtype": dtype}
 
 
-def _is_template(sidecar: Path) -> bool:
-    """Say whether a sidecar is a template, filled in perhaps, without a comment of the user's own: keys are kept."""
-    lines = read_small(sidecar).decode("utf-8", "replace").splitlines()
-    fields = [field for manifest in manifests().values() for field in manifest.acquisition.model_fields.items()]
-    comments = {
-        line for key, field in fields for line in (f"# {_about(field)}", _line(key, field, {}).rstrip())
-    }  # fmt: skip
-    begins = bool(lines) and lines[0].startswith(_FIRST_LINE[0]) and lines[0].endswith(_FIRST_LINE[1])
-    return begins and all("#" not in line or line.rstrip() in comments for line in lines[1:])
-
-
-def _about(field: FieldInfo) -> str:
-    return f"{field.description}" + (" (required)" if field.is_required() else "")
-
-
-def _missing(manifest: Manifest, keys: dict[str, object]) -> dict[str, str]:
-    fields = manifest.acquisition.model_fields
-    return {k: f.description or "required" for k, f in fields.items() if f.is_required() and k not in keys}
-
-
-def _line(key: str, field: FieldInfo, kept: dict[str, object]) -> str:
-    if key in kept and isinstance(kept[key], str | int | float | bool | list):
-        return f"{key} = {json.dumps(kept[key], ensure_ascii=False)}"
-    if key in kept:
-        raise EndoctError(f"the sidecar's '{key}' cannot be carried over", remedy="edit the sidecar by hand")
-    default = field.get_default()
-    return f"# {key} = " + ("" if field.is_required() or default is None else json.dumps(default))
+def _next(path: Path, sidecar: Path, missing: bool, modality: str | None) -> str:
+    """Return what to do next with a recording."""
+    if not missing:
+        return f"endoct unroll {path_text(path)} -o PANORAMA.zarr"
+    if exists(sidecar):
+        return f"fill in what is missing in {path_text(sidecar)}"
+    asked = f" --modality {modality}" if modality else ""
+    return f"endoct info {path_text(path)}{asked} --write-sidecar"

@@ -1,7 +1,7 @@
 """What the two sides of a comparison come from: recordings, panoramas, and masks drawn by hand."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,8 +53,9 @@ Made = Unrolled | Panorama | DrawnMask | MaskFile
 def open_both(sources: tuple[Source, Source]) -> tuple[Ready, Ready]:
     """Open both sources of a comparison.
 
-    Raises :class:`EndoctError` where one cannot be used, or their bores have different diameters.
+    Raises :class:`EndoctError` where one cannot be used, both are one recording, or their bores differ in diameter.
     """
+    _check_two(*sources)
     with _arguments_of("a"):
         a = _open(sources[0])
     with _arguments_of("b"):
@@ -64,6 +65,19 @@ def open_both(sources: tuple[Source, Source]) -> tuple[Ready, Ready]:
     if len(radii_mm) == 2:
         check_same_bore(*radii_mm)
     return opened
+
+
+def _check_two(a: Source, b: Source) -> None:
+    """Raise :class:`EndoctError` where both sides are the same files, read in the same way."""
+    if a.path is None or b.path is None or (a.modality, a.settings) != (b.modality, b.settings):
+        return
+    with suppress(OSError):
+        if a.path.samefile(b.path):
+            raise EndoctError(
+                f"{a.path} would be compared with itself",
+                expected="two recordings of one bore",
+                remedy="name the other recording, or settings in which the two sides differ",
+            )
 
 
 def unroll_sources(opened: tuple[Ready, Ready], stages: Stages, process: WorkerProcess | None) -> tuple[Made, Made]:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from threading import Lock, Timer
 from typing import Protocol
 
@@ -47,6 +48,14 @@ class SilentStages:
         yield lambda _: None
 
 
+@dataclass(eq=False)
+class _LoggedStage:
+    """A stage that is under way, and how much of it is done."""
+
+    title: str
+    share: float = 0.0
+
+
 class ConsoleStages(SilentStages):
     """Displays a bar for each stage on a terminal; elsewhere prints a line now and then, for a log file.
 
@@ -62,13 +71,16 @@ class ConsoleStages(SilentStages):
         self._begun: float | None = None
         self._bars: Progress | None = None  # a terminal displays one set of bars at a time
         self._open = 0
+        self._logged: list[_LoggedStage] = []  # those that are open, where lines are printed
+        self._printed = 0.0
         self._lock = Lock()
 
     @contextmanager
     def _displayed(self, title: str) -> Iterator[Advance]:
         stop_if_interrupted()
         if not self._console.is_terminal:
-            yield self._lines(title)
+            with self._lines(visible(title)) as advance:
+                yield advance
             return
         with self._shared_bars() as bars:
             task = bars.add_task(visible(title), total=1.0)
@@ -124,18 +136,31 @@ class ConsoleStages(SilentStages):
         timer.daemon = True
         timer.start()
 
-    def _lines(self, title: str) -> Advance:
-        start = time.monotonic()
-        printed = start
-        title = visible(title)
-        self._console.print(title, highlight=False, markup=False, emoji=False)
+    @contextmanager
+    def _lines(self, title: str) -> Iterator[Advance]:
+        """Print the title, then now and then one line that says how far all open stages are; none goes backwards."""
+        stage = _LoggedStage(title)
+        with self._lock:
+            now = time.monotonic()
+            self._begun = begun = now if self._begun is None else self._begun
+            self._printed = self._printed if self._logged else now
+            self._logged.append(stage)
+            self._print(title)
 
         def advance(share: float) -> None:
-            nonlocal printed
             stop_if_interrupted()
-            if (now := time.monotonic()) - printed >= self.LINE_EVERY_S:
-                printed = now
-                line = f"{title}: {share:.0%} after {now - start:.0f} s"
-                self._console.print(line, highlight=False, markup=False, emoji=False)
+            with self._lock:
+                stage.share = max(stage.share, share)
+                if (now := time.monotonic()) - self._printed >= self.LINE_EVERY_S:
+                    self._printed = now
+                    every = ", ".join(f"{one.title} {one.share:.0%}" for one in self._logged)
+                    self._print(f"after {now - begun:.0f} s: {every}")
 
-        return advance
+        try:
+            yield advance
+        finally:
+            with self._lock:
+                self._logged.remove(stage)
+
+    def _print(self, line: str) -> None:
+        self._console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)

@@ -26,7 +26,7 @@ FRONT_PER_MM = 750.0  # of wall: evidence lost before the bore's wall, where the
 def gap_rows(rows: NDArray[np.intp], first_row: NDArray[np.intp], evidence: Image, mm_per_px: float) -> Coordinates:
     """Return how many rows the bore's wall lies behind ``first_row``, float64 (n,), from surfaces at ``rows`` (n,).
 
-    ``evidence`` is that for the rows, (n, n_depth + 1). All NaN where there is hardly any surface, or no evidence for one.
+    ``evidence`` is that for the rows, (n, n_depth + 1). All NaN where there is hardly any surface, or no evidence.
     """
     surface = rows < evidence.shape[1] - 1
     if np.count_nonzero(surface) < max(LEAST_SEEN * rows.size, 8):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.pipeline.information import describe, write_sidecar_template
+from endoct.workbench.pipeline.information import describe
+from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
 
 
 def frames(folder: Path) -> Path:
