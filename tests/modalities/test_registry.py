@@ -15,14 +15,17 @@ from endoct.stitching.errors import EndoctError
 
 
 class Reader:
-    """A modality that claims folders holding a file of its name."""
+    """A modality that claims folders holding a file of its name, as sure as the file says."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def sniff(self, path: Path) -> Sniff:
         claims = (path / self.name).exists()
-        return Sniff(claims, f"{'a' if claims else 'no'} file {self.name}")
+        reason = f"{'a' if claims else 'no'} file {self.name}"
+        if claims and (path / self.name).read_text() == "unsure":
+            return Sniff(claims, reason, "unsure")
+        return Sniff(claims, reason)
 
     def open(self, path: Path, acquisition: Acquisition) -> SimpleNamespace:
         return SimpleNamespace(path=path, acquisition=acquisition)
@@ -82,6 +85,15 @@ def test_two_that_claim_one_path_are_both_named(tmp_path: Path) -> None:
     (tmp_path / "sonar").touch()
     (tmp_path / "lidar").touch()
     with pytest.raises(EndoctError, match=r"could be lidar or sonar.*modality='NAME'"):
+        registry.manifest_for(tmp_path)
+
+
+def test_of_two_that_claim_one_path_the_surer_reads_it(tmp_path: Path) -> None:
+    (tmp_path / "sonar").touch()
+    (tmp_path / "lidar").write_text("unsure")
+    assert registry.manifest_for(tmp_path) is SONAR_MANIFEST
+    (tmp_path / "sonar").write_text("unsure")
+    with pytest.raises(EndoctError, match="could be lidar or sonar"):
         registry.manifest_for(tmp_path)
 
 

@@ -172,8 +172,15 @@ def _run(
     with stages.stage(f"bench {task.name}") as advance:
         save = None if checkpoint is None else checkpoint.save
         rows = run(plan, workers=workers, advance=advance, finished=finished, keep=save)
+    missing = {row.method: row.reason for row in rows if row.status == "missing"}
+    rows = [row for row in rows if row.method not in missing]
+    if not rows:
+        raise EndoctError("none of the methods is installed", found="; ".join(f"{m}: {r}" for m, r in missing.items()))
     facts = bench_facts(plan, rows, workers=workers, seconds=time.perf_counter() - start)
     lines: Lines = [table(rows, task), *footnotes(rows, task)]
+    if missing:
+        facts["left_out"] = missing
+        lines += [f"left out: {method}, because {reason}" for method, reason in missing.items()]
     if finished:
         facts["taken_over"] = len(finished)  # of the sources of cases; their seconds are not in "seconds"
         lines.append(f"{len(finished)} of {len(plan.sources)} cases are of a run that was stopped before its end")

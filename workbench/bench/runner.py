@@ -15,11 +15,11 @@ import numpy as np
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.methods import Method, load_method, load_task
-from endoct.workbench.bench.task import AnyCase, AnyTask, Conditions, Declined, Range
+from endoct.workbench.bench.task import AnyCase, AnyTask, Conditions, Declined, NotInstalled, Range
 from endoct.workbench.running.progress import Advance
 from endoct.workbench.running.threads import one_blas_thread
 
-Status = Literal["ok", "declined", "failed"]
+Status = Literal["ok", "declined", "failed", "missing"]
 LONGEST_REASON = 300
 
 
@@ -48,8 +48,9 @@ Source = tuple[int, int] | Path
 class Row:
     """What came of one method on one case.
 
-    ``status``: "ok", "declined" (it said it does not know) or "failed" (it raised, or its answer is useless), the
-    last two with a ``reason``. ``seconds`` of wall time in the method alone, ``cpu_seconds`` over all its threads.
+    ``status``: "ok", "declined" (it said it does not know), "failed" (it raised, or its answer is useless) or
+    "missing" (a library it needs is not installed), all but the first with a ``reason``. ``seconds`` of wall time in
+    the method alone, ``cpu_seconds`` over all its threads.
     """
 
     case: str
@@ -77,7 +78,8 @@ def run(
 
     Cases and scores do not depend on ``workers``, the processes that share them. ``finished`` holds the rows of
     sources, by their place in the plan, that need not be run again; ``keep`` is given those of each as it is done.
-    A method that raises, or cannot be imported, has failed and stops nothing. Raises :class:`EndoctError` where a
+    A method that raises, or cannot be imported, has failed and stops nothing; one whose library is not installed is
+    missing. Raises :class:`EndoctError` where a
     case cannot be made, or a method kills its whole process.
     """
     rows = dict(finished or {})
@@ -163,8 +165,12 @@ def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
         scores = _judged(task, case, answer)
     except Declined as declined:
         status, reason, scores = "declined", declined.reason, _numbers(declined.scores)
+    except NotInstalled as missing:
+        status, reason = "missing", str(missing)
     except Exception as error:  # noqa: BLE001 – whatever a method raises is its result, whoever wrote it
         status, reason = "failed", _reason(error)
+        if isinstance(error, ModuleNotFoundError) and not (error.name or "endoct").startswith("endoct"):
+            status, reason = "missing", f"{error.name} is not installed"
     return Row(case.name, name, status, reason[:LONGEST_REASON], seconds, cpu_seconds, case.conditions, scores)
 
 

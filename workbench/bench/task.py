@@ -65,6 +65,13 @@ class Declined(Exception):
         self.scores = dict(scores or {})
 
 
+class NotInstalled(Exception):
+    """Raised by a method whose ``library`` is not installed: it is left out, and not ranked as one that fails."""
+
+    def __init__(self, library: str) -> None:
+        super().__init__(f"{library} is not installed; pip install {library}")
+
+
 @dataclass(frozen=True)
 class Task(Generic[Given, Truth, Answer]):
     """A kind of problem.

@@ -13,6 +13,7 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.json_values import read_object
 from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
+from endoct.workbench.dataset.records import made_beyond
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.vary import ranges_text
 
@@ -61,11 +62,11 @@ def check_identity(root: Path, plan: Plan) -> None:
                 expected=_text(begun_with),
                 remedy="start it with the arguments it was begun with, or choose another folder",
             )
-    if plan.count < stored.count:
+    if plan.count < stored.count and (beyond := made_beyond(root, plan)):
         raise EndoctError(
-            f"{root} was begun with more specimens",
-            found=f"--count {plan.count}",
-            expected=f"--count {stored.count} or more",
+            f"{root} holds more specimens already",
+            found=f"--count {plan.count}, and {', '.join(beyond[:3])}{' …' * (len(beyond) > 3)} made",
+            expected=f"a --count with which these are made too; it was begun with {stored.count}",
             remedy="a set can grow; for a smaller one choose another folder",
         )
     for name, wanted in made_with().items():

@@ -10,7 +10,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import read_small, sha256_of
 from endoct.stitching.names import inside
 from endoct.stitching.scratch import new_file
-from endoct.workbench.dataset.plan import Plan, Unit, job
+from endoct.workbench.dataset.plan import Plan, Unit, job, units
 
 RECORDS = "records"
 MOST_BYTES = 16_000_000
@@ -64,6 +64,22 @@ def read_record(root: Path, unit: Unit) -> Record | None:
         )
     except (EndoctError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
         return None
+
+
+def made_beyond(root: Path, plan: Plan) -> list[str]:
+    """Return the names of specimens and shards in ``root`` that ``plan`` would not make, or not with all they hold."""
+    wanted = {unit.name: unit for unit in units(plan)}
+    beyond = [
+        place.name.removesuffix(".tar")
+        for folder in ("specimens", "shards")
+        for place in sorted((root / folder).glob("[!.]*"))
+        if place.name.removesuffix(".tar") not in wanted
+    ]
+    for name, unit in wanted.items():
+        record = read_record(root, unit)
+        if record is not None and any(made.index not in unit.indices for made in record.specimens):
+            beyond.append(name)
+    return beyond
 
 
 def sound_record(root: Path, unit: Unit) -> Record | None:

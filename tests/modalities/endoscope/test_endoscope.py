@@ -274,17 +274,48 @@ def test_frames_without_an_annulus_are_refused(tmp_path: Path) -> None:
         survey(tmp_path, bore_diameter_mm=2.5, visible_length_mm=1.0)
 
 
+def ring(shape: tuple[int, int]) -> np.ndarray:
+    """A bright ring on dark ground, as a mirror shows a bore."""
+    picture = cv2.circle(np.full(shape, 8, np.uint8), (shape[1] // 2, shape[0] // 2), 100, 170, -1)
+    return np.asarray(cv2.circle(picture, (shape[1] // 2, shape[0] // 2), 30, 10, -1))
+
+
 @pytest.mark.parametrize(
     ("samples", "claims"),
     [
-        (np.full((64, 80, 3), 90, np.uint8), True),
-        (cv2.circle(np.zeros((64, 80), np.uint8), (40, 32), 28, 200, -1), True),
-        (np.random.default_rng(0).integers(60, 200, (64, 80), np.uint8), False),
+        (ring((240, 320)), True),
+        (np.repeat(ring((240, 320))[..., None], 3, axis=2), True),
+        (np.full((240, 320, 3), 90, np.uint8), False),
+        (cv2.circle(np.zeros((240, 320), np.uint8), (160, 120), 100, 200, -1), False),
+        (np.random.default_rng(0).integers(60, 200, (240, 320), np.uint8), False),
     ],
-    ids=["colour", "a grey disc", "grey all over"],
+    ids=["a grey ring", "a ring in colour", "colour without a ring", "a grey disc", "grey all over"],
 )
-def test_photographs_are_told_by_what_they_show(samples: np.ndarray, claims: bool, tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / "a.png"), samples)
+def test_an_endoscope_is_known_by_its_annulus(samples: np.ndarray, claims: bool, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "0.png"), samples)
     verdict = ENDOSCOPE.sniff(tmp_path)
     assert verdict.claims == claims
     assert verdict.reason
+    if claims:
+        assert verdict.certainty == "unsure"  # of a single image
+        cv2.imwrite(str(tmp_path / "1.png"), samples)
+        assert ENDOSCOPE.sniff(tmp_path).certainty == "likely"
+        cv2.imwrite(str(tmp_path / "2.png"), np.zeros_like(samples))
+        assert ENDOSCOPE.sniff(tmp_path).certainty == "unsure"
+
+
+def test_the_simulated_endoscope_is_known_by_its_annulus(quick_specimen: Path) -> None:
+    verdict = ENDOSCOPE.sniff(quick_specimen / "endoscope")
+    assert (verdict.claims, verdict.certainty) == (True, "likely")
+    assert not ENDOSCOPE.sniff(quick_specimen / "oct").claims
+
+
+def test_of_the_real_images_only_those_with_a_ring_are_taken_for_an_endoscope(recordings: Path) -> None:
+    claims = {file.parent.name: ENDOSCOPE.sniff(file) for file in recordings.glob("*/*.jpg")}
+    assert {name: verdict.claims for name, verdict in claims.items()} == {
+        "endoscope-circle": False,
+        "omnidirectional": True,
+        "pipe-end": True,
+    }
+    assert {verdict.certainty for verdict in claims.values() if verdict.claims} == {"unsure"}
+    assert not ENDOSCOPE.sniff(recordings / "coronary-oct").claims

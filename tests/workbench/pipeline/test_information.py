@@ -1,14 +1,18 @@
 """What `endoct info` says of a path, and the sidecar that it lays out."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from endoct.modalities.registry import manifest_for
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.pipeline.information import describe
+from endoct.workbench import unroll
+from endoct.workbench.pipeline.information import describe, in_lines
 from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
+from endoct.workbench.pipeline.thumbnail import side_by_side, write_thumbnail
 
 
 def frames(folder: Path) -> Path:
@@ -32,6 +36,9 @@ def test_a_template_is_laid_out_anew_with_the_keys_it_has(tmp_path: Path) -> Non
     sidecar.write_text(sidecar.read_text().replace("# bore_diameter_mm = ", "bore_diameter_mm = 2.5"))
     with pytest.raises(EndoctError, match="exists already"):
         write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=False)
+    _, missing = write_sidecar_template(tmp_path / "endo", None, overwrite=True)
+    assert list(missing.values()) == ["the scale along the bore"]  # which one of several keys would give
+    sidecar.write_text(sidecar.read_text().replace("# visible_length_mm = ", "visible_length_mm = 1.0"))
     _, missing = write_sidecar_template(tmp_path / "endo", None, overwrite=True)
     assert not missing
     assert "\nbore_diameter_mm = 2.5\n" in sidecar.read_text()
@@ -65,3 +72,99 @@ def test_keys_of_a_calibration_stay_there(tmp_path: Path) -> None:
     text = sidecar.read_text(encoding="utf-8")
     assert '\ncalibration = "😀.toml"\n' in text
     assert "\nbore_diameter_mm = 2.5" not in text
+
+
+def test_a_template_says_where_one_of_several_keys_is_needed(tmp_path: Path) -> None:
+    sidecar, _ = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    about = {line.partition(" =")[0]: before for before, line in pairwise(sidecar.read_text().splitlines())}
+    assert "or another key that gives the scale along the bore" in about["# feed_pitch_mm"]
+    assert "another key" not in about["# outer_rim"]
+
+
+def recorded(specimen: Path, part: str, folder: Path) -> Path:
+    """A recording without its sidecar."""
+    (folder / part).mkdir()
+    for file in (specimen / part).iterdir():
+        if file.suffix != ".toml":
+            (folder / part / file.name).symlink_to(file)
+    return folder / part
+
+
+def test_a_pullback_without_a_sidecar_is_described(quick_specimen: Path, tmp_path: Path) -> None:
+    path = recorded(quick_specimen, "oct", tmp_path)
+    facts = describe(path)
+    assert (facts["modality"], facts["certainty"], facts["frames"]) == ("oct", "likely", 40)
+    assert facts["axes"] == "2000 A-scans × 512 depth samples, 40 slices"
+    assert list(facts["missing"]) == [
+        "bore_diameter_mm",
+        "axial_pixel_mm",
+        "pullback_pitch_mm",
+        "capillary_outer_diameter_mm",
+    ]
+    assert facts["next"] == f"endoct info {path} --write-sidecar"
+
+
+def test_an_endoscope_without_a_sidecar_is_described(quick_specimen: Path, tmp_path: Path) -> None:
+    facts = describe(recorded(quick_specimen, "endoscope", tmp_path))
+    assert (facts["modality"], facts["certainty"]) == ("endoscope", "likely")
+    assert str(facts["axes"]).endswith("40 frames")
+    required, one_of = facts["missing"]
+    assert required == "bore_diameter_mm"
+    assert one_of.startswith("one of feed_pitch_mm, visible_length_mm, ")
+    assert one_of.endswith(", or cone_half_angle_deg with focal_px and mirror_distance_mm")
+
+
+def test_what_is_missing_is_what_unrolling_lacks(quick_specimen: Path, tmp_path: Path) -> None:
+    path = recorded(quick_specimen, "endoscope", tmp_path)
+    (path / "acquisition.toml").write_text('modality = "endoscope"\nbore_diameter_mm = 2.5\n')
+    assert list(describe(path)["missing"].values()) == ["the scale along the bore"]
+    with pytest.raises(EndoctError, match="the scale along the bore is not known"):
+        unroll(path, progress=False)
+    (path / "acquisition.toml").write_text('modality = "endoscope"\nbore_diameter_mm = 2.5\nfeed_pitch_mm = 0.2\n')
+    facts = describe(path)
+    assert "missing" not in facts
+    assert str(facts["next"]).startswith(f"endoct unroll {path}")
+
+
+def test_an_unfilled_sidecar_is_to_be_filled_in_not_written_again(quick_specimen: Path, tmp_path: Path) -> None:
+    path = recorded(quick_specimen, "oct", tmp_path)
+    sidecar, _ = write_sidecar_template(path, None, overwrite=False)
+    assert describe(path)["next"] == f"fill in what is missing in {sidecar}"
+
+
+def test_a_stated_modality_that_does_not_fit_is_said(quick_specimen: Path, tmp_path: Path) -> None:
+    assert describe(quick_specimen / "oct")["certainty"] == "stated"
+    facts = describe(recorded(quick_specimen, "oct", tmp_path), "endoscope")
+    assert facts["certainty"] == "stated, but it does not look like one"
+    assert "no annulus" in str(facts["seen"])
+    assert str(facts["next"]).endswith("--modality endoscope --write-sidecar")
+
+
+def test_one_key_a_line_and_nothing_of_python(quick_specimen: Path) -> None:
+    for part in ("oct", "endoscope"):
+        lines = list(in_lines(describe(quick_specimen / part)))
+        assert not any(mark in line for line in lines for mark in "{}[]")
+        assert sum("bore_diameter_mm: " in line for line in lines) == 1
+        assert not any("\n" in line for line in lines)
+
+
+def test_a_thumbnail_shows_three_frames(quick_specimen: Path, tmp_path: Path) -> None:
+    preview = manifest_for(quick_specimen / "oct").load().sniff(quick_specimen / "oct").preview
+    write_thumbnail(preview, quick_specimen / "oct", tmp_path / "oct.png")
+    picture = cv2.imread(str(tmp_path / "oct.png"), cv2.IMREAD_UNCHANGED)
+    assert picture.ndim == 2
+    assert picture.shape[1] > 2.5 * picture.shape[0]
+    bright = picture.mean(axis=1)
+    assert bright[: len(bright) // 3].max() > bright[-len(bright) // 3 :].max()  # the catheter's lines are on top
+    with pytest.raises(EndoctError, match=r"exists already; choose another file"):
+        write_thumbnail(preview, quick_specimen / "oct", tmp_path / "oct.png")
+    with pytest.raises(EndoctError, match="lies inside the input"):
+        write_thumbnail(preview, quick_specimen / "oct", quick_specimen / "oct" / "new.png")
+
+
+def test_a_thumbnail_keeps_colours_and_stretches_grey_levels() -> None:
+    red = np.zeros((40, 60, 3), np.uint8)
+    red[:20, :, 0] = 200
+    assert side_by_side((red,))[0, 0].tolist() == [255, 0, 0]
+    deep = np.linspace(1000, 3000, 2400).reshape(40, 60).astype(np.uint16)
+    assert (side_by_side((deep, deep)).min(), side_by_side((deep, deep)).max()) == (0, 255)

@@ -17,8 +17,8 @@ from endoct.fusion.evidence.evidence import Evidence, clipped, on_grid, reorient
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.task import NotInstalled
 from endoct.workbench.bench.tasks.alignment import orientations_between
 
 SLOW_PX = 4
@@ -145,7 +145,7 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     try:
         from kornia.geometry.transform import ImageRegistrator
     except ImportError as error:
-        raise EndoctError("kornia is not installed", remedy="pip install kornia") from error
+        raise NotInstalled("kornia") from error
     import torch  # kornia needs it; not loaded, which takes seconds, where kornia is absent
 
     def registered(flat: Flat) -> Iterator[Matrix]:
@@ -172,7 +172,7 @@ def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     try:
         import SimpleITK as sitk
     except ImportError as error:
-        raise EndoctError("SimpleITK is not installed", remedy="pip install SimpleITK") from error
+        raise NotInstalled("SimpleITK") from error
 
     def registered(flat: Flat) -> Iterator[Matrix]:
         fixed, moving = sitk.GetImageFromArray(flat.b), sitk.GetImageFromArray(flat.a)

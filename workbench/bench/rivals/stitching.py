@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from skimage.registration import phase_cross_correlation
 
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.strip import Strip
-from endoct.workbench.bench.task import Declined
+from endoct.workbench.bench.task import Declined, NotInstalled
 from endoct.workbench.bench.tasks.stitching import StripPoses
 
 UPSAMPLED = 20
@@ -51,7 +50,7 @@ def _ashlar(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> 
     try:
         from ashlar import utils
     except ImportError as error:
-        raise EndoctError("ashlar is not installed", remedy="pip install ashlar") from error
+        raise NotInstalled("ashlar") from error
     whole = round(nominal_pitch_mm / _row_mm(strips))
     n = images.shape[1] - abs(whole)
     if n < FEWEST_ROWS:
