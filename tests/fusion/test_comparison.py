@@ -203,8 +203,27 @@ def test_bridged_rows_do_not_count(pair: Pair) -> None:
 
 def test_another_diameter_is_refused(pair: Pair, panorama_of: Callable) -> None:
     other = panorama_of(pair.a.intensity, dz_mm=0.05, radius_mm=1.3)
-    with pytest.raises(EndoctError, match=r"different bores.*2\.6 and 2\.5 mm"):
+    with pytest.raises(EndoctError, match=r"2\.6 mm for side A and 2\.5 mm for side B.*recordings of two bores"):
         compare_panoramas(other, pair.b)
+
+
+def test_a_slightly_different_diameter_is_noted(pair: Pair) -> None:
+    assert not compare_panoramas(pair.a, pair.b, COARSE).result.notes
+    grid = replace(pair.b.grid, radius_mm=1.02 * pair.b.grid.radius_mm)
+    found = compare_panoramas(pair.a, replace(pair.b, grid=grid), COARSE)
+    assert found.alignment is not None
+    (note,) = found.result.notes[found.names[1]]
+    assert "bore_diameter_mm is 2.55 mm for this side and 2.5 mm for the other" in note
+    completed = found.result.completed(
+        truth={},
+        raters=None,
+        notes=dict.fromkeys(found.names, ("x",)),
+        versions={},
+        inputs={},
+        parameters={},
+        seconds={},
+    )
+    assert completed.notes == {found.names[0]: ("x",), found.names[1]: ("x", note)}
 
 
 def test_the_inputs_stay_as_they_are(pair: Pair) -> None:

@@ -88,3 +88,29 @@ def test_broken_toml_is_one_line(tmp_path: Path, content: bytes) -> None:
     with pytest.raises(EndoctError, match="is not valid TOML") as caught:
         read_keys(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (
+            "bore_diameter_mm = 2,5",
+            "bore_diameter_mm = 2,5 in line 2; write numbers with a point: bore_diameter_mm = 2.5",
+        ),
+        ("theta_origin_rad=-0,25 # from the trigger", "write numbers with a point: theta_origin_rad = -0.25"),
+    ],
+)
+def test_a_comma_in_a_number_is_said(line: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "acquisition.toml").write_text(f'modality = "oct"\n{line}\n')
+    with pytest.raises(EndoctError) as caught:
+        read_keys(tmp_path)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_other_faults_keep_their_own_words(tmp_path: Path) -> None:
+    (tmp_path / "acquisition.toml").write_text("positions_mm = [0,1,2]\ntravel = in\n")
+    with pytest.raises(EndoctError, match="not valid TOML") as caught:
+        read_keys(tmp_path)
+    assert "point" not in str(caught.value)
+    assert "write it with a point: 2.5" in refused({**GOOD, "bore_diameter_mm": "2,5"})

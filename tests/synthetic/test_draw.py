@@ -7,7 +7,8 @@ from endoct.stitching.errors import EndoctError
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
-from endoct.synthetic.sample.ranges import allowed_range, default_ranges
+from endoct.synthetic.sample.ranges import PARTS, allowed_range, choices, default_ranges
+from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar
 
 SEEDS = range(8)
 
@@ -58,6 +59,22 @@ def test_orientations_and_what_the_sidecars_say_of_them_vary(drawn: list[Sample]
     assert {s.oct.states_handedness for s in drawn} == {True, False}
     assert "unknown" in {s.oct.stated_travel for s in drawn}
     assert {s.endoscope.states_optics for s in drawn} == {True, False}
+
+
+@pytest.mark.parametrize("part", sorted(PARTS))
+def test_every_word_that_can_be_varied_is_what_the_sample_then_has(part: str) -> None:
+    for name, words in choices(PARTS[part]).items():
+        for word in words:
+            drawn = draw("learning", 3, ranges={f"{part}.{name}": (word,)})
+            value = getattr(getattr(drawn, part), name)
+            assert (str(value).lower() if isinstance(value, bool) else value) == word, name
+
+
+def test_the_sidecars_state_the_travel_that_is_varied() -> None:
+    ranges = {f"{part}.stated_travel": ("out",) for part in ("oct", "endoscope")}
+    ranges |= {f"{part}.travel": ("in",) for part in ("oct", "endoscope")}
+    sample = draw("learning", 3, ranges=ranges)
+    assert oct_sidecar(sample)["travel"] == endoscope_sidecar(sample)["travel"] == "out"
 
 
 def test_feed_jitters_by_ten_percent(drawn: list[Sample]) -> None:

@@ -14,6 +14,7 @@ import xarray as xr
 import zarr
 
 from endoct.fusion.files.masks import read_mask
+from endoct.stitching.errors import EndoctError
 from endoct.stitching.store import load_panorama
 from endoct.workbench import cli, compare, unroll
 
@@ -242,6 +243,37 @@ def test_a_doubt_of_one_recording_is_said_once_and_status_3_if_strict(
     stated = tomllib.loads((quick_specimen / "oct" / "acquisition.toml").read_text())
     assert doubt["value"] == pytest.approx(stated["bore_diameter_mm"], abs=0.02)
     assert load_panorama(store).doubts[0].to_json() == doubt
+
+
+def test_scores_against_truth_are_printed(compared: Path, quick_specimen: Path, tmp_path: Path, run: Run) -> None:
+    a, b = (compared / "panoramas" / f"{name}.zarr" for name in ("endoscope", "oct"))
+    truth = quick_specimen / "truth"
+    status, said = run("compare", a, b, "-o", tmp_path / "again", "--truth", truth)
+    assert status == 0
+    scores = json.loads((tmp_path / "again" / "result.json").read_text())["truth"][str(truth)]
+    expected = ", ".join(f"{side} {scores[side]['jaccard']:.3f}" for side in ("endoscope", "oct"))
+    assert f"Jaccard index against {truth}: {expected}" in said.splitlines()
+
+
+def test_a_recording_is_not_compared_with_itself(short: Path, tmp_path: Path, run: Run) -> None:
+    linked = tmp_path / "linked"
+    linked.symlink_to(short / "oct")
+    for other in (short / "oct", linked):
+        assert run("compare", short / "oct", other, "-o", tmp_path / "c")[0] == 1
+    with pytest.raises(EndoctError, match="compared with itself"):
+        compare(short / "oct", short / "oct", progress=False)
+    assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("simualte", "simulate"), ("comapre", "compare"), ("unrol", "unroll")])
+def test_a_misspelt_command_suggests_the_nearest(
+    typed: str, meant: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["endoct", typed, "-o", "somewhere"])
+    with pytest.raises(SystemExit) as leave:
+        cli.main()
+    assert leave.value.code == 2
+    assert f"did you mean '{meant}'?" in capsys.readouterr().err
 
 
 def test_modalities_lists_both(run: Run) -> None:

@@ -79,7 +79,7 @@ def made_beyond(root: Path, plan: Plan) -> list[str]:
         record = read_record(root, unit)
         if record is not None and any(made.index not in unit.indices for made in record.specimens):
             beyond.append(name)
-    return beyond
+    return sorted(beyond)
 
 
 def sound_record(root: Path, unit: Unit) -> Record | None:

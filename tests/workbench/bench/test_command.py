@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+from rich.table import Table
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.command import Request, run_bench
@@ -24,7 +25,8 @@ def test_results_are_written_and_told(doubling: AnyTask, tmp_path: Path) -> None
     facts = bench(output=tmp_path / "out", against="wrong")
     with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 4 * 2 * len(doubling.methods)
+    assert {row["method"] for row in rows} == set(doubling.methods) - {"absent"}
+    assert len(rows) == 4 * 2 * (len(doubling.methods) - 1)
     for row in rows:
         if row["method"] == "right":
             assert float(row["score.error"]) == 0.0
@@ -40,6 +42,19 @@ def test_results_are_written_and_told(doubling: AnyTask, tmp_path: Path) -> None
     with (tmp_path / "out" / "differences.csv").open(encoding="utf-8") as file:
         (difference,) = csv.DictReader(file)
     assert (difference["method"], difference["against"], difference["cases"]) == ("right", "wrong", "8")
+
+
+def test_a_method_that_is_not_installed_is_left_out_and_said(doubling: AnyTask) -> None:
+    request = Request("doubling", methods=["right", "absent"], seeds="3-6")
+    facts, lines = run_bench(request, stages=SilentStages())
+    assert facts["left_out"] == {"absent": "a_library_that_is_not_installed is not installed"}
+    assert [one["method"] for one in facts["summary"]] == ["right"]
+    table = lines[0]
+    assert isinstance(table, Table)
+    assert table.row_count == 1
+    assert "left out: absent, because a_library_that_is_not_installed is not installed" in lines
+    with pytest.raises(EndoctError, match="none of the methods is installed; found absent"):
+        bench(methods=["absent"])
 
 
 @pytest.mark.parametrize(

@@ -326,3 +326,27 @@ def test_a_dry_run_reckons_and_writes_nothing(root: Path, cheap: Cheap) -> None:
         path.is_file() for part in ("specimens", "records") for path in (root / part).rglob("*")
     )
     assert forecast(root, FOLDERS, workers=2, make=cheap).missing == 0
+
+
+@pytest.mark.parametrize(("plan", "fewer"), [(FOLDERS, 3), (SHARDS, 10)], ids=["folders", "shards"])
+def test_an_interrupted_set_may_end_with_what_was_made(
+    plan: Plan, fewer: int, root: Path, cheap: Cheap, tmp_path: Path
+) -> None:
+    less = Plan(**vars(plan) | {"count": fewer})
+    with pytest.raises(KeyboardInterrupt):
+        make(root, plan, failing(cheap, 2, KeyboardInterrupt()))
+    make(root, less, cheap)
+    make(tmp_path / "at once", less, cheap)
+    assert contents(root) == contents(tmp_path / "at once")
+
+
+@pytest.mark.parametrize(
+    ("plan", "fewer", "made"), [(FOLDERS, 2, "000002"), (SHARDS, 2, "train-000000")], ids=["folders", "shards"]
+)
+def test_a_set_does_not_shrink_below_what_was_made(plan: Plan, fewer: int, made: str, root: Path, cheap: Cheap) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        make(root, plan, failing(cheap, 4, KeyboardInterrupt()))
+    before = contents(root)
+    with pytest.raises(EndoctError, match=f"holds more specimens already; found --count {fewer}, and .*{made}.* made"):
+        make(root, Plan(**vars(plan) | {"count": fewer}), cheap)
+    assert contents(root) == before

@@ -1,6 +1,7 @@
 """Progress appears where somebody looks, and only for work that takes a while."""
 
 import io
+import re
 import sys
 import time
 from types import ModuleType
@@ -93,3 +94,33 @@ def test_a_terminal_displays_bars_once_the_work_has_taken_a_while() -> None:
                 break
             time.sleep(0.01)
     assert "align" in shown.getvalue()
+
+
+def test_a_log_never_goes_backwards(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter(range(0, 10_000, 3))
+    monkeypatch.setattr("endoct.workbench.running.progress.time.monotonic", lambda: float(next(clock)))
+    log = io.StringIO()
+    stages = ConsoleStages(Console(file=log, width=60))
+    with stages.stage("survey A") as a:
+        a(0.2)
+        with stages.stage("survey B") as b:
+            for share in (0.1, 0.5, 0.3, 0.9):  # threads may report out of order
+                a(min(1.0, 0.3 + share))
+                b(share)
+        with stages.stage("unroll B") as b:
+            b(0.1)
+            b(0.2)
+    lines = log.getvalue().splitlines()
+    assert [line for line in lines if not line.startswith("after")] == ["survey A", "survey B", "unroll B"]
+    progress = [re.fullmatch(r"after (\d+) s: (.*)", line) for line in lines if line.startswith("after")]
+    assert len(progress) > 4
+    seconds = [int(line[1]) for line in progress if line]
+    assert seconds == sorted(seconds)
+    last: dict[str, int] = {}
+    for line in progress:
+        stated = dict(re.findall(r"(\w+ [AB]) (\d+)%", line[2] if line else ""))
+        assert "survey A" in stated  # every line says how far all are
+        for title, share in stated.items():
+            assert int(share) >= last.get(title, 0)
+            last[title] = int(share)
+    assert set(last) == {"survey A", "survey B", "unroll B"}

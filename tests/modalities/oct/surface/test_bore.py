@@ -16,3 +16,9 @@ def test_the_bore_runs_on_where_it_is_not_seen() -> None:
     assert np.abs(gap_rows(rows, FIRST_ROW, evidence, PIXEL_MM) - true).max() < 2
     rows[:] = N_DEPTH
     assert np.isnan(gap_rows(rows, FIRST_ROW, evidence, PIXEL_MM)).all()
+
+
+def test_surfaces_without_any_evidence_are_no_bore() -> None:
+    rows = (FIRST_ROW + 40).astype(np.intp)
+    evidence = np.full((N_THETA, N_DEPTH + 1), -1, np.float32)
+    assert np.isnan(gap_rows(rows, FIRST_ROW, evidence, PIXEL_MM)).all()
