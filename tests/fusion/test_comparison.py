@@ -214,14 +214,9 @@ def test_a_slightly_different_diameter_is_noted(pair: Pair) -> None:
     assert found.alignment is not None
     (note,) = found.result.notes[found.names[1]]
     assert "bore_diameter_mm is 2.55 mm for this side and 2.5 mm for the other" in note
+    notes, nothing = dict.fromkeys(found.names, ("x",)), {}
     completed = found.result.completed(
-        truth={},
-        raters=None,
-        notes=dict.fromkeys(found.names, ("x",)),
-        versions={},
-        inputs={},
-        parameters={},
-        seconds={},
+        truth=nothing, raters=None, notes=notes, versions=nothing, inputs=nothing, parameters=nothing, seconds=nothing
     )
     assert completed.notes == {found.names[0]: ("x",), found.names[1]: ("x", note)}
 

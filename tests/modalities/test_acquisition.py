@@ -95,7 +95,7 @@ def test_broken_toml_is_one_line(tmp_path: Path, content: bytes) -> None:
     [
         (
             "bore_diameter_mm = 2,5",
-            "bore_diameter_mm = 2,5 in line 2; write numbers with a point: bore_diameter_mm = 2.5",
+            "found bore_diameter_mm = 2,5 in line 2; write numbers with a point: bore_diameter_mm",
         ),
         ("theta_origin_rad=-0,25 # from the trigger", "write numbers with a point: theta_origin_rad = -0.25"),
     ],
