@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import sys
 import tomllib
 from collections.abc import Callable
@@ -263,6 +264,21 @@ def test_a_recording_is_not_compared_with_itself(short: Path, tmp_path: Path, ru
     with pytest.raises(EndoctError, match="compared with itself"):
         compare(short / "oct", short / "oct", progress=False)
     assert not (tmp_path / "c").exists()
+
+
+def test_a_copy_of_a_recording_is_compared_with_a_doubt(short: Path, tmp_path: Path, run: Run) -> None:
+    shutil.copytree(short / "oct", tmp_path / "copy")
+    status, said = run("compare", short / "oct", tmp_path / "copy", "-o", tmp_path / "c", "--strict")
+    assert status == 3
+    assert "DOUBT: Both sides were made from the same files" in said
+    stored = json.loads((tmp_path / "c" / "result.json").read_text())
+    assert stored["doubts"][0]["code"] == "compared-with-itself"
+    # the same of one path with settings that differ, and of two other recordings not
+    same = short / "oct"
+    by_settings = compare(same, same, settings_b={"undistort": "sine"}, progress=False)
+    assert by_settings.doubts[0].code == "compared-with-itself"
+    other = compare(short / "endoscope", same, settings={"force": True}, progress=False)
+    assert "compared-with-itself" not in {doubt.code for doubt in other.doubts}
 
 
 @pytest.mark.parametrize(("typed", "meant"), [("simualte", "simulate"), ("comapre", "compare"), ("unrol", "unroll")])

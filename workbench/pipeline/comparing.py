@@ -1,6 +1,7 @@
 """Two sides to one comparison, and to its folder."""
 
 import time
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_mask
-from endoct.workbench.pipeline.inputs import digests, json_text, path_text, versions
+from endoct.workbench.pipeline.inputs import digests, doubt_of_inputs, json_text, path_text, versions
 from endoct.workbench.pipeline.sources import Source, open_both, read_sides, unroll_sources
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled
@@ -70,12 +71,16 @@ def compare_sources(
                     save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
                     if isinstance(one, Unrolled):
                         _picture(folder, side.name, one)
-        result = comparison.result.completed(
+        of_sides = tuple(_inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
+        doubted = comparison.result
+        if comparison.alignment is not None and (doubt := doubt_of_inputs(*of_sides)):
+            doubted = doubted.model_copy(update={"doubts": (doubt, *doubted.doubts)})
+        result = doubted.completed(
             truth=against.truth,
             raters=against.raters,
             notes={side.name: side.panorama.notes for side in sides},
             versions=versions(),
-            inputs=_inputs(sources, sides, truth),
+            inputs={name: digest for each in (*of_sides, *map(digests, truth)) for name, digest in each.items()},
             parameters={
                 "compare": parameters.model_dump(mode="json"),
                 **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides},
@@ -125,10 +130,7 @@ def _picture(folder: Path, name: str, made: Unrolled) -> None:
         save_pictures(folder / "pictures", name, f"{place:04d}", pictures)
 
 
-def _inputs(sources: tuple[Source, Source], sides: tuple[Side, Side], truth: tuple[Path, ...]) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for source, side in zip(sources, sides, strict=True):
-        found |= side.panorama.provenance.get("inputs") or (digests(source.path) if source.path else {})
-    for path in truth:
-        found |= digests(path)
-    return found
+def _inputs_of(source: Source, side: Side) -> Mapping[str, str]:
+    """Return the digests of the files that a side was made from, by path."""
+    made_from: Mapping[str, str] | None = side.panorama.provenance.get("inputs")
+    return made_from or (digests(source.path) if source.path else {})

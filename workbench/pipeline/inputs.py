@@ -4,9 +4,11 @@ import hashlib
 import json
 import os
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.files import sha256_of
 
 LISTED_FILES = 8
@@ -27,6 +29,18 @@ def digests(path: Path) -> dict[str, str]:
         return {path_text(f): digest for f, digest in each.items()}
     lines = "".join(f"{path_text(f.relative_to(path).as_posix())} {digest}\n" for f, digest in each.items())
     return {path_text(path / "*"): hashlib.sha256(lines.encode()).hexdigest()}
+
+
+def doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:
+    """Return a doubt where two sides were made from the same files, sidecars left out, as :func:`digests` has them."""
+    of_a, of_b = ({digest for name, digest in each.items() if not name.endswith(".toml")} for each in (a, b))
+    if not of_a or of_a != of_b:
+        return None
+    what = (
+        "Both sides were made from the same files, so this is a recording compared with itself: how well they agree "
+        "says nothing of two recordings."
+    )
+    return Doubt("compared-with-itself", what)
 
 
 def path_text(path: Path | str) -> str:
