@@ -128,7 +128,8 @@ class Calibration(Protocol):
 
     ``grid`` and ``row_z_mm`` (float64 (n_z,), ascending) are the rows and columns of the panorama, on which
     every strip must lie. ``per_frame`` is geometry and quality per frame, in the recording's own order, with
-    ``"z_mm"`` among them; ``notes`` says, in full sentences, what was not trusted.
+    ``"z_mm"`` among them; ``notes`` says, in full sentences, what is to be known of
+    the recording or of some of its frames; what speaks against the whole is a doubt, which ``settle`` adds.
     """
 
     @property
@@ -210,7 +211,7 @@ class Modality(Protocol[P, C]):
         """Turn one frame into a strip on the calibration's grid. Pure."""
 
     def settle(self, panorama: Panorama, calibration: C) -> Panorama:
-        """Finish the assembled panorama (continuity of the wall in θ and z); may return it as it is."""
+        """Finish the assembled panorama (continuity of the wall in θ and z) and doubt it; may return it as it is."""
 
     def illustrate(self, frame: Frame, calibration: C) -> tuple[Picture, ...]:
         """Show for a report how one frame was understood: as recorded, with what was found, and unrolled."""
