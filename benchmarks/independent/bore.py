@@ -123,7 +123,7 @@ def drill(recipe: BoreRecipe, rng: Generator) -> Bore:
 
 def _draw(recipe: BoreRecipe, rng: Generator) -> Cell:
     amplitude = recipe.ragged * rng.normal(size=_HARMONICS.size) / (_HARMONICS - 1) ** 0.8
-    amplitude *= min(1.0, 0.55 / np.abs(amplitude).sum())
+    amplitude *= min(1.0, 0.55 / max(float(np.abs(amplitude).sum()), 1e-9))
     tilt, way = rng.uniform(0, recipe.floor_slope), rng.uniform(0, 2 * np.pi)
     return Cell(
         theta_rad=float(rng.uniform(0, 2 * np.pi)),
