@@ -43,7 +43,7 @@ def summary(table: pd.DataFrame) -> str:
 
 def _of_chain(chain: str, rows: pd.DataFrame) -> Iterator[str]:
     outcomes = ", ".join(f"{count} {name}" for name, count in rows["outcome"].value_counts().items())
-    yield f"\n{chain}: {len(rows)} pairs, {outcomes}; {_doubted(rows)} doubted"
+    yield f"\n{chain}: {len(rows)} pairs, {outcomes}; {(_doubts(rows) != '').sum()} doubted"
     for name in _SCORES:
         if name in rows and (values := rows[name].dropna()).size:
             said = f"median {values.median():.3f}, from {values.min():.3f} to {values.max():.3f}"
@@ -57,7 +57,25 @@ def _of_chain(chain: str, rows: pd.DataFrame) -> Iterator[str]:
     if "loss_stated" in rows and (ratio := (rows["loss_stated"] / rows["loss_true"]).dropna()).size:
         within = ((ratio > 1 / 1.5) & (ratio < 1.5)).mean()
         yield f"  loss stated / true      median {ratio.median():.2f}; {within:.0%} within a factor of 1.5"
+    yield from _of_doubts(rows)
+    yield from _of_faults(rows)
 
 
-def _doubted(rows: pd.DataFrame) -> int:
-    return int((rows["doubts"].fillna("") != "").sum()) if "doubts" in rows else 0
+def _of_doubts(rows: pd.DataFrame) -> Iterator[str]:
+    each = _doubts(rows).str.split("; ").explode()
+    for doubt, count in each[each != ""].value_counts().items():
+        yield f"  doubted {count:3d} times: {doubt}"
+
+
+def _of_faults(rows: pd.DataFrame) -> Iterator[str]:
+    """Yield for each fault what became of it; believed in silence is what was aligned without a doubt."""
+    for (fault, size), group in rows[rows["fault"] != ""].groupby(["fault", "fault_size"]):
+        silent = (group["outcome"] == "aligned") & (_doubts(group) == "")
+        said = ", ".join(f"{count} {name}" for name, count in group["outcome"].value_counts().items())
+        errors = {name: group[name].abs().max() for name in _ERRORS if name in group}
+        worst = ", ".join(f"{name.removeprefix('error_')} {value:.3f}" for name, value in errors.items())
+        yield f"  {fault} {size:g}: {said}; {silent.sum()} of {len(group)} believed in silence; at most {worst} off"
+
+
+def _doubts(rows: pd.DataFrame) -> "pd.Series[str]":
+    return rows["doubts"].fillna("") if "doubts" in rows else pd.Series("", index=rows.index)
