@@ -17,7 +17,7 @@ from benchmarks.independent.recipe import (
     Stated,
 )
 
-SETS = ("few", "usual", "many", "tiny", "mirrors", "sound", "broken")
+SETS = ("few", "usual", "many", "tiny", "mirrors", "sound", "broken", "dim")
 CATHETER_FAULTS: tuple[tuple[CatheterFault, float], ...] = (
     ("turn_step", 0.3),
     ("start_jump", 0.3),
@@ -63,6 +63,11 @@ def recipe_of(name: str, seed: int) -> Recipe:
         kind, stated = MIRROR_KINDS[seed % 4], STATED[(seed // 4) % 4]
         endoscope = replace(_mirror(kind, rng), stated=stated)
         return replace(recipe, endoscope=replace(endoscope, ahead=seed % 3 > 0))
+    if name == "dim":
+        exposure = float(rng.uniform(0.05, 0.45))
+        return replace(
+            recipe, endoscope=replace(recipe.endoscope, exposure=exposure, ring=float(rng.uniform(0.2, 1.0)))
+        )
     if name == "broken":
         kind_of = seed % (len(CATHETER_FAULTS) + len(MIRROR_FAULTS))
         if kind_of >= len(CATHETER_FAULTS):
