@@ -23,8 +23,8 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters, of:
     """Yield what speaks against where side ``of`` was placed."""
     if parameters.force:
         what = (
-            f"The best alignment was accepted because that was asked for (force); its confidence is "
-            f"{alignment.confidence:.2f}, and from {BELIEVABLE:g} on one can stand out by itself."
+            f"The best alignment was accepted because that was asked for (force). Its confidence is "
+            f"{alignment.confidence:.2f}; without force it would need at least {BELIEVABLE:g}."
         )
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
     low, high = parameters.z_scale_min, parameters.z_scale_max
