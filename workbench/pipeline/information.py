@@ -95,6 +95,8 @@ def in_lines(facts: Mapping[str, object]) -> Iterator[str]:
 
 
 def _texts(value: object) -> list[str]:
+    if isinstance(value, Mapping) and {"code", "what"} <= value.keys():  # a doubt
+        return [f"{value['what']} ({value['code']})"]
     if isinstance(value, Mapping):
         return [f"{key}: {text}" for key, each in value.items() for text in _texts(each)] or ["none"]
     if isinstance(value, list) and not all(isinstance(each, int | float) for each in value):

@@ -11,7 +11,7 @@ from tests.modalities.oct.unrolling import UnrollPhantom
 def test_pictures(unrolled: UnrollPhantom) -> None:
     stream, calibration, _ = unrolled(Phantom(n_slices=3))
     recorded, undistorted = OCT.illustrate(stream[1], calibration)
-    assert set(recorded.curves) == {"outer face of the capillary", "sine", "wall"}
+    assert set(recorded.curves) == {"outer face of the capillary", "sine first fitted to it", "wall"}
     assert max(recorded.image.shape) <= 1000
     wall = undistorted.curves["wall"][:, 1]
     assert np.nanmedian(wall) == pytest.approx(1.2, abs=0.02)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from endoct.modalities.registry import manifest_for
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe, in_lines
@@ -168,3 +169,10 @@ def test_a_thumbnail_keeps_colours_and_stretches_grey_levels() -> None:
     assert side_by_side((red,))[0, 0].tolist() == [255, 0, 0]
     deep = np.linspace(1000, 3000, 2400).reshape(40, 60).astype(np.uint16)
     assert (side_by_side((deep, deep)).min(), side_by_side((deep, deep)).max()) == (0, 255)
+
+
+def test_a_doubt_is_one_line() -> None:
+    doubt = Doubt("wall-far-from-nominal", "The wall lies 0.2 mm before the nominal bore.", value=2.1, unit="mm")
+    (line,) = in_lines({"doubts": [doubt.to_json()]})
+    assert line.split(maxsplit=1) == ["doubts", f"{doubt.what} (wall-far-from-nominal)"]
+    assert list(in_lines({"doubts": []})) == [f"{'doubts':<18}none"]

@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
-from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.rivals import alignment as rivals
+from endoct.workbench.bench.task import NotInstalled
 from endoct.workbench.bench.tasks.alignment import TASK, AlignmentCase
 
 
@@ -19,5 +19,5 @@ def test_a_rival_that_is_not_installed_says_so(
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.setitem(sys.modules, "kornia.geometry.transform", None)
-    with pytest.raises(EndoctError, match=f"pip install {package}"):
+    with pytest.raises(NotInstalled, match=f"{package} is not installed; pip install {package}"):
         getattr(rivals, rival)(*easy.given)
