@@ -21,6 +21,7 @@ from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAli
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.search import search
+from endoct.fusion.segmentation.regions import label
 
 __all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations"]
 
@@ -31,12 +32,18 @@ LIKELY_CHANCE = 1e-4
 
 Of tuning specimens (benchmarks/confidence.py), 120 wrong and 32 featureless pairs had a confidence of 0.145 at most and
 a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most."""
-LEFT_BY_INSTRUMENTS = 0.0043, 0.0055, 0.002
+LEFT_BY_INSTRUMENTS = 0.0043, 0.01, 0.002
 """By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
-Rotation and feed are known no better, and residuals do not show it. Root mean square of 24 simulated specimens (`quick`
-and `hard`, seeds 0–11) against their truth."""
+Rotation and feed are known no better, and residuals do not show it."""
+LEFT_BY_CELL_MM = 0.015, 0.03
+"""By how much one cell's middle lies apart in depth and in light, around the bore and along it: its floor slopes, its
+lining is bright, and its rim is not where either sees it. Residuals do not show that where few cells decide. These and
+those above were set by simulated specimens (`quick` and `hard`, seeds 0–11) and by 40 pairs of a second generator that
+shares nothing with it (benchmarks/independent, sets few and mirrors, seeds 0–19)."""
 UNKNOWN_SLANT = 0.4
 """Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
+LEAST_CELL_MM2 = 0.05
+LEAST_SPREAD_MM = 0.5
 CELL_MM = 0.04
 """Relief beyond which a sample counts as cell when the depth of cells is averaged."""
 
@@ -125,9 +132,29 @@ def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -
         return alignment
     turn_rad, along_mm, of_scale = LEFT_BY_INSTRUMENTS
     middle_mm = direction * float(b.z_mm[[0, -1]].mean())
-    left = turn_rad, float(np.hypot(along_mm, unknown_mm)), of_scale
+    of_turn_mm, of_shift_mm, of_stretch = _left_by_cells(relief)
+    left = (
+        float(np.hypot(turn_rad, of_turn_mm / a.radius_mm)),
+        float(np.linalg.norm([along_mm, unknown_mm, of_shift_mm])),
+        float(np.hypot(of_scale, of_stretch)),
+    )
     to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * left
     return replace(alignment, covariance=as_covariance(np.array(alignment.covariance) + to_origin @ to_origin.T))
+
+
+def _left_by_cells(relief: Evidence) -> tuple[float, float, float]:
+    """Return what :data:`LEFT_BY_CELL_MM` leaves of all cells together: around and along, mm, and of the scale of z."""
+    labels, n = label(relief.valid & (relief.values > CELL_MM))
+    area_mm2 = np.bincount(labels.ravel(), minlength=n + 1)[1:] * relief.dz_mm * relief.column_mm
+    rims = np.where(area_mm2 > LEAST_CELL_MM2, np.sqrt(area_mm2), 0)  # a cell counts by the length of its rim
+    if not rims.any():
+        return 0.0, 0.0, 0.0
+    rows = np.repeat(relief.z_mm[:, np.newaxis], labels.shape[1], axis=1)
+    z_mm = np.bincount(labels.ravel(), rows.ravel(), n + 1)[1:] / np.maximum(np.bincount(labels.ravel())[1:], 1)
+    independent = rims.sum() ** 2 / (rims**2).sum()
+    spread_mm = float(np.sqrt(np.cov(z_mm, aweights=rims, ddof=0))) if n > 1 else 0.0
+    around_mm, along_mm = np.array(LEFT_BY_CELL_MM) / np.sqrt(independent)
+    return float(around_mm), float(along_mm), float(along_mm / max(spread_mm, LEAST_SPREAD_MM))
 
 
 def _depth_mm(relief: Evidence) -> float:
