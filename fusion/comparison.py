@@ -4,7 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from endoct.fusion.doubts import doubt_of_twist, doubts_of_alignment, doubts_of_parts, doubts_of_result
+from endoct.fusion.doubts import (
+    doubt_of_twist,
+    doubts_of_alignment,
+    doubts_of_orientation,
+    doubts_of_parts,
+    doubts_of_result,
+)
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
@@ -80,6 +86,7 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
         parts = parts_out_of_place(a.evidence, b.evidence, alignment)
         doubts = [
             *doubts_of_alignment(alignment, parameters, b.name),
+            *doubts_of_orientation(alignment, a.panorama, b.panorama, b.name),
             *doubts_of_parts(parts, b.name),
             *doubts_of_result(result),
             *doubts,

@@ -10,6 +10,7 @@ from endoct.fusion.registration.rigidity import FAR_MM, Part
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Result
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.observed import LEAST_VALID_SHARE
+from endoct.stitching.panorama import Panorama
 
 LEAST_DRIFT_MM = 0.1
 """Cells that drift apart by less are no reason to doubt the alignment,"""
@@ -52,6 +53,17 @@ def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:
         "may be lost, swapped or turned."
     )
     yield Doubt("parts-out-of-place", what, side=of, value=worst.off_mm, unit="mm", expected=(0.0, FAR_MM))
+
+
+def doubts_of_orientation(alignment: Alignment, one: Panorama, two: Panorama, of: str) -> Iterator[Doubt]:
+    """Yield what an alignment of ``two``, the side ``of``, says against orientations that the sidecars state."""
+    if alignment.mirrored and one.handedness_known and two.handedness_known:
+        reversed_too = " and its direction of travel reversed" if alignment.z_reversed else ""
+        what = (
+            f"{of} fits only with its θ mirrored{reversed_too}, although both sides state which way their θ runs: "
+            "handedness is wrong in a sidecar, or one side was recorded from the other end of the bore."
+        )
+        yield Doubt("handedness-contradicted", what)
 
 
 def doubts_of_result(result: Result) -> Iterator[Doubt]:

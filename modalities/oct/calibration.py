@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.modalities.oct.face.circle import Capillary
+from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.manifest import OctAcquisition
@@ -31,6 +32,7 @@ class OctCalibration:
         beams (A-scan 0 near angle 0). Its ripple delays the wall as well, so it is subtracted from depths and does not
         change angles.
     glass: the capillary's wall; its thickness is 0 where its inner face is not seen.
+    course: what the outer face's course says of its diameter; None where the catheter is too near the axis.
     background: levels of the recording.
     """
 
@@ -46,6 +48,7 @@ class OctCalibration:
     rotation: Rotation
     faces: Faces
     glass: Glass
+    course: Course | None
     background: Background
 
     @property

@@ -8,33 +8,22 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.doubts import doubts_of_sizes
 from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.doubt import Doubt
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 
-ODD_WALL_SHARE = 0.1
-
 
 def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama:
-    """Return ``panorama`` with a helical scan's rows sheared into place, and a doubt of an implausible wall."""
+    """Return ``panorama`` with a helical scan's rows sheared into place, and doubts of what contradicts the sidecar."""
     if calibration.acquisition.scan == "helical" and panorama.grid.n_z > 1:
         panorama = _sheared(panorama, calibration)
     panorama = _with_faint_slices(panorama, calibration)
     if panorama.depth_mm is None or not panorama.valid.any():
         return panorama
-    median_mm, nominal_mm = float(np.median(panorama.depth_mm[panorama.valid])), 2 * panorama.grid.radius_mm
-    if abs(median_mm) <= ODD_WALL_SHARE * panorama.grid.radius_mm:
-        return panorama
-    measured_mm = nominal_mm + 2 * median_mm
-    what = (
-        f"The wall lies {abs(median_mm):.2f} mm {'behind' if median_mm > 0 else 'before'} the nominal bore in the "
-        f"median, as in a bore of {measured_mm:.2f} mm; bore_diameter_mm, capillary_outer_diameter_mm or "
-        "axial_pixel_mm may be wrong, or the wrong line was taken for the capillary."
-    )
-    doubt = Doubt("wall-far-from-nominal", what, value=measured_mm, unit="mm", expected=nominal_mm)
-    return replace(panorama, doubts=(*panorama.doubts, doubt))
+    doubts = doubts_of_sizes(panorama.depth_mm[panorama.valid], calibration)
+    return replace(panorama, doubts=(*panorama.doubts, *doubts)) if doubts else panorama
 
 
 def _with_faint_slices(panorama: Panorama, calibration: OctCalibration) -> Panorama:

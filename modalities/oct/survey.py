@@ -9,6 +9,7 @@ import numpy as np
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.depth_order import UPSIDE_DOWN
+from endoct.modalities.oct.face.course import measure_course
 from endoct.modalities.oct.face.faces import locate_faces
 from endoct.modalities.oct.face.glass import measure_glass
 from endoct.modalities.oct.face.slices import SliceFeatures, examine_bscan
@@ -50,6 +51,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         faces = locate_faces(slices, acquisition, parameters)
         lines = find_fixed_lines(slices, faces, acquisition) if parameters.fixed_lines else FixedLines.none(n_depth)
         glass = measure_glass(slices, faces, acquisition.medium_index)
+        course = measure_course(slices, faces, glass)
         turns = nominal_turns(slices, faces)
         turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
         turns = correct_starts(turns, acquisition, parameters)
@@ -69,6 +71,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         rotation=rotation,
         faces=faces,
         glass=glass,
+        course=course,
         background=background,
     )
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from endoct.modalities.oct.face.circle import Capillary, Circle
 from endoct.modalities.oct.face.lines import fit_circle
 from endoct.modalities.oct.face.neighbours import bridged, starts_anywhere, steady_slices
-from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line
+from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line, shows_catheter
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.ripple import N_RIPPLE, fit_ripple
 from endoct.modalities.oct.face.sine import Sine, slice_sine
@@ -66,11 +66,13 @@ class Faces:
 def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, parameters: OctParameters) -> Faces:
     """Return the outer face in all ``slices``, which come in the order of z.
 
-    Raises :class:`NotSeen` where no line qualifies or most slices do not show it.
+    Raises :class:`NotSeen` where no line qualifies, nothing lies before it, or most slices do not show it.
     """
     lines = outer_line(slices, acquisition, parameters.start_offset_mm)
     if lines is None:
         raise _no_capillary("no line with darkness and then a wall behind it")
+    if parameters.start_offset_mm is None and not shows_catheter(slices, bridged(lines)):
+        raise _no_capillary("no line before it, neither the glass's inner face nor the catheter's sheath")
     free = starts_anywhere(lines, parameters.start)
     lines = lines.where(steady_slices(lines, free))
     if not lines.known.any():
@@ -155,7 +157,7 @@ def _no_capillary(instead: str) -> NotSeen:
     return NotSeen(
         "the capillary's outer face cannot be found",
         found=instead,
-        expected="a bright line around the whole turn in most slices, darkness and then the wall behind it",
+        expected="a bright line around the whole turn in most slices, the catheter's before it, darkness and the wall behind",
         remedy="check capillary_outer_diameter_mm, bore_diameter_mm and axial_pixel_mm, look at the B-scans, "
         "or give the depth of the outer face as start_offset_mm",
     )

@@ -3,7 +3,7 @@
 The depth axis has no known zero, so the outer face is the ruler for the wall's radius. Of the lines in the slices it is
 the deepest one whose axis keeps its depth through the recording and that has darkness and then a wall behind it. Lines
 of the sheath and the inner face lie before it; behind the wall's own surface it is not dark; a line that the detector
-draws does not move at all.
+draws does not move at all. A bright plate of bone with marrow behind it looks the same, but has nothing before it.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from endoct.stitching.arrays import Coordinates, Image
 SAME_LINE_MM = 0.02
 FIXED_LINE_MM = 0.01
 LEAST_PRESENCE = 0.4
+BEFORE_MM = 0.03  # nearer to the face than that, a line may be a part of it
 DARK_SHARE = 0.5  # behind the face it is nearer to the darkness than to the wall
 
 
@@ -38,6 +39,15 @@ def outer_line(
             circles = [of_slice.strongest_near(axis_depth_mm, SAME_LINE_MM) for of_slice in lines]
             return Capillary.of(circles, acquisition.capillary_radius_mm)
     return None
+
+
+def shows_catheter(slices: Sequence[SliceFeatures], face: Capillary) -> bool:
+    """Return whether lines lie before the ``face``, as the glass's inner face and the catheter's sheath do."""
+    before = [
+        bool(np.any(features.lines.axis_depth_mm < axis_depth_mm - BEFORE_MM))
+        for features, axis_depth_mm in zip(slices, face.axis_depth_mm, strict=True)
+    ]
+    return float(np.mean(before)) >= LEAST_PRESENCE
 
 
 def line_depths_mm(lines: Lines, mm_per_px: float) -> Coordinates:
