@@ -16,10 +16,9 @@ ODD_PLAIN_SHARE = 0.018
 """The same for the plain wall of a drilled bore, which is known to a few µm (20 independent recordings, 12 simulated
 ones: within 0.4 %)."""
 PLAIN_MM = 0.025
+MOST_INDEX = 1.6
 LEAST_PLAIN = 0.3
 """Of the wall: where less of it is plain, it is no drilled bore, and only its median counts."""
-SURE_OF_FACE = 3.0
-"""Standard errors by which the outer face's course must contradict its stated diameter."""
 
 
 @dataclass(frozen=True)
@@ -61,20 +60,28 @@ def _of_wall(depth_mm: Image, stated: OctAcquisition, course: Course | None, *, 
     what = (
         f"The {'plain wall' if drilled else 'wall'} lies {abs(beyond_mm):.3f} mm "
         f"{'behind' if beyond_mm > 0 else 'before'} the nominal bore, as in a bore of {measured_mm:.3f} mm; "
-        f"{stated.bore_diameter_mm:g} mm is stated. {_would_agree(beyond_mm, stated)} Or the wrong line was taken for "
-        f"the capillary. {_of_course(course)}"
+        f"{stated.bore_diameter_mm:g} mm is stated. {_would_agree(beyond_mm, stated, course)}, unless the wrong line "
+        f"was taken for the capillary. {_of_course(course)}"
     )
     return (Doubt("wall-far-from-nominal", what, value=measured_mm, unit="mm", expected=stated.bore_diameter_mm),)
 
 
-def _would_agree(beyond_mm: float, stated: OctAcquisition) -> str:
-    """Name each key with the value of it that puts the wall where the bore is."""
-    values = [("bore_diameter_mm", f"{stated.bore_diameter_mm + 2 * beyond_mm:.3f}")]
-    if (capillary_mm := stated.capillary_outer_diameter_mm - 2 * beyond_mm) > 0:
-        values.append(("capillary_outer_diameter_mm", f"{capillary_mm:.3f}"))
-    if (gap_mm := stated.gap_mm + beyond_mm) > 0:
-        values.append(("axial_pixel_mm", f"{stated.axial_pixel_mm * stated.gap_mm / gap_mm:.5f}"))
-    return f"Any one of these would agree: {', '.join(f'{key} = {value}' for key, value in values)}."
+def _would_agree(beyond_mm: float, stated: OctAcquisition, course: Course | None) -> str:
+    """Name each key with the value of it that puts the wall where the bore is, and that ``course`` leaves open."""
+    capillary_mm, gap_mm = stated.capillary_outer_diameter_mm, stated.gap_mm + beyond_mm
+    # the value, and how large the capillary then is in millimetres as stated
+    changes = [
+        (f"bore_diameter_mm = {stated.bore_diameter_mm + 2 * beyond_mm:.3f}", capillary_mm),
+        (f"capillary_outer_diameter_mm = {capillary_mm - 2 * beyond_mm:.3f}", capillary_mm - 2 * beyond_mm),
+    ]
+    if gap_mm > 0:
+        longer = gap_mm / stated.gap_mm
+        changes.append((f"axial_pixel_mm = {stated.axial_pixel_mm / longer:.5f}", capillary_mm * longer))
+        if MOST_INDEX >= (index := stated.medium_index * longer) >= 1:
+            changes.append((f"medium_index = {index:.2f}", capillary_mm * longer))
+    possible = [change for change, then_mm in changes if then_mm > 0]
+    likely = [change for change, then_mm in changes if then_mm > 0 and not (course and course.contradicts(then_mm))]
+    return f"That agrees with {' or '.join(likely or possible)}"
 
 
 def _of_course(course: Course | None) -> str:
@@ -84,17 +91,18 @@ def _of_course(course: Course | None) -> str:
 
 
 def _of_face(course: Course | None, stated: OctAcquisition) -> tuple[Doubt, ...]:
-    if course is None or course.sigmas <= SURE_OF_FACE:
-        return ()
     stated_mm = stated.capillary_outer_diameter_mm
+    if course is None or not course.contradicts(stated_mm):
+        return ()
     pixel_mm = stated.axial_pixel_mm * stated_mm / course.diameter_mm
     what = (
         f"Through the turn, the capillary's outer face runs like a circle of {_diameter(course)}; {stated_mm:g} mm is "
-        f"stated. Either of these would agree: capillary_outer_diameter_mm = {course.diameter_mm:.2f}, axial_pixel_mm "
-        f"= {pixel_mm:.5f}. Or the wrong line was taken for the capillary."
+        f"stated. That agrees with capillary_outer_diameter_mm = {course.diameter_mm:.2f} or axial_pixel_mm = "
+        f"{pixel_mm:.4f}, unless the wrong line was taken for the capillary."
     )
     return (Doubt("capillary-against-stated", what, value=course.diameter_mm, unit="mm", expected=stated_mm),)
 
 
 def _diameter(course: Course) -> str:
-    return f"{course.diameter_mm:.2f} mm ({course.low_mm:.2f} to {course.high_mm:.2f})"
+    low_mm, high_mm = course.range_mm
+    return f"{course.diameter_mm:.2f} mm ({low_mm:.2f} to {high_mm:.2f})"

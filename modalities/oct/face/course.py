@@ -29,19 +29,34 @@ LINE_MM = 0.0003
 UNKNOWN_GLASS = 1.05, 0.05
 """κR where the glass is not known, and its standard error: glass of 0 to 0.3 mm."""
 LEAST_CERTAIN = 0.25
+"""Of κ: with a larger standard error nothing is said."""
+SURE_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
 class Course:
-    """Diameter of the outer face by its course, from ``low_mm`` to ``high_mm`` within one standard error.
+    """What the outer face's course says of it: κ with its standard error; ``glass`` is that before it, as stated."""
 
-    ``sigmas``: by how many standard errors the stated diameter would have to be wrong for the face to run as it does.
-    """
+    kappa_per_mm: float
+    sigma_per_mm: float
+    glass: Glass
 
-    diameter_mm: float
-    low_mm: float
-    high_mm: float
-    sigmas: float
+    @property
+    def diameter_mm(self) -> float:
+        """Diameter of the outer face."""
+        return 2 * _radius_mm(self.kappa_per_mm, self.glass)
+
+    @property
+    def range_mm(self) -> tuple[float, float]:
+        """Its least and its largest diameter within one standard error."""
+        kappa, sigma = self.kappa_per_mm, self.sigma_per_mm
+        return 2 * _radius_mm(kappa + sigma, self.glass), 2 * _radius_mm(kappa - sigma, self.glass)
+
+    def contradicts(self, diameter_mm: float) -> bool:
+        """Return whether the face cannot have that diameter."""
+        if diameter_mm <= 2 * self.glass.thickness_mm:
+            return True
+        return abs(_kappa(diameter_mm / 2, self.glass) - self.kappa_per_mm) > SURE_SIGMAS * self.sigma_per_mm
 
 
 def measure_course(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass) -> Course | None:
@@ -68,8 +83,7 @@ def measure_course(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass) 
         return None
     if not glass.thickness_mm:
         sigma = math.hypot(sigma, UNKNOWN_GLASS[1] * kappa.real)
-    diameter, low, high = (2 * _radius_mm(k, glass) for k in (kappa.real, kappa.real + sigma, kappa.real - sigma))
-    return Course(diameter, low, high, abs(stated - kappa.real) / sigma)
+    return Course(kappa.real, sigma, glass)
 
 
 def _second_harmonic(points: Points, circle: Circle) -> tuple[float, complex] | None:

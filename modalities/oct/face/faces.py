@@ -157,7 +157,7 @@ def _no_capillary(instead: str) -> NotSeen:
     return NotSeen(
         "the capillary's outer face cannot be found",
         found=instead,
-        expected="a bright line around the whole turn in most slices, the catheter's before it, darkness and the wall behind",
+        expected="a bright line around the whole turn in most slices, the catheter before it, darkness and then a wall",
         remedy="check capillary_outer_diameter_mm, bore_diameter_mm and axial_pixel_mm, look at the B-scans, "
         "or give the depth of the outer face as start_offset_mm",
     )
