@@ -60,7 +60,7 @@ def doubts_of_orientation(alignment: Alignment, one: Panorama, two: Panorama, of
     if alignment.mirrored and one.handedness_known and two.handedness_known:
         reversed_too = " and its direction of travel reversed" if alignment.z_reversed else ""
         what = (
-            f"{of} fits only with its θ mirrored{reversed_too}, although both sides state which way their θ runs: "
+            f"{of} fits best with its θ mirrored{reversed_too}, although both sides state which way their θ runs: "
             "handedness is wrong in a sidecar, or one side was recorded from the other end of the bore."
         )
         yield Doubt("handedness-contradicted", what)

@@ -140,3 +140,9 @@ INDEPENDENT_PLACE_MM = 1e-3
 INDEPENDENT_PLACE_SCALE = 1e-3
 INDEPENDENT_LOSS = 0.02
 INDEPENDENT_SEEN = 0.85
+# The capillary's diameter by the course of its face: what of the circle's second harmonic goes beyond the fourth order
+# of e/R, where a size of half the true one is stated. Without glass κR is not known to 5 %.
+COURSE_RTOL = 0.04
+
+# The value of a key that would agree with the wall: 0.005 mm of the phantom's gap of 0.4 mm.
+AGREEING_RTOL = 0.02

@@ -58,10 +58,10 @@ def _of_wall(depth_mm: Image, stated: OctAcquisition, course: Course | None, *, 
         return ()
     measured_mm = stated.bore_diameter_mm + 2 * beyond_mm
     what = (
-        f"The {'plain wall' if drilled else 'wall'} lies {abs(beyond_mm):.3f} mm "
-        f"{'behind' if beyond_mm > 0 else 'before'} the nominal bore, as in a bore of {measured_mm:.3f} mm; "
-        f"{stated.bore_diameter_mm:g} mm is stated. {_would_agree(beyond_mm, stated, course)}, unless the wrong line "
-        f"was taken for the capillary. {_of_course(course)}"
+        f"The wall lies {abs(beyond_mm):.3f} mm {'behind' if beyond_mm > 0 else 'before'} the nominal bore, as in a "
+        f"bore of {measured_mm:.3f} mm; {stated.bore_diameter_mm:g} mm is stated. "
+        f"{_would_agree(beyond_mm, stated, course)}, unless the wrong line was taken for the capillary. "
+        f"{_of_course(course)}"
     )
     return (Doubt("wall-far-from-nominal", what, value=measured_mm, unit="mm", expected=stated.bore_diameter_mm),)
 

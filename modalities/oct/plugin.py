@@ -43,7 +43,7 @@ class OctModality:
         return unroll_bscan(frame, calibration)
 
     def settle(self, panorama: Panorama, calibration: OctCalibration) -> Panorama:
-        """Finish the panorama: put a helical scan's rows in place, and note a faint or an implausible wall."""
+        """Finish the panorama: put a helical scan's rows in place, note a faint wall, and doubt a false sidecar."""
         return settle_pullback(panorama, calibration)
 
     def illustrate(self, frame: Frame, calibration: OctCalibration) -> tuple[Picture, ...]:

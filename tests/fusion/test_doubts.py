@@ -3,13 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from endoct.fusion.doubts import doubt_of_twist, doubts_of_alignment, doubts_of_result
+from endoct.fusion.doubts import doubt_of_twist, doubts_of_alignment, doubts_of_orientation, doubts_of_result
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import CorrectedTwist, Drift, Line, PairScores, Result, StoredAlignment
 from endoct.stitching.doubt import Doubt
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
 
 ALIGNED = Alignment(0.1, 0.2, 1.01, confidence=0.3)
 
@@ -75,3 +78,20 @@ def test_a_twist_corrected_against_the_other_side_is_doubted_with_both_figures()
     assert doubt.code == "twist-corrected"
     assert "0.710 without it, 0.780 with it" in doubt.what
     assert doubt.value == pytest.approx(0.07)
+
+
+@pytest.mark.parametrize(
+    ("mirrored", "z_reversed", "known", "doubted"),
+    [
+        (True, True, (True, True), True), (True, False, (True, True), True), (False, True, (True, True), False),
+        (False, False, (True, True), False), (True, True, (True, False), False), (True, False, (False, True), False),
+    ],
+)  # fmt: skip
+def test_a_stated_handedness_is_not_put_right_in_silence(
+    mirrored: bool, z_reversed: bool, known: tuple[bool, bool], doubted: bool
+) -> None:
+    grid, ones = SurfaceGrid.full_circle(2, 8, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25), np.ones((2, 8), np.float32)
+    one, two = (Panorama(grid, ones, None, ones > 0, ones, "oct", each, True, "slice", {}) for each in known)
+    alignment = replace(ALIGNED, mirrored=mirrored, z_reversed=z_reversed)
+    found = list(doubts_of_orientation(alignment, one, two, "oct"))
+    assert [doubt.code for doubt in found] == ["handedness-contradicted"] * doubted

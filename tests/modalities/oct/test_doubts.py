@@ -1,0 +1,95 @@
+"""Sidecars that contradict their pullback, and pullbacks of no catheter at all."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from tolerances import AGREEING_RTOL
+
+from endoct.modalities.oct.doubts import plain_wall
+from endoct.stitching.errors import NotSeen
+from endoct.stitching.panorama import Panorama
+from tests.modalities.oct.phantom import BORE_MM, CAPILLARY_MM, PIXEL_MM, Phantom
+from tests.modalities.oct.unrolling import UnrollPhantom
+
+FAR, AGAINST = "wall-far-from-nominal", "capillary-against-stated"
+SMALL = Phantom(n_ascans=512)
+
+
+def codes(panorama: Panorama) -> list[str]:
+    return [doubt.code for doubt in panorama.doubts]
+
+
+def of_bone(phantom: Phantom, *, plate_px: int) -> NDArray[np.uint8]:
+    """Noise, a bright plate off the axis, marrow, and bone: no catheter."""
+    rng = np.random.default_rng(3)
+    angle = 2 * np.pi * np.arange(phantom.n_ascans) / phantom.n_ascans
+    shape = phantom.n_slices, phantom.n_depth, phantom.n_ascans
+    below = np.arange(phantom.n_depth)[:, None] - (150 + 25 * np.cos(angle - 1))
+    mean = 1 + np.where(below > 0, 150 * np.exp(-np.maximum(below, 0) / 90), 0)
+    mean = np.where((below > plate_px) & (below < plate_px + 65), 1, mean)
+    return np.clip(60 + 10 * np.log10(mean * rng.exponential(1, shape)) / 0.3, 0, 255).astype(np.uint8)
+
+
+def test_a_true_sidecar_is_not_doubted(unrolled: UnrollPhantom) -> None:
+    assert codes(unrolled(SMALL)[2]) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "true", "factor"),
+    [
+        ("capillary_outer_diameter_mm", 2 * CAPILLARY_MM, 0.95),
+        ("capillary_outer_diameter_mm", 2 * CAPILLARY_MM, 1.05),
+        ("bore_diameter_mm", 2 * BORE_MM, 1.03),
+        ("axial_pixel_mm", PIXEL_MM, 0.88),
+        ("axial_pixel_mm", PIXEL_MM, 1.12),
+        ("medium_index", 1.0, 1.12),
+    ],
+)
+def test_a_false_size_is_doubted_with_the_value_that_agrees(
+    unrolled: UnrollPhantom, key: str, true: float, factor: float
+) -> None:
+    panorama = unrolled(replace(SMALL, sidecar={key: true * factor}))[2]
+    doubt = next(each for each in panorama.doubts if each.code == FAR)
+    assert doubt.value is not None
+    assert isinstance(doubt.expected, float)
+    assert abs(doubt.value / doubt.expected - 1) > 0.015
+    assert f"{key} = " in doubt.what
+    agreeing = float(doubt.what.split(f"{key} = ")[1].split()[0].strip(",."))
+    assert agreeing == pytest.approx(true, rel=AGREEING_RTOL)
+
+
+def test_a_capillary_of_half_the_size_does_not_pass(unrolled: UnrollPhantom) -> None:
+    false = replace(SMALL, offset_mm=0.2, sidecar={"capillary_outer_diameter_mm": 1.06 * CAPILLARY_MM})
+    try:
+        panorama = unrolled(false)[2]
+    except NotSeen:
+        return
+    assert {FAR, AGAINST} & set(codes(panorama))
+
+
+@pytest.mark.parametrize("plate_px", [2, 10])
+def test_bone_without_a_catheter_is_refused(unrolled: UnrollPhantom, plate_px: int) -> None:
+    with pytest.raises(NotSeen, match="outer face cannot be found"):
+        unrolled(SMALL, of_bone(SMALL, plate_px=plate_px))
+
+
+@pytest.mark.parametrize("missing", [slice(2, 4), slice(0, None, 3)])
+def test_slices_that_show_no_catheter_are_not_valid(unrolled: UnrollPhantom, missing: slice) -> None:
+    pages: NDArray[Any] = SMALL.log_counts()
+    pages[missing] = of_bone(SMALL, plate_px=10)[missing]
+    panorama = unrolled(SMALL, pages)[2]
+    none = np.zeros(SMALL.n_slices, bool)
+    none[missing] = True
+    assert not panorama.valid[none].any()
+    assert panorama.valid[~none].mean() > 0.95
+
+
+def test_the_plain_wall_is_where_it_is_densest_whatever_its_cells_do() -> None:
+    rng = np.random.default_rng(0)
+    depth_mm = np.concatenate([0.04 + 0.004 * rng.normal(size=5000), rng.uniform(0.1, 1.2, 7000)]).astype(np.float32)
+    plain = plain_wall(depth_mm)
+    assert plain.beyond_mm == pytest.approx(0.04, abs=0.001)
+    assert plain.share == pytest.approx(5 / 12, abs=0.02)
