@@ -31,7 +31,7 @@ from benchmarks.independent.judge import (
     pair_jaccard,
     true_cells,
 )
-from benchmarks.independent.mirror import focal_px, wall_z_mm
+from benchmarks.independent.mirror import focal_px, look, seen_at, wall_brightness, wall_z_mm
 from benchmarks.independent.run import scores
 from benchmarks.independent.sets import SETS, recipe_of
 from benchmarks.independent.simplest import simplest_answer
@@ -156,6 +156,22 @@ def test_true_cells_lie_where_the_endoscope_sees_the_dark(ahead: bool, travel: s
     order = np.argsort(z)
     wall = Wall(seen[order], (seen < 0.75 * np.median(seen))[order], np.ones(seen.shape, bool), z[order], theta)
     assert against_truth(pair.bore, place, wall) > INDEPENDENT_SEEN
+
+
+def test_the_sides_of_a_cell_are_no_brighter_than_its_floor_allows():
+    recipe = BoreRecipe(
+        length_mm=3.0, cells=1, cells_mm=(1.5, 1.5), size_mm=(0.8, 0.8), depth_mm=(0.5, 0.5), ragged=0.0,
+        floor_brightness=(0.3, 0.3), texture=0.0, floor_slope=0.0,
+    )  # fmt: skip
+    bore = drill(recipe, np.random.default_rng(0))
+    optics = look(replace(PROBE, half_angle_deg=40.0), bore.radius_mm, np.random.default_rng(1))
+    apex = 1.5 - sum(optics.band_mm) / 2
+    seen = wall_brightness(bore, optics, apex, 0.0, 1.0)
+    level = bore.at(bore.level, *seen_at(optics, optics.reach_mm, apex, 0.0, 1.0))
+    assert (level < 0.9).sum() > 100
+    assert seen[level < 0.9].max() < 0.85
+    assert seen[level > 1.1] == pytest.approx(1)
+    assert np.median(seen[level < 0.5]) == pytest.approx(0.3, abs=0.05)
 
 
 def test_one_place_in_another_is_what_both_are_in_the_bore():

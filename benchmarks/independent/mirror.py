@@ -193,7 +193,9 @@ def _into_cells(
         theta, z = seen_at(optics, reach[going] + depth[going], apex_mm, turn_rad, sign, open_[going])
         floor = np.asarray(bore.nearest(bore.relief_mm, theta, z), dtype=np.float64)
         inside = depth[going] < floor
-        depth[going[~inside]] = np.minimum(depth[going[~inside]], np.maximum(floor[~inside], 0))
+        # within the last step: on the floor where that lies there, else on the steep side of the cell
+        ended = depth[going[~inside]]
+        depth[going[~inside]] = np.clip(floor[~inside], ended - MARCH_MM, ended)
         going = going[inside]
     return depth, number
 
