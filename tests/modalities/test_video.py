@@ -154,11 +154,13 @@ def test_a_folder_with_one_video_is_an_endoscope_recording(tmp_path: Path) -> No
     folder = tmp_path / "endoscope"
     folder.mkdir()
     write(folder / "lossless.mkv")
-    assert manifest_for(folder).name == manifest_for(folder / "lossless.mkv").name == "endoscope"
+    with pytest.raises(EndoctError, match="no annulus"):  # a video of anything is not taken for an endoscope's
+        manifest_for(folder)
     (folder / "acquisition.toml").write_text(
         'modality = "endoscope"\nbore_diameter_mm = 2.5\nvisible_length_mm = 1.0\n'
         "frame_rate_hz = 25\nfeed_speed_mm_s = 5.0\n"
     )
+    assert manifest_for(folder).name == manifest_for(folder / "lossless.mkv", "endoscope").name == "endoscope"
     _, stream = open_recording(folder)
     assert len(stream) == N
     assert stream[4].z_mm == pytest.approx(0.8), "5 mm/s at 25 Hz"
