@@ -43,6 +43,7 @@ class Look:
 
 NEAR = Look(tall_mm=1.5, reach_mm=1.0, reach_rad=0.6, clear=0.55, better=0.12)
 FAR = Look(tall_mm=0.6, reach_mm=4.0, reach_rad=0.1, clear=0.75, better=0.45)
+FARTHEST_MM = max(NEAR.reach_mm, FAR.reach_mm)
 
 
 @dataclass(frozen=True)
@@ -79,15 +80,15 @@ def _in_one_frame(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[Evide
     moved = replace(
         moved, z_mm=moved.z_mm + alignment.z_shift_mm, theta0_rad=moved.theta0_rad + alignment.theta_shift_rad
     )
-    reach_mm = max(NEAR.reach_mm, FAR.reach_mm)
-    first, last = max(a.z_mm[0], moved.z_mm[0]) - reach_mm, min(a.z_mm[-1], moved.z_mm[-1]) + reach_mm
+    first = max(a.z_mm[0], moved.z_mm[0]) - FARTHEST_MM
+    last = min(a.z_mm[-1], moved.z_mm[-1]) + FARTHEST_MM
     z_mm = np.arange(first, last, STEP_MM)
     return on_grid(a, z_mm, N_THETA), on_grid(moved, z_mm, N_THETA)
 
 
 def _bands(a: Evidence, b: Evidence, look: Look) -> Iterator[Part]:
     margin, tall = round(look.reach_mm / STEP_MM), round(look.tall_mm / STEP_MM)
-    first_row = round(max(NEAR.reach_mm, FAR.reach_mm) / STEP_MM)
+    first_row = round(FARTHEST_MM / STEP_MM)
     band = np.zeros((tall + 2 * margin, N_THETA), np.bool_)
     band[margin : margin + tall] = True
     for first in range(first_row, a.z_mm.size - first_row - tall + 1, max(1, tall // 2)):

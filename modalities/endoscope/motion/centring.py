@@ -12,10 +12,10 @@ import numpy as np
 
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.band import Band
+from endoct.modalities.endoscope.motion.motion import FEWEST_PAIRS
 from endoct.modalities.endoscope.motion.offset import ON_AXIS, BoreAxis, bore_axis
 from endoct.stitching.feed import Feed
 
-FEWEST_PAIRS = 5
 MOST_TILT = 0.2
 
 

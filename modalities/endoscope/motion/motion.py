@@ -15,6 +15,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed, estimate_feed
 
 FEWEST_PAIRS = 5
+"""Of neighbouring frames that could be matched: fewer say nothing about the recording as a whole."""
 SURE_STRETCH = 3.0
 """Standard errors that the feed must be uneven by before another cone is assumed."""
 

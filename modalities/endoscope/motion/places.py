@@ -7,7 +7,7 @@ import numpy as np
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.optics import DISAGREEMENT
 from endoct.modalities.endoscope.motion.centring import Centring
-from endoct.modalities.endoscope.motion.motion import Motion
+from endoct.modalities.endoscope.motion.motion import FEWEST_PAIRS, Motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import turned_harmonic
@@ -15,7 +15,6 @@ from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed
 
-FEWEST_PAIRS = 5
 DOUBTED_FEED, SURE_OF_FEED = 0.1, 2.5
 """From what difference of measured and nominal feed on, relative and in standard errors, one of them must be wrong."""
 
