@@ -1,5 +1,6 @@
 """What a survey refuses, and how little it keeps of a slice: on disk where slices are many."""
 
+import gc
 import pickle
 import tracemalloc
 from typing import Any
@@ -45,6 +46,7 @@ def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
     held = []
 
     def located(*arguments: Any) -> Faces:
+        gc.collect()  # what earlier tests left for the collector is not this survey's
         held.append(tracemalloc.get_traced_memory()[0])
         tracemalloc.reset_peak()
         return locate_faces(*arguments)
@@ -67,7 +69,7 @@ def test_memory_hardly_grows_with_slices(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(fixed_lines, "POOLED_SLICES", 4)  # beyond so many, the A-scans judged together do not grow
     few, many = (kept_and_peak(n, monkeypatch) for n in (12, 36))
     held, most = ((more - less) / 24 for less, more in zip(few, many, strict=True))
-    assert held < 1000
+    assert held < 3000  # some 100 on a quiet machine, 1 000 seen on a busy one
     assert most < 25_000  # a slice more or less in the hands of a thread when the peak comes is a good 5 000
 
 
