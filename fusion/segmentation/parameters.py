@@ -15,8 +15,11 @@ class SegmentParameters(BaseModel):
     )
     relief_floor_mm: float = Field(default=0.0, ge=-10, le=10, description="relief below this counts as this")
     relief_cap_mm: float = Field(default=0.2, ge=1e-4, le=10, description="relief above this counts as this")
+    contrast_floor_sigmas: float = Field(
+        default=3.0, ge=0, le=100, description="contrast below this many times the wall's own spread counts as this"
+    )
     contrast_cap: float = Field(
-        default=1.5, ge=1e-3, le=100, description="|log| of intensity relative to the wall's above this counts as this"
+        default=0.7, ge=1e-3, le=100, description="|log| of intensity relative to the wall's above this counts as this"
     )
     outlines: bool = Field(
         default=True, description="take dark cells up to where their outline is clearest; else Li alone"

@@ -10,11 +10,12 @@ from endoct.fusion.segmentation.outlines import clearest_regions
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.threshold import li_threshold
-from endoct.stitching.arrays import Mask
+from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import masked_gaussian
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.robust import SIGMA_PER_MEDIAN
 
 MOST_NOISE = 0.04
 """Above this ``noise_share``, Jaccard indices against the truth were under 0.7, mostly under 0.5."""
@@ -77,17 +78,17 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
     polarity: Polarity | None = None
     if evidence.kind == "mask":
         return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None)
+    smooth = masked_gaussian(
+        evidence.values, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
+    )
     if evidence.kind == "relief":
         low, high, unit = p.relief_floor_mm, p.relief_cap_mm, "mm"
         of = f"relief behind the wall, floored at {low:g} and capped at {high:g} mm"
     else:
         polarity = "dark" if evidence.kind == "darkness" else "bright"
-        low, high, unit = 0.0, p.contrast_cap, "1"
+        low, high, unit = _floor(smooth[evidence.valid], p), p.contrast_cap, "1"
         sign = "−log" if polarity == "dark" else "log"
-        of = f"{sign} of intensity relative to the wall's, floored at 0 and capped at {high:g}"
-    smooth = masked_gaussian(
-        evidence.values, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
-    )
+        of = f"{sign} of intensity relative to the wall's, floored at {low:.2g} and capped at {high:g}"
     prepared = np.clip(smooth, low, high)
     try:
         threshold = li_threshold(prepared[evidence.valid])
@@ -97,10 +98,19 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
         ) from error
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
     if p.outlines and evidence.kind == "darkness":
-        clear = clearest_regions(evidence, prepared, threshold, p)
+        clear = clearest_regions(evidence, np.clip(smooth, 0, high), threshold, p)
         if clear is not None:
             mask = clear
             of += ", cells up to their clearest outline"
     behind, before = (int(np.count_nonzero(evidence.valid & (side > threshold))) for side in (smooth, -smooth))
     cells_share = float(mask[evidence.valid].mean())
     return Segmentation(mask, threshold, unit, of, polarity, before / max(behind, 1), cells_share)
+
+
+def _floor(contrast: Image, parameters: SegmentParameters) -> float:
+    """Return up to where contrast is the wall's own: by its spread in front of the wall, where there are no cells."""
+    front = -contrast[contrast < 0]
+    spread = SIGMA_PER_MEDIAN * float(np.median(front)) if front.size else 0.0
+    # a floor near the cap would leave nothing between them
+    floor = min(parameters.contrast_floor_sigmas * spread, parameters.contrast_cap / 2)
+    return floor if (contrast > floor).any() else 0.0
