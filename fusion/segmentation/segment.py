@@ -81,12 +81,12 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
     smooth = masked_gaussian(
         evidence.values, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
     )
+    low, high = bounds(evidence, smooth, p)
     if evidence.kind == "relief":
-        low, high, unit = p.relief_floor_mm, p.relief_cap_mm, "mm"
+        unit = "mm"
         of = f"relief behind the wall, floored at {low:g} and capped at {high:g} mm"
     else:
-        polarity = "dark" if evidence.kind == "darkness" else "bright"
-        low, high, unit = _floor(smooth[evidence.valid], p), p.contrast_cap, "1"
+        polarity, unit = ("dark" if evidence.kind == "darkness" else "bright"), "1"
         sign = "−log" if polarity == "dark" else "log"
         of = f"{sign} of intensity relative to the wall's, floored at {low:.2g} and capped at {high:g}"
     prepared = np.clip(smooth, low, high)
@@ -107,10 +107,18 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
     return Segmentation(mask, threshold, unit, of, polarity, before / max(behind, 1), cells_share)
 
 
-def _floor(contrast: Image, parameters: SegmentParameters) -> float:
-    """Return up to where contrast is the wall's own: by its spread in front of the wall, where there are no cells."""
+def bounds(evidence: Evidence, smooth: Image, parameters: SegmentParameters) -> tuple[float, float]:
+    """Return between what values of ``evidence``, as ``smooth``, the threshold is sought: below is wall, above cell.
+
+    In front of the wall are no cells: what lies there shows the wall's own spread. Where nothing stands out of that,
+    the floor of contrast is 0.
+    """
+    p = parameters
+    if evidence.kind == "relief":
+        return p.relief_floor_mm, p.relief_cap_mm
+    contrast = smooth[evidence.valid]
     front = -contrast[contrast < 0]
     spread = SIGMA_PER_MEDIAN * float(np.median(front)) if front.size else 0.0
     # a floor near the cap would leave nothing between them
-    floor = min(parameters.contrast_floor_sigmas * spread, parameters.contrast_cap / 2)
-    return floor if (contrast > floor).any() else 0.0
+    floor = min(p.contrast_floor_sigmas * spread, p.contrast_cap / 2)
+    return (floor if (contrast > floor).any() else 0.0), p.contrast_cap

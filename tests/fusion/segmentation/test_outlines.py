@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.segmentation.parameters import SegmentParameters
@@ -60,3 +61,50 @@ def test_rows_too_far_apart_for_outlines_are_left_to_lis_threshold() -> None:
     evidence = darkness(SCENE)
     far = replace(evidence, values=evidence.values[::8], valid=evidence.valid[::8], z_mm=evidence.z_mm[::8], dz_mm=0.16)
     assert "outline" not in find_cells(far, SegmentParameters()).of
+
+
+def textured(values: np.ndarray, spread: float) -> Evidence:
+    """Return blurred ``values`` on a wall uneven at 40 and at 250 µm, of this standard deviation."""
+    rng = np.random.default_rng(7)
+    fine, coarse = (gaussian(rng.normal(size=values.shape).astype(np.float32), s, s) for s in (2, 12))
+    wall = 0.75 * fine / fine.std() + 0.65 * coarse / coarse.std()
+    clean = darkness(values)
+    return replace(clean, values=clean.values + np.float32(spread) * wall)
+
+
+def agreement(evidence: Evidence, truth: np.ndarray, parameters: SegmentParameters | None = None) -> float:
+    mask = find_cells(evidence, parameters or SegmentParameters()).mask
+    return float((mask & truth).sum() / (mask | truth).sum())
+
+
+GREY, DARK = -np.log(0.65), -np.log(0.1)
+"""Darkness of floors 0.65 and 0.1 times as bright as the wall."""
+
+
+def test_a_grey_cell_is_found_beside_very_dark_ones() -> None:
+    grey, dark = disc(75, 200, 0.8), disc(40, 60, 0.4) | disc(110, 330, 0.4)
+    evidence = textured(GREY * grey + DARK * dark, 0.1)
+    assert agreement(evidence, grey | dark) > 0.88
+    mask = find_cells(evidence, SegmentParameters()).mask
+    assert mask[grey].mean() > 0.88
+    assert mask[dark].mean() > 0.9
+
+
+@pytest.mark.parametrize("row", [75, 0, 149], ids=["inside", "at-the-first-row", "at-the-last-row"])
+@pytest.mark.parametrize("grey", [0.3, GREY])
+def test_a_wide_cell_with_a_dark_core_keeps_its_grey_rest_also_at_the_end(row: int, grey: float) -> None:
+    wide = disc(row, 200, 0.7)
+    core = disc(row, 212, 0.35) & wide
+    assert agreement(textured(np.where(core, DARK, grey * wide), 0.05), wide) > 0.9
+
+
+@pytest.mark.parametrize("row", [4, 145])
+def test_a_dark_cell_that_touches_the_end_is_found(row: int) -> None:
+    cell, other = disc(row, 100, 0.5), disc(75, 300, 0.4)
+    assert agreement(textured(1.2 * cell + 0.8 * other, 0.1), cell | other) > 0.88
+
+
+def test_noise_in_the_dark_has_no_outline() -> None:
+    cell = disc(75, 200, 0.6)
+    stripes = np.where(ROWS % 12 < 6, 0.9, 2.2)
+    assert agreement(textured(np.where(cell, stripes, 0), 0.03), cell) > 0.93

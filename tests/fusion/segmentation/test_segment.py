@@ -1,6 +1,7 @@
 """Morphology, labels and cells on the circle."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,10 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label, morphology, remove_small
 from endoct.fusion.segmentation.segment import Segmentation, find_cells, segment
+from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
@@ -111,3 +114,33 @@ def test_a_blank_side_has_no_cells_to_threshold(panorama_of: Callable) -> None:
         segment(panorama_of(np.ones((20, 64)), dz_mm=0.1))
     with pytest.raises(EndoctError, match="no cells"):
         segment(panorama_of(np.ones((20, 64)), depth_mm=np.zeros((20, 64)), dz_mm=0.1))
+
+
+def uneven_wall(n_cell_rows: int, cell: float) -> Evidence:
+    """Return a wall of spread 0.1 whose first rows are a cell of darkness ``cell``; nothing is next to itself."""
+    values = np.random.default_rng(3).normal(0, 0.1, (100, 400)).astype(np.float32)
+    values[:n_cell_rows] += np.float32(cell)
+    z_mm = 0.1 * np.arange(100)
+    return Evidence(values, np.ones(values.shape, np.bool_), z_mm, 0.1, 0.0, 0.1 * 400 / (2 * np.pi), "darkness")
+
+
+@pytest.mark.parametrize("cell", [0.5, 2.3])
+@pytest.mark.parametrize("n_cell_rows", [2, 30])
+def test_lis_threshold_lies_between_the_walls_spread_and_the_cells(n_cell_rows: int, cell: float) -> None:
+    li = SegmentParameters(smooth_mm=0, outlines=False)
+    found = find_cells(uneven_wall(n_cell_rows, cell), li)
+    assert found.threshold is not None
+    assert 0.27 < found.threshold < 0.45
+    assert found.doubt is None
+
+
+def test_li_on_the_plain_contrast_stays_available() -> None:
+    evidence = uneven_wall(2, 2.3)
+    plain = SegmentParameters(smooth_mm=0, outlines=False, contrast_floor_sigmas=0, contrast_cap=50)
+    assert find_cells(evidence, plain).threshold == li_threshold(np.maximum(evidence.values, 0))
+
+
+def test_a_wall_within_its_own_spread_is_still_thresholded() -> None:
+    values = np.tile(np.where(np.arange(400) % 2, 0.1, -0.1).astype(np.float32), (100, 1))
+    evidence = replace(uneven_wall(2, 0.5), values=values)
+    assert find_cells(evidence, SegmentParameters(smooth_mm=0, outlines=False)).threshold is not None

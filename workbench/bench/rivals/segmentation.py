@@ -16,6 +16,7 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
+from endoct.fusion.segmentation.segment import bounds
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import masked_gaussian
@@ -134,8 +135,7 @@ def _smooth_and_capped(evidence: Evidence, p: SegmentParameters) -> Image:
     """Return the evidence smoothed and capped at both ends, as our own segmentation has it."""
     sigmas = p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
     smooth = masked_gaussian(evidence.values, evidence.valid, *sigmas)
-    low, high = (p.relief_floor_mm, p.relief_cap_mm) if evidence.kind == "relief" else (0.0, p.contrast_cap)
-    return np.asarray(np.clip(smooth, low, high), dtype=np.float32)
+    return np.asarray(np.clip(smooth, *bounds(evidence, smooth, p)), dtype=np.float32)
 
 
 def _window_px(panorama: Panorama) -> tuple[int, int]:

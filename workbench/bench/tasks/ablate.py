@@ -62,6 +62,7 @@ STEPS: Mapping[str, Step] = {
     "no-taper": Step("all rows of a frame count alike", endoscope={"taper": 0.01}),
     "no-cap": Step("relief and contrast are not capped", compare={"relief_cap_mm": 10, "contrast_cap": 50}),
     "no-floor": Step("relief in front of the wall stays", compare={"relief_floor_mm": -10}),
+    "no-spread": Step("contrast within the wall's own spread stays", compare={"contrast_floor_sigmas": 0}),
     "no-outlines": Step("dark cells end at Li's threshold", compare={"outlines": False}),
     "no-smoothing": Step("nothing is smoothed before the threshold", compare={"smooth_mm": 0}),
     "no-cleaning": Step(
