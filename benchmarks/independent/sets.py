@@ -17,7 +17,7 @@ from benchmarks.independent.recipe import (
     Stated,
 )
 
-SETS = ("few", "usual", "many", "tiny", "mirrors", "sound", "broken", "dim")
+SETS = ("few", "usual", "many", "tiny", "mirrors", "sound", "broken", "dim", "curve")
 CATHETER_FAULTS: tuple[tuple[CatheterFault, float], ...] = (
     ("turn_step", 0.3),
     ("start_jump", 0.3),
@@ -33,6 +33,14 @@ CATHETER_FAULTS: tuple[tuple[CatheterFault, float], ...] = (
     ("no_catheter", 0.0),
 )
 MIRROR_FAULTS: tuple[MirrorFault, ...] = ("far_rim", "non_square", "saturated", "pipe_end")
+CURVE: tuple[tuple[CatheterFault, tuple[float, ...]], ...] = (
+    ("turn_step", (0.03, 0.06, 0.1, 0.15, 0.2)),
+    ("start_jump", (0.03, 0.06, 0.1, 0.15, 0.2)),
+    ("lost_slices", (1, 2, 3, 6, 8)),
+    ("pitch", (1.02, 1.05, 1.08, 1.12, 1.2)),
+    ("capillary", (1.01, 1.02, 1.03, 0.97, 0.95)),
+)
+"""From hardly a fault to a gross one: between ``sound`` and ``broken``."""
 MIRROR_KINDS = ("telecentric", "usual", "wide", "near")
 STATED: tuple[Stated, ...] = ("optics", "half_angle", "visible_length", "feed")
 
@@ -67,6 +75,11 @@ def recipe_of(name: str, seed: int) -> Recipe:
         exposure = float(rng.uniform(0.05, 0.45))
         return replace(
             recipe, endoscope=replace(recipe.endoscope, exposure=exposure, ring=float(rng.uniform(0.2, 1.0)))
+        )
+    if name == "curve":
+        fault, sizes = CURVE[seed % len(CURVE)]
+        return replace(
+            recipe, oct=replace(recipe.oct, fault=fault, fault_size=float(sizes[seed // len(CURVE) % len(sizes)]))
         )
     if name == "broken":
         kind_of = seed % (len(CATHETER_FAULTS) + len(MIRROR_FAULTS))

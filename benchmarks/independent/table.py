@@ -74,7 +74,15 @@ def _of_faults(rows: pd.DataFrame) -> Iterator[str]:
         said = ", ".join(f"{count} {name}" for name, count in group["outcome"].value_counts().items())
         errors = {name: group[name].abs().max() for name in _ERRORS if name in group}
         worst = ", ".join(f"{name.removeprefix('error_')} {value:.3f}" for name, value in errors.items())
-        yield f"  {fault} {size:g}: {said}; {silent.sum()} of {len(group)} believed in silence; at most {worst} off"
+        scores = ", ".join(
+            f"{name.removeprefix('jaccard_')} {group[name].median():.3f}"
+            for name in ("jaccard_endoscope", "jaccard_oct", "jaccard_pair")
+            if name in group
+        )
+        yield (
+            f"  {fault} {size:g}: {said}; {silent.sum()} of {len(group)} believed in silence; at most {worst} off; "
+            f"median {scores}"
+        )
 
 
 def _doubts(rows: pd.DataFrame) -> "pd.Series[str]":
