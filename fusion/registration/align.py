@@ -32,15 +32,15 @@ LIKELY_CHANCE = 1e-4
 
 Of tuning specimens (benchmarks/confidence.py), 120 wrong and 32 featureless pairs had a confidence of 0.145 at most and
 a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most."""
-LEFT_BY_INSTRUMENTS = 0.0043, 0.01, 0.002
+LEFT_BY_INSTRUMENTS = 0.0037, 0.0085, 0.0017
 """By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
 Rotation and feed are known no better, and residuals do not show it."""
-LEFT_BY_CELL_MM = 0.015, 0.03
+LEFT_BY_CELL_MM = 0.013, 0.026
 """By how much one cell's middle lies apart in depth and in light, around the bore and along it: its floor slopes, its
 lining is bright, and its rim is not where either sees it. Residuals do not show that where few cells decide. These and
 those above were set by simulated specimens (`quick` and `hard`, seeds 0–11) and by 40 pairs of a second generator that
 shares nothing with it (benchmarks/independent, sets few and mirrors, seeds 0–19)."""
-UNKNOWN_SLANT = 0.4
+UNKNOWN_SLANT = 0.35
 """Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
 LEAST_CELL_MM2 = 0.05
 LEAST_SPREAD_MM = 0.5

@@ -31,7 +31,10 @@ MOST_SLOPE = 8.0
 """Slopes count from the one to the other times the wall's median slope."""
 LONGEST_FADE_MM = 0.1
 """What takes longer than this to fade to the wall has no outline, however even the wall."""
-LEAST_COUNT_MM = 0.4
+MOST_AGAINST = np.float32(0.4)
+"""By no more than this does a stretch that is less steep count against its outline: where the view is slanted, one rim
+of every cell is blurred, and the other alone must do."""
+LEAST_COUNT_MM = 0.6
 """Length of outline times what its slope has above ``LEAST_SLOPE``; specks of an uneven wall have less."""
 LARGEST_FLOOR_MM2 = 3.0
 HALF = 0.5
@@ -61,7 +64,8 @@ def clearest_regions(behind: Evidence, prepared: Image, threshold: float, parame
         labels, n = label(region)
         outline = region & ~_eroded(region)
         least = max(LEAST_SLOPE, level / (LONGEST_FADE_MM * typical))
-        count = np.where(outline & observed, (steepness - np.float32(least)) * arc_mm, np.float32(0))
+        clearness = np.maximum(steepness - np.float32(least), -MOST_AGAINST)
+        count = np.where(outline & observed, clearness * arc_mm, np.float32(0))
         own = np.bincount(labels[outline], count[outline], n + 1)
         rival = (counted != 0) & _within(outline, behind)
         rivals = np.bincount(labels[rival], counted[rival], n + 1)

@@ -2,7 +2,9 @@
 
 A catheter that lies steadily off the axis keeps glass and wall at steady depths too: a depth that is bright in many
 A-scans is no proof of a line. So a line is claimed only where neither can stand, by the geometry of the slice, and only
-if it is there in all parts of the turn and of the pullback.
+if it is there in all parts of the turn and of the pullback. Or, where that leaves it too few directions, if it goes on
+before the capillary in the others: the sheath, which keeps its depth all round, lies within the capillary, and glass
+and wall do not.
 """
 
 from collections.abc import Sequence
@@ -88,6 +90,8 @@ def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition:
         contrast = _contrast(pool.ascans, can_stand, slice(int(core[0]), int(core[-1]) + 1), mm_per_px)
         contrast[judged[:, core].mean(axis=1) < HALF] = np.nan
         everywhere = _is_everywhere(contrast, pool.part, LINE_SIGMAS * sigma)
+        if everywhere is not True and _goes_on_before_face(pool, behind_face, core, excess, mm_per_px, sigma):
+            everywhere = True
         if not everywhere:
             lines[rows] = 0
         undecided[rows] = everywhere is None
@@ -154,11 +158,11 @@ def _dark_beyond(ascans: Image, can_stand: Mask, mm_per_px: float) -> Mask:
 
 
 def _medians(samples: Image) -> Image:
-    """The median of every column without NaN; columns without any other are interpolated, float32 (n_columns,)."""
+    """The median of every column without NaN; columns of too few others are interpolated, float32 (n_columns,)."""
     ordered = np.sort(samples, axis=0)  # NaN last
     count = np.count_nonzero(np.isfinite(samples), axis=0)
     middle = np.take_along_axis(ordered, np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
-    known = np.flatnonzero(count)
+    known = np.flatnonzero(count >= FEWEST_ASCANS)
     if not known.size:
         return np.zeros(samples.shape[1], np.float32)
     return np.asarray(np.interp(np.arange(count.size), known, middle[known]), dtype=np.float32)
@@ -179,6 +183,19 @@ def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> 
         clear = can_stand[:, behind].all(axis=1)
         contrast = np.minimum(contrast, np.where(clear, level - ascans[:, behind].mean(axis=1), np.inf))
     return np.asarray(contrast, dtype=np.float64)
+
+
+def _goes_on_before_face(
+    pool: _Pool, behind_face: Image, core: NDArray[np.intp], excess: Image, mm_per_px: float, sigma: float
+) -> bool:
+    """Say whether the line at the rows ``core`` is there all round where these lie before the face, too."""
+    line = slice(int(core[0]), int(core[-1]) + 1)
+    before = behind_face < -FACE_MM
+    ahead = _contrast(pool.ascans, before, line, mm_per_px)
+    ahead[~before[:, line].all(axis=1)] = np.nan
+    if not _is_everywhere(ahead, pool.part, LINE_SIGMAS * sigma):
+        return False
+    return float(np.nanmedian(ahead)) > HALF * float(excess[line].mean())
 
 
 def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) -> bool | None:

@@ -108,3 +108,13 @@ def test_noise_in_the_dark_has_no_outline() -> None:
     cell = disc(75, 200, 0.6)
     stripes = np.where(ROWS % 12 < 6, 0.9, 2.2)
     assert agreement(textured(np.where(cell, stripes, 0), 0.03), cell) > 0.93
+
+
+def test_a_grey_cell_with_one_blurred_rim_is_found() -> None:
+    """As a slanted view shows it: the wall below the rim fades over 1 mm."""
+    wide, dark = disc(75, 200, 0.8), disc(30, 40, 0.4)
+    fade = np.clip((ROWS - (75 - 40)) * STEP_MM / 1.0, 0, 1)
+    evidence = textured(0.5 * fade * wide + DARK * dark, 0.12)
+    mask = find_cells(evidence, SegmentParameters()).mask
+    assert mask[wide & (ROWS > 75)].mean() > 0.9
+    assert mask[~wide & ~dark].mean() < 0.01

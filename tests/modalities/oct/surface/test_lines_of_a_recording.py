@@ -86,3 +86,17 @@ def test_a_line_in_the_dark_gap_is_one(offset_mm: float, wander_mm: float) -> No
 def test_a_line_where_a_steady_wall_is_cannot_be_claimed() -> None:
     row = round((AXIS_DEPTH_MM + BORE_MM) / PIXEL_MM)
     assert not lines_of(0.0, line_row=row).excess[row - 3 : row + 8].any()
+
+
+@pytest.mark.parametrize("beyond_mm", [0.07, 0.08, 0.1])
+@pytest.mark.parametrize("wander_mm", [0.0, 0.01])
+def test_a_line_just_behind_where_the_face_is_nearest_is_one(beyond_mm: float, wander_mm: float) -> None:
+    """Behind the face in a few directions only, but before it all round: neither sheath nor glass nor wall can be."""
+    row = round((AXIS_DEPTH_MM + CAPILLARY_MM - 0.2 + beyond_mm) / PIXEL_MM)
+    claimed = np.flatnonzero(lines_of(0.2, line_row=row, wander_mm=wander_mm).excess)
+    assert set(range(row, row + 4)) <= set(claimed)
+
+
+def test_a_sheath_within_the_capillary_is_no_line() -> None:
+    row = round((AXIS_DEPTH_MM + CAPILLARY_MM - 0.2) / PIXEL_MM) - 20
+    assert not lines_of(0.2, line_row=row).excess.any()
