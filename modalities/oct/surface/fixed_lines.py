@@ -2,9 +2,8 @@
 
 A catheter that lies steadily off the axis keeps glass and wall at steady depths too: a depth that is bright in many
 A-scans is no proof of a line. So a line is claimed only where neither can stand, by the geometry of the slice, and only
-if it is there in all parts of the turn and of the pullback. Or, where that leaves it too few directions, if it goes on
-before the capillary in the others: the sheath, which keeps its depth all round, lies within the capillary, and glass
-and wall do not.
+if it is there in all parts of the turn and of the pullback. Or, where the capillary is nearer in some directions, if it
+is there before the capillary in all others: the sheath, which keeps its depth all round, lies within the capillary.
 """
 
 from collections.abc import Sequence
@@ -40,6 +39,10 @@ FEWEST_ASCANS = 6  # of one sector and part
 FEWEST_SECTORS = 3  # a quarter of the turn: hardly a cell, and no side of glass or wall at one depth, reaches so far
 MOST_MISSED = 0.2  # of sectors and parts that must show a line, all but so many do
 HALF = 0.5  # of a line's typical contrast: less does not show it; and of its rows: fewer do not judge it
+NEAREST_SHARE, CROSSING_MM = (
+    0.02,
+    0.03,
+)  # so many A-scans see the face nearest; so much deeper, a line is behind it there
 TURNING_MM = 0.04  # from a face's nearest and farthest depth
 
 
@@ -78,8 +81,7 @@ def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition:
     open_cell = _is_dark(pool.ascans, at_wall, (behind_face > FACE_MM) & before)
     can_stand = (behind_face > FACE_MM) & (before | (behind_wall > WALL_MM[1]) | open_cell[:, None])
     judged = can_stand & _dark_beyond(pool.ascans, can_stand, mm_per_px)
-    level = _medians(np.where(judged, pool.ascans, np.nan))
-    excess = level - percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
+    excess = _excess(np.where(judged, pool.ascans, np.nan), mm_per_px)
     sigma = max(robust_sigma(pool.ascans - np.median(pool.ascans, axis=0)), 1e-6)
     lines = _lines_with_skirts(excess, sigma, mm_per_px)
     undecided = np.zeros(n_depth, np.bool_)
@@ -90,12 +92,11 @@ def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition:
         contrast = _contrast(pool.ascans, can_stand, slice(int(core[0]), int(core[-1]) + 1), mm_per_px)
         contrast[judged[:, core].mean(axis=1) < HALF] = np.nan
         everywhere = _is_everywhere(contrast, pool.part, LINE_SIGMAS * sigma)
-        if everywhere is not True and _goes_on_before_face(pool, behind_face, core, excess, mm_per_px, sigma):
-            everywhere = True
         if not everywhere:
             lines[rows] = 0
         undecided[rows] = everywhere is None
-    return FixedLines(lines, undecided)
+    lines = np.maximum(lines, _crossing_lines(pool, behind_face, sigma, mm_per_px))
+    return FixedLines(lines, undecided & (lines == 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,17 +186,28 @@ def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> 
     return np.asarray(contrast, dtype=np.float64)
 
 
-def _goes_on_before_face(
-    pool: _Pool, behind_face: Image, core: NDArray[np.intp], excess: Image, mm_per_px: float, sigma: float
-) -> bool:
-    """Say whether the line at the rows ``core`` is there all round where these lie before the face, too."""
-    line = slice(int(core[0]), int(core[-1]) + 1)
+def _crossing_lines(pool: _Pool, behind_face: Image, sigma: float, mm_per_px: float) -> Image:
+    """Return the excess of lines that are there all round before the face, but too deep to be before it everywhere."""
     before = behind_face < -FACE_MM
-    ahead = _contrast(pool.ascans, before, line, mm_per_px)
-    ahead[~before[:, line].all(axis=1)] = np.nan
-    if not _is_everywhere(ahead, pool.part, LINE_SIGMAS * sigma):
-        return False
-    return float(np.nanmedian(ahead)) > HALF * float(excess[line].mean())
+    excess = _excess(np.where(before, pool.ascans, np.nan), mm_per_px)
+    lines = _lines_with_skirts(excess, sigma, mm_per_px)
+    crossing = float(np.quantile(pool.face_mm, NEAREST_SHARE)) + CROSSING_MM
+    runs, count = label(lines > 0)
+    for k in range(1, count + 1):
+        rows = runs == k
+        core = np.flatnonzero(rows & (excess > LINE_SIGMAS * sigma))
+        line = slice(int(core[0]), int(core[-1]) + 1)
+        contrast = _contrast(pool.ascans, before, line, mm_per_px)
+        contrast[~before[:, line].all(axis=1)] = np.nan
+        if core[-1] * mm_per_px < crossing or not _is_everywhere(contrast, pool.part, LINE_SIGMAS * sigma):
+            lines[rows] = 0
+    return lines
+
+
+def _excess(samples: Image, mm_per_px: float) -> Image:
+    """Return how far the median of every depth of ``samples``, NaN where not judged, stands out of those around."""
+    level = _medians(samples)
+    return level - percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
 
 
 def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) -> bool | None:
