@@ -207,7 +207,8 @@ def _crossing_lines(pool: _Pool, behind_face: Image, sigma: float, mm_per_px: fl
 def _excess(samples: Image, mm_per_px: float) -> Image:
     """Return how far the median of every depth of ``samples``, NaN where not judged, stands out of those around."""
     level = _medians(samples)
-    return level - percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
+    around = percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
+    return np.asarray(level - around, dtype=np.float32)
 
 
 def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) -> bool | None:
