@@ -1,5 +1,6 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +11,22 @@ from endoct.fusion.doubts import (
     doubts_of_orientation,
     doubts_of_parts,
     doubts_of_result,
+    doubts_of_scale,
+    scale_at_limit,
 )
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align_sides
+from endoct.fusion.registration.align import (
+    BELIEVABLE,
+    LIKELY_CHANCE,
+    Alignment,
+    NotAligned,
+    align_sides,
+    fit_stretched,
+)
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
 from endoct.fusion.result import Believable, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
@@ -27,6 +37,7 @@ from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_sides
 from endoct.fusion.sides import Comparison, place
 from endoct.stitching.arrays import Mask
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.panorama import Panorama
 
 __all__ = ["CompareParameters", "Comparison", "compare_panoramas", "load_comparison", "save_comparison"]
@@ -85,7 +96,8 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
     if alignment is not None:
         parts = parts_out_of_place(a.evidence, b.evidence, alignment)
         doubts = [
-            *doubts_of_alignment(alignment, parameters, b.name),
+            *doubts_of_alignment(alignment, parameters),
+            *_doubts_of_scale(a, b, alignment, parameters),
             *doubts_of_orientation(alignment, a.panorama, b.panorama, b.name),
             *doubts_of_parts(parts, b.name),
             *doubts_of_result(result),
@@ -94,6 +106,14 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
     noted = {"notes": {b.name: on_bore}} if on_bore else {}
     result = result.model_copy(update={"doubts": tuple(dict.fromkeys(doubts)), **noted})
     return Comparison(grid, sides, alignment, result.reason, result, scored.cells)
+
+
+def _doubts_of_scale(a: Side, b: Side, alignment: Alignment, parameters: CompareParameters) -> Iterator[Doubt]:
+    if scale_at_limit(alignment, parameters):
+        orientation = ((alignment.mirrored, alignment.z_reversed),)
+        searched = parameters.z_scale_min, parameters.z_scale_max
+        farther = fit_stretched(a.evidence, b.evidence, orientation, searched)
+        yield from doubts_of_scale(alignment, farther, parameters, a, b)
 
 
 def _on_own_rows(a: SegmentedSide, b: SegmentedSide, alignment: Alignment) -> OwnRows:

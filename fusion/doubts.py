@@ -3,11 +3,14 @@
 import math
 from collections.abc import Iterator, Sequence
 
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE
 from endoct.fusion.registration.rigidity import FAR_MM, Part
+from endoct.fusion.registration.stretch import FARTHEST
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Result
+from endoct.fusion.stated_scale import remedies
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.observed import LEAST_VALID_SHARE
 from endoct.stitching.panorama import Panorama
@@ -20,21 +23,48 @@ AT_LIMIT = 1e-4
 """A scale that ends nearer than this to a limit of its search was held there."""
 
 
-def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters, of: str) -> Iterator[Doubt]:
-    """Yield what speaks against where side ``of`` was placed."""
+def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> Iterator[Doubt]:
+    """Yield what speaks against the alignment itself."""
     if parameters.force:
         what = (
             f"The best alignment was accepted because that was asked for (force). Its confidence is "
             f"{alignment.confidence:.2f}; without force it would need at least {BELIEVABLE:g}."
         )
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
+
+
+def scale_at_limit(alignment: Alignment, parameters: CompareParameters) -> bool:
+    """Say whether the scale along the bore was held by a limit of its search."""
     low, high = parameters.z_scale_min, parameters.z_scale_max
-    if low < high and not low + AT_LIMIT < alignment.z_scale < high - AT_LIMIT:
+    return low < high and not low + AT_LIMIT < alignment.z_scale < high - AT_LIMIT
+
+
+def doubts_of_scale(
+    alignment: Alignment, farther: Alignment | None, parameters: CompareParameters, a: Side, b: Side
+) -> Iterator[Doubt]:
+    """Yield the doubts of a scale that ended at a limit of its search, and of what the sidecars state of lengths.
+
+    ``farther``: where ``b`` lies on ``a`` at a scale beyond that, as one piece; None where it does not.
+    """
+    low, high = parameters.z_scale_min, parameters.z_scale_max
+    beyond = f"it fits best at {farther.z_scale:.3f}" if farther else "no other lays it there as one piece"
+    what = (
+        f"The scale of {b.name} along the bore ended at a limit of its search ({alignment.z_scale:.3f}, searched from "
+        f"{low:g} to {high:g}); looked for from {FARTHEST[0]:g} to {FARTHEST[1]:g}, {beyond}. A feed or a length in a "
+        "sidecar may be wrong."
+    )
+    yield Doubt("scale-at-limit", what, value=alignment.z_scale, unit="1", expected=(low, high))
+    suspected = remedies(a, b, farther.z_scale) if farther else ()
+    for remedy in suspected:
+        other = a.name if remedy.side == b.name else b.name
         what = (
-            f"The scale of {of} along the bore ended at a limit of its search ({alignment.z_scale:.3f}, searched from "
-            f"{low:g} to {high:g}): the true one may lie beyond, and a feed or a length in a sidecar may be wrong."
+            f"Along the bore it is {remedy.stated / remedy.agreeing:.3f} times as long as {other} has the same wall: "
+            f"{remedy.key} = {remedy.agreeing:.4g} would agree; {remedy.stated:.4g} is stated."
         )
-        yield Doubt("scale-at-limit", what, value=alignment.z_scale, unit="1", expected=(low, high))
+        if len(suspected) > 1:
+            what += f" Or else {' or '.join(str(each) for each in suspected if each is not remedy)}."
+        found, expected = remedy.agreeing, remedy.stated
+        yield Doubt("pitch-contradicted", what, side=remedy.side, value=found, unit=remedy.unit, expected=expected)
 
 
 def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from endoct.modalities.folders import exists, is_folder
 from endoct.modalities.keys import abridged, check_kinds, expectation
+from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
 from endoct.stitching.names import inside
@@ -69,6 +70,11 @@ class Acquisition(BaseModel):
         default=0.0, ge=-1000, le=1000, description="θ of the first A-scan or of the image's +x axis"
     )
     calibration: str | None = Field(default=None, description="a TOML file next to this one with further keys")
+
+    @property
+    def axial_scale(self) -> AxialScale:
+        """What the scale along the bore rests on; a plug-in that knows says more."""
+        return AxialScale()
 
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)

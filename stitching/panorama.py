@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask, readonly
+from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.doubt import Doubt, as_doubt, without_doubts
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
@@ -44,6 +45,7 @@ class Panorama:
     provenance: how it was made: parameters, sidecar, versions, input digests. JSON-serialisable.
     doubts: what questions the whole; a plain sentence becomes a doubt without a code of its own.
     notes: what is to be known of some frames or rows, in full sentences; none repeats a doubt.
+    axial_scale: what the scale of z rests on.
 
     Arrays are read-only. Raises :class:`EndoctError` where shapes disagree, or a name is no plain one.
     """
@@ -61,6 +63,7 @@ class Panorama:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    axial_scale: AxialScale = field(default_factory=AxialScale)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -166,6 +169,7 @@ class Panorama:
             "frame_dim": self.frame_dim,
             "handedness_known": self.handedness_known,
             "travel_known": self.travel_known,
+            "axial_scale": json.dumps(self.axial_scale.to_json()),
             **grid_attributes(self.grid),
             "provenance": json.dumps(
                 {**self.provenance, "notes": list(self.notes), "doubts": [doubt.to_json() for doubt in self.doubts]}

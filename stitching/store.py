@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.contents import check_intact
 from endoct.stitching.doubt import Doubt, as_doubt
 from endoct.stitching.errors import EndoctError, refusing
@@ -94,6 +95,7 @@ def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mappin
         provenance=provenance,
         notes=notes,
         doubts=doubts,
+        axial_scale=_axial_scale(attributes, what),
     )
     for name in ("intensity", "weight"):
         if not np.isfinite(getattr(panorama, name)[panorama.valid]).all():
@@ -108,6 +110,16 @@ def _described(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -
     trusted_when = {"true": True, "false": False}.get(str(attributes.get("trusted_when")))
     usual = stored_range(attributes.get("usual_range"))
     return PerFrame(values, attributes.get("units", ""), attributes["long_name"], trusted_when, usual)
+
+
+def _axial_scale(attributes: Mapping[str, Any], what: str) -> AxialScale:
+    """Return what the scale of z rests on; older stores do not say."""
+    stored = attributes.get("axial_scale")
+    if stored is None:
+        return AxialScale()
+    found = an_object(json.loads(stored), f"the axial scale of {what}")
+    stated = an_object(found.get("stated"), f"what the axial scale of {what} rests on")
+    return AxialScale(stated, checked=found.get("checked") is True)
 
 
 def _provenance(attributes: Mapping[str, Any], what: str) -> tuple[dict[str, Any], tuple[str, ...], tuple[Doubt, ...]]:

@@ -20,8 +20,11 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.refinement import refine
+from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.search import search
+from endoct.fusion.registration.stretch import stretched
 from endoct.fusion.segmentation.regions import label
+from endoct.fusion.stated_scale import remedies
 
 __all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations"]
 
@@ -78,7 +81,11 @@ def align_sides(
         handedness_known=one.handedness_known and two.handedness_known,
         travel_known=one.travel_known and two.travel_known,
     )
-    return align(a.evidence, b.evidence, orientations=orientations, z_scale_range=z_scale_range, force=force)
+    answer = align(a.evidence, b.evidence, orientations=orientations, z_scale_range=z_scale_range, force=force)
+    if isinstance(answer, Alignment) or answer.best is None:
+        return answer
+    farther = fit_stretched(a.evidence, b.evidence, orientations, z_scale_range)
+    return replace(answer, reason=answer.reason + _if_stretched(a, b, farther)) if farther else answer
 
 
 def align(
@@ -111,6 +118,20 @@ def align(
     else:
         refined = refine(clipped(a), clipped(b), best, z_scale_range)
     return _corrected_for_instruments(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
+
+
+def fit_stretched(
+    a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
+) -> Alignment | None:
+    """Return where ``b`` lies on ``a`` best at a scale of z beyond ``z_scale_range``.
+
+    None where none stands out, or ``b`` does not lie there as one piece: lost slices or frames shorten a recording too,
+    and no scale makes them good.
+    """
+    farther = stretched(clipped(a), clipped(b), orientations, z_scale_range)
+    if farther is None or not believable(farther) or parts_out_of_place(a, b, farther):
+        return None
+    return farther
 
 
 def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
@@ -174,3 +195,9 @@ def _if_turned(
         return ""
     turned = " and ".join(["mirrored"] * best.mirrored + ["with z reversed"] * best.z_reversed)
     return f" {turned.capitalize()} they would align: check handedness and travel in the sidecars."
+
+
+def _if_stretched(a: Side, b: Side, farther: Alignment) -> str:
+    """Return a sentence on the scale along the bore at which the two would have been believed."""
+    agreeing = " or ".join(map(str, remedies(a, b, farther.z_scale))) or "a scale along the bore is wrong"
+    return f" They would align with z of {b.name} scaled by {farther.z_scale:.3f}: {agreeing}."

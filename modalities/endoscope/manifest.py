@@ -8,6 +8,7 @@ from endoct.modalities.acquisition import Acquisition, OneOf, Travel
 from endoct.modalities.contract import Manifest
 from endoct.modalities.recording import IMAGE_SUFFIXES
 from endoct.modalities.video import VIDEO_SUFFIXES
+from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.per_frame import Meaning
 
 Rim = Literal["ahead", "behind"]
@@ -99,6 +100,20 @@ class EndoscopeAcquisition(Acquisition):
         if self.frame_rate_hz is not None and self.feed_speed_mm_s is not None:
             return self.feed_speed_mm_s / self.frame_rate_hz
         return None
+
+    @property
+    def axial_scale(self) -> AxialScale:
+        """The visible length, or else the nominal feed; with the mirror's optics no single key. A feed checks both."""
+        optics = None not in (self.cone_half_angle_deg, self.focal_px, self.mirror_distance_mm)
+        has_feed = self.pitch_mm is not None or self.positions_mm is not None
+        if optics or self.visible_length_mm is not None:
+            stated = {} if optics or self.visible_length_mm is None else {"visible_length_mm": self.visible_length_mm}
+            return AxialScale(stated, checked=has_feed)
+        if self.positions_mm is not None:
+            return AxialScale()
+        key = "feed_pitch_mm" if self.feed_pitch_mm is not None else "feed_speed_mm_s"
+        value: float | None = getattr(self, key)
+        return AxialScale({} if value is None else {key: value})
 
     @model_validator(mode="after")
     def _pitch_is_plausible(self) -> Self:

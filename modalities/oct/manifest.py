@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from endoct.modalities.acquisition import Acquisition, Handedness, Travel
 from endoct.modalities.contract import Manifest
+from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.per_frame import Meaning
 
 
@@ -52,6 +53,11 @@ class OctAcquisition(Acquisition):
     def mm_per_px(self) -> float:
         """Distance of two depth samples in the medium, mm."""
         return self.axial_pixel_mm / self.medium_index
+
+    @property
+    def axial_scale(self) -> AxialScale:
+        """The pitch, unless positions beat it: nothing in a pullback measures it."""
+        return AxialScale({} if self.positions_mm else {"pullback_pitch_mm": self.pullback_pitch_mm})
 
     @property
     def capillary_radius_mm(self) -> float:

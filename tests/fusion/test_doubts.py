@@ -6,10 +6,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endoct.fusion.doubts import doubt_of_twist, doubts_of_alignment, doubts_of_orientation, doubts_of_result
+from endoct.fusion.doubts import (
+    doubt_of_twist,
+    doubts_of_alignment,
+    doubts_of_orientation,
+    doubts_of_result,
+    doubts_of_scale,
+    scale_at_limit,
+)
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import CorrectedTwist, Drift, Line, PairScores, Result, StoredAlignment
+from endoct.fusion.stated_scale import remedies
+from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -18,7 +28,15 @@ ALIGNED = Alignment(0.1, 0.2, 1.01, confidence=0.3)
 
 
 def of_alignment(alignment: Alignment = ALIGNED, **parameters: Any) -> list[Doubt]:
-    return list(doubts_of_alignment(alignment, CompareParameters(**parameters), "oct"))
+    return list(doubts_of_alignment(alignment, CompareParameters(**parameters)))
+
+
+def side(
+    name: str, stated: dict[str, float] | None = None, *, checked: bool = False, doubts: tuple[Doubt, ...] = ()
+) -> Side:
+    grid, ones = SurfaceGrid.full_circle(2, 8, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25), np.ones((2, 8), np.float32)
+    made = Panorama(grid, ones, None, ones > 0, ones, name, True, True)
+    return Side(name, replace(made, doubts=doubts, axial_scale=AxialScale(stated or {}, checked)))
 
 
 def of_result(**changed: Any) -> list[Doubt]:
@@ -47,10 +65,40 @@ def test_a_forced_alignment_is_doubted() -> None:
 def test_a_scale_at_a_limit_of_its_search_is_doubted(
     z_scale: float, parameters: dict[str, float], doubted: bool
 ) -> None:
-    found = of_alignment(replace(ALIGNED, z_scale=z_scale), **parameters)
-    assert [doubt.code for doubt in found] == ["scale-at-limit"] * doubted
-    if doubted:
-        assert (found[0].value, found[0].expected) == (z_scale, (0.95, 1.05))
+    alignment = replace(ALIGNED, z_scale=z_scale)
+    assert scale_at_limit(alignment, CompareParameters(**parameters)) == doubted
+    (doubt,) = doubts_of_scale(alignment, None, CompareParameters(), side("endoscope"), side("oct"))
+    assert (doubt.code, doubt.value, doubt.expected) == ("scale-at-limit", z_scale, (0.95, 1.05))
+    assert "no other lays it there as one piece" in doubt.what
+
+
+def test_a_pitch_is_contradicted_with_the_value_that_agrees() -> None:
+    one, two = side("endoscope", {"visible_length_mm": 1.0}, checked=True), side("oct", {"pullback_pitch_mm": 0.25})
+    at_limit, farther = replace(ALIGNED, z_scale=0.95), replace(ALIGNED, z_scale=0.8)
+    of_scale, of_pitch = doubts_of_scale(at_limit, farther, CompareParameters(), one, two)
+    assert of_scale.code == "scale-at-limit"
+    assert "it fits best at 0.800" in of_scale.what
+    assert (of_pitch.code, of_pitch.side, of_pitch.unit) == ("pitch-contradicted", "oct", "mm")
+    assert (of_pitch.value, of_pitch.expected) == (pytest.approx(0.2), 0.25)
+    assert "1.250 times as long as endoscope" in of_pitch.what
+    assert "pullback_pitch_mm = 0.2 would agree; 0.25 is stated" in of_pitch.what
+
+
+def test_either_of_two_unchecked_pitches_is_named() -> None:
+    one, two = side("endoscope", {"feed_pitch_mm": 0.4}), side("oct", {"pullback_pitch_mm": 0.25})
+    found = list(doubts_of_scale(ALIGNED, replace(ALIGNED, z_scale=0.8), CompareParameters(), one, two))[1:]
+    assert {str(doubt.side): doubt.value for doubt in found} == pytest.approx({"endoscope": 0.5, "oct": 0.2})
+    assert "Or else feed_pitch_mm = 0.5 of endoscope (0.4 is stated)" in found[1].what
+
+
+def test_a_checked_length_is_suspected_where_its_own_recording_is_doubted() -> None:
+    feed = Doubt("feed-against-nominal", "Frames lie farther apart.")
+    doubted = side("endoscope", {"visible_length_mm": 1.0}, checked=True, doubts=(feed,))
+    sound = side("endoscope", {"visible_length_mm": 1.0}, checked=True)
+    other, placed = side("oct", checked=True), side("oct")
+    assert [remedy.side for remedy in remedies(doubted, other, 0.8)] == ["endoscope"]
+    assert [remedy.side for remedy in remedies(sound, other, 0.8)] == ["endoscope"]
+    assert remedies(sound, placed, 0.8) == ()
 
 
 @pytest.mark.parametrize(("per_mm", "error", "doubted"), [(0.04, 0.01, True), (0.04, 0.03, False), (0.005, 0.0, False)])

@@ -8,6 +8,7 @@ import pytest
 import xarray
 from tolerances import IMAGE_ATOL
 
+from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.blend import blend
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
@@ -51,6 +52,7 @@ def panorama() -> Panorama:
         provenance={"parameters": {"undistort": "eccentric"}},
         notes=("Slice 1 was bridged.",),
         doubts=(Doubt("wall-far-from-nominal", "The wall lies 0.3 mm behind the nominal bore.", value=2.8, unit="mm"),),
+        axial_scale=AxialScale({"pullback_pitch_mm": 0.1}, checked=True),
     )
 
 

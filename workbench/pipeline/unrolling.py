@@ -101,7 +101,11 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
             )
         with stages.stage(f"settle {title}"):
             settled = implementation.settle(blended, calibration)
-        panorama = replace(settled, provenance={**settled.provenance, "inputs": inputs.result()})
+        panorama = replace(
+            settled,
+            axial_scale=stream.acquisition.axial_scale,
+            provenance={**settled.provenance, "inputs": inputs.result()},
+        )
     check_unchanged(opened.path, opened.files)
     if not panorama.valid.any():
         raise NotSeen(
