@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.doubts import doubts_of_sizes
+from endoct.modalities.oct.doubts import doubts_of_sizes, doubts_of_turns
 from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
@@ -22,7 +22,7 @@ def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama
     panorama = _with_faint_slices(panorama, calibration)
     if panorama.depth_mm is None or not panorama.valid.any():
         return panorama
-    doubts = doubts_of_sizes(panorama.depth_mm[panorama.valid], calibration)
+    doubts = (*doubts_of_sizes(panorama.depth_mm[panorama.valid], calibration), *doubts_of_turns(calibration))
     return replace(panorama, doubts=(*panorama.doubts, *doubts)) if doubts else panorama
 
 

@@ -29,6 +29,7 @@ class Phantom:
     turning_rad: float = 0.1  # of the direction, a slice
     pits: tuple[tuple[float, float, float], ...] = ((2.0, 0.5, 0.25), (6.2, 0.4, 0.25))
     wall_db: float = 19.0
+    step_rad: float = 0.0  # by which every turn jumps ahead, halfway
     seed: int = 0
     sidecar: Mapping[str, Any] = field(default_factory=dict)
 
@@ -68,6 +69,7 @@ class Phantom:
     def _slice(self, index: int) -> NDArray[np.float32]:
         rng = np.random.default_rng((self.seed, index))
         angle = 2 * np.pi * np.arange(self.n_ascans) / self.n_ascans
+        angle += self.step_rad * (angle >= np.pi)
         beta = self.direction_of(index)
         x, y = self.offset_mm * np.cos(beta), self.offset_mm * np.sin(beta)
         depth = PIXEL_MM * np.arange(self.n_depth)[:, None]

@@ -87,6 +87,20 @@ def test_slices_that_show_no_catheter_are_not_valid(unrolled: UnrollPhantom, mis
     assert panorama.valid[~none].mean() > 0.95
 
 
+@pytest.mark.parametrize(
+    ("step_rad", "offset_mm", "doubted"), [(0.3, 0.15, True), (0.3, 0.06, True), (0.05, 0.15, False)]
+)
+def test_a_step_within_every_turn_is_doubted(
+    unrolled: UnrollPhantom, step_rad: float, offset_mm: float, doubted: bool
+) -> None:
+    panorama = unrolled(replace(SMALL, step_rad=step_rad, offset_mm=offset_mm))[2]
+    found = [doubt for doubt in panorama.doubts if doubt.code == "turns-uneven"]
+    assert bool(found) == doubted
+    for doubt in found:
+        assert doubt.value is not None
+        assert step_rad / 2 - 0.03 < doubt.value < step_rad
+
+
 def test_the_plain_wall_is_where_it_is_densest_whatever_its_cells_do() -> None:
     rng = np.random.default_rng(0)
     depth_mm = np.concatenate([0.04 + 0.004 * rng.normal(size=5000), rng.uniform(0.1, 1.2, 7000)]).astype(np.float32)
