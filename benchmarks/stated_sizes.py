@@ -3,6 +3,7 @@
     python -m benchmarks.stated_sizes [--first 100] [--count 40] [--slices 24] [--workers 2]
 
 Every seed is unrolled with its true sidecar, with a capillary 5 % too wide, and with three of the other faults in turn.
+`in_water`: bore and capillary filled, and the index of water stated that many times too large.
 """
 
 import argparse
@@ -21,6 +22,7 @@ import tifffile
 from benchmarks.independent.bore import drill
 from benchmarks.independent.catheter import pull_back
 from benchmarks.independent.pair import oct_sidecar
+from benchmarks.independent.recipe import CatheterRecipe
 from benchmarks.independent.sets import recipe_of
 from endoct.stitching.errors import NotSeen
 from endoct.workbench import unroll
@@ -30,10 +32,24 @@ FAULTS = (
     ("capillary_outer_diameter_mm", 0.95),
     ("capillary_outer_diameter_mm", 1.1),
     ("axial_pixel_mm", 0.8),
+    ("axial_pixel_mm", 0.9),
+    ("axial_pixel_mm", 0.95),
+    ("axial_pixel_mm", 1.05),
+    ("axial_pixel_mm", 1.1),
     ("axial_pixel_mm", 1.2),
+    ("medium_index", 1.05),
+    ("medium_index", 1.1),
+    ("medium_index", 1.25),
+    ("in_water", 1.0 / 1.33),
+    ("in_water", 0.9),
+    ("in_water", 0.95),
+    ("in_water", 1.0),
+    ("in_water", 1.05),
+    ("in_water", 1.1),
     ("bore_diameter_mm", 1.04),
     ("no_catheter", 1.0),
 )
+WATER = 1.33
 TOO_WIDE = ("capillary_outer_diameter_mm", 1.05)
 SOUND = ("sound", 1.0)
 Fault = tuple[str, float]
@@ -46,18 +62,26 @@ def answers(seed: int, slices: int) -> list[tuple[Fault, str]]:
     said = []
     with tempfile.TemporaryDirectory() as scratch:
         for fault in (SOUND, TOO_WIDE, *(FAULTS[(3 * seed + k) % len(FAULTS)] for k in range(3))):
-            bare = "no_catheter" if fault[0] == "no_catheter" else None
-            made = replace(recipe.oct, slices=slices, fault=bare)
-            path = Path(scratch) / (bare or "sound") / "pullback.tif"
+            made = replace(recipe.oct, slices=slices, fault="no_catheter" if fault[0] == "no_catheter" else None)
+            if fault[0] == "in_water":
+                made = in_water(made)
+            path = Path(scratch) / (fault[0] if fault[0] in ("no_catheter", "in_water") else "sound") / "pullback.tif"
             if not path.exists():
                 path.parent.mkdir()
                 samples = pull_back(bore, made, np.random.default_rng([seed, 1])).samples
                 tifffile.imwrite(path, samples, photometric="minisblack")
-            keys = oct_sidecar(made, recipe.bore.diameter_mm)
+            keys = oct_sidecar(recipe.oct, recipe.bore.diameter_mm) | {"medium_index": 1.0}
+            if fault[0] == "in_water":
+                keys["medium_index"] = WATER * fault[1]
             keys |= {fault[0]: float(keys[fault[0]]) * fault[1]} if fault[0] in keys else {}  # type: ignore[arg-type]
             (path.parent / "acquisition.toml").write_text("".join(f"{k} = {json.dumps(v)}\n" for k, v in keys.items()))
             said.append((fault, _answer(path.parent)))
     return said
+
+
+def in_water(recipe: CatheterRecipe) -> CatheterRecipe:
+    """Return the pullback of a flushed bore: a pixel is shorter there, and glass bends less."""
+    return replace(recipe, axial_pixel_mm=recipe.axial_pixel_mm / WATER, glass_index=recipe.glass_index / WATER)
 
 
 def _answer(recording: Path) -> str:
@@ -86,7 +110,7 @@ def main() -> None:
                 print(seed, *fault, answer, flush=True)
     for fault, by_answer in sorted(table.items()):
         counts = ", ".join(f"{len(of)} {answer}" for answer, of in sorted(by_answer.items()))
-        print(f"{fault[0]} × {fault[1]:g}: {counts}; believed: {by_answer.get('believed', []) or 'none'}")
+        print(f"{fault[0]} × {fault[1]:.3g}: {counts}; believed: {by_answer.get('believed', []) or 'none'}")
 
 
 if __name__ == "__main__":

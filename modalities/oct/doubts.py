@@ -100,11 +100,15 @@ def _would_agree(beyond_mm: float, stated: OctAcquisition, course: Course | None
     if gap_mm > 0:
         longer = gap_mm / stated.gap_mm
         changes.append((f"axial_pixel_mm = {stated.axial_pixel_mm / longer:.5f}", capillary_mm * longer))
-        if MOST_INDEX >= (index := stated.medium_index * longer) >= 1:
+        if index := _possible_index(stated.medium_index * longer):
             changes.append((f"medium_index = {index:.2f}", capillary_mm * longer))
     possible = [change for change, then_mm in changes if then_mm > 0]
     likely = [change for change, then_mm in changes if then_mm > 0 and not (course and course.contradicts(then_mm))]
     return f"That agrees with {' or '.join(likely or possible)}"
+
+
+def _possible_index(index: float) -> float | None:
+    return index if 1 <= index <= MOST_INDEX else None
 
 
 def _of_course(course: Course | None) -> str:
@@ -117,11 +121,14 @@ def _of_face(course: Course | None, stated: OctAcquisition) -> tuple[Doubt, ...]
     stated_mm = stated.capillary_outer_diameter_mm
     if course is None or not course.contradicts(stated_mm):
         return ()
-    pixel_mm = stated.axial_pixel_mm * stated_mm / course.diameter_mm
+    longer = course.diameter_mm / stated_mm
+    changes = [f"capillary_outer_diameter_mm = {course.diameter_mm:.2f}"]
+    changes.append(f"axial_pixel_mm = {stated.axial_pixel_mm / longer:.4f}")
+    if index := _possible_index(stated.medium_index * longer):
+        changes.append(f"medium_index = {index:.2f}")
     what = (
         f"Through the turn, the capillary's outer face runs like a circle of {_diameter(course)}; {stated_mm:g} mm is "
-        f"stated. That agrees with capillary_outer_diameter_mm = {course.diameter_mm:.2f} or axial_pixel_mm = "
-        f"{pixel_mm:.4f}, unless the wrong line was taken for the capillary."
+        f"stated. That agrees with {' or '.join(changes)}, unless the wrong line was taken for the capillary."
     )
     return (Doubt("capillary-against-stated", what, value=course.diameter_mm, unit="mm", expected=stated_mm),)
 

@@ -175,6 +175,25 @@ def test_two_sides_of_one_modality(pair_of: Callable) -> None:
     assert found.result.polarity_from["camera-1"] == "assumed"
 
 
+@pytest.mark.parametrize("z_reversed", [False, True])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_false_handedness_is_said_whichever_side_comes_first(
+    pair_of: Callable, z_reversed: bool, swapped: bool
+) -> None:
+    """With the travel unknown it is put right, and doubted; with all stated it is the reason not to align."""
+    pair = pair_of(1, mirrored=True, z_reversed=z_reversed)
+    for travel_known in (False, True):
+        sides = [replace(side, handedness_known=True, travel_known=travel_known) for side in (pair.a, pair.b)]
+        result = compare_panoramas(*(sides[::-1] if swapped else sides)).result
+        if travel_known:
+            assert result.reason is not None
+            assert re.search("Mirrored .*they would align: check handedness", result.reason)
+        else:
+            assert result.alignment is not None
+            assert (result.alignment.mirrored, result.alignment.z_reversed) == (True, z_reversed)
+            assert "handedness-contradicted" in [doubt.code for doubt in result.doubts]
+
+
 def test_other_bores_are_written_but_not_scored(pair_of: Callable, tmp_path: Path) -> None:
     pair = pair_of(0, other_bore=True)
     found = compare_panoramas(pair.a, pair.b, COARSE)
