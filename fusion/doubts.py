@@ -7,7 +7,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE
-from endoct.fusion.registration.rigidity import FAR_MM, Part
+from endoct.fusion.registration.rigidity import Part
 from endoct.fusion.registration.stretch import FARTHEST
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Result
 from endoct.fusion.stated_scale import remedies
@@ -77,12 +77,13 @@ def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:
         if worst.kind == "band"
         else f"between θ = {math.degrees(worst.first):.0f}° and {math.degrees(worst.last):.0f}°"
     )
+    there = "where other directions do" if worst.kind == "turn" else "there"
     what = (
         f"The wall of {of} does not lie as one piece where it was aligned: {where} it fits best "
-        f"{worst.along_mm:+.2f} mm along and {worst.around_mm:+.2f} mm around the bore from there. Slices or frames "
+        f"{worst.along_mm:+.2f} mm along and {worst.around_mm:+.2f} mm around the bore from {there}. Slices or frames "
         "may be lost, swapped or turned."
     )
-    yield Doubt("parts-out-of-place", what, side=of, value=worst.off_mm, unit="mm", expected=(0.0, FAR_MM))
+    yield Doubt("parts-out-of-place", what, side=of, value=worst.off_mm, unit="mm", expected=(0.0, worst.limit_mm))
 
 
 def doubts_of_orientation(alignment: Alignment, one: Panorama, two: Panorama, of: str) -> Iterator[Doubt]:

@@ -4,24 +4,30 @@ An alignment is rigid: one turn, one shift, one scale. A recording need not be: 
 were lost or swapped, a step within every turn bend its wall, and the best rigid place is then right for some of it
 only. So parts of one side, bands along the bore and sectors of it, are each searched for on the other side around where
 the alignment puts them: tall bands nearby in all directions, and low ones, as few slices are, far along the bore.
+
+What a single part says by chance two parts do not say of each other: low bands that have changed places are believed
+for less, and so are sectors that lie apart around the bore.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy import fft
 
-from endoct.fusion.evidence.evidence import Evidence, clipped, on_grid, reoriented
+from endoct.fusion.evidence.evidence import Evidence, clipped
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.fusion.registration.displacement import (
+    N_THETA,
+    STEP_MM,
+    Fit,
+    fit_part,
+    in_one_frame,
+    part_of,
+    rows_of,
+)
 
-STEP_MM = 0.05
-N_THETA = 256
 SECTORS = 4
-LEAST_SAMPLES = 0.5
-"""Of a part's samples that must meet observed wall wherever it is compared."""
 FAR_MM = 0.16
 """Around the bore or along it: parts that lie farther from where they should are out of place."""
 
@@ -31,7 +37,7 @@ class Look:
     """How parts are searched for: bands ``tall_mm`` high, or sectors of any height; how far along and around.
 
     A part says something about its place where it correlates by ``clear`` at least where it fits best, and by
-    ``better`` more than where the alignment puts it.
+    ``better`` more than where the alignment puts it. Bands follow each other by ``1 / dense`` of their height.
     """
 
     tall_mm: float
@@ -39,27 +45,43 @@ class Look:
     reach_rad: float
     clear: float
     better: float
+    dense: int = 2
 
 
 NEAR = Look(tall_mm=1.5, reach_mm=1.0, reach_rad=0.6, clear=0.55, better=0.12)
 FAR = Look(tall_mm=0.6, reach_mm=4.0, reach_rad=0.1, clear=0.75, better=0.45)
-FARTHEST_MM = max(NEAR.reach_mm, FAR.reach_mm)
+EXCHANGED = Look(tall_mm=0.3, reach_mm=4.0, reach_rad=0.1, clear=0.5, better=0.15, dense=3)
+"""Of 20 sound recordings of a second generator (benchmarks/independent, set sound, seeds 0–19) none has two bands in
+each other's place that both correlate by more than 0.23; two or three slices exchanged correlate by 0.6."""
+SAME_PLACE_MM = 0.16
+"""Where one band belongs and where the other one is may differ by so much."""
+APART = Look(tall_mm=np.inf, reach_mm=0.15, reach_rad=0.6, clear=0.55, better=0.03)
+APART_MM = 0.13
+"""Around the bore: sectors of the same 20 lie 0.084 mm apart at most; those of turns with a step of 0.15 rad 0.13 to
+0.26 mm, of 0.2 rad 0.18 mm and more."""
+FEWEST_SECTORS = 3
+FARTHEST_MM = max(look.reach_mm for look in (NEAR, FAR, EXCHANGED))
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the wall that fits best elsewhere, ``along_mm`` and ``around_mm`` from where the alignment puts it.
+    """A part of the wall that fits best elsewhere, ``along_mm`` and ``around_mm`` from where it should.
 
-    ``kind``: a band along the bore, or a sector of it; ``first`` and ``last`` its bounds in A's frame, mm or rad.
-    ``correlation``: (there, where the alignment puts it).
+    ``kind``: a band along the bore, a sector of it, or ("turn") a sector that should lie where another one does;
+    ``first`` and ``last`` its bounds in A's frame, mm or rad. ``correlation``: (there, where the alignment puts it).
     """
 
-    kind: Literal["band", "sector"]
+    kind: Literal["band", "sector", "turn"]
     first: float
     last: float
     along_mm: float
     around_mm: float
     correlation: tuple[float, float]
+
+    @property
+    def limit_mm(self) -> float:
+        """How far off it may be, mm."""
+        return APART_MM if self.kind == "turn" else FAR_MM
 
     @property
     def off_mm(self) -> float:
@@ -69,85 +91,74 @@ class Part:
 
 def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[Part, ...]:
     """Return the parts of the wall that do not lie where ``alignment`` puts B on A, the farthest off first."""
-    one, two = _in_one_frame(clipped(a), clipped(b), alignment)
-    parts = [*_bands(one, two, NEAR), *_bands(one, two, FAR), *_sectors(one, two, NEAR)]
-    return tuple(sorted((part for part in parts if part.off_mm > FAR_MM), key=lambda part: -part.off_mm))
+    one, two = in_one_frame(clipped(a), clipped(b), alignment, FARTHEST_MM)
+    parts = [
+        *_displaced(_bands(one, two, NEAR), NEAR),
+        *_displaced(_bands(one, two, FAR), FAR),
+        *_displaced(_sectors(one, two, NEAR), NEAR),
+        *_exchanged(list(_bands(one, two, EXCHANGED))),
+        *_apart(list(_sectors(one, two, APART))),
+    ]
+    return tuple(sorted((part for part in parts if part.off_mm > part.limit_mm), key=lambda part: -part.off_mm))
 
 
-def _in_one_frame(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[Evidence, Evidence]:
-    """Return both on one even grid in A's frame, where B lies as aligned, over B's rows within A's reach."""
-    moved = reoriented(b, mirrored=alignment.mirrored, z_reversed=alignment.z_reversed, z_scale=alignment.z_scale)
-    moved = replace(
-        moved, z_mm=moved.z_mm + alignment.z_shift_mm, theta0_rad=moved.theta0_rad + alignment.theta_shift_rad
-    )
-    first = max(a.z_mm[0], moved.z_mm[0]) - FARTHEST_MM
-    last = min(a.z_mm[-1], moved.z_mm[-1]) + FARTHEST_MM
-    z_mm = np.arange(first, last, STEP_MM)
-    return on_grid(a, z_mm, N_THETA), on_grid(moved, z_mm, N_THETA)
+@dataclass(frozen=True)
+class _Fitted:
+    kind: Literal["band", "sector"]
+    first: float
+    last: float
+    fit: Fit
+
+    @property
+    def part(self) -> Part:
+        return Part(self.kind, self.first, self.last, self.fit.along_mm, self.fit.around_mm, self.fit.correlation)
 
 
-def _bands(a: Evidence, b: Evidence, look: Look) -> Iterator[Part]:
+def _bands(a: Evidence, b: Evidence, look: Look) -> Iterator[_Fitted]:
     margin, tall = round(look.reach_mm / STEP_MM), round(look.tall_mm / STEP_MM)
     first_row = round(FARTHEST_MM / STEP_MM)
     band = np.zeros((tall + 2 * margin, N_THETA), np.bool_)
     band[margin : margin + tall] = True
-    for first in range(first_row, a.z_mm.size - first_row - tall + 1, max(1, tall // 2)):
+    for first in range(first_row, a.z_mm.size - first_row - tall + 1, max(1, tall // look.dense)):
         around = slice(first - margin, first + tall + margin)
-        bounds = float(a.z_mm[first]), float(a.z_mm[first + tall - 1])
-        yield from _displaced("band", bounds, _rows(a, around), _within(_rows(b, around), band), look)
+        fit = fit_part(rows_of(a, around), part_of(rows_of(b, around), band), look.reach_mm, look.reach_rad)
+        yield _Fitted("band", float(a.z_mm[first]), float(a.z_mm[first + tall - 1]), fit)
 
 
-def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[Part]:
+def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[_Fitted]:
     wide, step_rad = N_THETA // SECTORS, 2 * np.pi / N_THETA
     for first in range(0, N_THETA, wide // 2):
         sector = np.zeros(b.valid.shape, np.bool_)
         sector[:, np.arange(first, first + wide) % N_THETA] = True
-        bounds = first * step_rad, (first + wide) * step_rad % (2 * np.pi)
-        yield from _displaced("sector", bounds, a, _within(b, sector), look)
+        fit = fit_part(a, part_of(b, sector), look.reach_mm, look.reach_rad)
+        yield _Fitted("sector", first * step_rad, (first + wide) * step_rad % (2 * np.pi), fit)
 
 
-def _rows(evidence: Evidence, rows: slice) -> Evidence:
-    return replace(evidence, values=evidence.values[rows], valid=evidence.valid[rows], z_mm=evidence.z_mm[rows])
+def _displaced(parts: Iterator[_Fitted], look: Look) -> Iterator[Part]:
+    """Yield where parts fit best whose place each by itself is sure of."""
+    for part in parts:
+        if part.fit.stands_out(clear=look.clear, gain=look.better):
+            yield part.part
 
 
-def _within(evidence: Evidence, where: Mask) -> Evidence:
-    return replace(evidence, valid=evidence.valid & where)
+def _exchanged(bands: Sequence[_Fitted]) -> Iterator[Part]:
+    """Yield bands each of which fits where the other one is."""
+    sure = [band for band in bands if band.fit.stands_out(clear=EXCHANGED.clear, gain=EXCHANGED.better)]
+    for one in sure:
+        for two in sure:
+            apart_mm = two.first - one.first
+            there, back = one.fit.along_mm - apart_mm, two.fit.along_mm + apart_mm
+            if apart_mm > EXCHANGED.tall_mm and max(abs(there), abs(back)) < SAME_PLACE_MM:
+                yield one.part
+                yield two.part
 
 
-def _displaced(
-    kind: Literal["band", "sector"], bounds: tuple[float, float], a: Evidence, part: Evidence, look: Look
-) -> Iterator[Part]:
-    """Yield where ``part`` of B fits ``a`` best, unless nothing in it says so."""
-    rows, columns = round(look.reach_mm / STEP_MM), round(look.reach_rad / (2 * np.pi) * N_THETA)
-    correlation = _correlations(a, part, rows, columns)
-    row, column = map(int, np.unravel_index(int(np.argmax(correlation)), correlation.shape))
-    best, here = float(correlation[row, column]), float(correlation[rows, columns])
-    if best >= look.clear and best - here >= look.better:
-        around_mm = (column - columns) * 2 * np.pi / N_THETA * a.radius_mm
-        yield Part(kind, *bounds, (row - rows) * STEP_MM, float(around_mm), (best, here))
-
-
-def _correlations(a: Evidence, b: Evidence, rows: int, columns: int) -> Coordinates:
-    """Return the masked correlation of ``b`` with ``a``, (2 rows + 1, 2 columns + 1), by how far ``b`` is moved.
-
-    Padfield 2012, Masked object registration in the Fourier domain. Cyclic in θ; rows moved beyond either end meet
-    nothing.
-    """
-    n = fft.next_fast_len(a.z_mm.size + rows, real=True)
-
-    def spectrum(image: Image | Mask) -> np.ndarray:
-        return np.asarray(fft.rfft2(image.astype(np.float64), s=(n, N_THETA)))
-
-    def moved(of_a: np.ndarray, of_b: np.ndarray) -> Coordinates:
-        plane = fft.irfft2(of_a * np.conj(of_b), s=(n, N_THETA))
-        return np.asarray(np.roll(plane, (rows, columns), axis=(0, 1))[: 2 * rows + 1, : 2 * columns + 1])
-
-    of_a, of_b = ([spectrum(e.valid), spectrum(e.values * e.valid), spectrum(e.values**2 * e.valid)] for e in (a, b))
-    count = np.maximum(moved(of_a[0], of_b[0]), 1)
-    sum_a, sum_b = moved(of_a[1], of_b[0]), moved(of_a[0], of_b[1])
-    common = moved(of_a[1], of_b[1]) - sum_a * sum_b / count
-    spread_a = moved(of_a[2], of_b[0]) - sum_a**2 / count
-    spread_b = moved(of_a[0], of_b[2]) - sum_b**2 / count
-    product = np.maximum(spread_a, 0) * np.maximum(spread_b, 0)
-    enough = (count >= LEAST_SAMPLES * max(b.valid.sum(), 1)) & (product > 1e-9 * float(product.max()))
-    return np.asarray(np.where(enough, common / np.sqrt(np.maximum(product, 1e-300)), 0.0))
+def _apart(sectors: Sequence[_Fitted]) -> Iterator[Part]:
+    """Yield the sector that lies farthest around the bore from another one, by how far that is."""
+    clear = [sector for sector in sectors if sector.fit.correlation[0] >= APART.clear]
+    if len(clear) < FEWEST_SECTORS:
+        return
+    ends = min(clear, key=lambda each: each.fit.around_mm), max(clear, key=lambda each: each.fit.around_mm)
+    one, two = sorted(ends, key=lambda each: -each.fit.gain)
+    if one.fit.gain >= APART.better:
+        yield replace(one.part, kind="turn", along_mm=0.0, around_mm=one.fit.around_mm - two.fit.around_mm)

@@ -12,6 +12,7 @@ from endoct.fusion.registration.rigidity import Part, parts_out_of_place
 from endoct.stitching.panorama import Panorama
 
 ROWS, ROW_MM, TURN_RAD = 45, 0.2, 0.3
+AROUND_MM = 0.05  # twice the grid on which parts are fitted
 
 
 def out_of_place(pair: Pair, b: Panorama | None = None) -> tuple[Part, ...]:
@@ -24,10 +25,10 @@ def rearranged(b: Panorama, rows: np.ndarray) -> Panorama:
     return replace(b, intensity=b.intensity[rows], depth_mm=b.depth_mm[rows])
 
 
-def turned(b: Panorama, where: tuple[slice, slice]) -> Panorama:
-    """``b`` whose part ``where`` is that which lies ``TURN_RAD`` before it."""
+def turned(b: Panorama, where: tuple[slice, slice], turn_rad: float = TURN_RAD) -> Panorama:
+    """``b`` whose part ``where`` is that which lies ``turn_rad`` before it."""
     assert b.depth_mm is not None
-    columns = round(TURN_RAD / b.grid.dtheta_rad)
+    columns = round(turn_rad / b.grid.dtheta_rad)
     images = [image.copy() for image in (b.intensity, b.depth_mm)]
     for image in images:
         image[where] = np.roll(image, columns, axis=1)[where]
@@ -57,6 +58,32 @@ def test_a_step_within_every_turn_shows_in_sectors() -> None:
     sectors = [part for part in parts if part.kind == "sector"]
     assert sectors
     assert sectors[0].around_mm == pytest.approx(-TURN_RAD * pair.a.grid.radius_mm, abs=0.05)
+
+
+@pytest.mark.parametrize(("step_rad", "seen"), [(0.03, False), (0.15, True), (-0.2, True)])
+def test_a_small_step_shows_where_directions_are_held_against_each_other(step_rad: float, seen: bool) -> None:
+    pair = make_pair(rows=ROWS)
+    half = pair.b.grid.n_theta // 2
+    # aligned halfway between both parts, as the best rigid place is
+    aligned = replace(pair.truth, theta_shift_rad=pair.truth.theta_shift_rad - step_rad / 2)
+    stepped = turned(pair.b, (slice(None), slice(half, None)), step_rad)
+    parts = parts_out_of_place(prepare(pair.a), prepare(stepped), aligned)
+    assert bool(parts) == seen
+    if seen:
+        (turn,) = (part for part in parts if part.kind == "turn")
+        assert abs(turn.around_mm) == pytest.approx(abs(step_rad) * pair.a.grid.radius_mm, abs=AROUND_MM)
+        assert turn.along_mm == 0
+        assert turn.off_mm > turn.limit_mm
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_slices_that_changed_places_are_found_by_each_other(seed: int) -> None:
+    pair = make_pair(seed, rows=ROWS)
+    rows = np.arange(ROWS)
+    rows[[8, 9, 24, 25]] = [24, 25, 8, 9]
+    parts = out_of_place(pair, rearranged(pair.b, rows))
+    assert {round(part.along_mm / (16 * ROW_MM)) for part in parts} == {-1, 1}
+    assert all(abs(part.along_mm) == pytest.approx(16 * ROW_MM, abs=0.16) for part in parts)
 
 
 def test_lost_slices_shift_what_follows() -> None:
