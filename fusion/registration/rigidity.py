@@ -6,7 +6,7 @@ only. So parts of one side, bands along the bore and sectors of it, are each sea
 the alignment puts them: tall bands nearby in all directions, and low ones, as few slices are, far along the bore.
 
 What a single part says by chance two parts do not say of each other: low bands that have changed places are believed
-for less, and so are sectors that lie apart around the bore.
+for less, and so are arcs of the bore that lie apart around it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -56,10 +56,10 @@ each other's place that both correlate by more than 0.23; two or three slices ex
 SAME_PLACE_MM = 0.16
 """Where one band belongs and where the other one is may differ by so much."""
 APART = Look(tall_mm=np.inf, reach_mm=0.15, reach_rad=0.6, clear=0.55, better=0.03)
-APART_MM = 0.13
-"""Around the bore: sectors of the same 20 lie 0.084 mm apart at most; those of turns with a step of 0.15 rad 0.13 to
-0.26 mm, of 0.2 rad 0.18 mm and more."""
-FEWEST_SECTORS = 3
+APART_MM = 0.1
+"""Around the bore: arcs of 32 sound recordings (seeds 0–31) lie 0.074 mm apart at most; those of turns with a step of
+0.15 rad 0.11 to 0.20 mm, of 0.2 rad 0.16 mm and more (10 recordings each)."""
+FEWEST_IN_ARC = 2
 FARTHEST_MM = max(look.reach_mm for look in (NEAR, FAR, EXCHANGED))
 
 
@@ -154,11 +154,23 @@ def _exchanged(bands: Sequence[_Fitted]) -> Iterator[Part]:
 
 
 def _apart(sectors: Sequence[_Fitted]) -> Iterator[Part]:
-    """Yield the sector that lies farthest around the bore from another one, by how far that is."""
+    """Yield the surest sector of the smaller of the two arcs that lie farthest apart around the bore, by how far.
+
+    A step turns whole arcs; one sector alone, which may hold a single cell, says little. Sectors across the step count
+    too, so that it is rather larger.
+    """
     clear = [sector for sector in sectors if sector.fit.correlation[0] >= APART.clear]
-    if len(clear) < FEWEST_SECTORS:
+    arcs = []
+    for start in range(len(clear)):
+        around = clear[start:] + clear[:start]
+        arcs += [(around[:n], around[n:]) for n in range(FEWEST_IN_ARC, len(clear) // 2 + 1)]
+    if not arcs:
         return
-    ends = min(clear, key=lambda each: each.fit.around_mm), max(clear, key=lambda each: each.fit.around_mm)
-    one, two = sorted(ends, key=lambda each: -each.fit.gain)
-    if one.fit.gain >= APART.better:
-        yield replace(one.part, kind="turn", along_mm=0.0, around_mm=one.fit.around_mm - two.fit.around_mm)
+    arc, rest = max(arcs, key=lambda both: abs(_around_mm(both[0]) - _around_mm(both[1])))
+    surest = max(arc, key=lambda sector: sector.fit.gain)
+    if max(sector.fit.gain for sector in clear) >= APART.better:
+        yield replace(surest.part, kind="turn", along_mm=0.0, around_mm=_around_mm(arc) - _around_mm(rest))
+
+
+def _around_mm(sectors: Sequence[_Fitted]) -> float:
+    return float(np.mean([sector.fit.around_mm for sector in sectors]))

@@ -12,7 +12,6 @@ from endoct.fusion.registration.rigidity import Part, parts_out_of_place
 from endoct.stitching.panorama import Panorama
 
 ROWS, ROW_MM, TURN_RAD = 45, 0.2, 0.3
-AROUND_MM = 0.05  # twice the grid on which parts are fitted
 
 
 def out_of_place(pair: Pair, b: Panorama | None = None) -> tuple[Part, ...]:
@@ -71,7 +70,8 @@ def test_a_small_step_shows_where_directions_are_held_against_each_other(step_ra
     assert bool(parts) == seen
     if seen:
         (turn,) = (part for part in parts if part.kind == "turn")
-        assert abs(turn.around_mm) == pytest.approx(abs(step_rad) * pair.a.grid.radius_mm, abs=AROUND_MM)
+        # sectors that lie across the step, two of eight, lie anywhere between
+        assert 0.6 < abs(turn.around_mm) / (abs(step_rad) * pair.a.grid.radius_mm) < 1.1
         assert turn.along_mm == 0
         assert turn.off_mm > turn.limit_mm
 

@@ -27,7 +27,7 @@ def stating(b: Panorama, factor: float) -> Panorama:
     return replace(b, grid=b.grid.with_rows(b.z_mm * factor), axial_scale=scale)
 
 
-@pytest.mark.parametrize("factor", [0.6, 0.8, 1.25, 1.5])
+@pytest.mark.parametrize("factor", [0.6, 1.25])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_scale_that_agrees_is_found(factor: float, seed: int) -> None:
     pair = make_pair(seed, rows=45, mirrored=seed == 1)
@@ -44,7 +44,7 @@ def test_a_scale_within_the_usual_search_is_none_beyond_it() -> None:
     assert stretched(clipped(prepare(pair.a)), clipped(prepare(pair.b)), ALL_ORIENTATIONS, USUAL) is None
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1])
 def test_another_bore_fits_at_no_scale(seed: int) -> None:
     pair = make_pair(seed, rows=45, other_bore=True)
     assert fit_stretched(prepare(pair.a), prepare(pair.b), ALL_ORIENTATIONS, USUAL) is None
