@@ -23,7 +23,8 @@ class Optics:
 
     ``row``, ``column`` of the pixels; ``radius_px``, ``turn_rad`` from the optical axis; ``direction`` (pixel, 2) in
     the plane across the bore; ``reach_mm`` along it from the probe's axis to the wall, ``z_mm`` there from the apex;
-    ``slant`` the further z for 1 mm of reach. ``centre`` of the bore in the probe's frame (2,).
+    ``slant`` the further z for 1 mm of reach. ``centre`` of the bore in the probe's frame (2,). ``rims_px``: centres of
+    the inner and the outer rim, column and row.
     """
 
     focal_px: float
@@ -38,6 +39,7 @@ class Optics:
     slant: Floats
     centre: Floats
     centre_px: tuple[float, float]
+    rims_px: Floats
     band_mm: tuple[float, float]
 
 
@@ -98,7 +100,7 @@ def look(recipe: MirrorRecipe, radius_mm: float, rng: Generator) -> Optics:
     band = wall_z_mm(recipe, radius_mm, focal, np.array([inner, recipe.outer_px]))
     return Optics(
         focal, inner, rows, columns, radius, turn, way, reach, z, slant, centre,
-        (float(axis[0]), float(axis[1])), (float(band.min()), float(band.max())),
+        (float(axis[0]), float(axis[1])), rims, (float(band.min()), float(band.max())),
     )  # fmt: skip
 
 
@@ -143,7 +145,7 @@ def _frame(
     brightness = light * wall_brightness(bore, optics, apex_mm, turn_rad, sign)
     if recipe.fault == "far_rim":
         end = recipe.start_mm + 0.93 * recipe.length_mm
-        beyond = sign * (seen_at(optics, optics.reach_mm, apex_mm, turn_rad, sign)[1] - end)
+        beyond = seen_at(optics, optics.reach_mm, apex_mm, turn_rad, sign)[1] - end
         brightness = np.where(beyond > 0, 0.1 * light, brightness) + 0.8 * np.exp(-((beyond / 0.02) ** 2))
     image = around.copy()
     image[optics.row, optics.column] += brightness
