@@ -1,6 +1,6 @@
 """The pass over all frames: the annulus in each, and its strip, small and in logarithms."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import brightness, log_light, reduced, saturated
-from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, follow, settle_annuli
+from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow, settle_annuli
 from endoct.modalities.endoscope.mirror.band import Band
 from endoct.modalities.endoscope.mirror.reference import Reference
 from endoct.modalities.endoscope.mirror.resampling import Circles, sample
+from endoct.modalities.endoscope.mirror.roundness import squared
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.kept import Kept
 from endoct.stitching.parallel import thread_map
@@ -25,11 +26,13 @@ LogStrip = NDArray[np.float16]
 @dataclass(frozen=True, eq=False)
 class Frames:
     """What was measured in every frame: its annulus in pixels of the files, whether that was measured there or taken
-    from the frames around, bool (n,), and the share of its strip that is saturated, float64 (n,).
+    from the frames around, bool (n,), the radii of its inner and outer rim by that frame alone, px, float64 (n, 2), NaN
+    where they are not clear, and the share of its strip that is saturated, float64 (n,).
     """
 
     annuli: tuple[Annulus, ...]
     annulus_found: Mask
+    own_radii_px: Coordinates
     saturated_fraction: Coordinates
 
 
@@ -44,7 +47,14 @@ def examine_frames(
         saturated_fraction.append(fraction)
         strips.append(strip)
     annuli, found = settle_annuli(followed, reference.annulus, given=True)
-    frames = Frames(tuple(a.scaled(reference.factor) for a in annuli), found, np.array(saturated_fraction))
+    clear = np.array([of.support >= 2 * LEAST_SUPPORT for of in followed])
+    radii = [(of.annulus.inner_px, of.annulus.outer_px) for of in followed]
+    frames = Frames(
+        tuple(replace(a.scaled(reference.factor), pixels=reference.annulus.pixels) for a in annuli),
+        found,
+        np.where(clear[:, None], np.multiply(radii, reference.factor), np.nan),
+        np.array(saturated_fraction),
+    )
     if found.all():
         return frames, ()
     return frames, (
@@ -55,13 +65,15 @@ def examine_frames(
 
 def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[Followed, float, LogStrip]:
     """Return a frame's annulus, the share of its strip that is saturated, and the strip at radii ``r_px``."""
-    image = reduced(brightness(frame.samples, reference.full_scale), reference.factor)
-    followed = follow(image, reference.annulus)
-    place = settle_annuli([followed], reference.annulus, given=True)[0][0]
+    pixels = reference.annulus.pixels
+    image = squared(reduced(brightness(frame.samples, reference.full_scale), reference.factor), pixels)
+    followed = follow(image, reference.annulus, reference.handle)
+    place = replace(settle_annuli([followed], reference.annulus, given=True)[0][0], pixels=1.0)
     angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
     columns, rows = Circles(place, r_px).pixel_map(angle)
     strip, inside = sample(image, columns, rows)
     logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
     clipped = reduced(saturated(frame.samples, reference.full_scale).astype(np.float32), reference.factor)
+    clipped = squared(clipped, pixels)
     fraction = float(sample(clipped, columns, rows)[0][inside].mean()) if inside.any() else 0.0
     return followed, fraction, logs

@@ -58,7 +58,8 @@ def _rims(annulus: Annulus, width: int, height: int) -> dict[str, Coordinates]:
     angle = np.linspace(0, 2 * np.pi, 361)
     curves = {}
     for label, ring in zip(("inner rim", "outer rim"), annulus.rings, strict=True):
-        x, y = ring.x_px + ring.radius_px * np.cos(angle), ring.y_px + ring.radius_px * np.sin(angle)
+        x = annulus.columns(ring.x_px + ring.radius_px * np.cos(angle))
+        y = ring.y_px + ring.radius_px * np.sin(angle)
         inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
         curves[label] = np.where(inside[:, None], np.stack([x, y], axis=1), np.nan)
     return curves

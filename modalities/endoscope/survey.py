@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.doubts import doubts_of_ring, evidence_of_ring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
 from endoct.modalities.endoscope.frames import LogStrip, examine_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
@@ -74,7 +75,7 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
         full_scale=reference.full_scale,
         oversample=oversample,
         taper=parameters.taper,
-        doubts=places.doubts,
+        doubts=(*doubts_of_ring(evidence_of_ring(frames, reference, motion.feed)), *places.doubts),
     )
 
 

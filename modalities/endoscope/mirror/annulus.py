@@ -30,6 +30,9 @@ LEAST_LASTING = 0.5
 """Of an inner rim's contrast must remain farther out: a specular ring on the mirror is bright, and ends."""
 MOST_CHANGE = 0.05
 MOST_BLUR = 0.3
+NEAR_REACHES = (0.06, 0.03, 0.015)
+FAR_REACHES = (0.3, 0.1, 0.03, 0.015)
+"""In which an edge is looked for about a rim, ever shorter, as parts of the outer radius."""
 REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check that the frames show the mirror's ring"
 
 
@@ -38,7 +41,8 @@ class Annulus:
     """Two circles, each with its own centre, in pixels.
 
     Between them the centre of a circle of radius r runs linearly from the one to the other: a mirror or a
-    bore that is not quite on the camera's axis moves the centre with the radius.
+    bore that is not quite on the camera's axis moves the centre with the radius. Pixels are square ones: those of the
+    image are ``pixels`` times as high as wide, and its rows count.
     """
 
     inner_x_px: float
@@ -47,6 +51,11 @@ class Annulus:
     outer_x_px: float
     outer_y_px: float
     outer_px: float
+    pixels: float = 1.0
+
+    def columns(self, x_px: Coordinates | np.float64) -> Coordinates:
+        """Return the columns of the image that lie at ``x_px`` in square pixels (any shape)."""
+        return np.asarray((x_px + 0.5) * self.pixels - 0.5)
 
     def centre_at(self, r_px: Coordinates) -> tuple[Coordinates, Coordinates]:
         """Return x and y of the centre of the circle of radius ``r_px`` (any shape)."""
@@ -69,6 +78,7 @@ class Annulus:
             place(self.outer_x_px),
             place(self.outer_y_px),
             self.outer_px * factor,
+            self.pixels,
         )
 
     def moved(self, dx_px: float, dy_px: float) -> "Annulus":
@@ -94,11 +104,10 @@ class Annulus:
         )
 
 
-def find_annulus(image: Image) -> Annulus:
-    """Return the annulus in a grey image, float32 (row, column), best the mean of several frames.
+def find_outer_rims(image: Image) -> list[Ring]:
+    """Return what may be the mirror's outer rim in a grey image, the likeliest first: bright discs on dark ground.
 
-    Of the clear edges from dark to lasting brightness the one nearest the outer rim is its inner rim: what lies
-    farther inside is the camera's own reflection. Raises :class:`NotSeen` where there is none.
+    Raises :class:`NotSeen` where the image is blank.
     """
     spread = float(np.percentile(image, 99) - np.percentile(image, 1))
     if spread < 0.01:
@@ -109,6 +118,17 @@ def find_annulus(image: Image) -> Annulus:
             remedy="check the light and the exposure",
         )
     outers = [ring for ring in find_rings(image, rising=False, count=3) if _support(ring) >= LEAST_SUPPORT]
+    return sorted(outers, key=lambda ring: -_support(ring) * ring.radius_px)
+
+
+def find_annulus(image: Image, outers: Sequence[Ring] | None = None) -> Annulus:
+    """Return the annulus in a grey image, float32 (row, column), best the mean of several frames.
+
+    Of the clear edges from dark to lasting brightness the one nearest the outer rim is its inner rim: what lies
+    farther inside is the camera's own reflection. ``outers``: :func:`find_outer_rims` of it, where these are known.
+    Raises :class:`NotSeen` where there is none.
+    """
+    outers = find_outer_rims(image) if outers is None else outers
     # a specular ring on the mirror is brighter than the rim next to it and hides it
     inners = [
         ring
@@ -121,7 +141,7 @@ def find_annulus(image: Image) -> Annulus:
     ]
     # light that falls off towards the inner rim leaves it little contrast
     clear = [ring for ring in inners if _support(ring) >= LEAST_SUPPORT] or inners
-    for outer in sorted(outers, key=lambda ring: -_support(ring) * ring.radius_px):
+    for outer in outers:
         fitting = [ring for ring in clear if _nested(ring, outer)]
         if fitting:
             # where a specular ring is clearer than the rim, the rim is what is bright beyond it
@@ -170,16 +190,33 @@ class Followed:
     support: float
 
 
-def follow(image: Image, near: Annulus) -> Followed:
-    """Measure the annulus in one grey image, starting ``near`` where it was found before; farther off if it is lost."""
+def follow(image: Image, near: Annulus, handle: Ring | None = None) -> Followed:
+    """Measure the annulus in one grey image, starting ``near`` where it was found before; farther off if it is lost.
+
+    Where its rims are no edges of a single image it keeps its place to ``handle``, a circle that moves with it.
+    """
+    if handle:
+        at, support = locate_outer_rim(image, handle)
+        moved = near.moved(at.x_px - handle.x_px, at.y_px - handle.y_px)
+        return Followed(replace(moved, outer_px=near.outer_px * at.radius_px / handle.radius_px), support)
     looks = _Look.at(without_thin_lines(image)), _Look.at(image)
-    followed = _measure(looks, near, (0.06, 0.03, 0.015))
+    followed = _measure(looks, near, NEAR_REACHES)
     if followed.support < 2 * LEAST_SUPPORT:
-        farther = _measure(looks, near, (0.3, 0.1, 0.03, 0.015))
+        farther = _measure(looks, near, FAR_REACHES)
         # a specular ring, beyond which it is not bright, may be clearer than the rim
         if farther.support > followed.support and (looks[1].lasts(farther) or not looks[1].lasts(followed)):
             return farther
     return followed
+
+
+def locate_outer_rim(image: Image, near: Ring) -> tuple[Ring, float]:
+    """Return the outer rim in one grey image and its support, starting ``near`` where it was found before."""
+    about = Annulus(near.x_px, near.y_px, near.radius_px / 2, near.x_px, near.y_px, near.radius_px)
+    look = _Look.at(image)
+    located = _rim(look, near, about, NEAR_REACHES)
+    if located[1] >= 2 * LEAST_SUPPORT:
+        return located
+    return max(located, _rim(look, near, about, FAR_REACHES), key=lambda one: one[1])
 
 
 @dataclass(frozen=True, eq=False)

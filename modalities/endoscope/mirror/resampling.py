@@ -20,7 +20,7 @@ class Circles:
     def pixel_map(self, angle_rad: Coordinates) -> tuple[Image, Image]:
         """Return column and row of the image, float32 (n_rows, n_theta), at angles (n_theta,) of every circle."""
         x, y = self.annulus.centre_at(self.r_px)
-        columns = x[:, None] + self.r_px[:, None] * np.cos(angle_rad)
+        columns = self.annulus.columns(x[:, None] + self.r_px[:, None] * np.cos(angle_rad))
         rows = y[:, None] + self.r_px[:, None] * np.sin(angle_rad)
         return columns.astype(np.float32), rows.astype(np.float32)
 

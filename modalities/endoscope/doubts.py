@@ -1,0 +1,141 @@
+"""What a recording says against the ring that was found in it: whether it is the mirror's, and shows a wall go by."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from endoct.modalities.endoscope.frames import Frames
+from endoct.modalities.endoscope.mirror.finding import FoundRing
+from endoct.modalities.endoscope.mirror.moving import NOISE_SHARE, movement_within, typical_movement
+from endoct.modalities.endoscope.mirror.reference import Reference
+from endoct.modalities.endoscope.mirror.roundness import NOT_ROUND, Roundness
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.feed import Feed
+
+FARTHEST_APART = 0.06
+"""Of the outer radius: centres of a mirror's rims. Below 0.025 in both simulators, 0.12 where the end of a bore was
+taken for a rim."""
+MOST_SPREAD = 0.015
+"""Of the outer radius: the middle half of the frames have a rim's radius that alike; below 0.005 in both simulators."""
+MOST_SATURATED = 0.25
+LEAST_MATCHED = 0.5
+STILL_WITHIN = 0.4
+"""Of the movement in the ring may be inside it, where noise makes 0.2 of it at the faintest light."""
+
+
+@dataclass(frozen=True)
+class RingEvidence:
+    """What of the ring can be judged, all of it ratios.
+
+    ``apart``: of its rims' centres, over the outer radius. ``spread``: by how much the middle half of the frames differ
+    in the inner and in the outer rim's radius, over the outer radius; None where too few show them. ``saturated``:
+    share of the ring in the median frame. ``matched``: share of neighbouring frames whose wall could be matched, None
+    for a single frame. ``moving``, ``moving_within``: how much what is seen changes in the ring and inside it, over
+    what noise does; None for a single frame. ``roundness`` of the outer rim, and whether that was ``corrected``.
+    """
+
+    apart: float
+    spread: tuple[float, float] | None
+    saturated: float
+    matched: float | None
+    moving: float | None
+    moving_within: float | None
+    roundness: Roundness
+    corrected: bool
+
+
+def evidence_of_ring(frames: Frames, reference: Reference, feed: Feed) -> RingEvidence:
+    """Return the evidence on the ring of a recording."""
+    ring, own_px = frames.annuli[0], frames.own_radii_px[np.isfinite(frames.own_radii_px).all(axis=1)]
+    spread = np.ptp(np.quantile(own_px, (0.25, 0.75), axis=0), axis=0) / ring.outer_px if len(own_px) > 1 else None
+    moving, moving_within = _movement(reference.ring)
+    return RingEvidence(
+        apart=float(np.hypot(ring.inner_x_px - ring.outer_x_px, ring.inner_y_px - ring.outer_y_px)) / ring.outer_px,
+        spread=None if spread is None else (float(spread[0]), float(spread[1])),
+        saturated=float(np.median(frames.saturated_fraction)),
+        matched=float(np.mean(feed.trusted[1:])) if feed.z_mm.size > 1 else None,
+        moving=moving,
+        moving_within=moving_within,
+        roundness=reference.ring.roundness,
+        corrected=reference.ring.corrected,
+    )
+
+
+def _movement(ring: FoundRing) -> tuple[float | None, float | None]:
+    if ring.moving is None:
+        return None, None
+    inner, outer = ring.annulus.rings
+    noise = max(ring.moving.noise, float(np.finfo(np.float32).eps))
+    return typical_movement(ring.moving, inner, outer) / noise, movement_within(ring.moving, inner) / noise
+
+
+def doubts_of_ring(evidence: RingEvidence) -> Iterator[Doubt]:
+    """Yield what speaks against the ring being the mirror's, and its picture that of a wall."""
+    yield from _of_place(evidence)
+    yield from _of_roundness(evidence.roundness, corrected=evidence.corrected)
+    yield from _of_wall(evidence)
+    if evidence.saturated > MOST_SATURATED:
+        what = (
+            f"{evidence.saturated:.0%} of the ring is saturated in the median frame: nothing is seen there, and what "
+            "is taken for the wall's brightness, and so the cells, may be wrong. Record with less light."
+        )
+        yield Doubt("ring-saturated", what, value=evidence.saturated, unit="1", expected=(0.0, MOST_SATURATED))
+
+
+def _of_place(evidence: RingEvidence) -> Iterator[Doubt]:
+    if evidence.apart > FARTHEST_APART:
+        what = (
+            f"The centres of the ring's two rims lie {evidence.apart:.1%} of its radius apart: one of them may be no "
+            "rim of the mirror, but the end of the bore or a reflection. Look at the frame with the rims drawn in, and "
+            "state 'annulus' in the sidecar."
+        )
+        yield Doubt("rims-eccentric", what, value=evidence.apart, unit="1", expected=(0.0, FARTHEST_APART))
+    for name, spread in zip(("inner", "outer"), evidence.spread or (), strict=False):
+        if spread > MOST_SPREAD:
+            what = (
+                f"The ring's {name} rim changes its radius from frame to frame, by {spread:.1%} of the outer one: a "
+                "mirror's does not, but the end of the bore does, as the probe moves."
+            )
+            yield Doubt("rim-moves", what, value=spread, unit="1", expected=(0.0, MOST_SPREAD))
+    moving, within = evidence.moving, evidence.moving_within
+    if moving and within and within > NOISE_SHARE and within > STILL_WITHIN * moving:
+        what = (
+            f"What is seen inside the ring's inner rim changes {within / moving:.0%} as much from frame to frame as in "
+            "the ring: wall may be seen there, and the mirror's rim may lie farther in."
+        )
+        yield Doubt("wall-within-inner-rim", what, value=within / moving, unit="1", expected=(0.0, STILL_WITHIN))
+
+
+def _of_roundness(roundness: Roundness, *, corrected: bool) -> Iterator[Doubt]:
+    if corrected:
+        what = (
+            f"The ring is {roundness.wide:.3f} times as wide as high, as with pixels that are not square. It was "
+            "unrolled as an ellipse; if its pixels are square, the mirror is tilted and z is wrong."
+        )
+        yield Doubt("pixels-not-square", what, value=roundness.wide, unit="1", expected=1.0)
+    elif roundness.out_of_round > NOT_ROUND:
+        what = (
+            f"The ring's outer rim is no circle: its longest diameter exceeds the shortest by "
+            f"{roundness.out_of_round:.1%}. It was unrolled as a circle, so z is wrong by about as much."
+        )
+        yield Doubt("ring-not-round", what, value=roundness.out_of_round, unit="1", expected=(0.0, NOT_ROUND))
+
+
+def _of_wall(evidence: RingEvidence) -> Iterator[Doubt]:
+    moving, matched = evidence.moving, evidence.matched
+    if moving is None:
+        what = "A single picture does not show whether what is in the ring is a wall that goes by."
+        yield Doubt("no-wall-moves", what)
+    elif moving < NOISE_SHARE:
+        what = (
+            f"What is seen in the ring changes only {moving:.1f} times as much from frame to frame as the noise around "
+            "it: no wall goes by there, or the probe stood still."
+        )
+        yield Doubt("no-wall-moves", what, value=moving, unit="1", expected=(NOISE_SHARE, float("inf")))
+    elif matched is not None and matched < LEAST_MATCHED:
+        what = (
+            f"Only {matched:.0%} of neighbouring frames show a wall that could be matched: the others lie where the "
+            "nominal feed puts them, and their roll is not known."
+        )
+        yield Doubt("frames-not-matched", what, value=matched, unit="1", expected=(LEAST_MATCHED, 1.0))

@@ -1,0 +1,135 @@
+"""What moves in the image while the probe stays: the wall does, and nothing that belongs to the probe.
+
+The mirror's inner rim may be as bright as the wall around it, and a reflection, or the end of the bore, may make a
+clearer edge than the rim does. But whatever the light, the image changes from frame to frame outside the rim and stays
+as it is inside.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from endoct.modalities.endoscope.mirror.rings import Ring, edge_points, find_rings, fit_circle, rays
+from endoct.stitching.arrays import Coordinates, Image
+
+GRAIN = 1 / 320
+"""Of the image's shorter side: noise is averaged over this (σ), and the wall's texture is coarser."""
+LEFT_PX = 0.3
+"""By how much frames are still displaced after their outer rims were laid on each other."""
+CLEAR_RIM = 0.8
+"""Support from which on an edge of the movement is the rim; 1.2 to 1.5 in the simulator, others stay below 0.55."""
+REFINED = 0.015
+BRIGHT_SIDE, MOST_GAIN = 0.6, 2.0
+"""Which quantile of what is bright tells a frame's exposure, as part of it is cells, and how far that may change."""
+NOISE_SHARE = 3.0
+"""Times the movement outside the ring, where there is only noise, that of the wall must be to tell anything."""
+
+
+@dataclass(frozen=True, eq=False)
+class Movement:
+    """``light``: how much what a pixel of the probe sees changes, float32 (row, column), as parts of full scale.
+
+    ``noise``: what of that is there where nothing moves. ``outer``: the rim that the frames were laid on each other by.
+    """
+
+    light: Image
+    noise: float
+    outer: Ring
+
+    @property
+    def above_noise(self) -> Image:
+        """The movement, raised by the noise so that logarithms of what does not move are alike."""
+        return self.light + np.float32(self.noise)
+
+
+def movement(images: Sequence[Image], places: Sequence[Ring], outer: Ring) -> Movement | None:
+    """Return what moves in grey images whose outer rims lie at ``places``, with these laid on ``outer``.
+
+    None for a single image. Taken is the mean absolute departure from the median, with each image at the brightness of
+    the others; what a remaining displacement makes of still edges is taken off.
+    """
+    if len(images) < 2:
+        return None
+    sigma = max(1.0, GRAIN * min(images[0].shape))
+    still = np.stack([
+        cv2.GaussianBlur(_moved(image, outer.x_px - place.x_px, outer.y_px - place.y_px), (0, 0), sigma)
+        for image, place in zip(images, places, strict=True)
+    ])  # fmt: skip
+    median = np.median(still, axis=0)
+    within = _distance_px(median, outer) < outer.radius_px
+    bright = within & (median > 0.25 * np.percentile(median[within], 90))
+    gains = np.array([np.quantile(image[bright] / median[bright], BRIGHT_SIDE) for image in still])
+    still = still / np.clip(gains, 1 / MOST_GAIN, MOST_GAIN).astype(np.float32)[:, None, None]
+    median = np.median(still, axis=0)
+    light = np.mean(np.abs(still - median), axis=0)
+    slope = np.hypot(*np.gradient(median))
+    light = np.sqrt(np.maximum(light**2 - (LEFT_PX * slope) ** 2, 0)).astype(np.float32)
+    outside = _distance_px(light, outer) > 1.15 * outer.radius_px
+    noise = float(np.median(light[outside])) if outside.any() else 0.0
+    return Movement(light, noise, outer)
+
+
+def inner_rim_of(moving: Movement) -> Ring | None:
+    """Return the circle inside the outer rim beyond which the image moves, or None where there is no clear one."""
+    outer = moving.outer
+    inside = [ring for ring in find_rings(moving.above_noise, rising=True, count=4) if _inside(ring, outer)]
+    rim = _clearest(moving, inside)
+    return None if rim is None or typical_movement(moving, rim, outer) < NOISE_SHARE * moving.noise else rim
+
+
+def outer_rim_of(moving: Movement, inner: Ring) -> Ring | None:
+    """Return the circle around the inner rim beyond which nothing moves any more, or None where none is clear."""
+    around = [ring for ring in find_rings(moving.above_noise, rising=False, count=4) if _inside(inner, ring)]
+    return _clearest(moving, around)
+
+
+def _clearest(moving: Movement, rings: Sequence[Ring]) -> Ring | None:
+    """Return the circle of the clearest edge, put where that is steepest, or None where none is clear."""
+    best = max(rings, key=_support, default=None)
+    if best is None or _support(best) < CLEAR_RIM:
+        return None
+    reach_px = max(2.0, REFINED * moving.outer.radius_px)
+    x, y = edge_points(moving.above_noise, best, reach_px)
+    fit = Ring(*fit_circle(x, y, (best.x_px, best.y_px, best.radius_px)), best.rising)
+    off_px = max(np.hypot(fit.x_px - best.x_px, fit.y_px - best.y_px), abs(fit.radius_px - best.radius_px))
+    return fit if off_px <= 2 * reach_px else best
+
+
+def typical_movement(moving: Movement, inner: Ring, outer: Ring) -> float:
+    """Return the median movement in the inner half of the ring between two circles."""
+    return _between(moving, inner, 1.0, 0.5 * (1 + outer.radius_px / inner.radius_px))
+
+
+def movement_within(moving: Movement, inner: Ring) -> float:
+    """Return the median movement well inside a circle: 0.4 to 0.9 of its radius."""
+    return _between(moving, inner, 0.4, 0.9)
+
+
+def _between(moving: Movement, ring: Ring, first: float, last: float) -> float:
+    radii: Coordinates = ring.radius_px * np.linspace(first, last, 24)
+    profile, seen = rays(moving.light, ring.x_px, ring.y_px, radii)
+    return float(np.median(profile[seen])) if seen.any() else 0.0
+
+
+def _inside(ring: Ring, outer: Ring) -> bool:
+    apart = float(np.hypot(ring.x_px - outer.x_px, ring.y_px - outer.y_px))
+    return apart + ring.radius_px < 0.9 * outer.radius_px
+
+
+def _support(ring: Ring) -> float:
+    return ring.contrast * ring.coverage
+
+
+def _moved(image: Image, dx_px: float, dy_px: float) -> Image:
+    shift = np.array([[1, 0, dx_px], [0, 1, dy_px]], np.float32)
+    return np.asarray(
+        cv2.warpAffine(image, shift, image.shape[::-1], flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
+        np.float32,
+    )
+
+
+def _distance_px(image: Image, ring: Ring) -> Coordinates:
+    row, column = np.indices(image.shape)
+    return np.asarray(np.hypot(column - ring.x_px, row - ring.y_px))
