@@ -7,9 +7,10 @@ import numpy as np
 
 from endoct.modalities.endoscope.frames import Frames
 from endoct.modalities.endoscope.mirror.finding import FoundRing
-from endoct.modalities.endoscope.mirror.moving import NOISE_SHARE, movement_within, typical_movement
+from endoct.modalities.endoscope.mirror.moving import NOISE_SHARE, movement_in_thirds, movement_within
 from endoct.modalities.endoscope.mirror.reference import Reference
 from endoct.modalities.endoscope.mirror.roundness import NOT_ROUND, Roundness
+from endoct.stitching.arrays import Coordinates
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.feed import Feed
 
@@ -19,6 +20,9 @@ taken for a rim."""
 MOST_SPREAD = 0.015
 """Of the outer radius: the middle half of the frames have a rim's radius that alike; below 0.005 in both simulators."""
 MOST_SATURATED = 0.25
+DARK_CIRCLE = 0.4
+"""Of its brightness in the brightest frame: no wall is that dark for three quarters of the way around. Above 0.75 in both
+simulators, 0.11 beyond the end of a bore."""
 LEAST_MATCHED = 0.5
 STILL_WITHIN = 0.4
 """Of the movement in the ring may be inside it, where noise makes 0.2 of it at the faintest light."""
@@ -29,30 +33,34 @@ class RingEvidence:
     """What of the ring can be judged, all of it ratios.
 
     ``apart``: of its rims' centres, over the outer radius. ``spread``: by how much the middle half of the frames differ
-    in the inner and in the outer rim's radius, over the outer radius; None where too few show them. ``saturated``:
-    share of the ring in the median frame. ``matched``: share of neighbouring frames whose wall could be matched, None
-    for a single frame. ``moving``, ``moving_within``: how much what is seen changes in the ring and inside it, over
-    what noise does; None for a single frame. ``roundness`` of the outer rim, and whether that was ``corrected``.
+    in the inner and in the outer rim's radius, over the outer radius; None where too few show them. ``darkest``: least
+    brightness of a whole circle of the ring in any frame, over that of the same circle in the brightest frame.
+    ``saturated``: share of the ring in the median frame. ``matched``: share of neighbouring frames whose wall could be
+    matched, None for a single frame. ``moving``, ``moving_within``: how much what is seen changes in the inner, middle
+    and outer third of the ring, and inside it, over what noise does; None for a single frame. ``roundness`` of the
+    outer rim, and whether that was ``corrected``.
     """
 
     apart: float
     spread: tuple[float, float] | None
+    darkest: float
     saturated: float
     matched: float | None
-    moving: float | None
+    moving: tuple[float, float, float] | None
     moving_within: float | None
     roundness: Roundness
     corrected: bool
 
 
-def evidence_of_ring(frames: Frames, reference: Reference, feed: Feed) -> RingEvidence:
-    """Return the evidence on the ring of a recording."""
+def evidence_of_ring(frames: Frames, reference: Reference, rows: Coordinates, feed: Feed) -> RingEvidence:
+    """Return the evidence on the ring of a recording; ``rows`` (n, n_rows): logarithm of how bright its circles are."""
     ring, own_px = frames.annuli[0], frames.own_radii_px[np.isfinite(frames.own_radii_px).all(axis=1)]
     spread = np.ptp(np.quantile(own_px, (0.25, 0.75), axis=0), axis=0) / ring.outer_px if len(own_px) > 1 else None
     moving, moving_within = _movement(reference.ring)
     return RingEvidence(
         apart=float(np.hypot(ring.inner_x_px - ring.outer_x_px, ring.inner_y_px - ring.outer_y_px)) / ring.outer_px,
         spread=None if spread is None else (float(spread[0]), float(spread[1])),
+        darkest=_darkest(rows),
         saturated=float(np.median(frames.saturated_fraction)),
         matched=float(np.mean(feed.trusted[1:])) if feed.z_mm.size > 1 else None,
         moving=moving,
@@ -62,12 +70,20 @@ def evidence_of_ring(frames: Frames, reference: Reference, feed: Feed) -> RingEv
     )
 
 
-def _movement(ring: FoundRing) -> tuple[float | None, float | None]:
+def _darkest(rows: Coordinates) -> float:
+    """Return the least brightness of a circle over its greatest, of the circles away from the rims."""
+    margin = rows.shape[1] // 12
+    inside = rows[:, margin : rows.shape[1] - margin]
+    seen = np.isfinite(inside).all(axis=0)
+    return float(np.exp(-np.ptp(inside[:, seen], axis=0).max())) if seen.any() else 1.0
+
+
+def _movement(ring: FoundRing) -> tuple[tuple[float, float, float] | None, float | None]:
     if ring.moving is None:
         return None, None
-    inner, outer = ring.annulus.rings
     noise = max(ring.moving.noise, float(np.finfo(np.float32).eps))
-    return typical_movement(ring.moving, inner, outer) / noise, movement_within(ring.moving, inner) / noise
+    inner, middle, outer = movement_in_thirds(ring.moving, ring.annulus)
+    return (inner / noise, middle / noise, outer / noise), movement_within(ring.moving, ring.annulus) / noise
 
 
 def doubts_of_ring(evidence: RingEvidence) -> Iterator[Doubt]:
@@ -75,6 +91,12 @@ def doubts_of_ring(evidence: RingEvidence) -> Iterator[Doubt]:
     yield from _of_place(evidence)
     yield from _of_roundness(evidence.roundness, corrected=evidence.corrected)
     yield from _of_wall(evidence)
+    if evidence.darkest < DARK_CIRCLE:
+        what = (
+            f"A whole circle of the ring is only {evidence.darkest:.0%} as bright in one frame as in another: the end "
+            "of the bore is in view, and what lies beyond it may pass for cells, or its edge for a rim."
+        )
+        yield Doubt("bore-end-in-view", what, value=evidence.darkest, unit="1", expected=(DARK_CIRCLE, 1.0))
     if evidence.saturated > MOST_SATURATED:
         what = (
             f"{evidence.saturated:.0%} of the ring is saturated in the median frame: nothing is seen there, and what "
@@ -98,7 +120,7 @@ def _of_place(evidence: RingEvidence) -> Iterator[Doubt]:
                 "mirror's does not, but the end of the bore does, as the probe moves."
             )
             yield Doubt("rim-moves", what, value=spread, unit="1", expected=(0.0, MOST_SPREAD))
-    moving, within = evidence.moving, evidence.moving_within
+    moving, within = max(evidence.moving or (0.0,)), evidence.moving_within
     if moving and within and within > NOISE_SHARE and within > STILL_WITHIN * moving:
         what = (
             f"What is seen inside the ring's inner rim changes {within / moving:.0%} as much from frame to frame as in "
@@ -127,12 +149,19 @@ def _of_wall(evidence: RingEvidence) -> Iterator[Doubt]:
     if moving is None:
         what = "A single picture does not show whether what is in the ring is a wall that goes by."
         yield Doubt("no-wall-moves", what)
-    elif moving < NOISE_SHARE:
+    elif max(moving) < NOISE_SHARE:
         what = (
-            f"What is seen in the ring changes only {moving:.1f} times as much from frame to frame as the noise around "
-            "it: no wall goes by there, or the probe stood still."
+            f"What is seen in the ring changes only {max(moving):.1f} times as much from frame to frame as the noise "
+            "around it: no wall goes by there, or the probe stood still."
         )
-        yield Doubt("no-wall-moves", what, value=moving, unit="1", expected=(NOISE_SHARE, float("inf")))
+        yield Doubt("no-wall-moves", what, value=max(moving), unit="1", expected=(NOISE_SHARE, float("inf")))
+    elif min(moving) < NOISE_SHARE:
+        part = ("inner", "middle", "outer")[moving.index(min(moving))]
+        what = (
+            f"What is seen in the {part} third of the ring changes only {min(moving):.1f} times as much from frame to "
+            "frame as the noise around it: that part shows no wall, or the end of the bore is in view."
+        )
+        yield Doubt("ring-partly-still", what, value=min(moving), unit="1", expected=(NOISE_SHARE, float("inf")))
     elif matched is not None and matched < LEAST_MATCHED:
         what = (
             f"Only {matched:.0%} of neighbouring frames show a wall that could be matched: the others lie where the "

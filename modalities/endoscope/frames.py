@@ -19,6 +19,11 @@ from endoct.stitching.parallel import thread_map
 
 STRIP_COLUMNS = 1024
 
+BY_MOVEMENT = (
+    "The mirror's rims are no clear edges of light; they were found where what is seen begins to change from frame to "
+    "frame."
+)
+
 LogStrip = NDArray[np.float16]
 """Logarithm of a frame's brightness, float16 (n_rows, ``STRIP_COLUMNS``), image angles; NaN outside the image."""
 
@@ -41,33 +46,48 @@ def examine_frames(
 ) -> tuple[Frames, tuple[str, ...]]:
     """Append the strip of every frame to ``strips``; return what was measured, and notes on it."""
     examine = partial(_examine, reference=reference, r_px=np.divide(band.r_px, reference.factor))
-    followed, saturated_fraction = [], []
-    for of_frame, fraction, strip in thread_map(examine, stream):
+    followed, alone, saturated_fraction = [], [], []
+    for of_frame, by_itself, fraction, strip in thread_map(examine, stream):
         followed.append(of_frame)
+        alone.append(by_itself)
         saturated_fraction.append(fraction)
         strips.append(strip)
     annuli, found = settle_annuli(followed, reference.annulus, given=True)
-    clear = np.array([of.support >= 2 * LEAST_SUPPORT for of in followed])
-    radii = [(of.annulus.inner_px, of.annulus.outer_px) for of in followed]
+    clear = np.array([of.support >= 2 * LEAST_SUPPORT for of in alone])
+    radii = [(of.annulus.inner_px, of.annulus.outer_px) for of in alone]
     frames = Frames(
         tuple(replace(a.scaled(reference.factor), pixels=reference.annulus.pixels) for a in annuli),
         found,
         np.where(clear[:, None], np.multiply(radii, reference.factor), np.nan),
         np.array(saturated_fraction),
     )
+    by_movement = (BY_MOVEMENT,) if reference.handle else ()
     if found.all():
-        return frames, ()
+        return frames, by_movement
     return frames, (
+        *by_movement,
         f"The annulus could not be measured in {np.sum(~found)} of {len(found)} frames; "
         "its place there is that of the frames around.",
     )
 
 
-def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[Followed, float, LogStrip]:
-    """Return a frame's annulus, the share of its strip that is saturated, and the strip at radii ``r_px``."""
+def brightness_of_rows(logs: LogStrip) -> Coordinates:
+    """Return how bright most of every row of a strip is, natural logarithm, float64 (n_rows,), NaN where none is seen.
+
+    That is its upper quartile: cells seldom fill three quarters of the way around.
+    """
+    ordered = np.sort(logs.astype(np.float64), axis=1)  # NaN last
+    count = np.isfinite(ordered).sum(axis=1)
+    at = np.floor(0.75 * np.maximum(count - 1, 0)).astype(np.intp)
+    return np.where(count > 0, ordered[np.arange(len(ordered)), at], np.nan)
+
+
+def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[Followed, Followed, float, LogStrip]:
+    """Return a frame's annulus, that by its own rims, its saturated share, and its strip at radii ``r_px``."""
     pixels = reference.annulus.pixels
     image = squared(reduced(brightness(frame.samples, reference.full_scale), reference.factor), pixels)
     followed = follow(image, reference.annulus, reference.handle)
+    alone = follow(image, reference.annulus) if reference.handle else followed
     place = replace(settle_annuli([followed], reference.annulus, given=True)[0][0], pixels=1.0)
     angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
     columns, rows = Circles(place, r_px).pixel_map(angle)
@@ -76,4 +96,4 @@ def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[
     clipped = reduced(saturated(frame.samples, reference.full_scale).astype(np.float32), reference.factor)
     clipped = squared(clipped, pixels)
     fraction = float(sample(clipped, columns, rows)[0][inside].mean()) if inside.any() else 0.0
-    return followed, fraction, logs
+    return followed, alone, fraction, logs

@@ -9,7 +9,7 @@ from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.doubts import doubts_of_ring, evidence_of_ring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
-from endoct.modalities.endoscope.frames import LogStrip, examine_frames
+from endoct.modalities.endoscope.frames import LogStrip, brightness_of_rows, examine_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band, stated_band
 from endoct.modalities.endoscope.mirror.reference import find_reference
@@ -40,6 +40,7 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
         some, views = _some(strips), _views(nominal, stated, len(strips))
         flat = estimate_flat_field(some, views, parameters.least_transmission)
         exposure = frame_exposure(strips, flat)
+        rows = np.array([brightness_of_rows(strips[k]) for k in range(len(strips))]) - exposure[:, None]
         even = Computed(len(strips), lambda k: even_strip(strips[k], flat, exposure[k]))
         motion, on_motion = measure_motion(even, stated, nominal, acquisition, parameters)
     band, annulus = motion.band, frames.annuli[0]
@@ -75,7 +76,7 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
         full_scale=reference.full_scale,
         oversample=oversample,
         taper=parameters.taper,
-        doubts=(*doubts_of_ring(evidence_of_ring(frames, reference, motion.feed)), *places.doubts),
+        doubts=(*doubts_of_ring(evidence_of_ring(frames, reference, rows, motion.feed)), *places.doubts),
     )
 
 

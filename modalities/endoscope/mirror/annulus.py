@@ -197,8 +197,7 @@ def follow(image: Image, near: Annulus, handle: Ring | None = None) -> Followed:
     """
     if handle:
         at, support = locate_outer_rim(image, handle)
-        moved = near.moved(at.x_px - handle.x_px, at.y_px - handle.y_px)
-        return Followed(replace(moved, outer_px=near.outer_px * at.radius_px / handle.radius_px), support)
+        return Followed(near.moved(at.x_px - handle.x_px, at.y_px - handle.y_px), support)
     looks = _Look.at(without_thin_lines(image)), _Look.at(image)
     followed = _measure(looks, near, NEAR_REACHES)
     if followed.support < 2 * LEAST_SUPPORT:

@@ -63,8 +63,8 @@ def find_ring(images: Sequence[Image]) -> FoundRing:
     # what is followed may be a reflection inside the rim: fixed to the probe, too, and of another radius
     handle = replace(outer, radius_px=float(np.median([place.radius_px for place in places])))
     limit = outer_rim_of(moving, inner)
-    if limit is None or _same(limit, handle, outer):
-        limit = handle
+    if limit is None or limit.radius_px < (1 + SAME_RIM) * handle.radius_px:
+        limit = handle  # where nothing moves inside the rim, the bore may be at its end
     if by_light and limit is handle and _same(by_light.rings[0], inner, outer):
         return FoundRing(by_light, None, moving, inner, roundness, corrected)
     found = Annulus(inner.x_px, inner.y_px, inner.radius_px, limit.x_px, limit.y_px, limit.radius_px)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.rings import Ring, edge_points, find_rings, fit_circle, rays
 from endoct.stitching.arrays import Coordinates, Image
 
@@ -76,7 +77,10 @@ def inner_rim_of(moving: Movement) -> Ring | None:
     outer = moving.outer
     inside = [ring for ring in find_rings(moving.above_noise, rising=True, count=4) if _inside(ring, outer)]
     rim = _clearest(moving, inside)
-    return None if rim is None or typical_movement(moving, rim, outer) < NOISE_SHARE * moving.noise else rim
+    if rim is None:
+        return None
+    ring = Annulus(rim.x_px, rim.y_px, rim.radius_px, outer.x_px, outer.y_px, outer.radius_px)
+    return rim if max(movement_in_thirds(moving, ring)) >= NOISE_SHARE * moving.noise else None
 
 
 def outer_rim_of(moving: Movement, inner: Ring) -> Ring | None:
@@ -97,19 +101,24 @@ def _clearest(moving: Movement, rings: Sequence[Ring]) -> Ring | None:
     return fit if off_px <= 2 * reach_px else best
 
 
-def typical_movement(moving: Movement, inner: Ring, outer: Ring) -> float:
-    """Return the median movement in the inner half of the ring between two circles."""
-    return _between(moving, inner, 1.0, 0.5 * (1 + outer.radius_px / inner.radius_px))
+def movement_in_thirds(moving: Movement, annulus: Annulus) -> tuple[float, float, float]:
+    """Return the median movement in the inner, the middle and the outer third of the ring."""
+    low_px, high_px = annulus.inner_px, annulus.outer_px
+    inner, middle, outer = (_between(moving, annulus, low_px, high_px, k) for k in range(3))
+    return inner, middle, outer
 
 
-def movement_within(moving: Movement, inner: Ring) -> float:
-    """Return the median movement well inside a circle: 0.4 to 0.9 of its radius."""
-    return _between(moving, inner, 0.4, 0.9)
+def movement_within(moving: Movement, annulus: Annulus) -> float:
+    """Return the median movement well inside the inner rim: between 0.4 and 0.9 of its radius."""
+    rim = annulus.rings[0]
+    profile, seen = rays(moving.light, rim.x_px, rim.y_px, rim.radius_px * np.linspace(0.4, 0.9, 24))
+    return float(np.median(profile[seen])) if seen.any() else 0.0
 
 
-def _between(moving: Movement, ring: Ring, first: float, last: float) -> float:
-    radii: Coordinates = ring.radius_px * np.linspace(first, last, 24)
-    profile, seen = rays(moving.light, ring.x_px, ring.y_px, radii)
+def _between(moving: Movement, annulus: Annulus, low_px: float, high_px: float, third: int) -> float:
+    radii: Coordinates = low_px + (high_px - low_px) * (third + np.linspace(0.05, 0.95, 24)) / 3
+    x, y = (float(c[0]) for c in annulus.centre_at(radii[[radii.size // 2]]))
+    profile, seen = rays(moving.light, x, y, radii)
     return float(np.median(profile[seen])) if seen.any() else 0.0
 
 
