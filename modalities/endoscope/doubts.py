@@ -21,8 +21,8 @@ MOST_SPREAD = 0.015
 """Of the outer radius: the middle half of the frames have a rim's radius that alike; below 0.005 in both simulators."""
 MOST_SATURATED = 0.25
 DARK_CIRCLE = 0.4
-"""Of its brightness in the brightest frame: no wall is that dark for three quarters of the way around. Above 0.75 in both
-simulators, 0.11 beyond the end of a bore."""
+"""Of its brightness in the brightest frame: no wall is that dark for three quarters of the way around. Above 0.75 in
+both simulators, 0.11 beyond the end of a bore."""
 LEAST_MATCHED = 0.5
 STILL_WITHIN = 0.4
 """Of the movement in the ring may be inside it, where noise makes 0.2 of it at the faintest light."""

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import brightness, log_light, reduced, saturated
-from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow, settle_annuli
+from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow
 from endoct.modalities.endoscope.mirror.band import Band
 from endoct.modalities.endoscope.mirror.reference import Reference
 from endoct.modalities.endoscope.mirror.resampling import Circles, sample
 from endoct.modalities.endoscope.mirror.roundness import squared
+from endoct.modalities.endoscope.mirror.settling import settle_annuli
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.kept import Kept
 from endoct.stitching.parallel import thread_map

@@ -11,11 +11,11 @@ from endoct.modalities.endoscope.mirror.annulus import (
     find_outer_rims,
     follow,
     locate_outer_rim,
-    settle_annuli,
 )
 from endoct.modalities.endoscope.mirror.moving import Movement, inner_rim_of, movement, outer_rim_of
 from endoct.modalities.endoscope.mirror.rings import Ring
 from endoct.modalities.endoscope.mirror.roundness import ROUND, Roundness, measure_roundness, squared
+from endoct.modalities.endoscope.mirror.settling import settle_annuli
 from endoct.stitching.arrays import Image
 from endoct.stitching.errors import NotSeen
 

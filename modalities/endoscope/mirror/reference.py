@@ -7,10 +7,11 @@ import numpy as np
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.light import brightness, full_scale, reduced
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.endoscope.mirror.annulus import Annulus, follow, settle_annuli
+from endoct.modalities.endoscope.mirror.annulus import Annulus, follow
 from endoct.modalities.endoscope.mirror.finding import FoundRing, find_ring, ring_at
 from endoct.modalities.endoscope.mirror.rings import Ring
 from endoct.modalities.endoscope.mirror.roundness import squared
+from endoct.modalities.endoscope.mirror.settling import settle_annuli
 
 SURVEY_SIDE_PX = 480
 REFERENCE_FRAMES = 12

@@ -10,8 +10,8 @@ from endoct.modalities.endoscope.mirror.annulus import locate_outer_rim
 from endoct.modalities.endoscope.mirror.rings import Ring, edge_points
 from endoct.stitching.arrays import Coordinates, Image
 
-REACH = 0.09
-"""Of the radius, within which the rim is looked for: an ellipse whose axes differ by a sixth stays inside."""
+REACH = 0.14
+"""Of the radius, within which the rim is looked for: a circle through part of an ellipse is off its rest."""
 LEAST_SEEN = 0.7
 """Of the circle must show the rim: an ellipse through less is anything."""
 NEAR = 0.012

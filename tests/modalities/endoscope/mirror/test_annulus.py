@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from tolerances import RING_PX
 
 from endoct.modalities.endoscope.light import brightness, reduced
-from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, find_annulus, follow, settle_annuli
+from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, find_annulus, follow
 from endoct.modalities.endoscope.mirror.rings import fit_circle, trace_closed
+from endoct.modalities.endoscope.mirror.settling import settle_annuli
 from endoct.stitching.errors import EndoctError
 
 TRUE = Annulus(152.3, 118.1, 52.7, 155.6, 121.4, 104.2)
