@@ -24,7 +24,7 @@ DARK_CIRCLE = 0.4
 """Of its brightness in the brightest frame: no wall is that dark for three quarters of the way around. Above 0.75 in
 both simulators, 0.11 beyond the end of a bore."""
 LEAST_MATCHED = 0.5
-STILL_WITHIN = 0.4
+STILL_WITHIN = 0.25
 """Of the movement in the ring may be inside it, where noise makes 0.2 of it at the faintest light."""
 
 

@@ -21,6 +21,8 @@ LEFT_PX = 0.3
 """By how much frames are still displaced after their outer rims were laid on each other."""
 CLEAR_RIM = 0.8
 """Support from which on an edge of the movement is the rim; 1.2 to 1.5 in the simulator, others stay below 0.55."""
+NEARLY = 0.8
+"""Of the clearest edge's support: edges that are nearly as clear."""
 REFINED = 0.015
 BRIGHT_SIDE, MOST_GAIN = 0.6, 2.0
 """Which quantile of what is bright tells a frame's exposure, as part of it is cells, and how far that may change."""
@@ -76,7 +78,12 @@ def inner_rim_of(moving: Movement) -> Ring | None:
     """Return the circle inside the outer rim beyond which the image moves, or None where there is no clear one."""
     outer = moving.outer
     inside = [ring for ring in find_rings(moving.above_noise, rising=True, count=4) if _inside(ring, outer)]
-    rim = _clearest(moving, inside)
+    # a saturated reflection stands still in the midst of the wall; but nothing moves inside the rim
+    most = max(map(_support, inside), default=0.0)
+    innermost = min(
+        (ring for ring in inside if _support(ring) >= NEARLY * most), key=lambda r: r.radius_px, default=None
+    )
+    rim = _clearest(moving, [innermost] if innermost else [])
     if rim is None:
         return None
     ring = Annulus(rim.x_px, rim.y_px, rim.radius_px, outer.x_px, outer.y_px, outer.radius_px)
