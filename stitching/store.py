@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,11 @@ from endoct.stitching.doubt import Doubt, as_doubt
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.json_values import a_list, an_object, number, texts
+from endoct.stitching.names import plain_name
 from endoct.stitching.panorama import FORMAT, SURFACE, Panorama
 from endoct.stitching.per_frame import PerFrame, per_frame, stored_range
+from endoct.stitching.zarr_check import entries
+from endoct.stitching.zarr_metadata import OWN, declared
 from endoct.stitching.zarr_store import Named, read_array_attributes, read_arrays, read_attributes, write_arrays
 
 
@@ -68,6 +72,53 @@ def load_panorama(path: Path) -> Panorama:
     check_intact(path, lambda name: not name.startswith("volume/"))  # which is large, and not read here
     with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
         return _panorama(path, read_arrays(path), read_attributes(path))
+
+
+@dataclass(frozen=True, eq=False)
+class PanoramaOutline:
+    """A panorama on disk without its images, as in :class:`~endoct.stitching.panorama.Panorama`."""
+
+    grid: SurfaceGrid
+    modality: str
+    frame_dim: str
+    has_depth: bool
+    per_frame: Mapping[str, PerFrame]
+    provenance: Mapping[str, Any]
+    notes: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
+
+
+def read_outline(path: Path) -> PanoramaOutline:
+    """Read all but the images of the store that :func:`save_panorama` wrote, for readers of parts of these.
+
+    Raises :class:`EndoctError` where it is something else, or damaged.
+    """
+    if not is_panorama(path):
+        raise EndoctError(
+            f"{path} is no panorama",
+            expected="a store written by `endoct unroll`",
+            remedy="unroll the recording first",
+        )
+    what = f"the panorama {path}"
+    with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
+        attributes, shape = read_attributes(path), declared(path / "intensity", OWN).shape
+        names = [entry.name for entry in entries(path) if entry.is_dir(follow_symlinks=False)]
+        arrays = read_arrays(path, [name for name in names if name not in (*SURFACE, "volume")] + ["z"])
+        if "z" not in arrays or any(values.dtype.kind == "O" for values in arrays.values()):
+            raise EndoctError(f"{what} is not whole", found="no z", remedy="unroll the recording again")
+        provenance, notes, doubts = _provenance(attributes, what)
+        return PanoramaOutline(
+            grid=stored_grid(attributes, shape, what).with_rows(arrays.pop("z")),
+            modality=plain_name(attributes.get("modality"), what),
+            frame_dim=plain_name(attributes.get("frame_dim"), what),
+            has_depth="depth_mm" in names,
+            per_frame={
+                name: _described(name, values, read_array_attributes(path, name)) for name, values in arrays.items()
+            },
+            provenance=provenance,
+            notes=notes,
+            doubts=doubts,
+        )
 
 
 def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Panorama:

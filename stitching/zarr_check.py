@@ -33,18 +33,19 @@ def check_array(array: Declared, *, whole: bool) -> None:
     :class:`EndoctError` for an array or a chunk above the limits, too many chunks, a chunk that is missing, is no
     regular file, or expands to more than a chunk has.
     """
-    _check_sizes(array)
+    check_sizes(array)
     found = _files(array.folder)
     for key in array.chunk_keys():
         if key in found:
-            _check_chunk(array, key)
+            check_chunk(array, key)
         elif whole:
             raise EndoctError(
                 f"{array.folder} is not whole", found=f"no chunk {key}", remedy="copy the store again, or make it again"
             )
 
 
-def _check_sizes(array: Declared) -> None:
+def check_sizes(array: Declared) -> None:
+    """Raise :class:`EndoctError` where ``array`` declares more samples, or more chunks, than the limits allow."""
     what = f"the array {array.folder}"
     for shape in (array.shape, array.chunk, array.inner):
         check_array_size(shape, array.itemsize, what)
@@ -85,7 +86,8 @@ def entries(folder: Path) -> Iterator[os.DirEntry[str]]:
         raise EndoctError(f"{folder} cannot be read", found=error.strerror or str(error)) from error
 
 
-def _check_chunk(array: Declared, key: str) -> None:
+def check_chunk(array: Declared, key: str) -> None:
+    """Raise :class:`EndoctError` where the chunk ``key``, relative to the folder, expands to more than a chunk has."""
     file = array.folder / key
     most = MOST_TEXT_BYTES if array.dtype is None else math.prod(array.chunk) * array.itemsize
     index_bytes = 16 * math.prod(array.n_inner) + 4 if array.is_sharded else 0

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,14 @@ from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.result import Result
+from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.grid import grid_attributes
+from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.json_values import an_object, number
 from endoct.stitching.names import plain_name
 from endoct.stitching.store import stored_grid
+from endoct.stitching.zarr_metadata import OWN, declared
 from endoct.stitching.zarr_store import Named, read_arrays, read_attributes, write_arrays
 
 FORMAT = "endoct-comparison-1"
@@ -73,13 +75,54 @@ def load_comparison(path: Path) -> Comparison:
         attributes = read_attributes(path) if path.is_dir() else {}
         if attributes.get("format") != FORMAT:
             raise EndoctError(f"{path} is no comparison", expected="a store written by `endoct compare`")
-        result = read_result(path.parent)
-        return _comparison(path, read_arrays(path, (*IMAGES, "cells", "side")), attributes, result)
+        return _comparison(path, read_arrays(path, (*IMAGES, "cells", "side")), attributes)
 
 
-def _comparison(
-    path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], result: Result
-) -> Comparison:
+@dataclass(frozen=True, eq=False)
+class ComparisonOutline:
+    """A comparison on disk without its images, as in :class:`~endoct.fusion.sides.Comparison`."""
+
+    grid: SurfaceGrid
+    names: tuple[str, str]
+    alignment: Alignment | None
+    result: Result
+    cells: tuple[Cell, ...]
+
+
+def read_outline(path: Path) -> ComparisonOutline:
+    """Read all but the images of the store that :func:`save_comparison` wrote, for readers of parts of these.
+
+    Raises :class:`EndoctError` as :func:`load_comparison` does.
+    """
+    with refusing(f"{path} is no comparison", expected="a store written by `endoct compare`"):
+        attributes = read_attributes(path) if path.is_dir() else {}
+        if attributes.get("format") != FORMAT:
+            raise EndoctError(f"{path} is no comparison", expected="a store written by `endoct compare`")
+        what, shape = f"the comparison {path}", declared(path / "mask", OWN).shape
+        arrays = read_arrays(path, ("cells", "side"))
+        if len(shape) != 3 or shape[0] != 2 or "side" not in arrays:
+            raise EndoctError(f"{what} cannot be used", found=f"images of shape {shape}", expected="two sides")
+        names, alignment = _names(arrays["side"], what), _stored(attributes, "alignment", what)
+        return ComparisonOutline(
+            grid=stored_grid(attributes, shape, what),
+            names=names,
+            alignment=None if alignment is None else _alignment(alignment, what),
+            result=_result_of(names, path),
+            cells=from_numbers(arrays["cells"], names) if "cells" in arrays else (),
+        )
+
+
+def _result_of(names: tuple[str, str], path: Path) -> Result:
+    result = read_result(path.parent)
+    if result.sides != names:
+        raise EndoctError(
+            f"result.json and comparison.zarr in {path.parent} have other sides",
+            found=f"{', '.join(result.sides)} and {', '.join(names)}",
+        )
+    return result
+
+
+def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> Comparison:
     what = f"the comparison {path}"
     if missing := [name for name in (*IMAGES, "side") if name not in arrays]:
         raise EndoctError(f"{what} is not whole", found=f"no {missing[0]}", remedy="run the comparison again")
@@ -92,11 +135,7 @@ def _comparison(
     if not isinstance(reason, str | None):
         raise EndoctError(f"'reason' of {what} cannot be used", expected="a text or null")
     names = _names(arrays["side"], what)
-    if result.sides != names:
-        raise EndoctError(
-            f"result.json and comparison.zarr in {path.parent} have other sides",
-            found=f"{', '.join(result.sides)} and {', '.join(names)}",
-        )
+    result = _result_of(names, path)
     return Comparison(
         grid=stored_grid(attributes, shape, what),
         sides=(_side(names[0], arrays, 0), _side(names[1], arrays, 1)),

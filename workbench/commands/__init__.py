@@ -11,7 +11,7 @@ import tyro
 
 from endoct.stitching.errors import visible
 from endoct.workbench.commands.checking import verify
-from endoct.workbench.commands.comparisons import compare, report, summarise
+from endoct.workbench.commands.comparisons import compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
@@ -32,6 +32,7 @@ def run(arguments: Sequence[str]) -> int:
         "dataset": dataset,
         "bench": bench,
         "report": report,
+        "serve": serve,
         "summarise": summarise,
         "info": info,
         "verify": verify,

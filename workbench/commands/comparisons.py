@@ -83,6 +83,20 @@ def report(folder: Positional[Path]) -> int:
     return DONE
 
 
+def serve(folder: Positional[Path], host: str = "127.0.0.1", port: int | None = None) -> int:
+    """Show a comparison or a panorama on a page in the browser, until interrupted (Ctrl+C).
+
+    Args:
+        folder: a folder written by `endoct compare`, or a panorama written by `endoct unroll`
+        host: address to listen on; others than this machine reach it only where this is another than 127.0.0.1
+        port: port to listen on; else 8765, or where that is taken any that is free
+    """
+    from endoct.workbench.page.serving import serve as serve_page
+
+    serve_page(folder, host, port, lambda address: print_line(f"{address} shows {folder}; Ctrl+C ends it"))
+    return DONE
+
+
 def summarise(
     folders: Positional[tuple[Path, ...]],
     output: Output,

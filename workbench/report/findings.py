@@ -79,7 +79,7 @@ class Findings:
     @property
     def overlaps(self) -> tuple[NamedOverlap, ...]:
         """Every overlap that was scored: of the two sides where they are aligned, and with masks given as truth."""
-        return tuple(_overlaps(self.result))
+        return overlaps_of(self.result)
 
 
 def read_findings(folder: Path) -> Findings:
@@ -101,6 +101,11 @@ def _side(side: PlacedSide, folder: Path, pictures: Mapping[int, tuple[Picture, 
         panorama=load_panorama(folder / "panoramas" / f"{side.name}.zarr"),
         pictures=pictures,
     )
+
+
+def overlaps_of(result: Result) -> tuple[NamedOverlap, ...]:
+    """Return every overlap that was scored: of the two sides, and with masks given as truth."""
+    return tuple(_overlaps(result))
 
 
 def _overlaps(result: Result) -> Iterator[NamedOverlap]:

@@ -2,14 +2,12 @@
 
 import base64
 import hashlib
-import math
 from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from endoct.fusion.result import StoredAlignment
 from endoct.stitching.contents import is_marked, marked
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
@@ -21,15 +19,13 @@ from endoct.workbench.report.findings import Findings, read_findings
 from endoct.workbench.report.quality import quality_of
 from endoct.workbench.report.scores import score_tables
 from endoct.workbench.report.tables import numbers, provenance, threshold_text
-from endoct.workbench.report.wording import interval_text, length_text, share_text, without_stop
+from endoct.workbench.report.verdict import placement, strength
+from endoct.workbench.report.wording import interval_text, share_text, without_stop
 from endoct.workbench.report.words import words
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.refusals import visible_lines
 
 CSS_PIXELS_PER_INCH = 148
-LEAST_UNEVEN_DEG = 1.0
-"""Unevenness below this is not worth a sentence."""
-
 FIGURE_SECTIONS = {
     "panoramas": "Panoramas",
     "masks": "Cells and difference",
@@ -76,7 +72,7 @@ def page_html(findings: Findings, drawn: Sequence[Drawn]) -> str:
     bodies = dict.fromkeys((*FIGURE_SECTIONS, *of_frames), "")
     for number, figure in enumerate(sorted(drawn, key=lambda one: list(bodies).index(one.section)), 1):
         bodies[figure.section] += _figure(number, figure)
-    bodies["agreement"] += "".join(score_tables(findings))
+    bodies["agreement"] += "".join(score_tables(findings.result))
     titles = FIGURE_SECTIONS if findings.aligned else FIGURE_SECTIONS | {"masks": "Cells"}
     quality = (
         "".join(quality_of(side, bodies[f"quality-{side.name}"], bodies[f"numbers-{side.name}"]))
@@ -116,13 +112,13 @@ def _headline(findings: Findings) -> Iterator[str]:
     result = findings.result
     a, b = (side.name for side in findings.sides)
     if alignment := result.alignment if findings.aligned else None:
-        strength = escape(_strength(alignment))
+        stands_out = escape(strength(alignment))
         if result.doubts:
             yield f'<p class="verdict doubted">Aligned, with {count_doubts(result.doubts)}.</p>\n'
-            yield f"{doubts_box(result.doubts)}<p>Aligned {strength}</p>\n"
+            yield f"{doubts_box(result.doubts)}<p>Aligned {stands_out}</p>\n"
         else:
-            yield f'<p class="verdict aligned">Aligned {strength}</p>\n'
-        yield f"<p>{escape(_placement(a, b, alignment))}</p>\n"
+            yield f'<p class="verdict aligned">Aligned {stands_out}</p>\n'
+        yield f"<p>{escape(placement(a, b, alignment))}</p>\n"
     else:
         yield '<p class="verdict unaligned">Not aligned: the two sides could not be brought onto each other.</p>\n'
         yield doubts_box(result.doubts)
@@ -137,34 +133,6 @@ def _headline(findings: Findings) -> Iterator[str]:
     if count := count_notes(result):
         said = "1 note" if count == 1 else f"{count} notes"
         yield f'<p><a href="#notes">{said}</a>, below.</p>\n'
-
-
-def _strength(alignment: StoredAlignment) -> str:
-    said = f"with confidence {alignment.confidence:.2f}"
-    if alignment.correlation and alignment.ratio:
-        correlation = f"{alignment.correlation:.2f}".replace("-", "−")
-        said += f" (correlation {correlation}, {alignment.ratio:.1f} times the runner-up)"
-    return said + "."
-
-
-def _placement(a: str, b: str, alignment: StoredAlignment) -> str:
-    turns = ["mirrored in θ"] * alignment.mirrored + ["reversed in z"] * alignment.z_reversed
-    return (
-        f"{b} lies in the frame of {a} turned by {math.degrees(alignment.theta_shift_rad):.2f}° and shifted by "
-        f"{length_text(alignment.z_shift_mm)} along the bore, its z scaled by {alignment.z_scale:.4f}; "
-        f"{' and '.join(turns) if turns else 'neither mirrored nor reversed'}.{_unevenness(alignment)}"
-    )
-
-
-def _unevenness(alignment: StoredAlignment) -> str:
-    """Say what the alignment found of uneven rotation and left as it is."""
-    uneven_deg = math.degrees(alignment.uneven_rad or 0.0)
-    if uneven_deg < LEAST_UNEVEN_DEG:
-        return ""
-    return (
-        f" Around θ the two depart smoothly from that turn, by up to {uneven_deg:.1f}°, as uneven rotation of a "
-        "catheter or a probe off the axis make them; this is not corrected and costs overlap."
-    )
 
 
 def _cards(findings: Findings) -> Iterator[str]:

@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from endoct.fusion.result import CellScores, Limits, PairwiseScores, Raters, Scores
-from endoct.workbench.report.findings import Findings
+from endoct.fusion.result import CellScores, Limits, PairwiseScores, Raters, Result, Scores
 from endoct.workbench.report.wording import NOTHING, count_text, interval_text, length_text, share_text, table
 
 RATER_COLUMNS = "Jaccard", "Dice", "Outlines, mean distance", "95th percentile", "within tolerance"
@@ -13,9 +12,9 @@ Pair = tuple[float, float]
 Names = tuple[str, str]
 
 
-def score_tables(findings: Findings) -> Iterator[str]:
+def score_tables(result: Result) -> Iterator[str]:
     """Yield what outlines, cells and raters say, as HTML; nothing where nothing was scored."""
-    cards = dict(_cards(findings))
+    cards = dict(_cards(result))
     if rows := list(_rows(cards)):
         yield "<h3>Outlines and cells</h3>\n"
         yield table(rows, ["", *(f"{first} and {second}" for first, second in cards)])
@@ -27,13 +26,12 @@ def score_tables(findings: Findings) -> Iterator[str]:
             "Quality: both of these and the overlap of matched cells in one number (panoptic quality). Each cell is a "
             'line of <span class="code">cells.csv</span>.</p>\n'
         )
-    if raters := findings.result.raters:
+    if raters := result.raters:
         yield from _raters(raters)
 
 
-def _cards(findings: Findings) -> Iterator[tuple[Names, Scores]]:
+def _cards(result: Result) -> Iterator[tuple[Names, Scores]]:
     """Yield the scores of every pair by its two names."""
-    result = findings.result
     a, b = result.sides
     if result.aligned and result.scores:
         yield (a, b), result.scores

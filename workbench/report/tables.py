@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from endoct.fusion.result import Result, Threshold
-from endoct.workbench.report.findings import Findings, NamedOverlap, SideFindings
+from endoct.workbench.report.findings import Findings, NamedOverlap, SideFindings, overlaps_of
 from endoct.workbench.report.placement import alignment_rows
 from endoct.workbench.report.wording import (
     NOTHING,
@@ -35,7 +35,18 @@ ALWAYS = ("Jaccard", "Dice")
 def numbers(findings: Findings) -> Iterator[str]:
     """Yield the numbers of a comparison as HTML."""
     result = findings.result
-    if overlaps := findings.overlaps:
+    yield from result_tables(result)
+    yield "<h3>Sides</h3>\n"
+    columns = [_side_facts(side, result) for side in findings.sides]
+    yield table(
+        ([name, *(column[name] for column in columns)] for name in columns[0]),
+        ["", *(side.name for side in findings.sides)],
+    )
+
+
+def result_tables(result: Result) -> Iterator[str]:
+    """Yield the overlaps and the alignment of a comparison as HTML."""
+    if overlaps := overlaps_of(result):
         texts = {title: [text(named) for named in overlaps] for title, text in OVERLAP_COLUMNS.items()}
         texts = {title: cells for title, cells in texts.items() if title in ALWAYS or set(cells) != {NOTHING}}
         names = [f"{named.of[0]} and {named.of[1]}, {named.where}" for named in overlaps]
@@ -46,18 +57,12 @@ def numbers(findings: Findings) -> Iterator[str]:
             "a cylinder of the nominal diameter.</p>\n"
         )
     if result.aligned and result.alignment:
-        a, b = (side.name for side in findings.sides)
+        a, b = result.sides
         yield f"<h3>Alignment of {escape(b)} to {escape(a)}</h3>\n"
         yield table(alignment_rows(result.alignment))
     elif result.best_unbelieved:
         yield "<h3>The best alignment found, which was not accepted</h3>\n"
         yield table(alignment_rows(result.best_unbelieved))
-    yield "<h3>Sides</h3>\n"
-    columns = [_side_facts(side, result) for side in findings.sides]
-    yield table(
-        ([name, *(column[name] for column in columns)] for name in columns[0]),
-        ["", *(side.name for side in findings.sides)],
-    )
 
 
 def provenance(result: Result) -> Iterator[str]:

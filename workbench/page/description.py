@@ -1,0 +1,150 @@
+"""What the page is told before the first tile: one description, of a comparison or of one panorama.
+
+The page's sources have the same names in ``frontend/src/description.ts``.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+Level = Literal["trusted", "doubted", "unaligned"]
+CellState = Literal["matched", "overlapping", "missed", "not observed", "alone"]
+"""What the other side made of a cell; "alone": the sides are not aligned."""
+
+
+@dataclass(frozen=True)
+class WallPart:
+    """The wall that panes show, in mm; its circle is 2π · ``radius_mm`` long."""
+
+    radius_mm: float
+    top_mm: float
+    bottom_mm: float
+
+
+@dataclass(frozen=True)
+class ClassPart:
+    """A class of samples and its colour, as "#e69f00"."""
+
+    label: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class LayerPart:
+    """One thing that a pane can show.
+
+    Attributes: ``key`` in the addresses of tiles; ``title``; ``side``, None for what concerns both; ``kind``: numbers
+    that the page colours, or classes in colours; of numbers the ``quantity`` and ``unit``, the values ``low`` and
+    ``high`` of the first and the last code, and the contrast to begin with, ``shown_low`` to ``shown_high``; of classes
+    the ``classes``; ``finest_level`` of its tiles; ``row_mm`` and ``column_mm``, how far its samples lie apart.
+    """
+
+    key: str
+    title: str
+    side: str | None
+    kind: Literal["scalar", "classes"]
+    quantity: str
+    unit: str
+    low: float
+    high: float
+    shown_low: float
+    shown_high: float
+    classes: tuple[ClassPart, ...]
+    finest_level: int
+    row_mm: float
+    column_mm: float
+
+
+@dataclass(frozen=True)
+class OutlinePart:
+    """The outlines of the cells of one side, by the ``layer`` whose they are, as lines of flat (θ rad, z mm, θ, z, …).
+
+    θ goes on beyond 2π where a line does.
+    """
+
+    layer: str
+    side: str
+    colour: str
+    lines: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class CellPart:
+    """A row of ``cells.csv``, and in words what the other side made of the cell; ``state`` for filters."""
+
+    side: str
+    id: int
+    theta_rad: float
+    z_mm: float
+    area_mm2: float
+    diameter_mm: float
+    depth_median_mm: float | None
+    depth_p95_mm: float | None
+    volume_mm3: float | None
+    depth_of: str | None
+    contrast: float | None
+    touches_edge: bool
+    observed_by_other: float
+    covered: float | None
+    partner: int | None
+    overlap: float
+    state: CellState
+    why: str
+
+
+@dataclass(frozen=True)
+class DoubtPart:
+    """A doubt or a note: its ``code`` ("" for notes), the side it concerns, what is said."""
+
+    code: str
+    side: str | None
+    what: str
+
+
+@dataclass(frozen=True)
+class FigurePart:
+    """A figure of the headline: "Jaccard index", "0.855", "95 % interval …"."""
+
+    title: str
+    value: str
+    of: str
+
+
+@dataclass(frozen=True)
+class DetailPart:
+    """A part that is folded away at first: HTML of ours, in which every text from a file is escaped."""
+
+    title: str
+    html: str
+
+
+@dataclass(frozen=True)
+class Description:
+    """Everything the page says besides images.
+
+    Attributes: ``title``, ``sides`` and ``facts`` (name, value) say what it is; ``level``, ``headline`` and
+    ``sentences`` are the verdict, ``doubts`` what speaks against it; ``panes`` the layers that are shown at first;
+    ``has_common_places``: whether a place is the same in every layer.
+    """
+
+    endoct: str
+    kind: Literal["comparison", "panorama"]
+    title: str
+    sides: tuple[str, ...]
+    facts: tuple[tuple[str, str], ...]
+    level: Level
+    headline: str
+    sentences: tuple[str, ...]
+    doubts: tuple[DoubtPart, ...]
+    notes: tuple[DoubtPart, ...]
+    figures: tuple[FigurePart, ...]
+    wall: WallPart
+    layers: tuple[LayerPart, ...]
+    outlines: tuple[OutlinePart, ...]
+    cells: tuple[CellPart, ...]
+    panes: tuple[str, ...]
+    has_common_places: bool
+    details: tuple[DetailPart, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """Return the description as an object of lists, dicts, texts and numbers only."""
+        return asdict(self)

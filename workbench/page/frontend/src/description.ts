@@ -1,0 +1,97 @@
+/** What the server says besides images; the same names as in workbench/page/description.py. */
+
+export interface WallPart {
+  radius_mm: number;
+  top_mm: number;
+  bottom_mm: number;
+}
+
+export interface ClassPart {
+  label: string;
+  colour: string;
+}
+
+export interface LayerPart {
+  key: string;
+  title: string;
+  side: string | null;
+  kind: "scalar" | "classes";
+  quantity: string;
+  unit: string;
+  low: number;
+  high: number;
+  shown_low: number;
+  shown_high: number;
+  classes: ClassPart[];
+  finest_level: number;
+  row_mm: number;
+  column_mm: number;
+}
+
+export interface OutlinePart {
+  layer: string;
+  side: string;
+  colour: string;
+  lines: number[][];
+}
+
+export type CellState = "matched" | "overlapping" | "missed" | "not observed" | "alone";
+
+export interface CellPart {
+  side: string;
+  id: number;
+  theta_rad: number;
+  z_mm: number;
+  area_mm2: number;
+  diameter_mm: number;
+  depth_median_mm: number | null;
+  depth_p95_mm: number | null;
+  volume_mm3: number | null;
+  depth_of: string | null;
+  contrast: number | null;
+  touches_edge: boolean;
+  observed_by_other: number;
+  covered: number | null;
+  partner: number | null;
+  overlap: number;
+  state: CellState;
+  why: string;
+}
+
+export interface DoubtPart {
+  code: string;
+  side: string | null;
+  what: string;
+}
+
+export interface FigurePart {
+  title: string;
+  value: string;
+  of: string;
+}
+
+export interface DetailPart {
+  title: string;
+  html: string;
+}
+
+export interface Description {
+  endoct: string;
+  kind: "comparison" | "panorama";
+  title: string;
+  sides: string[];
+  facts: [string, string][];
+  level: "trusted" | "doubted" | "unaligned";
+  headline: string;
+  sentences: string[];
+  doubts: DoubtPart[];
+  notes: DoubtPart[];
+  figures: FigurePart[];
+  wall: WallPart;
+  layers: LayerPart[];
+  outlines: OutlinePart[];
+  cells: CellPart[];
+  panes: string[];
+  has_common_places: boolean;
+  details: DetailPart[];
+}

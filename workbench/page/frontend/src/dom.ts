@@ -1,0 +1,49 @@
+/** Elements of the page. Texts go in as texts, so that no name from a file becomes markup. */
+
+type Child = Node | string | null;
+
+export function element<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  attributes: Readonly<Record<string, string>> = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[K] {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children.filter((child): child is Node | string => child !== null));
+  return made;
+}
+
+export function button(label: string, title: string, pressed: boolean | null, act: () => void): HTMLButtonElement {
+  const made = element("button", { type: "button", title }, label);
+  if (pressed !== null) made.setAttribute("aria-pressed", String(pressed));
+  made.addEventListener("click", act);
+  return made;
+}
+
+export function select(
+  label: string,
+  options: readonly (readonly [value: string, title: string])[],
+  chosen: string,
+  act: (value: string) => void,
+): HTMLSelectElement {
+  const made = element("select", { "aria-label": label, title: label });
+  for (const [value, title] of options) made.append(element("option", { value }, title));
+  made.value = chosen;
+  made.addEventListener("change", () => act(made.value));
+  return made;
+}
+
+/** A canvas's context in CSS pixels, cleared; its store is as fine as the screen. */
+export function context(canvas: HTMLCanvasElement): CanvasRenderingContext2D | null {
+  const scale = window.devicePixelRatio || 1;
+  const width = Math.max(1, Math.round(canvas.clientWidth * scale));
+  const height = Math.max(1, Math.round(canvas.clientHeight * scale));
+  if (canvas.width !== width || canvas.height !== height) {
+    canvas.width = width;
+    canvas.height = height;
+  }
+  const drawing = canvas.getContext("2d");
+  drawing?.setTransform(scale, 0, 0, scale, 0, 0);
+  drawing?.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+  return drawing;
+}

@@ -1,0 +1,245 @@
+/** A pane: one layer of the wall, or two of them brought together, with marks over and a colour bar under them. */
+
+import { colourBar } from "./colour_bar";
+import type { Filters } from "./colouring";
+import { button, context, element, select } from "./dom";
+import { drawMarks, type outlinePaths, toPixels } from "./marks";
+import type { Source } from "./source";
+import { MODES, type Mode, type PaneState, type State } from "./state";
+import { LayerViewer } from "./viewer";
+import type { Place, View, Wall } from "./wall";
+
+export interface PaneEvents {
+  moved(pane: Pane, view: View): void;
+  pointed(place: Place | null): void;
+  clicked(place: Place): void;
+  closed(pane: Pane): void;
+}
+
+const LENS_PX = 90;
+
+export class Pane {
+  readonly element = element("section", { class: "pane" });
+  private readonly view_ = element("div", { class: "view" });
+  private readonly marks = element("canvas", { class: "marks", "aria-hidden": "true" });
+  private readonly handle = element("div", { class: "handle" });
+  private readonly head = element("header");
+  private readonly foot = element("footer");
+  private readonly under: LayerViewer;
+  private over: LayerViewer | null = null;
+  private pointer = { x: 0, y: 0 };
+  private drawing = 0;
+  private readonly resized: ResizeObserver;
+
+  constructor(
+    parent: HTMLElement,
+    readonly shown: PaneState,
+    private readonly state: State,
+    private readonly source: Source,
+    private readonly wall: Wall,
+    private readonly filters: Filters,
+    private readonly paths: ReturnType<typeof outlinePaths>,
+    private readonly events: PaneEvents,
+  ) {
+    const below = element("div", { class: "layer" });
+    this.view_.append(below, this.handle, this.marks);
+    this.element.append(this.head, this.view_, this.foot);
+    parent.append(this.element); // a viewer must know how large it is from the start
+    this.under = new LayerViewer(below, source, wall);
+    this.under.viewer.addHandler("viewport-change", () => this.follow());
+    this.under.viewer.addHandler("canvas-click", (event) => {
+      if (event.quick) this.events.clicked(this.placeAt(event.position.x, event.position.y));
+    });
+    this.view_.addEventListener("pointermove", (event) => this.point(event));
+    this.view_.addEventListener("pointerleave", () => this.events.pointed(null));
+    this.handle.addEventListener("pointerdown", (event) => this.handle.setPointerCapture(event.pointerId));
+    this.handle.addEventListener("pointermove", (event) => this.drag(event));
+    this.resized = new ResizeObserver(() => this.redraw());
+    this.resized.observe(this.view_);
+  }
+
+  /** Show what the state says, after any of it changed. */
+  refresh(): void {
+    this.buildHead();
+    this.foot.replaceChildren(...this.layers().map((key) => colourBar(this.state, key)));
+    this.under.show(this.shown.layer);
+    const two = this.shown.mode !== "single";
+    if (two && !this.over) {
+      const above = element("div", { class: "layer over" });
+      this.handle.before(above);
+      this.over = new LayerViewer(above, this.source, this.wall);
+      this.over.viewer.setMouseNavEnabled(false);
+    } else if (!two && this.over) {
+      this.over.destroy();
+      this.over.element.remove();
+      this.over = null;
+    }
+    this.over?.show(this.shown.second);
+    this.recolour();
+    this.follow();
+  }
+
+  recolour(): void {
+    this.under.element.style.filter = this.filters.css(this.state.layer(this.shown.layer));
+    if (this.over) this.over.element.style.filter = this.filters.css(this.state.layer(this.shown.second));
+    this.redraw();
+  }
+
+  view(): View {
+    return this.under.view();
+  }
+
+  setView(view: View, immediately = true): void {
+    this.under.setView(view, immediately);
+    if (immediately) this.follow();
+  }
+
+  /** mm per pixel at which the whole wall is in view, or its whole circle, whichever leaves more to see. */
+  home(): View {
+    const { clientWidth, clientHeight } = this.view_;
+    const length = this.wall.length_mm;
+    const whole = Math.max(this.wall.circumference_mm / clientWidth, (1.04 * length) / Math.max(clientHeight, 1));
+    const least = this.wall.circumference_mm / Math.min(150, clientWidth);
+    const mm_per_px = Math.min(whole, least);
+    const top = this.wall.part.top_mm + Math.min(length / 2, (clientHeight / 2 - 14) * mm_per_px);
+    return { theta_rad: Math.PI, z_mm: mm_per_px === whole ? this.wall.part.top_mm + length / 2 : top, mm_per_px };
+  }
+
+  redraw(): void {
+    if (this.drawing) return;
+    this.drawing = requestAnimationFrame(() => {
+      this.drawing = 0;
+      this.draw();
+    });
+  }
+
+  /** The canvases of the layers in the order in which they lie, and the marks: for a picture of the view. */
+  canvases(): { layer: string; canvas: HTMLCanvasElement }[] {
+    const found: { layer: string; canvas: HTMLCanvasElement }[] = [];
+    if (this.under.canvas) found.push({ layer: this.shown.layer, canvas: this.under.canvas });
+    return found;
+  }
+
+  get marksCanvas(): HTMLCanvasElement {
+    return this.marks;
+  }
+
+  destroy(): void {
+    this.resized.disconnect();
+    this.over?.destroy();
+    this.under.destroy();
+    this.element.remove();
+  }
+
+  private layers(): string[] {
+    return this.shown.mode === "single" ? [this.shown.layer] : [this.shown.layer, this.shown.second];
+  }
+
+  private buildHead(): void {
+    const titles = this.state.description.layers.map((layer) => [layer.key, layer.title] as const);
+    const changed = (): void => this.state.tell("panes");
+    const parts: HTMLElement[] = [
+      select("what this pane shows", titles, this.shown.layer, (key) => {
+        this.shown.layer = key;
+        changed();
+      }),
+      select("how a second layer is brought in", Object.entries(MODES), this.shown.mode, (mode) => {
+        this.shown.mode = mode as Mode;
+        changed();
+      }),
+    ];
+    if (this.shown.mode !== "single") {
+      parts.push(
+        select("the second layer", titles, this.shown.second, (key) => {
+          this.shown.second = key;
+          changed();
+        }),
+      );
+    }
+    if (this.shown.mode === "opacity" || this.shown.mode === "swipe") {
+      const range = element("input", { type: "range", min: "0", max: "1", step: "0.01", "aria-label": this.shown.mode });
+      range.value = String(this.shown.share);
+      range.addEventListener("input", () => {
+        this.shown.share = Number(range.value);
+        this.bringTogether();
+      });
+      parts.push(range);
+    }
+    if (this.state.panes.length > 1) {
+      const close = button("×", "close this pane", null, () => this.events.closed(this));
+      close.className = "close";
+      parts.push(close);
+    }
+    this.head.replaceChildren(...parts);
+    this.element.setAttribute("aria-label", this.state.layer(this.shown.layer).title);
+  }
+
+  private follow(): void {
+    const view = this.view();
+    this.over?.setView(view);
+    const layer = this.state.layer(this.shown.layer);
+    this.under.setSmooth(view.mm_per_px > Math.min(layer.row_mm, layer.column_mm));
+    this.over?.setSmooth(true);
+    this.events.moved(this, view);
+    this.bringTogether();
+    this.redraw();
+  }
+
+  private bringTogether(): void {
+    const { mode, share } = this.shown;
+    this.handle.hidden = mode !== "swipe";
+    this.handle.style.left = `${100 * share}%`;
+    if (!this.over) return;
+    const { style } = this.over.element;
+    style.opacity = mode === "opacity" ? String(share) : mode === "blink" && !this.state.secondShown ? "0" : "1";
+    style.clipPath = "none";
+    style.maskImage = "none";
+    if (mode === "swipe") style.clipPath = `inset(0 0 0 ${100 * share}%)`;
+    if (mode === "lens") style.clipPath = `circle(${LENS_PX}px at ${this.pointer.x}px ${this.pointer.y}px)`;
+    if (mode === "checker") this.lay(style);
+  }
+
+  /** Squares of a whole part of the circle, which stay where they are on the wall. */
+  private lay(style: CSSStyleDeclaration): void {
+    const view = this.view();
+    const { clientWidth, clientHeight } = this.view_;
+    const pairs = Math.max(1, Math.round(this.wall.circumference_mm / (160 * view.mm_per_px)));
+    const size = this.wall.circumference_mm / view.mm_per_px / pairs;
+    const origin = toPixels({ theta_rad: 0, z_mm: 0 }, view, this.wall, clientWidth, clientHeight);
+    style.maskImage = "conic-gradient(#000 25%, transparent 0 50%, #000 0 75%, transparent 0)";
+    style.maskSize = `${size}px ${size}px`;
+    style.maskPosition = `${origin.x}px ${origin.y}px`;
+  }
+
+  private drag(event: PointerEvent): void {
+    if (!this.handle.hasPointerCapture(event.pointerId)) return;
+    const frame = this.view_.getBoundingClientRect();
+    this.shown.share = Math.min(Math.max((event.clientX - frame.left) / frame.width, 0), 1);
+    const range = this.head.querySelector<HTMLInputElement>("input[type=range]");
+    if (range) range.value = String(this.shown.share);
+    this.bringTogether();
+  }
+
+  private point(event: PointerEvent): void {
+    const frame = this.view_.getBoundingClientRect();
+    this.pointer = { x: event.clientX - frame.left, y: event.clientY - frame.top };
+    this.events.pointed(this.placeAt(this.pointer.x, this.pointer.y));
+    if (this.shown.mode === "lens") this.bringTogether();
+  }
+
+  private placeAt(x: number, y: number): Place {
+    const view = this.view();
+    const { clientWidth, clientHeight } = this.view_;
+    return {
+      theta_rad: view.theta_rad + ((x - clientWidth / 2) * view.mm_per_px) / this.wall.part.radius_mm,
+      z_mm: view.z_mm + (y - clientHeight / 2) * view.mm_per_px,
+    };
+  }
+
+  private draw(): void {
+    const drawing = context(this.marks);
+    if (!drawing) return;
+    const { clientWidth: width, clientHeight: height } = this.marks;
+    drawMarks({ drawing, width, height, view: this.view(), wall: this.wall }, this.state, this.paths, this.layers());
+  }
+}

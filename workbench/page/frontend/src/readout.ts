@@ -1,0 +1,74 @@
+/** What lies under the cursor: θ, z, the value of every layer of numbers, the cells. */
+
+import { element } from "./dom";
+import type { Source, Values } from "./source";
+import type { State } from "./state";
+import { cellAt } from "./cells";
+import { type Place, degrees } from "./wall";
+import type { outlinePaths } from "./marks";
+import type { Wall } from "./wall";
+
+export class Readout {
+  readonly element = element("section", { class: "readout", "aria-label": "values under the cursor" });
+  private asking = false;
+  private wanted: Place | null = null;
+  private values: Values | null = null;
+
+  constructor(
+    private readonly state: State,
+    private readonly source: Source,
+    private readonly wall: Wall,
+    private readonly paths: ReturnType<typeof outlinePaths>,
+  ) {
+    state.on("cursor", () => this.follow());
+    this.draw(null);
+  }
+
+  private follow(): void {
+    const place = this.state.cursor ?? this.state.pinned;
+    this.draw(place);
+    this.wanted = place;
+    if (!this.asking) void this.ask();
+  }
+
+  /** One question at a time, always for the place where the cursor is by then. */
+  private async ask(): Promise<void> {
+    this.asking = true;
+    while (this.wanted) {
+      const place = this.wanted;
+      this.wanted = null;
+      this.values = await this.source.values(place.theta_rad, place.z_mm).catch(() => null);
+      if (!this.wanted) this.draw(place);
+    }
+    this.asking = false;
+  }
+
+  private draw(place: Place | null): void {
+    const rows: [string, string][] = [
+      ["θ", place ? `${degrees(place.theta_rad).toFixed(2)}°` : "–"],
+      ["z", place ? `${place.z_mm.toFixed(3)} mm`.replace("-", "−") : "–"],
+    ];
+    const { top_mm, bottom_mm } = this.wall.part;
+    const inside = place !== null && place.z_mm >= top_mm && place.z_mm <= bottom_mm;
+    for (const layer of this.state.description.layers) {
+      if (layer.kind !== "scalar") continue;
+      const value = inside ? this.values?.[layer.key] : undefined;
+      const text = value === undefined ? "–" : value === null ? "not observed" : valueText(value, layer.unit);
+      rows.push([layer.title, text]);
+    }
+    for (const outline of this.state.description.outlines) {
+      const cell = inside && place ? cellAt(this.state, this.paths, this.wall, outline.layer, place) : null;
+      rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state})` : "–"]);
+    }
+    const pinned = !this.state.cursor && this.state.pinned ? "at the marked place" : "under the cursor";
+    this.element.replaceChildren(
+      element("h2", {}, "Values ", element("small", {}, place ? pinned : "")),
+      element("dl", {}, ...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)])),
+    );
+  }
+}
+
+function valueText(value: number, unit: string): string {
+  const text = unit === "mm" ? `${value.toFixed(3)} mm` : `${Number(value.toPrecision(4))}`;
+  return text.replace("-", "−");
+}

@@ -1,0 +1,92 @@
+/** Where the page's data come from: the server that served it, or the file that it is frozen into. */
+
+import type { Description } from "./description";
+import { OVERLAP_PX, TILE_PX, Wall, wrapped } from "./wall";
+
+export type Values = Record<string, number | null>;
+
+export interface Source {
+  description: Description;
+  /** The finest level of tiles of a layer that there is here. */
+  finestLevel(layer: string): number;
+  tileUrl(layer: string, level: number, column: number, row: number): string;
+  /** The values of all layers of numbers at a place; null where they are not to be had. */
+  values(theta_rad: number, z_mm: number): Promise<Values | null>;
+}
+
+interface Frozen {
+  description: Description;
+  /** By layer, by level, by "column_row": a picture, its kind and its bytes in base64. */
+  tiles: Record<string, Record<string, string>[]>;
+  type: string;
+}
+
+export async function openSource(): Promise<Source> {
+  const frozen = document.getElementById("frozen");
+  return frozen ? frozenSource(JSON.parse(frozen.textContent ?? "") as Frozen) : servedSource();
+}
+
+async function servedSource(): Promise<Source> {
+  const answer = await fetch("description.json");
+  if (!answer.ok) throw new Error(await answer.text());
+  const description = (await answer.json()) as Description;
+  const version = Date.now().toString(36);
+  const finest = new Map(description.layers.map((layer) => [layer.key, layer.finest_level]));
+  return {
+    description,
+    finestLevel: (layer) => finest.get(layer) ?? 0,
+    tileUrl: (layer, level, column, row) =>
+      `tiles/${version}/${encodeURIComponent(layer)}/${level}/${column}_${row}.png`,
+    values: async (theta_rad, z_mm) => {
+      const found = await fetch(`values.json?theta_rad=${theta_rad}&z_mm=${z_mm}`);
+      return found.ok ? ((await found.json()) as Values) : null;
+    },
+  };
+}
+
+/** Read values back from the codes of the finest tiles that there are. */
+async function frozenValues(frozen: Frozen, theta_rad: number, z_mm: number): Promise<Values> {
+  const wall = new Wall(frozen.description.wall);
+  const values: Values = {};
+  for (const layer of frozen.description.layers) {
+    if (layer.kind !== "scalar") continue;
+    const level = (frozen.tiles[layer.key]?.length ?? 1) - 1;
+    const turns = wall.turnsOf({ theta_rad: wrapped(theta_rad), z_mm });
+    const [x, y] = [Math.floor(turns.x * wall.widthPx(level)), Math.floor(turns.y * wall.widthPx(level))];
+    const [column, row] = [Math.floor(x / TILE_PX), Math.floor(y / TILE_PX)];
+    const bytes = frozen.tiles[layer.key]?.[level]?.[`${column}_${row}`];
+    if (bytes === undefined) {
+      values[layer.key] = null;
+      continue;
+    }
+    const [top, left] = [Math.max(row * TILE_PX - OVERLAP_PX, 0), column * TILE_PX - OVERLAP_PX];
+    const code = await codeAt(`data:${frozen.type};base64,${bytes}`, x - left, y - top);
+    values[layer.key] = code === null ? null : layer.low + (code / 255) * (layer.high - layer.low);
+  }
+  return values;
+}
+
+async function codeAt(url: string, x: number, y: number): Promise<number | null> {
+  const picture = new Image();
+  picture.src = url;
+  await picture.decode();
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 1;
+  const drawing = canvas.getContext("2d");
+  drawing?.drawImage(picture, -x, -y);
+  const found = drawing?.getImageData(0, 0, 1, 1).data;
+  return found && found[3] === 255 ? (found[0] ?? null) : null;
+}
+
+function frozenSource(frozen: Frozen): Source {
+  const empty = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7";
+  return {
+    description: frozen.description,
+    finestLevel: (layer) => (frozen.tiles[layer]?.length ?? 1) - 1,
+    tileUrl: (layer, level, column, row) => {
+      const bytes = frozen.tiles[layer]?.[level]?.[`${column}_${row}`];
+      return bytes === undefined ? empty : `data:${frozen.type};base64,${bytes}`;
+    },
+    values: (theta_rad, z_mm) => frozenValues(frozen, theta_rad, z_mm),
+  };
+}

@@ -1,0 +1,72 @@
+/** The row of switches over the panes. */
+
+import { button, element } from "./dom";
+import type { State } from "./state";
+
+export interface Actions {
+  addPane(): void;
+  home(): void;
+  save(): void;
+}
+
+export const MOST_PANES = 6;
+
+const KEYS: readonly (readonly [string, string])[] = [
+  ["drag, wheel, pinch", "move and zoom; panes that are linked go along"],
+  ["click", "mark a place"],
+  ["arrow keys", "step the marked place by a row and by a degree; without one, move the view"],
+  ["+ −", "zoom"],
+  ["0", "the whole wall"],
+  ["L", "link and unlink the panes"],
+  ["B", "blink: the second layer on and off"],
+  ["O", "outlines on and off"],
+  ["R", "ruler: click two places"],
+  ["Escape", "forget the marked place, the ruler, the selected cell"],
+];
+
+export function toolbar(state: State, actions: Actions): HTMLElement {
+  const bar = element("div", { class: "toolbar", role: "toolbar", "aria-label": "panes" });
+  const draw = (): void => {
+    const toggle = (label: string, title: string, on: boolean, act: () => void): HTMLButtonElement =>
+      button(label, title, on, act);
+    const outlines = state.description.outlines.map((outline) => {
+      const made = toggle(outline.side, `outlines of the cells of ${outline.side}`, state.outlines.has(outline.layer), () => {
+        if (!state.outlines.delete(outline.layer)) state.outlines.add(outline.layer);
+        state.tell("marks");
+        draw();
+      });
+      const swatch = element("i");
+      swatch.style.background = outline.colour;
+      made.prepend(swatch);
+      return made;
+    });
+    const add = button("+ pane", "one pane more", null, actions.addPane);
+    add.disabled = state.panes.length >= MOST_PANES;
+    const keys = element("details", { class: "keys" }, element("summary", {}, "Keys"),
+      element("dl", {}, ...KEYS.flatMap(([key, what]) => [element("dt", {}, key), element("dd", {}, what)])));
+    bar.replaceChildren(
+      add,
+      toggle(state.linked ? "linked" : "not linked", "panes go together, by mm per pixel (L)", state.linked, () => {
+        state.linked = !state.linked;
+        state.tell("link");
+      }),
+      button("whole wall", "show all of the wall (0)", null, actions.home),
+      ...(outlines.length ? [element("span", { class: "label" }, "outlines"), ...outlines,
+        toggle("numbers", "numbers of the cells", state.numbers, () => {
+          state.numbers = !state.numbers;
+          state.tell("marks");
+          draw();
+        })] : []),
+      toggle("ruler", "length along the wall: click two places (R)", state.measuring, () => {
+        state.measuring = !state.measuring;
+        state.ruler = null;
+        state.tell("marks");
+      }),
+      button("save view", "save what the panes show as PNG", null, actions.save),
+      keys,
+    );
+  };
+  for (const change of ["panes", "link", "marks"] as const) state.on(change, draw);
+  draw();
+  return bar;
+}

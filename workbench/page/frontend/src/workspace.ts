@@ -1,0 +1,211 @@
+/** The panes with all that goes with them. */
+
+import { CellTable } from "./cells";
+import { Filters } from "./colouring";
+import type { CellPart, Description } from "./description";
+import { element } from "./dom";
+import { Link } from "./link";
+import { outlinePaths } from "./marks";
+import { Pane } from "./pane";
+import { pictureOf } from "./picture";
+import { Readout } from "./readout";
+import type { Source } from "./source";
+import { State } from "./state";
+import { MOST_PANES, toolbar } from "./toolbar";
+import { type Place, Wall, wrapped } from "./wall";
+
+/** How large a cell is shown when it is selected. */
+const CELL_PX = 150;
+
+export class Workspace {
+  readonly element = element("main", { class: "workspace" });
+  readonly state: State;
+  private readonly wall: Wall;
+  private readonly filters: Filters;
+  private readonly paths: ReturnType<typeof outlinePaths>;
+  private readonly link: Link;
+  private readonly grid = element("div", { class: "panes" });
+  private panes: Pane[] = [];
+
+  constructor(description: Description, private readonly source: Source) {
+    this.state = new State(description);
+    this.wall = new Wall(description.wall);
+    this.paths = outlinePaths(description, this.wall);
+    this.filters = new Filters(description.layers);
+    this.link = new Link(this.state, this.wall, () => this.panes);
+    const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save() };
+    const side = element("aside", {}, new Readout(this.state, source, this.wall, this.paths).element);
+    if (description.cells.length) side.append(new CellTable(this.state, (cell) => this.select(cell)).element);
+    this.element.append(element("div", { class: "stage" }, toolbar(this.state, actions), this.grid), side);
+    this.state.on("panes", () => this.refresh());
+    this.state.on("colours", () => this.recolour());
+    this.state.on("link", () => this.relink());
+    for (const change of ["marks", "cursor", "selection"] as const) this.state.on(change, () => this.redraw());
+    document.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  /** Open the panes; the page must hold the workspace by then, so that they know how large they are. */
+  start(): void {
+    this.recolour();
+    this.refresh();
+    requestAnimationFrame(() => requestAnimationFrame(() => this.home()));
+  }
+
+  private refresh(): void {
+    const kept = this.panes.filter((pane) => this.state.panes.includes(pane.shown));
+    for (const pane of this.panes) if (!kept.includes(pane)) pane.destroy();
+    this.grid.style.setProperty("--panes", String(this.state.panes.length));
+    this.panes = this.state.panes.map((shown) => kept.find((pane) => pane.shown === shown) ?? this.newPane(shown));
+    this.grid.replaceChildren(...this.panes.map((pane) => pane.element));
+    for (const pane of this.panes) {
+      pane.refresh();
+      if (!kept.includes(pane) && this.state.view) pane.setView(this.state.view);
+    }
+  }
+
+  private newPane(shown: State["panes"][number]): Pane {
+    return new Pane(this.grid, shown, this.state, this.source, this.wall, this.filters, this.paths, {
+      moved: (pane, view) => this.link.moved(pane, view),
+      pointed: (place) => {
+        this.state.cursor = place;
+        this.state.tell("cursor");
+      },
+      clicked: (place) => this.click(place),
+      closed: (pane) => {
+        this.state.panes = this.state.panes.filter((one) => one !== pane.shown);
+        this.state.tell("panes");
+      },
+    });
+  }
+
+  private addPane(): void {
+    if (this.state.panes.length >= MOST_PANES) return;
+    const shown = new Set(this.state.panes.map((pane) => pane.layer));
+    const layers = this.state.description.layers;
+    const next = layers.find((layer) => !shown.has(layer.key)) ?? layers[0];
+    if (!next) return;
+    this.state.panes = [...this.state.panes, { layer: next.key, second: next.key, mode: "single", share: 0.5 }];
+    this.state.tell("panes");
+  }
+
+  private home(): void {
+    const pane = this.panes[0];
+    if (pane) this.link.show(pane.home());
+  }
+
+  private recolour(): void {
+    for (const layer of this.state.description.layers) {
+      if (layer.kind === "scalar") this.filters.set(layer, this.state.colouring(layer.key));
+    }
+    for (const pane of this.panes) pane.refresh();
+  }
+
+  private relink(): void {
+    const pane = this.panes[0];
+    if (this.state.linked && pane) this.link.show(pane.view());
+  }
+
+  private redraw(): void {
+    for (const pane of this.panes) pane.redraw();
+  }
+
+  private click(place: Place): void {
+    if (this.state.measuring) {
+      const open = this.state.ruler && !this.state.ruler.to ? this.state.ruler : null;
+      this.state.ruler = open ? { from: open.from, to: place } : { from: place, to: null };
+      this.state.tell("marks");
+      return;
+    }
+    this.pin(place);
+  }
+
+  private pin(place: Place | null): void {
+    this.state.pinned = place && { ...place, theta_rad: wrapped(place.theta_rad) };
+    this.state.tell("cursor");
+  }
+
+  private select(cell: CellPart): void {
+    this.state.selected = cell;
+    this.state.tell("selection");
+    const now = this.panes[0]?.view();
+    if (!now) return;
+    const mm_per_px = Math.min(now.mm_per_px, cell.diameter_mm / CELL_PX);
+    // the nearer way around
+    const apart = wrapped(cell.theta_rad - now.theta_rad + Math.PI) - Math.PI;
+    this.link.show({ theta_rad: now.theta_rad + apart, z_mm: cell.z_mm, mm_per_px });
+  }
+
+  private save(): void {
+    const link = element("a", { download: `${this.state.description.title.replace(/[^\w-]+/g, "-")}.png` });
+    link.href = pictureOf(this.panes, this.state).toDataURL("image/png");
+    link.click();
+  }
+
+  private key(event: KeyboardEvent): void {
+    const target = event.target;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (target instanceof HTMLInputElement || target instanceof HTMLSelectElement) return;
+    const acts: Record<string, () => void> = {
+      "0": () => this.home(),
+      l: () => {
+        this.state.linked = !this.state.linked;
+        this.state.tell("link");
+      },
+      b: () => {
+        this.state.secondShown = !this.state.secondShown;
+        for (const pane of this.panes) pane.refresh();
+      },
+      o: () => {
+        const all = this.state.description.outlines.map((outline) => outline.layer);
+        this.state.outlines = new Set(this.state.outlines.size ? [] : all);
+        this.state.tell("marks");
+      },
+      r: () => {
+        this.state.measuring = !this.state.measuring;
+        this.state.ruler = null;
+        this.state.tell("marks");
+      },
+      "+": () => this.zoom(1 / 1.5),
+      "=": () => this.zoom(1 / 1.5),
+      "-": () => this.zoom(1.5),
+      arrowup: () => this.step(0, -1),
+      arrowdown: () => this.step(0, 1),
+      arrowleft: () => this.step(-1, 0),
+      arrowright: () => this.step(1, 0),
+      escape: () => {
+        this.state.selected = null;
+        this.state.ruler = null;
+        this.state.measuring = false;
+        this.state.tell("marks");
+        this.state.tell("selection");
+        this.pin(null);
+      },
+    };
+    const act = acts[event.key.toLowerCase()];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+
+  private zoom(by: number): void {
+    const now = this.panes[0]?.view();
+    if (now) this.link.show({ ...now, mm_per_px: now.mm_per_px * by });
+  }
+
+  /** Move the marked place by a degree and by a row of what the first pane shows; without one, the view. */
+  private step(across: number, down: number): void {
+    const pane = this.panes[0];
+    if (!pane) return;
+    const { pinned } = this.state;
+    if (!pinned) {
+      const now = pane.view();
+      const [theta_rad, z_mm] = [now.theta_rad + (across * 60 * now.mm_per_px) / this.wall.part.radius_mm, now.z_mm + down * 60 * now.mm_per_px];
+      this.link.show({ ...now, theta_rad, z_mm });
+      return;
+    }
+    const row_mm = this.state.layer(pane.shown.layer).row_mm;
+    const { top_mm, bottom_mm } = this.wall.part;
+    const z_mm = Math.min(Math.max(pinned.z_mm + down * row_mm, top_mm), bottom_mm);
+    this.pin({ theta_rad: pinned.theta_rad + (across * Math.PI) / 180, z_mm });
+  }
+}

@@ -1,0 +1,95 @@
+"""What panes show: layers of the wall, from planes to pictures of tiles."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Pillow
+
+from endoct.fusion.scoring.overlap import difference
+from endoct.workbench.page.plane import Averaged, Plane
+from endoct.workbench.page.wall import Tile, Wall, pixels_of
+
+CODES = 255
+"""The largest code of a sample in a tile."""
+_NOT_OBSERVED = 255
+"""The place in the palette of what was not observed: transparent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scalar:
+    """A layer of numbers: an intensity, a depth.
+
+    Tiles hold code = 255 · (value − ``low``) / (``high`` − ``low``), for the page to colour.
+    """
+
+    plane: Plane
+    low: float
+    high: float
+
+    def png(self, wall: Wall, tile: Tile) -> bytes:
+        """Return ``tile`` as PNG: grey and alpha, which is 0 where nothing was observed."""
+        found = self.plane.means(wall, tile.level, pixels_of(wall, tile))
+        scaled = (found.values - self.low) * (CODES / (self.high - self.low))
+        grey = np.clip(np.rint(scaled), 0, CODES).astype(np.uint8)
+        alpha = np.where(found.known, 255, 0).astype(np.uint8)
+        return _png(Pillow.fromarray(np.dstack([np.where(found.known, grey, 0).astype(np.uint8), alpha]), "LA"))
+
+
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """A layer of classes: the cells of one side, or where the cells of two differ. ``colours`` by class."""
+
+    planes: tuple[Plane, ...]
+    colours: Sequence[tuple[int, int, int]]
+
+    def png(self, wall: Wall, tile: Tile) -> bytes:
+        """Return ``tile`` as PNG in colours, transparent where nothing was observed."""
+        pixels = pixels_of(wall, tile)
+        classes = self.classes([plane.means(wall, tile.level, pixels) for plane in self.planes])
+        picture = Pillow.fromarray(classes, "P")
+        palette = [value for colour in self.colours for value in colour]
+        picture.putpalette(palette + [0] * (768 - len(palette)))
+        return _png(picture, transparency=_NOT_OBSERVED)
+
+    def classes(self, found: Sequence[Averaged]) -> NDArray[np.uint8]:
+        """Return the class of every pixel, and 255 where one of the sides observed nothing."""
+        known = np.logical_and.reduce([one.known for one in found])
+        masks = [one.values >= 0.5 for one in found]
+        classes = masks[0] if len(masks) == 1 else difference(masks[0], masks[1], known)
+        return np.where(known, classes.astype(np.uint8), np.uint8(_NOT_OBSERVED))
+
+
+Layer = Scalar | Classes
+
+
+def scalar(plane: Plane) -> Scalar:
+    """Return the layer of the numbers of ``plane``, its codes spread over nearly all values that it has."""
+    low, high = shown_range(plane.overview().averaged, 0.05, 99.95)
+    spare = (high - low) / 20
+    return Scalar(plane, low - spare, high + spare)
+
+
+def shown_range(overview: Averaged, least: float = 0.5, most: float = 99.5) -> tuple[float, float]:
+    """Return two percentiles of what was observed, (0, 1) where nothing was."""
+    known = overview.values[overview.known]
+    if not known.size:
+        return 0.0, 1.0
+    low, high = (float(value) for value in np.percentile(known[:: max(1, known.size // 400_000)], [least, most]))
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+def is_blank(png: bytes) -> bool:
+    """Say whether a tile shows nothing: nothing was observed in it."""
+    picture = Pillow.open(io.BytesIO(png))
+    if picture.mode == "P":
+        return picture.getextrema() == (_NOT_OBSERVED, _NOT_OBSERVED)
+    return picture.getextrema()[1] == (0, 0)
+
+
+def _png(picture: Pillow.Image, **options: int) -> bytes:
+    file = io.BytesIO()
+    picture.save(file, "PNG", compress_level=1, **options)
+    return file.getvalue()

@@ -1,0 +1,177 @@
+"""Images of the wall, of which windows are read or averaged: what tiles are cut from."""
+
+import math
+import threading
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.window import StoredImage
+from endoct.workbench.page.placing import Placing, Spans, column_spans, row_spans
+from endoct.workbench.page.wall import Pixels, Wall
+
+MOST_OVERVIEW_SAMPLES = 1_500_000
+"""Of the overview that coarse tiles are cut from, so that none of them reads the whole image."""
+SAMPLES_AT_ONCE = 1_000_000
+"""Read at a time while an overview is made."""
+
+
+@dataclass(frozen=True, eq=False)
+class Averaged:
+    """``values`` float32 and how much of each was ``observed``, a share; values are 0 where nothing was."""
+
+    values: Image
+    observed: Image
+
+    @property
+    def known(self) -> Mask:
+        """Where at least half of a value was observed."""
+        return self.observed >= 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Overview:
+    """An image, ``averaged`` over so many rows ``down`` and columns ``across``."""
+
+    down: int
+    across: int
+    averaged: Averaged
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """An image on disk with what of it was observed, and where it lies on the wall.
+
+    ``observed`` None: wherever the image is finite.
+    """
+
+    image: StoredImage
+    observed: StoredImage | None
+    placing: Placing
+    radius_mm: float
+    _overview: "list[Overview]" = field(default_factory=list, repr=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    def means(self, wall: Wall, level: int, pixels: Pixels) -> Averaged:
+        """Return ``pixels`` of the wall at ``level``: each the mean of the observed samples in it, or the nearest."""
+        rows = row_spans(self.placing, wall, level, pixels)
+        columns = column_spans(self.placing, wall, level, pixels)
+        overview, placing = self.overview(), self.placing
+        thinned_mm = (placing.row_height_mm, overview.down), (placing.dtheta_mm(self.radius_mm), overview.across)
+        if all(by == 1 or wall.pixel_mm(level) >= by * sample_mm for sample_mm, by in thinned_mm):
+            return _means(overview.averaged, _coarser(rows, overview.down), _coarser(columns, overview.across))
+        return self._from_store(rows, columns)
+
+    def at(self, theta_rad: float, z_mm: float) -> float | None:
+        """Return the value of the sample at a place, None where nothing was observed there."""
+        row = int(np.argmin(np.abs(self.placing.row_mm - z_mm)))
+        if abs(self.placing.row_mm[row] - z_mm) > 0.75 * self.placing.row_height_mm:
+            return None
+        column = math.floor((theta_rad - self.placing.theta0_rad) / self.placing.dtheta_rad + 0.5)
+        found = self._read(slice(row, row + 1), slice(column, column + 1))
+        return float(found.values[0, 0]) if found.observed[0, 0] else None
+
+    def overview(self) -> Overview:
+        """Return the whole image, small; made when first asked for."""
+        with self._lock:
+            if not self._overview:
+                self._overview.append(self._new_overview())
+            return self._overview[0]
+
+    def _new_overview(self) -> Overview:
+        n_z, n_theta = self.image.shape
+        down, across = thinning(self.image.shape, self.placing.row_height_mm, self.placing.dtheta_mm(self.radius_mm))
+        high = max(down, SAMPLES_AT_ONCE // n_theta // down * down)
+        columns = Spans(starts := np.arange(0, n_theta, across), np.minimum(starts + across, n_theta))
+        parts = []
+        for top in range(0, n_z, high):
+            n_rows = min(high, n_z - top)
+            read = self._read(slice(top, top + n_rows), slice(0, n_theta))
+            if down * across == 1:
+                parts.append(read)
+                continue
+            rows = Spans(first := np.arange(0, n_rows, down), np.minimum(first + down, n_rows))
+            parts.append(_means(read, rows, columns))
+        values, observed = ([getattr(part, name) for part in parts] for name in ("values", "observed"))
+        return Overview(down, across, Averaged(np.concatenate(values), np.concatenate(observed)))
+
+    def _from_store(self, rows: Spans, columns: Spans) -> Averaged:
+        top, bottom = int(rows.start.min()), int(max(rows.stop.max(), rows.start.min() + 1))
+        left, right = int(columns.start.min()), int(columns.stop.max())
+        read = self._read(slice(top, bottom), slice(left, right))
+        return _means(read, Spans(rows.start - top, rows.stop - top), Spans(columns.start - left, columns.stop - left))
+
+    def _read(self, rows: slice, columns: slice) -> Averaged:
+        """Return samples along z and θ, which goes on around the circle."""
+        values = self._stored(self.image, rows, columns).astype(np.float32)
+        observed = np.isfinite(values)
+        if self.observed is not None:
+            observed &= self._stored(self.observed, rows, columns).astype(np.bool_)
+        return Averaged(np.where(observed, values, np.float32(0)), observed.astype(np.float32))
+
+    def _stored(self, image: StoredImage, rows: slice, columns: slice) -> NDArray[Any]:
+        placing, n_theta = self.placing, self.placing.n_theta
+        if placing.z_reversed:
+            rows = slice(placing.stored_row(rows.stop - 1), placing.stored_row(rows.start) + 1)
+        if placing.mirrored:
+            columns = slice(1 - columns.stop, 1 - columns.start)
+        first = columns.start // n_theta * n_theta
+        parts = [
+            image.read(rows, slice(max(columns.start - turn, 0), min(columns.stop - turn, n_theta)))
+            for turn in range(first, columns.stop, n_theta)
+        ]
+        found = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        return found[:: -1 if placing.z_reversed else 1, :: -1 if placing.mirrored else 1]
+
+
+def thinning(shape: tuple[int, int], tall_mm: float, wide_mm: float) -> tuple[int, int]:
+    """Return how many (rows, columns) of an image of ``shape`` an overview has one sample for.
+
+    The axis along which samples are finer is thinned first. Columns are thinned by divisors of their number: the
+    overview closes the circle as well.
+    """
+    n_z, n_theta = shape
+    divisors = [k for k in range(1, n_theta + 1) if n_theta % k == 0]
+    down, step = 1, 0
+    while -(-n_z // down) * (n_theta // divisors[step]) > MOST_OVERVIEW_SAMPLES:
+        is_finer_along_z = tall_mm * down < wide_mm * divisors[step]
+        if is_finer_along_z or divisors[step] == n_theta:
+            down *= 2
+        else:
+            step += 1
+    return down, divisors[step]
+
+
+def _coarser(spans: Spans, by: int) -> Spans:
+    """Return the spans of samples each the mean of ``by``; every span keeps one at least."""
+    if by == 1:
+        return spans
+    start, stop = spans.start // by, -(-spans.stop // by)
+    return Spans(start, np.where(spans.stop > spans.start, np.maximum(stop, start + 1), start))
+
+
+def _means(of: Averaged, rows: Spans, columns: Spans) -> Averaged:
+    """Return the mean of the observed samples in every span; columns go on around."""
+    n_theta = of.values.shape[1]
+    left, right = int(columns.start.min()), int(columns.stop.max())
+    top, bottom = int(rows.start.min()), int(max(rows.stop.max(), rows.start.min() + 1))
+    index = np.arange(left, right) % n_theta
+    weight = of.observed[top:bottom, index].astype(np.float64)
+    total = of.values[top:bottom, index] * weight
+    rows = Spans(rows.start - top, rows.stop - top)
+    columns = Spans(columns.start - left, columns.stop - left)
+    sums, weights = _sums(total, rows, columns), _sums(weight, rows, columns)
+    count = np.maximum(np.outer(rows.stop - rows.start, columns.stop - columns.start), 1)
+    means = np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0)
+    return Averaged(means.astype(np.float32), (weights / count).astype(np.float32))
+
+
+def _sums(values: NDArray[np.float64], rows: Spans, columns: Spans) -> NDArray[np.float64]:
+    """Return the sums over every span of rows and columns."""
+    down = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    strips = down[rows.stop] - down[rows.start]
+    across = np.concatenate([np.zeros((strips.shape[0], 1)), np.cumsum(strips, axis=1)], axis=1)
+    return np.asarray(across[:, columns.stop] - across[:, columns.start])

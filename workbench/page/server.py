@@ -1,0 +1,93 @@
+"""The server of the page: its files, its description, tiles, values. It opens nothing but what it was given."""
+
+import json
+from importlib.resources import files
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.page.guard import Guard, allowed_hosts
+from endoct.workbench.page.shown import Shown
+from endoct.workbench.page.wall import NoSuchTile, Tile
+
+PACKAGE = "endoct.workbench.page"
+TYPES = {"page.js": "text/javascript", "page.css": "text/css", "served.html": "text/html"}
+MOST_DIGITS = 9
+"""Of a number in an address: what is longer names nothing here."""
+KEPT = "private, max-age=3600"
+"""How long a browser may keep a tile: addresses of tiles have a part that is new with every server."""
+FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
+
+
+def app_for(shown: Shown, host: str, port: int) -> Starlette:
+    """Return the application that serves the page of ``shown`` to those who call it by ``host`` and ``port``."""
+    description = json.dumps(shown.description.to_json(), allow_nan=False).encode()
+
+    def page(_: Request) -> Response:
+        return _file("served.html")
+
+    def asset(request: Request) -> Response:
+        return _file(request.path_params["name"])
+
+    def describe(_: Request) -> Response:
+        return Response(description, media_type="application/json", headers={"cache-control": "no-store"})
+
+    def tile(request: Request) -> Response:
+        level, column, row = (_number(request.path_params[name]) for name in ("level", "column", "row"))
+        png = shown.png(request.path_params["key"], Tile(level, column, row))
+        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+
+    def values(request: Request) -> Response:
+        theta_rad = _place(request, "theta_rad", MOST_TURNS_RAD)
+        z_mm = _place(request, "z_mm", FARTHEST_MM)
+        return JSONResponse(shown.values_at(theta_rad, z_mm), headers={"cache-control": "no-store"})
+
+    return Starlette(
+        routes=[
+            Route("/", page),
+            Route("/description.json", describe),
+            Route("/values.json", values),
+            Route("/tiles/{version}/{key}/{level}/{column}_{row}.png", tile),
+            Route("/{name}", asset),
+        ],
+        middleware=[Middleware(Guard, hosts=allowed_hosts(host, port))],
+        exception_handlers={NoSuchTile: _not_found, EndoctError: _failed},
+    )
+
+
+def _file(name: str) -> Response:
+    """Return a file of the page; there are no others."""
+    if name not in TYPES:
+        return PlainTextResponse("there is no such page", status_code=404)
+    content = files(PACKAGE).joinpath("bundle", name).read_bytes()
+    return Response(content, media_type=f"{TYPES[name]}; charset=utf-8", headers={"cache-control": "no-cache"})
+
+
+def _number(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
+        raise NoSuchTile("there is no such tile", found=text[:40], expected="numbers")
+    return int(text)
+
+
+def _place(request: Request, name: str, most: float) -> float:
+    text = request.query_params.get(name, "")
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) <= most:
+        raise NoSuchTile("there is no such place", found=f"{name} {text[:40]}", expected="a number")
+    return value
+
+
+async def _not_found(_: Request, error: Any) -> Response:
+    return PlainTextResponse(str(error), status_code=404)
+
+
+async def _failed(_: Request, error: Any) -> Response:
+    return PlainTextResponse(str(error), status_code=500)

@@ -1,0 +1,58 @@
+"""`endoct serve`: the page of one folder, until it is interrupted."""
+
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.page.opening import open_shown
+
+USUAL_PORT = 8765
+
+
+def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], None]) -> None:
+    """Serve the page of ``folder`` on ``host`` until interrupted; ``announce`` is told its address.
+
+    Without a ``port`` it is the usual one, or where that is taken any that is free. Raises :class:`EndoctError` where
+    the folder cannot be shown, or the port cannot be had.
+    """
+    import uvicorn
+
+    from endoct.workbench.page.server import app_for
+
+    shown = open_shown(folder)
+    with _listening(host, port) as listening:
+        chosen = listening.getsockname()[1]
+        announce(f"http://{f'[{host}]' if ':' in host else host}:{chosen}/")
+        settings = uvicorn.Config(
+            app_for(shown, host, chosen), log_level="warning", access_log=False, server_header=False, lifespan="off"
+        )
+        uvicorn.Server(settings).run(sockets=[listening])
+
+
+def _listening(host: str, port: int | None) -> socket.socket:
+    if host in ("", "0.0.0.0", "::"):
+        # the server answers to its own names alone, and cannot know by which of them it will be called
+        raise EndoctError(
+            "the page cannot listen on every address",
+            found=host or "no address",
+            expected="one address of this machine",
+        )
+    tried = [USUAL_PORT, 0] if port is None else [port]
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    for one in tried:
+        listening = socket.socket(family, socket.SOCK_STREAM)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((host, one))
+        except (OSError, OverflowError) as error:
+            listening.close()
+            if one == tried[-1]:
+                raise EndoctError(
+                    f"no server can listen on {host}, port {one}",
+                    found=getattr(error, "strerror", None) or str(error),
+                    remedy="say another --port or --host",
+                ) from error
+        else:
+            return listening
+    raise AssertionError  # the last port was refused above
