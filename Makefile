@@ -14,7 +14,7 @@ $(shell rm -rf $(VENV))
 endif
 endif
 
-.PHONY: help demo test test-all lint types layers site bench wheel-test clean
+.PHONY: help demo test test-all lint types layers site page bench wheel-test clean
 
 help:
 	@echo "make demo        simulate a bore, compare both recordings, write demo/comparison/report.html"
@@ -23,6 +23,7 @@ help:
 	@echo "make types       mypy, strict"
 	@echo "make layers      import-linter: who may import whom"
 	@echo "make site        the documentation as a site: open site/index.html"
+	@echo "make page        the page's program, from its sources in TypeScript (needs Node and npm)"
 	@echo "make bench       benchmarks against scikit-image"
 	@echo "make wheel-test  build the wheel, install it into a clean environment, run it there"
 	@echo "make clean       remove the environment and everything built"
@@ -50,6 +51,9 @@ layers: $(VENV)/.ready-dev
 site: $(VENV)/.ready-docs
 	NO_MKDOCS_2_WARNING=1 $(RUN) mkdocs build --strict --quiet
 	@echo "The site: $(CURDIR)/site/index.html (open it in a browser)"
+
+page:
+	cd workbench/page/frontend && npm ci --ignore-scripts --no-audit --no-fund && npm run check && npm run build
 
 bench: $(VENV)/.ready-dev
 	$(RUN) pytest benchmarks

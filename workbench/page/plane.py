@@ -62,7 +62,9 @@ class Plane:
         overview, placing = self.overview(), self.placing
         thinned_mm = (placing.row_height_mm, overview.down), (placing.dtheta_mm(self.radius_mm), overview.across)
         if all(by == 1 or wall.pixel_mm(level) >= by * sample_mm for sample_mm, by in thinned_mm):
-            return _means(overview.averaged, _coarser(rows, overview.down), _coarser(columns, overview.across))
+            n_z, n_theta = self.image.shape
+            rows, columns = _coarser(rows, overview.down, n_z), _coarser(columns, overview.across, n_theta)
+            return _means(overview.averaged, rows, columns)
         return self._from_store(rows, columns)
 
     def at(self, theta_rad: float, z_mm: float) -> float | None:
@@ -130,27 +132,22 @@ class Plane:
 def thinning(shape: tuple[int, int], tall_mm: float, wide_mm: float) -> tuple[int, int]:
     """Return how many (rows, columns) of an image of ``shape`` an overview has one sample for.
 
-    The axis along which samples are finer is thinned first. Columns are thinned by divisors of their number: the
-    overview closes the circle as well.
+    The axis along which samples are finer is thinned first.
     """
     n_z, n_theta = shape
-    divisors = [k for k in range(1, n_theta + 1) if n_theta % k == 0]
-    down, step = 1, 0
-    while -(-n_z // down) * (n_theta // divisors[step]) > MOST_OVERVIEW_SAMPLES:
-        is_finer_along_z = tall_mm * down < wide_mm * divisors[step]
-        if is_finer_along_z or divisors[step] == n_theta:
-            down *= 2
-        else:
-            step += 1
-    return down, divisors[step]
+    down = across = 1
+    while -(-n_z // down) * -(-n_theta // across) > MOST_OVERVIEW_SAMPLES:
+        down, across = (2 * down, across) if tall_mm * down < wide_mm * across else (down, 2 * across)
+    return down, across
 
 
-def _coarser(spans: Spans, by: int) -> Spans:
-    """Return the spans of samples each the mean of ``by``; every span keeps one at least."""
-    if by == 1:
-        return spans
-    start, stop = spans.start // by, -(-spans.stop // by)
-    return Spans(start, np.where(spans.stop > spans.start, np.maximum(stop, start + 1), start))
+def _coarser(spans: Spans, by: int, n: int) -> Spans:
+    """Return the spans of samples each the mean of ``by`` of ``n``, which go on around; the last may have fewer."""
+    coarse = -(-n // by)
+    last = spans.stop - 1
+    start = spans.start // n * coarse + spans.start % n // by
+    stop = last // n * coarse + last % n // by + 1
+    return Spans(start, np.where(spans.stop > spans.start, stop, start))
 
 
 def _means(of: Averaged, rows: Spans, columns: Spans) -> Averaged:

@@ -21,7 +21,7 @@ def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], N
     from endoct.workbench.page.server import app_for
 
     shown = open_shown(folder)
-    with _listening(host, port) as listening:
+    with listening_socket(host, port) as listening:
         chosen = listening.getsockname()[1]
         announce(f"http://{f'[{host}]' if ':' in host else host}:{chosen}/")
         settings = uvicorn.Config(
@@ -30,7 +30,11 @@ def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], N
         uvicorn.Server(settings).run(sockets=[listening])
 
 
-def _listening(host: str, port: int | None) -> socket.socket:
+def listening_socket(host: str, port: int | None) -> socket.socket:
+    """Return a socket that listens on ``host`` and ``port``, 0 for any that is free, None for the usual one if that is.
+
+    Raises :class:`EndoctError` where there is none, or ``host`` stands for every address.
+    """
     if host in ("", "0.0.0.0", "::"):
         # the server answers to its own names alone, and cannot know by which of them it will be called
         raise EndoctError(
@@ -45,6 +49,7 @@ def _listening(host: str, port: int | None) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((host, one))
+            listening.listen()
         except (OSError, OverflowError) as error:
             listening.close()
             if one == tried[-1]:

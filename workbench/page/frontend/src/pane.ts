@@ -7,7 +7,7 @@ import { drawMarks, type outlinePaths, toPixels } from "./marks";
 import type { Source } from "./source";
 import { MODES, type Mode, type PaneState, type State } from "./state";
 import { LayerViewer } from "./viewer";
-import type { Place, View, Wall } from "./wall";
+import { type Place, type View, type Wall, degrees } from "./wall";
 
 export interface PaneEvents {
   moved(pane: Pane, view: View): void;
@@ -240,6 +240,11 @@ export class Pane {
     const drawing = context(this.marks);
     if (!drawing) return;
     const { clientWidth: width, clientHeight: height } = this.marks;
-    drawMarks({ drawing, width, height, view: this.view(), wall: this.wall }, this.state, this.paths, this.layers());
+    const view = this.view();
+    drawMarks({ drawing, width, height, view, wall: this.wall }, this.state, this.paths, this.layers());
+    // for whoever drives the page by a program
+    this.element.dataset["thetaDeg"] = degrees(view.theta_rad).toFixed(3);
+    this.element.dataset["zMm"] = view.z_mm.toFixed(4);
+    this.element.dataset["mmPerPx"] = view.mm_per_px.toPrecision(7);
   }
 }

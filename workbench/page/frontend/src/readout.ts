@@ -5,7 +5,7 @@ import type { Source, Values } from "./source";
 import type { State } from "./state";
 import { cellAt } from "./cells";
 import { type Place, degrees } from "./wall";
-import type { outlinePaths } from "./marks";
+import { lengthOnWall, type outlinePaths } from "./marks";
 import type { Wall } from "./wall";
 
 export class Readout {
@@ -21,13 +21,13 @@ export class Readout {
     private readonly paths: ReturnType<typeof outlinePaths>,
   ) {
     state.on("cursor", () => this.follow());
-    this.draw(null);
+    state.on("marks", () => this.follow());
+    this.draw();
   }
 
   private follow(): void {
-    const place = this.state.cursor ?? this.state.pinned;
-    this.draw(place);
-    this.wanted = place;
+    this.draw();
+    this.wanted = this.place;
     if (!this.asking) void this.ask();
   }
 
@@ -38,12 +38,17 @@ export class Readout {
       const place = this.wanted;
       this.wanted = null;
       this.values = await this.source.values(place.theta_rad, place.z_mm).catch(() => null);
-      if (!this.wanted) this.draw(place);
+      if (!this.wanted) this.draw();
     }
     this.asking = false;
   }
 
-  private draw(place: Place | null): void {
+  private get place(): Place | null {
+    return this.state.cursor ?? this.state.pinned;
+  }
+
+  private draw(): void {
+    const { place } = this;
     const rows: [string, string][] = [
       ["θ", place ? `${degrees(place.theta_rad).toFixed(2)}°` : "–"],
       ["z", place ? `${place.z_mm.toFixed(3)} mm`.replace("-", "−") : "–"],
@@ -60,6 +65,8 @@ export class Readout {
       const cell = inside && place ? cellAt(this.state, this.paths, this.wall, outline.layer, place) : null;
       rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state})` : "–"]);
     }
+    const { ruler } = this.state;
+    if (ruler?.to) rows.push(["ruler", `${lengthOnWall(ruler.from, ruler.to, this.wall).toFixed(3)} mm`]);
     const pinned = !this.state.cursor && this.state.pinned ? "at the marked place" : "under the cursor";
     this.element.replaceChildren(
       element("h2", {}, "Values ", element("small", {}, place ? pinned : "")),
