@@ -23,7 +23,7 @@ Pixels = NDArray[Any]
 class ChunkCache:
     """Chunks that were read last, at most ``most_bytes`` of them. Threads may share it."""
 
-    most_bytes: int = 96_000_000
+    most_bytes: int = 32_000_000
     _kept: "OrderedDict[tuple[Path, str], Pixels]" = field(default_factory=OrderedDict)
     _bytes: int = 0
     _lock: threading.Lock = field(default_factory=threading.Lock)

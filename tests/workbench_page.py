@@ -63,7 +63,7 @@ class serving:
         self._socket = listening_socket("127.0.0.1", 0)
         self._port: int = self._socket.getsockname()[1]
         app = app_for(open_shown(folder), "127.0.0.1", self._port)
-        self._server = uvicorn.Server(uvicorn.Config(app, log_level="error", lifespan="off"))
+        self._server = uvicorn.Server(uvicorn.Config(app, log_level="error"))
         self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [self._socket]})
 
     def __enter__(self) -> Served:

@@ -56,15 +56,11 @@ class LayerPart:
 
 @dataclass(frozen=True)
 class OutlinePart:
-    """The outlines of the cells of one side, by the ``layer`` whose they are, as lines of flat (θ rad, z mm, θ, z, …).
-
-    θ goes on beyond 2π where a line does.
-    """
+    """Cells of one side that can be outlined: the ``layer`` whose they are, and the ``colour`` of the lines."""
 
     layer: str
     side: str
     colour: str
-    lines: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,12 @@ def frozen_page(shown: Shown) -> str:
     Tiles go down to the finest level for which there is room.
     """
     script, style = (files(PACKAGE).joinpath("bundle", name).read_text("utf-8") for name in ("page.js", "page.css"))
-    held = {"description": shown.description.to_json(), "tiles": tiles_of(shown), "type": "image/png"}
+    held = {
+        "description": shown.description.to_json(),
+        "outlines": shown.outlines(),
+        "tiles": tiles_of(shown),
+        "type": "image/png",
+    }
     # within a script element nothing but "<" can end it
     data = json.dumps(held, allow_nan=False, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
     policy = (

@@ -8,9 +8,9 @@ from typing import TypedDict
 from endoct.fusion.difference import COLOURS
 from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
 from endoct.fusion.files.store import ComparisonOutline
-from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.store import PanoramaOutline, read_outline
 from endoct.stitching.window import ChunkCache, stored_image
 from endoct.workbench.page.description import ClassPart, LayerPart
@@ -58,15 +58,11 @@ def comparison_layers(folder: Path, outline: ComparisonOutline, wall: Wall, cach
     """Yield the layers of a comparison: images on the samples of their own side, cells on the common grid."""
     common = folder / "comparison.zarr"
     masks = [_plane(common, "mask", (k,), placing_of(outline.grid), wall, cache) for k in (0, 1)]
+    images = [list(_images(folder, outline, k, wall, cache)) for k in (0, 1)]
+    both = [plane for of_side in images for _, plane in of_side]
+    list(thread_map(Plane.overview, both))  # every scale needs one: made side by side, they are there sooner
     for k, side in enumerate(outline.names):
-        own = folder / "panoramas" / f"{side}.zarr"
-        panorama = read_outline(own)
-        # where every row of B was turned by itself, only the common grid shows where it was put
-        is_rigid = k == 0 or outline.result.twist is None
-        placing = placing_of(panorama.grid, _where(outline, k)) if is_rigid else placing_of(outline.grid)
-        images = [] if panorama.modality == MASK_MODALITY else ["intensity"]
-        for name in images + ["depth_mm"] * panorama.has_depth:
-            plane = _plane(own if is_rigid else common, name, () if is_rigid else (k,), placing, wall, cache)
+        for name, plane in images[k]:
             yield Described(layer := scalar(plane), _scalar_part(side, name, layer.low, layer.high, plane, wall))
         shown = ClassPart("no cell", _hex(COLOURS[NEITHER])), ClassPart("cell", _hex(CELL_COLOURS[k]))
         part = _classes_part(f"{side}-{CELLS}", f"{side}: cells", side, shown, masks[k], wall)
@@ -79,8 +75,18 @@ def comparison_layers(folder: Path, outline: ComparisonOutline, wall: Wall, cach
         yield Described(Classes(tuple(masks), COLOURS), part)
 
 
-def _where(outline: ComparisonOutline, k: int) -> Alignment | None:
-    return outline.alignment if k else None
+def _images(
+    folder: Path, outline: ComparisonOutline, k: int, wall: Wall, cache: ChunkCache
+) -> Iterator[tuple[str, Plane]]:
+    """Yield the images of the side ``k`` by their names in its store."""
+    own = folder / "panoramas" / f"{outline.names[k]}.zarr"
+    panorama = read_outline(own)
+    # where every row of B was turned by itself, only the common grid shows where it was put
+    is_rigid = k == 0 or outline.result.twist is None
+    placing = placing_of(panorama.grid, outline.alignment if k else None) if is_rigid else placing_of(outline.grid)
+    store, index = (own, ()) if is_rigid else (folder / "comparison.zarr", (k,))
+    for name in ["intensity"] * (panorama.modality != MASK_MODALITY) + ["depth_mm"] * panorama.has_depth:
+        yield name, _plane(store, name, index, placing, wall, cache)
 
 
 def _plane(store: Path, name: str, index: tuple[int, ...], placing: Placing, wall: Wall, cache: ChunkCache) -> Plane:

@@ -32,7 +32,6 @@ from endoct.workbench.page.layers import (
     panorama_layers,
     wall_of,
 )
-from endoct.workbench.page.outlines import outlines
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import Wall
 from endoct.workbench.report.doubts import count_doubts
@@ -169,7 +168,7 @@ def _figures(result: Result) -> Iterator[FigurePart]:
 def _outlines(described: Iterable[Described]) -> Iterator[OutlinePart]:
     for one in described:
         if one.part.key != DIFFERENCE and isinstance(one.layer, Classes) and one.part.side is not None:
-            yield OutlinePart(one.part.key, one.part.side, one.part.classes[-1].colour, outlines(one.layer.planes[0]))
+            yield OutlinePart(one.part.key, one.part.side, one.part.classes[-1].colour)
 
 
 def _first_panes(described: Iterable[Described], outline: ComparisonOutline) -> tuple[str, ...]:

@@ -1,6 +1,8 @@
 """Outlines of cells, as lines on the wall."""
 
+import cv2
 import numpy as np
+from contourpy import contour_generator
 
 from endoct.workbench.page.plane import Plane
 
@@ -15,8 +17,6 @@ def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
 
     Drawn from the overview of the mask. An outline over θ = 0 ends a sample beyond it, on either side.
     """
-    from skimage.measure import approximate_polygon, find_contours
-
     overview = mask.overview()
     down, across, averaged = overview.down, overview.across, overview.averaged
     share = np.where(averaged.known, averaged.values, np.float32(0))
@@ -29,12 +29,12 @@ def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
     step_mm = placing.row_height_mm * down
     ends_mm = np.concatenate([[row_mm[0] - step_mm], row_mm, [row_mm[-1] + step_mm]])
     lines = []
-    for contour in find_contours(padded, 0.5):
-        points = approximate_polygon(contour, TOLERANCE_SAMPLES)
+    for contour in contour_generator(z=padded).lines(0.5):
+        points = cv2.approxPolyDP(np.asarray(contour, np.float32), TOLERANCE_SAMPLES, closed=False)[:, 0]
         if len(points) < 2:
             continue
-        z_mm = np.interp(points[:, 0], np.arange(ends_mm.size), ends_mm)
-        column = (points[:, 1] - 1) * across + (across - 1) / 2
+        z_mm = np.interp(points[:, 1], np.arange(ends_mm.size), ends_mm)
+        column = (points[:, 0] - 1) * across + (across - 1) / 2
         theta_rad = placing.theta0_rad + column * placing.dtheta_rad
         flat = np.round(np.stack([theta_rad, z_mm], axis=1), DECIMALS).ravel()
         lines.append(tuple(flat.tolist()))

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.window import StoredImage
 from endoct.workbench.page.placing import Placing, Spans, column_spans, row_spans
-from endoct.workbench.page.wall import Pixels, Wall
+from endoct.workbench.page.wall import TILE_PX, Pixels, Wall
 
 MOST_OVERVIEW_SAMPLES = 1_500_000
 """Of the overview that coarse tiles are cut from, so that none of them reads the whole image."""
-SAMPLES_AT_ONCE = 1_000_000
+SAMPLES_AT_ONCE = 500_000
 """Read at a time while an overview is made."""
 
 
@@ -87,16 +87,10 @@ class Plane:
         n_z, n_theta = self.image.shape
         down, across = thinning(self.image.shape, self.placing.row_height_mm, self.placing.dtheta_mm(self.radius_mm))
         high = max(down, SAMPLES_AT_ONCE // n_theta // down * down)
-        columns = Spans(starts := np.arange(0, n_theta, across), np.minimum(starts + across, n_theta))
-        parts = []
-        for top in range(0, n_z, high):
-            n_rows = min(high, n_z - top)
-            read = self._read(slice(top, top + n_rows), slice(0, n_theta))
-            if down * across == 1:
-                parts.append(read)
-                continue
-            rows = Spans(first := np.arange(0, n_rows, down), np.minimum(first + down, n_rows))
-            parts.append(_means(read, rows, columns))
+        tops = range(0, n_z, high)
+        parts = [
+            _block_means(self._read(slice(top, min(top + high, n_z)), slice(0, n_theta)), down, across) for top in tops
+        ]
         values, observed = ([getattr(part, name) for part in parts] for name in ("values", "observed"))
         return Overview(down, across, Averaged(np.concatenate(values), np.concatenate(observed)))
 
@@ -132,12 +126,16 @@ class Plane:
 def thinning(shape: tuple[int, int], tall_mm: float, wide_mm: float) -> tuple[int, int]:
     """Return how many (rows, columns) of an image of ``shape`` an overview has one sample for.
 
-    The axis along which samples are finer is thinned first.
+    The axis along which samples are finer is thinned first, but neither beyond the pixels of the coarsest tiles.
     """
     n_z, n_theta = shape
     down = across = 1
+    coarsest_mm = wide_mm * n_theta / TILE_PX
     while -(-n_z // down) * -(-n_theta // across) > MOST_OVERVIEW_SAMPLES:
-        down, across = (2 * down, across) if tall_mm * down < wide_mm * across else (down, 2 * across)
+        taller_mm, wider_mm = 2 * tall_mm * down, 2 * wide_mm * across
+        if min(taller_mm, wider_mm) > coarsest_mm:
+            break
+        down, across = (2 * down, across) if taller_mm < wider_mm else (down, 2 * across)
     return down, across
 
 
@@ -150,25 +148,41 @@ def _coarser(spans: Spans, by: int, n: int) -> Spans:
     return Spans(start, np.where(spans.stop > spans.start, stop, start))
 
 
+def _block_means(of: Averaged, down: int, across: int) -> Averaged:
+    """Return the means of the observed samples in blocks; the last of a row or column may be smaller."""
+    if down * across == 1:
+        return of
+    blocks = [np.arange(0, n, by) for n, by in zip(of.values.shape, (down, across), strict=True)]
+    rows, columns = blocks
+    # what was not observed is 0 in both
+    sums, weights = (
+        np.add.reduceat(np.add.reduceat(image, columns, axis=1), rows, axis=0) for image in (of.values, of.observed)
+    )
+    sizes = [np.diff(np.append(first, n)) for first, n in zip(blocks, of.values.shape, strict=True)]
+    means = np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0)
+    return Averaged(means, (weights / np.outer(*sizes)).astype(np.float32))
+
+
 def _means(of: Averaged, rows: Spans, columns: Spans) -> Averaged:
     """Return the mean of the observed samples in every span; columns go on around."""
     n_theta = of.values.shape[1]
     left, right = int(columns.start.min()), int(columns.stop.max())
     top, bottom = int(rows.start.min()), int(max(rows.stop.max(), rows.start.min() + 1))
-    index = np.arange(left, right) % n_theta
-    weight = of.observed[top:bottom, index].astype(np.float64)
-    total = of.values[top:bottom, index] * weight
+    around = slice(left, right) if left >= 0 and right <= n_theta else np.arange(left, right) % n_theta
+    weight = of.observed[top:bottom, around]
+    total = of.values[top:bottom, around] * weight
     rows = Spans(rows.start - top, rows.stop - top)
     columns = Spans(columns.start - left, columns.stop - left)
-    sums, weights = _sums(total, rows, columns), _sums(weight, rows, columns)
+    sums, weights = (_sums(_sums(image, columns).T, rows).T for image in (total, weight))
     count = np.maximum(np.outer(rows.stop - rows.start, columns.stop - columns.start), 1)
     means = np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0)
-    return Averaged(means.astype(np.float32), (weights / count).astype(np.float32))
+    return Averaged(means, (weights / count).astype(np.float32))
 
 
-def _sums(values: NDArray[np.float64], rows: Spans, columns: Spans) -> NDArray[np.float64]:
-    """Return the sums over every span of rows and columns."""
-    down = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    strips = down[rows.stop] - down[rows.start]
-    across = np.concatenate([np.zeros((strips.shape[0], 1)), np.cumsum(strips, axis=1)], axis=1)
-    return np.asarray(across[:, columns.stop] - across[:, columns.start])
+def _sums(values: Image, columns: Spans) -> Image:
+    """Return the sums over every span of columns."""
+    if (columns.start[1:] == columns.stop[:-1]).all() and (columns.start < columns.stop).all():
+        return np.asarray(np.add.reduceat(values[:, : columns.stop[-1]], columns.start, axis=1))
+    sums = np.cumsum(values, axis=1, dtype=np.float64)
+    sums = np.concatenate([np.zeros((values.shape[0], 1)), sums], axis=1)
+    return np.asarray(sums[:, columns.stop] - sums[:, columns.start], dtype=np.float32)

@@ -1,9 +1,12 @@
 """The server of the page: its files, its description, tiles, values. It opens nothing but what it was given."""
 
 import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from importlib.resources import files
 from typing import Any
 
+from anyio.to_thread import current_default_thread_limiter
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -21,6 +24,8 @@ MOST_DIGITS = 9
 """Of a number in an address: what is longer names nothing here."""
 KEPT = "private, max-age=3600"
 """How long a browser may keep a tile: addresses of tiles have a part that is new with every server."""
+MOST_THREADS = 4
+"""That cut tiles: more take memory and save no time."""
 FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
@@ -37,6 +42,9 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
     def describe(_: Request) -> Response:
         return Response(description, media_type="application/json", headers={"cache-control": "no-store"})
 
+    def outline(_: Request) -> Response:
+        return JSONResponse(shown.outlines(), headers={"cache-control": "no-store"})
+
     def tile(request: Request) -> Response:
         level, column, row = (_number(request.path_params[name]) for name in ("level", "column", "row"))
         png = shown.png(request.path_params["key"], Tile(level, column, row))
@@ -47,10 +55,17 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
         z_mm = _place(request, "z_mm", FARTHEST_MM)
         return JSONResponse(shown.values_at(theta_rad, z_mm), headers={"cache-control": "no-store"})
 
+    @asynccontextmanager
+    async def few_threads(_: Starlette) -> AsyncIterator[None]:
+        current_default_thread_limiter().total_tokens = MOST_THREADS
+        yield
+
     return Starlette(
+        lifespan=few_threads,
         routes=[
             Route("/", page),
             Route("/description.json", describe),
+            Route("/outlines.json", outline),
             Route("/values.json", values),
             Route("/tiles/{version}/{key}/{level}/{column}_{row}.png", tile),
             Route("/{name}", asset),

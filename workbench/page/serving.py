@@ -25,7 +25,7 @@ def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], N
         chosen = listening.getsockname()[1]
         announce(f"http://{f'[{host}]' if ':' in host else host}:{chosen}/")
         settings = uvicorn.Config(
-            app_for(shown, host, chosen), log_level="warning", access_log=False, server_header=False, lifespan="off"
+            app_for(shown, host, chosen), log_level="warning", access_log=False, server_header=False
         )
         uvicorn.Server(settings).run(sockets=[listening])
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from endoct.workbench.page.description import Description
-from endoct.workbench.page.layer import Layer, Scalar
+from endoct.workbench.page.layer import Classes, Layer, Scalar
+from endoct.workbench.page.outlines import outlines
 from endoct.workbench.page.wall import NoSuchTile, Tile, Wall
 
 
@@ -24,6 +25,11 @@ class Shown:
         if tile.level > finest[key]:
             raise NoSuchTile("there is no such tile", found=f"level {tile.level}", expected=f"{finest[key]} at most")
         return self.layers[key].png(self.wall, tile)
+
+    def outlines(self) -> dict[str, tuple[tuple[float, ...], ...]]:
+        """Return the outlines of cells by layer, as :func:`~endoct.workbench.page.outlines.outlines` has them."""
+        parts = [(part.layer, self.layers[part.layer]) for part in self.description.outlines]
+        return {key: outlines(layer.planes[0]) for key, layer in parts if isinstance(layer, Classes)}
 
     def values_at(self, theta_rad: float, z_mm: float) -> dict[str, float | None]:
         """Return the value of every layer of numbers at a place, None where nothing was observed there."""

@@ -2,7 +2,7 @@
 
 import type { CellPart } from "./description";
 import { element, select } from "./dom";
-import type { outlinePaths } from "./marks";
+import type { Paths } from "./marks";
 import type { State } from "./state";
 import { type Place, type Wall, degrees, wrapped } from "./wall";
 
@@ -31,7 +31,7 @@ function brief(cell: CellPart): string {
 /** The cell of the side that `layer` outlines at a place; null where it has none there. */
 export function cellAt(
   state: State,
-  paths: ReturnType<typeof outlinePaths>,
+  paths: Paths,
   wall: Wall,
   layer: string,
   place: Place,

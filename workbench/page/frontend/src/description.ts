@@ -32,7 +32,6 @@ export interface OutlinePart {
   layer: string;
   side: string;
   colour: string;
-  lines: number[][];
 }
 
 export type CellState = "matched" | "overlapping" | "missed" | "not observed" | "alone";

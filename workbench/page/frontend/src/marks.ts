@@ -1,6 +1,7 @@
 /** What is drawn over the tiles of a pane: axes, scale bar, outlines, numbers of cells, cursor, ruler. */
 
 import type { CellPart, Description } from "./description";
+import type { Outlines } from "./source";
 import type { State } from "./state";
 import { type Place, type View, type Wall, degrees, roundBelow } from "./wall";
 
@@ -17,12 +18,14 @@ interface Sheet {
   wall: Wall;
 }
 
+export type Paths = ReadonlyMap<string, { path: Path2D; colour: string }>;
+
 /** Outlines as paths in turns, made once. */
-export function outlinePaths(description: Description, wall: Wall): Map<string, { path: Path2D; colour: string }> {
+export function outlinePaths(description: Description, lines: Outlines, wall: Wall): Paths {
   return new Map(
     description.outlines.map((outline) => {
       const path = new Path2D();
-      for (const line of outline.lines) {
+      for (const line of lines[outline.layer] ?? []) {
         for (let k = 0; k + 1 < line.length; k += 2) {
           const { x, y } = wall.turnsOf({ theta_rad: line[k] ?? 0, z_mm: line[k + 1] ?? 0 });
           if (k === 0) path.moveTo(x, y);
@@ -55,7 +58,7 @@ function* repeats(place: Place, sheet: Sheet): Generator<{ x: number; y: number 
 export function drawMarks(
   sheet: Sheet,
   state: State,
-  paths: ReturnType<typeof outlinePaths>,
+  paths: Paths,
   shownLayers: readonly string[],
 ): void {
   drawOutlines(sheet, state, paths, shownLayers);
@@ -70,7 +73,7 @@ export function drawMarks(
 function drawOutlines(
   sheet: Sheet,
   state: State,
-  paths: ReturnType<typeof outlinePaths>,
+  paths: Paths,
   shownLayers: readonly string[],
 ): void {
   const { drawing, width, height, view, wall } = sheet;

@@ -3,7 +3,7 @@
 import { colourBar } from "./colour_bar";
 import type { Filters } from "./colouring";
 import { button, context, element, select } from "./dom";
-import { drawMarks, type outlinePaths, toPixels } from "./marks";
+import { type Paths, drawMarks, toPixels } from "./marks";
 import type { Source } from "./source";
 import { MODES, type Mode, type PaneState, type State } from "./state";
 import { LayerViewer } from "./viewer";
@@ -38,7 +38,7 @@ export class Pane {
     private readonly source: Source,
     private readonly wall: Wall,
     private readonly filters: Filters,
-    private readonly paths: ReturnType<typeof outlinePaths>,
+    private readonly paths: () => Paths,
     private readonly events: PaneEvents,
   ) {
     const below = element("div", { class: "layer" });
@@ -241,7 +241,7 @@ export class Pane {
     if (!drawing) return;
     const { clientWidth: width, clientHeight: height } = this.marks;
     const view = this.view();
-    drawMarks({ drawing, width, height, view, wall: this.wall }, this.state, this.paths, this.layers());
+    drawMarks({ drawing, width, height, view, wall: this.wall }, this.state, this.paths(), this.layers());
     // for whoever drives the page by a program
     this.element.dataset["thetaDeg"] = degrees(view.theta_rad).toFixed(3);
     this.element.dataset["zMm"] = view.z_mm.toFixed(4);

@@ -5,7 +5,7 @@ import type { Source, Values } from "./source";
 import type { State } from "./state";
 import { cellAt } from "./cells";
 import { type Place, degrees } from "./wall";
-import { lengthOnWall, type outlinePaths } from "./marks";
+import { lengthOnWall, type Paths } from "./marks";
 import type { Wall } from "./wall";
 
 export class Readout {
@@ -18,7 +18,7 @@ export class Readout {
     private readonly state: State,
     private readonly source: Source,
     private readonly wall: Wall,
-    private readonly paths: ReturnType<typeof outlinePaths>,
+    private readonly paths: () => Paths,
   ) {
     state.on("cursor", () => this.follow());
     state.on("marks", () => this.follow());
@@ -62,7 +62,7 @@ export class Readout {
       rows.push([layer.title, text]);
     }
     for (const outline of this.state.description.outlines) {
-      const cell = inside && place ? cellAt(this.state, this.paths, this.wall, outline.layer, place) : null;
+      const cell = inside && place ? cellAt(this.state, this.paths(), this.wall, outline.layer, place) : null;
       rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state})` : "–"]);
     }
     const { ruler } = this.state;

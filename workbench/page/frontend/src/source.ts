@@ -4,18 +4,22 @@ import type { Description } from "./description";
 import { OVERLAP_PX, TILE_PX, Wall, wrapped } from "./wall";
 
 export type Values = Record<string, number | null>;
+/** By layer, lines as flat θ in rad, z in mm, θ, z, …; θ goes on beyond a turn where a line does. */
+export type Outlines = Record<string, number[][]>;
 
 export interface Source {
   description: Description;
   /** The finest level of tiles of a layer that there is here. */
   finestLevel(layer: string): number;
   tileUrl(layer: string, level: number, column: number, row: number): string;
+  outlines(): Promise<Outlines>;
   /** The values of all layers of numbers at a place; null where they are not to be had. */
   values(theta_rad: number, z_mm: number): Promise<Values | null>;
 }
 
 interface Frozen {
   description: Description;
+  outlines: Outlines;
   /** By layer, by level, by "column_row": a picture, its kind and its bytes in base64. */
   tiles: Record<string, Record<string, string>[]>;
   type: string;
@@ -37,6 +41,10 @@ async function servedSource(): Promise<Source> {
     finestLevel: (layer) => finest.get(layer) ?? 0,
     tileUrl: (layer, level, column, row) =>
       `tiles/${version}/${encodeURIComponent(layer)}/${level}/${column}_${row}.png`,
+    outlines: async () => {
+      const found = await fetch("outlines.json");
+      return found.ok ? ((await found.json()) as Outlines) : {};
+    },
     values: async (theta_rad, z_mm) => {
       const found = await fetch(`values.json?theta_rad=${theta_rad}&z_mm=${z_mm}`);
       return found.ok ? ((await found.json()) as Values) : null;
@@ -87,6 +95,7 @@ function frozenSource(frozen: Frozen): Source {
       const bytes = frozen.tiles[layer]?.[level]?.[`${column}_${row}`];
       return bytes === undefined ? empty : `data:${frozen.type};base64,${bytes}`;
     },
+    outlines: () => Promise.resolve(frozen.outlines),
     values: (theta_rad, z_mm) => frozenValues(frozen, theta_rad, z_mm),
   };
 }

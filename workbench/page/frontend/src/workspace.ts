@@ -5,7 +5,7 @@ import { Filters } from "./colouring";
 import type { CellPart, Description } from "./description";
 import { element } from "./dom";
 import { Link } from "./link";
-import { outlinePaths } from "./marks";
+import { type Paths, outlinePaths } from "./marks";
 import { Pane } from "./pane";
 import { pictureOf } from "./picture";
 import { Readout } from "./readout";
@@ -22,7 +22,7 @@ export class Workspace {
   readonly state: State;
   private readonly wall: Wall;
   private readonly filters: Filters;
-  private readonly paths: ReturnType<typeof outlinePaths>;
+  private paths: Paths = new Map();
   private readonly link: Link;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
@@ -30,11 +30,10 @@ export class Workspace {
   constructor(description: Description, private readonly source: Source) {
     this.state = new State(description);
     this.wall = new Wall(description.wall);
-    this.paths = outlinePaths(description, this.wall);
     this.filters = new Filters(description.layers);
     this.link = new Link(this.state, this.wall, () => this.panes);
     const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save() };
-    const side = element("aside", {}, new Readout(this.state, source, this.wall, this.paths).element);
+    const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
     if (description.cells.length) side.append(new CellTable(this.state, (cell) => this.select(cell)).element);
     this.element.append(element("div", { class: "stage" }, toolbar(this.state, actions), this.grid), side);
     this.state.on("panes", () => this.refresh());
@@ -48,6 +47,10 @@ export class Workspace {
   start(): void {
     this.recolour();
     this.refresh();
+    void this.source.outlines().then((lines) => {
+      this.paths = outlinePaths(this.state.description, lines, this.wall);
+      this.redraw();
+    });
     requestAnimationFrame(() => requestAnimationFrame(() => this.home()));
   }
 
@@ -64,7 +67,7 @@ export class Workspace {
   }
 
   private newPane(shown: State["panes"][number]): Pane {
-    return new Pane(this.grid, shown, this.state, this.source, this.wall, this.filters, this.paths, {
+    return new Pane(this.grid, shown, this.state, this.source, this.wall, this.filters, () => this.paths, {
       moved: (pane, view) => this.link.moved(pane, view),
       pointed: (place) => {
         this.state.cursor = place;
