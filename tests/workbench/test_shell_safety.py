@@ -20,6 +20,7 @@ from rich.console import Console
 
 from endoct.fusion.files.cell_table import PROPERTIES, write_cells
 from endoct.fusion.scoring.cells import Cell
+from endoct.stitching.digests import digests, path_text
 from endoct.stitching.errors import visible
 from endoct.stitching.names import spreadsheet_text
 from endoct.stitching.panorama import Panorama
@@ -32,7 +33,7 @@ from endoct.workbench.bench.results.tables import difference_table, footnotes, t
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.tasks.segmentation import TASK
 from endoct.workbench.commands.console import TextConsole, print_json, print_line
-from endoct.workbench.pipeline.inputs import digests, json_text, path_text
+from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.pipeline.summarising import write_summary
 from endoct.workbench.running.progress import ConsoleStages
 

@@ -6,6 +6,7 @@ from typing import Annotated
 from rich.table import Table
 from tyro.conf import Positional, arg
 
+from endoct.stitching.digests import path_text
 from endoct.workbench.commands.console import (
     TextConsole,
     command_stages,
@@ -15,7 +16,6 @@ from endoct.workbench.commands.console import (
     status_of,
 )
 from endoct.workbench.commands.options import ModalityName, Output, Settings
-from endoct.workbench.pipeline.inputs import path_text
 from endoct.workbench.running.status import DONE
 
 

@@ -88,6 +88,41 @@ class CellPart:
 
 
 @dataclass(frozen=True)
+class SeriesPart:
+    """Numbers per frame: what they are, their ``unit``, the ``usual`` range (None: no limit), and the ``values``.
+
+    Flags are 1 where they speak against their frame, and have ``is_flag``; None where a value is not known.
+    """
+
+    name: str
+    title: str
+    unit: str
+    usual: tuple[float | None, float | None] | None
+    is_flag: bool
+    values: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class FramesPart:
+    """The frames of one side, in the order of ascending z in its own frame.
+
+    Attributes: what a frame is called; ``z_mm`` of each on the wall; ``pictured``, of which there are pictures;
+    ``recording``, where it lies, if it is at hand and can be read for pictures of the others, else "";
+    ``theta_shift_rad`` and ``mirrored``: θ on the wall is the shift ± θ in pictures; ``quality``, numbers that say how
+    good each frame is.
+    """
+
+    side: str
+    frame_dim: str
+    z_mm: tuple[float, ...]
+    pictured: tuple[int, ...]
+    recording: str
+    theta_shift_rad: float
+    mirrored: bool
+    quality: tuple[SeriesPart, ...]
+
+
+@dataclass(frozen=True)
 class DoubtPart:
     """A doubt or a note: its ``code`` ("" for notes), the side it concerns, what is said."""
 
@@ -137,6 +172,7 @@ class Description:
     layers: tuple[LayerPart, ...]
     outlines: tuple[OutlinePart, ...]
     cells: tuple[CellPart, ...]
+    frames: tuple[FramesPart, ...]
     panes: tuple[str, ...]
     has_common_places: bool
     details: tuple[DetailPart, ...]

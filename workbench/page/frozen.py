@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
+from typing import Any
 
 from endoct.stitching.parallel import thread_map
 from endoct.workbench.page.layer import is_blank
@@ -29,6 +30,7 @@ def frozen_page(shown: Shown) -> str:
         "description": shown.description.to_json(),
         "outlines": shown.outlines(),
         "tiles": tiles_of(shown),
+        "pictures": pictures_of(shown),
         "type": "image/png",
     }
     # within a script element nothing but "<" can end it
@@ -46,6 +48,14 @@ def frozen_page(shown: Shown) -> str:
         "</head>\n<body>\n<noscript>This page needs JavaScript.</noscript>\n"
         f'<script type="application/json" id="frozen">{data}</script>\n<script>{script}</script>\n</body>\n</html>\n'
     )
+
+
+def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
+    """Return by side, by the frame's place, the pictures of single frames that were kept."""
+    return {
+        part.side: {str(place): shown.pictures(part.side, place) for place in part.pictured}
+        for part in shown.description.frames
+    }
 
 
 def tiles_of(shown: Shown) -> dict[str, list[dict[str, str]]]:

@@ -1,7 +1,7 @@
 """Folders of endoct, opened for the page. Of the images only what a first view needs is read."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TypedDict
 
@@ -23,6 +23,7 @@ from endoct.workbench.page.description import (
     OutlinePart,
     WallPart,
 )
+from endoct.workbench.page.frames import frames_part
 from endoct.workbench.page.layer import Classes
 from endoct.workbench.page.layers import (
     CELLS,
@@ -32,7 +33,8 @@ from endoct.workbench.page.layers import (
     panorama_layers,
     wall_of,
 )
-from endoct.workbench.page.shown import Shown
+from endoct.workbench.page.recorded import Reader, recording_of
+from endoct.workbench.page.shown import Shown, ShownSide
 from endoct.workbench.page.wall import Wall
 from endoct.workbench.report.doubts import count_doubts
 from endoct.workbench.report.findings import overlaps_of
@@ -73,6 +75,11 @@ def _comparison(folder: Path) -> Shown:
     wall, result = wall_of(outline.grid), outline.result
     described = list(comparison_layers(folder, outline, wall, ChunkCache()))
     aligned = outline.alignment is not None
+    sides = {name: _side(folder / "panoramas" / f"{name}.zarr", folder / "pictures") for name in outline.names}
+    frames = [
+        frames_part(name, side.outline, outline.alignment if k else None, side.pictures)
+        for k, (name, side) in enumerate(sides.items())
+    ]
     a, b = outline.names
     description = Description(
         endoct=result.versions.get("endoct", ""),
@@ -88,11 +95,12 @@ def _comparison(folder: Path) -> Shown:
         layers=tuple(one.part for one in described),
         outlines=tuple(_outlines(described)),
         cells=tuple(cell_parts(outline.cells, outline.names, aligned=aligned)),
+        frames=tuple(frames),
         panes=_first_panes(described, outline),
         has_common_places=aligned,
         details=tuple(_details(result)),
     )
-    return _shown(description, wall, described)
+    return _shown(description, wall, described, sides)
 
 
 def _panorama(store: Path) -> Shown:
@@ -116,17 +124,27 @@ def _panorama(store: Path) -> Shown:
             layers=tuple(one.part for one in described),
             outlines=(),
             cells=(),
+            frames=(frames_part(outline.modality, outline, None, None),),
             panes=tuple(one.part.key for one in described)[:MOST_PANES],
             has_common_places=True,
             details=(),
         ),
         wall,
         described,
+        {outline.modality: _side(store, None)},
     )
 
 
-def _shown(description: Description, wall: Wall, described: Iterable[Described]) -> Shown:
-    return Shown(description, wall, {one.part.key: one.layer for one in described})
+def _side(store: Path, pictures: Path | None) -> ShownSide:
+    outline = read_panorama(store)
+    recording = recording_of(outline)
+    return ShownSide(outline, pictures, None if recording is None else Reader(recording))
+
+
+def _shown(
+    description: Description, wall: Wall, described: Iterable[Described], sides: Mapping[str, ShownSide]
+) -> Shown:
+    return Shown(description, wall, {one.part.key: one.layer for one in described}, sides)
 
 
 def _verdict(verdict: Verdict) -> _VerdictFields:

@@ -55,6 +55,20 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
         z_mm = _place(request, "z_mm", FARTHEST_MM)
         return JSONResponse(shown.values_at(theta_rad, z_mm), headers={"cache-control": "no-store"})
 
+    def pictures(request: Request) -> Response:
+        found = shown.pictures(request.path_params["side"], _number(request.path_params["place"]))
+        return JSONResponse(found, headers={"cache-control": KEPT})
+
+    def reading(request: Request) -> Response:
+        """Say how far a recording was read again; asked by POST, begin to read it."""
+        reader = shown.side(request.path_params["side"]).reader
+        if reader is None:
+            return JSONResponse({"state": "absent", "share": 0.0, "said": "the recording is not there"})
+        if request.method == "POST":
+            reader.start()
+        said = {"state": reader.state, "share": reader.share, "said": reader.said}
+        return JSONResponse(said, headers={"cache-control": "no-store"})
+
     @asynccontextmanager
     async def few_threads(_: Starlette) -> AsyncIterator[None]:
         current_default_thread_limiter().total_tokens = MOST_THREADS
@@ -67,6 +81,8 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
             Route("/description.json", describe),
             Route("/outlines.json", outline),
             Route("/values.json", values),
+            Route("/pictures/{version}/{side}/{place}.json", pictures),
+            Route("/reading/{side}", reading, methods=["GET", "POST"]),
             Route("/tiles/{version}/{key}/{level}/{column}_{row}.png", tile),
             Route("/{name}", asset),
         ],

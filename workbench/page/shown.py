@@ -1,21 +1,38 @@
 """What one page shows: its description, and the layers that tiles are cut from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
+from endoct.modalities.contract import Picture
+from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.description import Description
 from endoct.workbench.page.layer import Classes, Layer, Scalar
 from endoct.workbench.page.outlines import outlines
+from endoct.workbench.page.picturing import picture_json, ring_of
+from endoct.workbench.page.recorded import Reader
 from endoct.workbench.page.wall import NoSuchTile, Tile, Wall
+from endoct.workbench.report.pictures import load_pictures
+
+
+@dataclass(frozen=True, eq=False)
+class ShownSide:
+    """A side: all but the images of its panorama, where pictures of its frames lie, and its recording, if at hand."""
+
+    outline: PanoramaOutline
+    pictures: Path | None = None
+    reader: Reader | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A comparison, or a panorama, opened for the page; ``layers`` by key."""
+    """A comparison, or a panorama, opened for the page; ``layers`` by key, ``sides`` by name."""
 
     description: Description
     wall: Wall
     layers: Mapping[str, Layer]
+    sides: Mapping[str, ShownSide] = field(default_factory=dict)
 
     def png(self, key: str, tile: Tile) -> bytes:
         """Return a tile of the layer ``key`` as PNG. Raises :class:`NoSuchTile` where there is no such tile."""
@@ -30,6 +47,28 @@ class Shown:
         """Return the outlines of cells by layer, as :func:`~endoct.workbench.page.outlines.outlines` has them."""
         parts = [(part.layer, self.layers[part.layer]) for part in self.description.outlines]
         return {key: outlines(layer.planes[0]) for key, layer in parts if isinstance(layer, Classes)}
+
+    def pictures(self, name: str, place: int) -> list[dict[str, Any]]:
+        """Return the pictures of the frame at ``place``, in the order of ascending z, of the side ``name``.
+
+        Raises :class:`NoSuchTile` where there are none, and the recording has not been read again.
+        """
+        side = self.side(name)
+        found: tuple[Picture, ...] = ()
+        if side.pictures is not None:
+            found = load_pictures(side.pictures, name, place).get(name, {}).get(place, ())
+        if not found and side.reader is not None and side.reader.state == "read":
+            found = side.reader.pictures(place)
+        if not found:
+            raise NoSuchTile(f"there is no picture of frame {place} of {name}")
+        ring = ring_of(side.outline, place)
+        return [picture_json(picture, ring) for picture in found]
+
+    def side(self, name: str) -> ShownSide:
+        """Return a side. Raises :class:`NoSuchTile` where there is none of that name."""
+        if name not in self.sides:
+            raise NoSuchTile("there is no such side", found=name, expected=", ".join(self.sides))
+        return self.sides[name]
 
     def values_at(self, theta_rad: float, z_mm: float) -> dict[str, float | None]:
         """Return the value of every layer of numbers at a place, None where nothing was observed there."""

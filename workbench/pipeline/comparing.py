@@ -17,11 +17,12 @@ from endoct.fusion.files.masks import mask_on, read_mask
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.sides import Comparison
+from endoct.stitching.digests import digests, path_text
 from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_mask
-from endoct.workbench.pipeline.inputs import digests, doubt_of_inputs, json_text, path_text, versions
+from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
 from endoct.workbench.pipeline.sources import Source, open_both, read_sides, unroll_sources
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled

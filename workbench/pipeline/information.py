@@ -9,8 +9,8 @@ from endoct.modalities.acquisition import read_keys, sidecar_path, validate
 from endoct.modalities.contract import FrameStream, Manifest, Preview, Sniff
 from endoct.modalities.folders import exists
 from endoct.modalities.registry import manifest_for, manifests, open_recording, sniffed
+from endoct.stitching.digests import path_text
 from endoct.stitching.store import is_panorama, load_panorama
-from endoct.workbench.pipeline.inputs import path_text
 from endoct.workbench.pipeline.sidecar_template import missing_keys
 
 _KEY_WIDTH = 18

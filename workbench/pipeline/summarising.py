@@ -13,9 +13,10 @@ from endoct.fusion.result import PairScores, Result
 from endoct.fusion.scoring.budget import PARTS
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of
 from endoct.fusion.scoring.repeatability import repeatability
+from endoct.stitching.digests import path_text
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.names import spreadsheet_text
-from endoct.workbench.pipeline.inputs import json_text, path_text
+from endoct.workbench.pipeline.inputs import json_text
 
 Row = dict[str, str | float | None]
 """A line of a table, by column."""

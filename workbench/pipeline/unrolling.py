@@ -11,12 +11,13 @@ from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, VolumetricModality
 from endoct.modalities.registry import manifest_for, open_recording
+from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.files import State, check_unchanged, state_of
 from endoct.stitching.observed import doubts_of_observed
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.parallel import thread_map
-from endoct.workbench.pipeline.inputs import digests, versions
+from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import split
 from endoct.workbench.running.progress import Advance, Stages
 

@@ -5,6 +5,7 @@ A file holds ``image``, ``metadata`` (JSON) and ``curve_0``, ``curve_1``, …, i
 """
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -78,13 +79,22 @@ def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[
         )
 
 
-def load_pictures(folder: Path) -> dict[str, dict[int, tuple[Picture, ...]]]:
+def pictured_places(folder: Path, side: str) -> tuple[int, ...]:
+    """Return of which frames of ``side`` pictures lie in ``folder``, by their places in the order of ascending z."""
+    found = (re.match(rf"{re.escape(side)}-(\d{{1,7}})-", path.name) for path in folder.glob("*.npz"))
+    return tuple(sorted({int(match[1]) for match in found if match}))
+
+
+def load_pictures(
+    folder: Path, side: str | None = None, place: int | None = None
+) -> dict[str, dict[int, tuple[Picture, ...]]]:
     """Return what :func:`save_pictures` wrote: by side, then by the frame's place in the order of ascending z.
 
-    A folder that does not exist holds no pictures. Raises :class:`EndoctError` where a file cannot be read.
+    Of all, or only of one frame, at ``place``, of one ``side``. A folder that does not exist holds no pictures. Raises
+    :class:`EndoctError` where a file cannot be read.
     """
     loaded: list[tuple[str, int, int, Picture]] = []
-    paths = sorted(folder.glob("*.npz"))
+    paths = sorted(folder.glob("*.npz" if side is None else f"{plain_name(side, 'a side')}-{place:04d}-*.npz"))
     if len(paths) > MOST_PICTURES:
         raise EndoctError(f"{folder} has too many pictures", found=str(len(paths)), expected=f"{MOST_PICTURES} at most")
     for path in paths:

@@ -131,7 +131,7 @@ def test_a_damaged_store_is_one_line(tmp_path: Path):
         if chunk.is_file():
             chunk.write_bytes(b"nonsense")
     with pytest.raises(EndoctError) as refused:
-        open_shown(folder)
+        open_shown(folder).outlines()
     assert "\n" not in str(refused.value)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from endoct.modalities.registry import manifests
+from endoct.stitching.digests import LISTED_FILES, digests
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.pipeline.inputs import LISTED_FILES, digests
 from endoct.workbench.pipeline.settings import parse, split
 
 

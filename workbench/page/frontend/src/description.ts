@@ -57,6 +57,26 @@ export interface CellPart {
   why: string;
 }
 
+export interface SeriesPart {
+  name: string;
+  title: string;
+  unit: string;
+  usual: [number | null, number | null] | null;
+  is_flag: boolean;
+  values: (number | null)[];
+}
+
+export interface FramesPart {
+  side: string;
+  frame_dim: string;
+  z_mm: number[];
+  pictured: number[];
+  recording: string;
+  theta_shift_rad: number;
+  mirrored: boolean;
+  quality: SeriesPart[];
+}
+
 export interface DoubtPart {
   code: string;
   side: string | null;
@@ -90,6 +110,7 @@ export interface Description {
   layers: LayerPart[];
   outlines: OutlinePart[];
   cells: CellPart[];
+  frames: FramesPart[];
   panes: string[];
   has_common_places: boolean;
   details: DetailPart[];

@@ -7,12 +7,36 @@ export type Values = Record<string, number | null>;
 /** By layer, lines as flat θ in rad, z in mm, θ, z, …; θ goes on beyond a turn where a line does. */
 export type Outlines = Record<string, number[][]>;
 
+/** A picture of a single frame; `axis` says how θ is found in it. */
+export interface FramePicture {
+  title: string;
+  about: string;
+  x_label: string;
+  y_label: string;
+  x_extent: [number, number];
+  y_extent: [number, number];
+  curves: Record<string, [number | null, number | null][]>;
+  axis: "theta" | "ring" | null;
+  ring: Record<"inner_x" | "inner_y" | "inner" | "outer_x" | "outer_y" | "outer" | "roll_rad", number> | null;
+  image: string;
+}
+
+/** How far a recording was read again, for pictures of all of its frames. */
+export interface Reading {
+  state: "absent" | "unread" | "reading" | "read" | "failed";
+  share: number;
+  said: string;
+}
+
 export interface Source {
   description: Description;
   /** The finest level of tiles of a layer that there is here. */
   finestLevel(layer: string): number;
   tileUrl(layer: string, level: number, column: number, row: number): string;
   outlines(): Promise<Outlines>;
+  /** The pictures of a frame; null where there are none. */
+  pictures(side: string, place: number): Promise<FramePicture[] | null>;
+  reading(side: string, begin: boolean): Promise<Reading>;
   /** The values of all layers of numbers at a place; null where they are not to be had. */
   values(theta_rad: number, z_mm: number): Promise<Values | null>;
 }
@@ -20,6 +44,7 @@ export interface Source {
 interface Frozen {
   description: Description;
   outlines: Outlines;
+  pictures: Record<string, Record<string, FramePicture[]>>;
   /** By layer, by level, by "column_row": a picture, its kind and its bytes in base64. */
   tiles: Record<string, Record<string, string>[]>;
   type: string;
@@ -44,6 +69,15 @@ async function servedSource(): Promise<Source> {
     outlines: async () => {
       const found = await fetch("outlines.json");
       return found.ok ? ((await found.json()) as Outlines) : {};
+    },
+    pictures: async (side, place) => {
+      const found = await fetch(`pictures/${version}/${encodeURIComponent(side)}/${place}.json`);
+      return found.ok ? ((await found.json()) as FramePicture[]) : null;
+    },
+    reading: async (side, begin) => {
+      const found = await fetch(`reading/${encodeURIComponent(side)}`, { method: begin ? "POST" : "GET" });
+      if (!found.ok) return { state: "failed", share: 0, said: await found.text() };
+      return (await found.json()) as Reading;
     },
     values: async (theta_rad, z_mm) => {
       const found = await fetch(`values.json?theta_rad=${theta_rad}&z_mm=${z_mm}`);
@@ -96,6 +130,8 @@ function frozenSource(frozen: Frozen): Source {
       return bytes === undefined ? empty : `data:${frozen.type};base64,${bytes}`;
     },
     outlines: () => Promise.resolve(frozen.outlines),
+    pictures: (side, place) => Promise.resolve(frozen.pictures[side]?.[String(place)] ?? null),
+    reading: () => Promise.resolve({ state: "absent", share: 0, said: "" }),
     values: (theta_rad, z_mm) => frozenValues(frozen, theta_rad, z_mm),
   };
 }

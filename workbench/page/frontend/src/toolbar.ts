@@ -13,8 +13,8 @@ export const MOST_PANES = 6;
 
 const KEYS: readonly (readonly [string, string])[] = [
   ["drag, wheel, pinch", "move and zoom; panes that are linked go along"],
-  ["click", "mark a place"],
-  ["arrow keys", "step the marked place by a row and by a degree; without one, move the view"],
+  ["click", "mark a place, and see the B-scan and the frame there"],
+  ["arrow keys", "step the marked place by a frame and by a degree; without one, move the view"],
   ["+ −", "zoom"],
   ["0", "the whole wall"],
   ["L", "link and unlink the panes"],

@@ -8,6 +8,7 @@ import { Link } from "./link";
 import { type Paths, outlinePaths } from "./marks";
 import { Pane } from "./pane";
 import { pictureOf } from "./picture";
+import { FrameDrawer } from "./frame_drawer";
 import { Readout } from "./readout";
 import type { Source } from "./source";
 import { State } from "./state";
@@ -24,6 +25,7 @@ export class Workspace {
   private readonly filters: Filters;
   private paths: Paths = new Map();
   private readonly link: Link;
+  private readonly drawer: FrameDrawer;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
 
@@ -32,10 +34,11 @@ export class Workspace {
     this.wall = new Wall(description.wall);
     this.filters = new Filters(description.layers);
     this.link = new Link(this.state, this.wall, () => this.panes);
+    this.drawer = new FrameDrawer(this.state, source, (z_mm) => this.go(z_mm));
     const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save() };
     const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
     if (description.cells.length) side.append(new CellTable(this.state, (cell) => this.select(cell)).element);
-    this.element.append(element("div", { class: "stage" }, toolbar(this.state, actions), this.grid), side);
+    this.element.append(element("div", { class: "stage" }, toolbar(this.state, actions), this.grid, this.drawer.element), side);
     this.state.on("panes", () => this.refresh());
     this.state.on("colours", () => this.recolour());
     this.state.on("link", () => this.relink());
@@ -138,6 +141,16 @@ export class Workspace {
     this.link.show({ theta_rad: now.theta_rad + apart, z_mm: cell.z_mm, mm_per_px });
   }
 
+  /** Mark the place at `z_mm`, and bring it into view. */
+  private go(z_mm: number): void {
+    const now = this.panes[0]?.view();
+    const pane = this.panes[0]?.element.querySelector(".view");
+    if (!now) return;
+    this.pin({ theta_rad: this.state.pinned?.theta_rad ?? wrapped(now.theta_rad), z_mm });
+    const half_mm = ((pane?.clientHeight ?? 0) / 2 - 30) * now.mm_per_px;
+    if (Math.abs(z_mm - now.z_mm) > half_mm) this.link.show({ ...now, z_mm });
+  }
+
   private save(): void {
     const link = element("a", { download: `${this.state.description.title.replace(/[^\w-]+/g, "-")}.png` });
     link.href = pictureOf(this.panes, this.state).toDataURL("image/png");
@@ -195,7 +208,7 @@ export class Workspace {
     if (now) this.link.show({ ...now, mm_per_px: now.mm_per_px * by });
   }
 
-  /** Move the marked place by a degree and by a row of what the first pane shows; without one, the view. */
+  /** Move the marked place by a degree and by a frame of the side in the first pane; without one, the view. */
   private step(across: number, down: number): void {
     const pane = this.panes[0];
     if (!pane) return;
@@ -206,9 +219,20 @@ export class Workspace {
       this.link.show({ ...now, theta_rad, z_mm });
       return;
     }
-    const row_mm = this.state.layer(pane.shown.layer).row_mm;
-    const { top_mm, bottom_mm } = this.wall.part;
-    const z_mm = Math.min(Math.max(pinned.z_mm + down * row_mm, top_mm), bottom_mm);
-    this.pin({ theta_rad: pinned.theta_rad + (across * Math.PI) / 180, z_mm });
+    const theta_rad = pinned.theta_rad + (across * Math.PI) / 180;
+    const { frames } = this.state.description;
+    const side = this.state.layer(pane.shown.layer).side;
+    const found = frames.find((one) => one.side === side && one.z_mm.length) ?? frames.find((one) => one.z_mm.length);
+    const next = down && found ? nextFrame(found.z_mm, pinned.z_mm, down) : pinned.z_mm;
+    this.state.pinned = { theta_rad: wrapped(theta_rad), z_mm: next };
+    this.go(next);
   }
+}
+
+/** The z of the frame after, or before, the one nearest to `z_mm`. */
+function nextFrame(frames_mm: readonly number[], z_mm: number, down: number): number {
+  const sorted = [...frames_mm].sort((a, b) => a - b);
+  const apart = sorted.map((one) => Math.abs(one - z_mm));
+  const nearest = apart.indexOf(Math.min(...apart));
+  return sorted[Math.min(Math.max(nearest + down, 0), sorted.length - 1)] ?? z_mm;
 }

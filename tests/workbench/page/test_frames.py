@@ -1,0 +1,133 @@
+"""Frames at a place: where they lie, their pictures, and the recording read again for more of them."""
+
+import base64
+import io
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from workbench_page import Served
+
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.modalities.contract import Picture
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.store import read_outline
+from endoct.workbench import unroll
+from endoct.workbench.page.frames import frames_part
+from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.picturing import picture_json, ring_of
+from endoct.workbench.page.recorded import Reader, recording_of
+
+
+@pytest.fixture(scope="module")
+def endoscope(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A panorama whose recording is at hand."""
+    store = tmp_path_factory.mktemp("unrolled") / "endoscope.zarr"
+    unroll(short / "endoscope", store, progress=False)
+    return store
+
+
+def read(reader: Reader) -> Reader:
+    reader.start()
+    for _ in range(6000):
+        if reader.state != "reading":
+            return reader
+        time.sleep(0.02)
+    return reader
+
+
+def test_frames_lie_where_the_alignment_puts_them(comparison: Path):
+    outline = read_outline(comparison / "panoramas" / "oct.zarr")
+    where = Alignment(0.5, 10.0, z_scale=1.1, mirrored=True, z_reversed=True)
+    part = frames_part("oct", outline, where, comparison / "pictures")
+    assert part.z_mm == pytest.approx(10 - 1.1 * 0.2 * np.arange(15))
+    assert part.pictured == (7,)
+    assert (part.theta_shift_rad, part.mirrored) == (0.5, True)
+    by_name = {one.name: one for one in part.quality}
+    assert by_name["signal"].usual == (12.0, None)
+    assert by_name["bridged"].is_flag
+    assert [k for k, value in enumerate(by_name["bridged"].values) if value] == [3, 8, 9]
+
+
+def test_the_server_has_the_pictures_that_were_kept(served: Served):
+    status, text, _ = served.get("/pictures/v/oct/7.json")
+    assert status == 200
+    raw, _ = json.loads(text)
+    assert raw["title"] == "B-scan as recorded"
+    assert raw["axis"] is None  # rotation is not θ
+    assert raw["curves"]["outer face"][12] == [None, None]
+    kind, data = raw["image"].split(",", 1)
+    assert kind == "data:image/webp;base64"
+    assert Image.open(io.BytesIO(base64.b64decode(data))).size == (100, 50)
+
+
+@pytest.mark.parametrize("path", ["oct/8.json", "oct/-1.json", "oct/99999999.json", "nobody/7.json", "..%2foct/7.json"])
+def test_pictures_that_are_not_there_are_refused(served: Served, path: str):
+    assert served.get(f"/pictures/v/{path}")[0] == 404
+
+
+def test_a_recording_that_is_not_there_is_not_read(served: Served):
+    assert json.loads(served.get("/reading/oct", method="POST")[1])["state"] == "absent"
+    assert served.get("/reading/nobody")[0] == 404
+    assert served.get("/reading/oct", method="POST", Origin="http://evil.example")[0] == 403
+
+
+def test_a_recording_is_read_again_for_every_frame(endoscope: Path):
+    shown = open_shown(endoscope)
+    (part,) = shown.description.frames
+    assert part.pictured == ()
+    assert part.recording.endswith("endoscope")
+    with pytest.raises(EndoctError, match="no picture"):
+        shown.pictures("endoscope", 3)
+    reader = shown.side("endoscope").reader
+    assert reader is not None
+    assert read(reader).state == "read", reader.said
+    frame, strip = shown.pictures("endoscope", 3)
+    assert (frame["axis"], strip["axis"]) == ("ring", "theta")
+    with pytest.raises(EndoctError, match="no such frame"):
+        shown.pictures("endoscope", 1000)
+
+
+def test_another_recording_in_its_place_is_not_read(endoscope: Path):
+    recording = recording_of(read_outline(endoscope))
+    assert recording is not None
+    reader = read(Reader(replace(recording, inputs=dict.fromkeys(recording.inputs, "0" * 64))))
+    assert reader.state == "failed"
+    assert "is not the recording that the panorama was made from" in reader.said
+
+
+def test_a_place_lies_on_the_ring_where_the_frame_shows_it(endoscope: Path):
+    """The strip of a frame, unrolled by the plug-in, and the mark on the frame agree on which pixel shows a place."""
+    outline = read_outline(endoscope)
+    reader = read(Reader(recording_of(outline)))  # type: ignore[arg-type]
+    place = 5
+    ring, (frame, strip) = ring_of(outline, place), reader.pictures(place)
+    assert ring is not None
+    samples = frame.image.mean(axis=2) if frame.image.ndim == 3 else frame.image.astype(float)
+    theta_rad = np.linspace(*strip.x_extent, strip.image.shape[1])
+    angle = theta_rad - ring["roll_rad"]
+    along = []
+    for share in np.linspace(0.4, 0.7, 9):
+        x, y = (
+            (1 - share) * (ring[f"inner_{axis}"] + ring["inner"] * turned(angle))
+            + share * (ring[f"outer_{axis}"] + ring["outer"] * turned(angle))
+            for axis, turned in (("x", np.cos), ("y", np.sin))
+        )
+        along.append(samples[np.rint(y).astype(int), np.rint(x).astype(int)])
+    seen, unrolled = np.mean(along, axis=0), np.nanmean(strip.image, axis=0)
+    turns = [np.corrcoef(np.roll(seen, k), unrolled)[0, 1] for k in range(seen.size)]
+    best = (int(np.argmax(turns)) + seen.size // 2) % seen.size - seen.size // 2
+    assert abs(best) <= seen.size / 60  # within 6°
+
+
+@given(st.lists(st.tuples(st.floats(0, 6), st.floats(0, 3)), min_size=1, max_size=3000))
+def test_curves_stay_small(points: list[tuple[float, float]]):
+    labels = {"x_label": "θ (rad)", "y_label": "z (mm)", "x_extent": (0.0, 6.2), "y_extent": (0.0, 2.5)}
+    picture = Picture("a", "a", np.zeros((2, 2)), **labels, curves={"wall": np.array(points)})
+    assert len(picture_json(picture, None)["curves"]["wall"]) <= 1000

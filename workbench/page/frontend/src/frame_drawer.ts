@@ -1,0 +1,159 @@
+/** Under the panes: the B-scan and the frame at the marked place, from either side. */
+
+import type { FramesPart } from "./description";
+import { button, element } from "./dom";
+import { CurveColours, drawPicture } from "./frame_picture";
+import type { FramePicture, Reading, Source } from "./source";
+import type { State } from "./state";
+
+const ASK_AGAIN_MS = 700;
+const FAR_MM = 0.0005;
+
+interface Drawn {
+  picture: FramePicture;
+  image: HTMLImageElement;
+  canvas: HTMLCanvasElement;
+  frames: FramesPart;
+}
+
+export class FrameDrawer {
+  readonly element = element("section", { class: "drawer", "aria-label": "frames at the marked place" });
+  private readonly said = element("span", { class: "said", "aria-live": "polite" });
+  private readonly body = element("div", { class: "pictures" });
+  private readonly actions = element("span");
+  private readonly colours = new CurveColours();
+  private readonly readings = new Map<string, Reading>();
+  private drawn: Drawn[] = [];
+  private shown = "";
+
+  constructor(
+    private readonly state: State,
+    private readonly source: Source,
+    private readonly go: (z_mm: number) => void,
+  ) {
+    const step = (by: number): void => this.step(by);
+    this.element.hidden = true;
+    this.element.append(
+      element("header", {}, element("h2", {}, "At the marked place"), this.said, this.actions,
+        button("▲", "the frame before", null, () => step(-1)), button("▼", "the frame after", null, () => step(1)),
+        button("larger", "pictures instead of panes", false, () => this.enlarge()),
+        button("×", "close", null, () => this.close())),
+      this.body,
+    );
+    state.on("cursor", () => void this.follow());
+    new ResizeObserver(() => this.draw()).observe(this.body);
+  }
+
+  /** The frame of a side nearest to the marked place, of which there are pictures. */
+  private nearest(frames: FramesPart, z_mm: number): number | null {
+    const every = this.readings.get(frames.side)?.state === "read";
+    const places = every ? frames.z_mm.map((_, k) => k) : frames.pictured;
+    const apart = (k: number): number => Math.abs((frames.z_mm[k] ?? Infinity) - z_mm);
+    return places.reduce<number | null>((best, k) => (best !== null && apart(best) <= apart(k) ? best : k), null);
+  }
+
+  private async follow(): Promise<void> {
+    const { pinned } = this.state;
+    const { frames } = this.state.description;
+    if (!pinned || !frames.some((one) => one.pictured.length || one.recording)) {
+      this.element.hidden = true;
+      this.shown = "";
+      return;
+    }
+    this.element.hidden = false;
+    const places = frames.map((one) => [one, this.nearest(one, pinned.z_mm)] as const);
+    this.say(places, pinned.z_mm);
+    const wanted = places.map(([one, place]) => `${one.side} ${place}`).join();
+    if (wanted === this.shown) {
+      this.draw();
+      return;
+    }
+    this.shown = wanted;
+    const found: Drawn[] = [];
+    for (const [one, place] of places) {
+      if (place === null) continue;
+      for (const picture of (await this.source.pictures(one.side, place)) ?? []) {
+        const image = new Image();
+        image.src = picture.image;
+        await image.decode();
+        found.push({ picture, image, canvas: element("canvas"), frames: one });
+      }
+    }
+    if (this.shown !== wanted) return; // the place was moved on meanwhile
+    this.drawn = found;
+    this.body.replaceChildren(...found.map((one) => this.figure(one)));
+    this.draw();
+  }
+
+  private figure({ picture, canvas, frames }: Drawn): HTMLElement {
+    const legends = Object.keys(picture.curves).map((label) => {
+      const made = element("span", { class: "legend" }, label);
+      made.style.setProperty("--line-colour", this.colours.of(label));
+      return made;
+    });
+    const unmarked = picture.axis === null ? [element("span", {}, "place not marked: its beam is not known here")] : [];
+    const caption = element("figcaption", { title: picture.about }, element("b", {}, `${frames.side}: ${picture.title}`), ...legends, ...unmarked);
+    return element("figure", {}, canvas, caption);
+  }
+
+  private say(places: readonly (readonly [FramesPart, number | null])[], z_mm: number): void {
+    const texts = places.flatMap(([one, place]) => {
+      if (place === null) return [`${one.side}: no picture kept`];
+      const away = (one.z_mm[place] ?? 0) - z_mm;
+      const where = Math.abs(away) < FAR_MM ? "here" : `${Math.abs(away).toFixed(2)} mm ${away > 0 ? "farther in" : "farther out"}`;
+      return [`${one.side}: ${one.frame_dim} ${place + 1} of ${one.z_mm.length}, ${where}`];
+    });
+    const readings = places.flatMap(([one]) => {
+      const reading = this.readings.get(one.side);
+      if (reading?.state === "reading") return [`reading ${one.side} ${Math.round(100 * reading.share)} %`];
+      return reading?.state === "failed" ? [`${one.side}: ${reading.said}`] : [];
+    });
+    this.said.textContent = [...texts, ...readings].join("; ");
+    this.actions.replaceChildren(
+      ...places.filter(([one]) => one.recording && !this.readings.has(one.side)).map(([one]) =>
+        button(`every ${one.frame_dim} of ${one.side}`, `read ${one.recording} again, for pictures of every ${one.frame_dim}`, null, () => void this.read(one))),
+    );
+  }
+
+  private async read(frames: FramesPart): Promise<void> {
+    let reading = await this.source.reading(frames.side, true);
+    for (;;) {
+      this.readings.set(frames.side, reading);
+      await this.follow();
+      if (reading.state !== "reading") return;
+      await new Promise((done) => setTimeout(done, ASK_AGAIN_MS));
+      reading = await this.source.reading(frames.side, false);
+    }
+  }
+
+  private step(by: number): void {
+    const { pinned } = this.state;
+    const frames = this.state.description.frames.find((one) => one.pictured.length || one.recording);
+    if (!pinned || !frames) return;
+    const every = this.readings.get(frames.side)?.state === "read";
+    const all = (every ? frames.z_mm : frames.pictured.map((k) => frames.z_mm[k] ?? 0)).slice().sort((a, b) => a - b);
+    const now = frames.z_mm[this.nearest(frames, pinned.z_mm) ?? 0] ?? 0;
+    const next = all[Math.min(Math.max(all.indexOf(now) + by, 0), all.length - 1)];
+    if (next !== undefined) this.go(next);
+  }
+
+  private enlarge(): void {
+    const large = this.element.classList.toggle("large");
+    this.element.querySelector("[aria-pressed]")?.setAttribute("aria-pressed", String(large));
+  }
+
+  private close(): void {
+    this.element.classList.remove("large");
+    this.state.pinned = null;
+    this.state.tell("cursor");
+  }
+
+  private draw(): void {
+    const { pinned } = this.state;
+    for (const { canvas, image, picture, frames } of this.drawn) {
+      const sense = frames.mirrored ? -1 : 1;
+      const marked = pinned && { theta_rad: sense * (pinned.theta_rad - frames.theta_shift_rad) };
+      drawPicture(canvas, image, picture, this.colours, marked);
+    }
+  }
+}

@@ -1,0 +1,140 @@
+/** A picture of a single frame with its axes, its curves, and the marked place. */
+
+import { context } from "./dom";
+import type { FramePicture } from "./source";
+
+const LEFT = 40;
+const BELOW = 28;
+const TOP = 4;
+const RIGHT = 6;
+/** One colour for one thing, in every picture: Okabe and Ito's, apart from each other on grey. */
+const COLOURS = ["#d55e00", "#56b4e9", "#2fc46a", "#f0e442", "#cc79a7"];
+const MARK = "#ff2fa0";
+
+export class CurveColours {
+  private readonly labels: string[] = [];
+
+  of(label: string): string {
+    if (!this.labels.includes(label)) this.labels.push(label);
+    return COLOURS[this.labels.indexOf(label) % COLOURS.length] ?? MARK;
+  }
+}
+
+export interface Marked {
+  /** θ in the frame of the side, rad. */
+  theta_rad: number;
+}
+
+export function drawPicture(
+  canvas: HTMLCanvasElement,
+  image: HTMLImageElement,
+  picture: FramePicture,
+  colours: CurveColours,
+  marked: Marked | null,
+): void {
+  const drawing = context(canvas);
+  if (!drawing) return;
+  const ink = getComputedStyle(canvas).color;
+  const inPixels = picture.x_label.endsWith("(px)");
+  let [wide, tall] = [canvas.clientWidth - LEFT - RIGHT, canvas.clientHeight - TOP - BELOW];
+  if (inPixels) {
+    // what a camera saw keeps its shape; B-scans are stretched to be seen
+    const scale = Math.min(wide / image.naturalWidth, tall / image.naturalHeight);
+    [wide, tall] = [image.naturalWidth * scale, image.naturalHeight * scale];
+  }
+  if (wide < 20 || tall < 20) return;
+  drawing.imageSmoothingQuality = "high";
+  drawing.drawImage(image, LEFT, TOP, wide, tall);
+  const [x0, x1] = picture.x_extent;
+  const [y0, y1] = picture.y_extent;
+  const toX = (x: number): number => LEFT + ((x - x0) / (x1 - x0 || 1)) * wide;
+  const toY = (y: number): number => TOP + ((y - y0) / (y1 - y0 || 1)) * tall;
+  drawing.save();
+  drawing.beginPath();
+  drawing.rect(LEFT, TOP, wide, tall);
+  drawing.clip();
+  for (const [label, points] of Object.entries(picture.curves)) {
+    drawing.strokeStyle = colours.of(label);
+    drawing.lineWidth = 1.3;
+    drawing.beginPath();
+    let down = false;
+    for (const [x, y] of points) {
+      if (x === null || y === null) down = false;
+      else if (down) drawing.lineTo(toX(x), toY(y));
+      else {
+        drawing.moveTo(toX(x), toY(y));
+        down = true;
+      }
+    }
+    drawing.stroke();
+  }
+  if (marked) drawMark(drawing, picture, marked, toX, toY, tall);
+  drawing.restore();
+  drawAxes(drawing, picture, ink, wide, tall);
+}
+
+function drawMark(
+  drawing: CanvasRenderingContext2D,
+  picture: FramePicture,
+  { theta_rad }: Marked,
+  toX: (x: number) => number,
+  toY: (y: number) => number,
+  tall: number,
+): void {
+  const turn = 2 * Math.PI;
+  drawing.strokeStyle = MARK;
+  drawing.lineWidth = 1.6;
+  drawing.setLineDash([5, 3]);
+  drawing.beginPath();
+  if (picture.axis === "theta") {
+    const from = picture.x_extent[0];
+    const x = toX(((((theta_rad - from) % turn) + turn) % turn) + from);
+    drawing.moveTo(x, TOP);
+    drawing.lineTo(x, TOP + tall);
+  } else if (picture.axis === "ring" && picture.ring) {
+    const { ring } = picture;
+    const angle = theta_rad - ring.roll_rad;
+    const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+    drawing.moveTo(toX(ring.inner_x + ring.inner * cos), toY(ring.inner_y + ring.inner * sin));
+    drawing.lineTo(toX(ring.outer_x + ring.outer * cos), toY(ring.outer_y + ring.outer * sin));
+  }
+  drawing.stroke();
+  drawing.setLineDash([]);
+}
+
+function drawAxes(drawing: CanvasRenderingContext2D, picture: FramePicture, ink: string, wide: number, tall: number): void {
+  drawing.strokeStyle = ink;
+  drawing.fillStyle = ink;
+  drawing.lineWidth = 0.8;
+  drawing.strokeRect(LEFT, TOP, wide, tall);
+  drawing.font = "10px system-ui, sans-serif";
+  const isAngle = picture.x_label.endsWith("(rad)");
+  const xs = isAngle ? [0, 90, 180, 270] : [0, 0.5, 1].map((share) => lerp(picture.x_extent, share));
+  drawing.textAlign = "center";
+  drawing.textBaseline = "top";
+  for (const value of xs) {
+    const x = isAngle ? (value * Math.PI) / 180 : value;
+    const at = LEFT + ((x - picture.x_extent[0]) / (picture.x_extent[1] - picture.x_extent[0] || 1)) * wide;
+    drawing.fillText(isAngle ? `${value}°` : text(value), Math.max(at, LEFT + 6), TOP + tall + 2);
+  }
+  drawing.fillText(isAngle ? picture.x_label.replace("(rad)", "(°)") : picture.x_label, LEFT + wide / 2, TOP + tall + 14);
+  drawing.textAlign = "right";
+  drawing.textBaseline = "middle";
+  for (const share of [0, 0.5, 1]) {
+    drawing.fillText(text(lerp(picture.y_extent, share)), LEFT - 4, Math.min(Math.max(TOP + share * tall, TOP + 5), TOP + tall - 4));
+  }
+  drawing.save();
+  drawing.translate(9, TOP + tall / 2);
+  drawing.rotate(-Math.PI / 2);
+  drawing.textAlign = "center";
+  drawing.fillText(picture.y_label, 0, 0);
+  drawing.restore();
+}
+
+function lerp([from, to]: [number, number], share: number): number {
+  return from + share * (to - from);
+}
+
+function text(value: number): string {
+  return String(Number(value.toPrecision(3))).replace("-", "−");
+}
