@@ -205,6 +205,8 @@ CASES: dict[str, Callable[[Path], list[str]]] = {
     "truth that is missing": _missing_truth,
     "info of nothing": lambda t: ["info", str(t / "nowhere")],
     "report of nothing": lambda t: ["report", str(t / "nowhere")],
+    "page of nothing": lambda t: ["serve", str(t / "nowhere")],
+    "page of a folder": lambda t: ["serve", str(t)],
     "replay of nothing": lambda t: ["simulate", "-o", str(t / "out.zarr"), "--replay", str(t / "nowhere.json")],
 }
 

@@ -2,6 +2,7 @@
 
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from endoct.stitching.errors import EndoctError
@@ -27,7 +28,8 @@ def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], N
         settings = uvicorn.Config(
             app_for(shown, host, chosen), log_level="warning", access_log=False, server_header=False
         )
-        uvicorn.Server(settings).run(sockets=[listening])
+        with suppress(KeyboardInterrupt):  # how it is meant to end
+            uvicorn.Server(settings).run(sockets=[listening])
 
 
 def listening_socket(host: str, port: int | None) -> socket.socket:
