@@ -342,3 +342,16 @@ def test_the_offline_file_has_the_pictures_that_were_kept(chromium: Any, frozen_
         page.page.wait_for_selector(".drawer figure")
         assert page.page.locator(".drawer figure").count() == 4
         assert page.page.locator(".drawer button", has_text="every").count() == 0
+
+
+def test_quality_says_which_frames_lie_beyond_a_limit_and_goes_there(page: Watched):
+    part = page.page.locator("details.quality").last
+    assert "3 of 15 slices beyond a limit" in part.locator("summary").inner_text() or "of 15 slices" in part.inner_text()
+    part.locator("summary").click()
+    plots = part.locator("canvas")
+    bridged = [k for k in range(plots.count()) if "4, 9, 10" in plots.nth(k).get_attribute("aria-label")]
+    assert len(bridged) == 1  # the mock's bridged slices
+    box = plots.nth(bridged[0]).bounding_box()
+    x = 52 + (box["width"] - 62) * 8 / 14
+    plots.nth(bridged[0]).click(position={"x": x, "y": 30})
+    assert page.page.locator(".readout dd").nth(1).inner_text() == "1.600 mm"

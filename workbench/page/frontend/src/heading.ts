@@ -27,8 +27,8 @@ export function heading(description: Description): HTMLElement {
     element("ul", { class: "figures" }, ...figures));
 }
 
-export function details(description: Description): HTMLElement {
-  const parts = description.details.map((part) => {
+export function details(description: Description, quality: HTMLElement[]): HTMLElement {
+  const parts: HTMLElement[] = description.details.map((part) => {
     const body = element("div", { class: "body" });
     body.innerHTML = part.html; // made by us, every text in it escaped there
     return element("details", {}, element("summary", {}, part.title), body);
@@ -37,6 +37,7 @@ export function details(description: Description): HTMLElement {
     const notes = element("ul", {}, ...description.notes.map(said));
     parts.unshift(element("details", {}, element("summary", {}, `Notes (${description.notes.length})`), notes));
   }
+  parts.unshift(...quality);
   const by = description.endoct ? `Made by endoct ${description.endoct}. ` : "";
   return element("section", { class: "more", "aria-label": "details" }, ...parts,
     element("footer", {}, `${by}Research software and no medical device.`));

@@ -8,7 +8,7 @@ async function start(): Promise<void> {
   const { description } = source;
   document.title = `endoct: ${description.title}`;
   const workspace = new Workspace(description, source);
-  document.body.append(heading(description), workspace.element, details(description));
+  document.body.append(heading(description), workspace.element, details(description, workspace.quality()));
   workspace.start();
 }
 
