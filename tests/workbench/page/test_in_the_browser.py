@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mock_comparison import Kind, write_comparison
 from page_browser import Watched, browser, opened
 from PIL import Image
 from workbench_page import Served, serving, written
@@ -346,7 +347,9 @@ def test_the_offline_file_has_the_pictures_that_were_kept(chromium: Any, frozen_
 
 def test_quality_says_which_frames_lie_beyond_a_limit_and_goes_there(page: Watched):
     part = page.page.locator("details.quality").last
-    assert "3 of 15 slices beyond a limit" in part.locator("summary").inner_text() or "of 15 slices" in part.inner_text()
+    assert (
+        "3 of 15 slices beyond a limit" in part.locator("summary").inner_text() or "of 15 slices" in part.inner_text()
+    )
     part.locator("summary").click()
     plots = part.locator("canvas")
     bridged = [k for k in range(plots.count()) if "4, 9, 10" in plots.nth(k).get_attribute("aria-label")]
@@ -355,3 +358,49 @@ def test_quality_says_which_frames_lie_beyond_a_limit_and_goes_there(page: Watch
     x = 52 + (box["width"] - 62) * 8 / 14
     plots.nth(bridged[0]).click(position={"x": x, "y": 30})
     assert page.page.locator(".readout dd").nth(1).inner_text() == "1.600 mm"
+
+
+def test_sides_that_are_not_aligned_have_no_place_in_common(chromium: Any, tmp_path: Path):
+    folder = tmp_path / "unaligned"
+    write_comparison(folder, Kind("endoscope", depth=False), Kind("oct"), aligned=False, doubts=())
+    with serving(folder) as unaligned, opened(chromium, unaligned.url) as page:
+        verdict = page.page.locator(".verdict")
+        assert "unaligned" in verdict.get_attribute("class")
+        assert "Not aligned" in verdict.inner_text()
+        options = page.page.locator(".pane").first.locator("select").first.locator("option").all_inner_texts()
+        assert not any("difference" in one for one in options)
+        before = page.panes()
+        page.page.mouse.move(*middle(page))
+        page.page.mouse.wheel(0, -300)
+        page.settle()
+        assert page.panes()[1] == before[1]  # not linked
+        assert "endoscope: image" in page.page.locator(".readout").inner_text()
+        assert "oct" not in page.page.locator(".readout").inner_text()
+
+
+def test_every_doubt_is_in_view_at_once(chromium: Any, tmp_path: Path):
+    doubts = tuple(
+        Doubt("forced", f"Sentence {k}, of some length, that says what is doubted and how much.") for k in range(4)
+    )
+    with serving(written(tmp_path / "doubts", doubts=doubts)) as doubted, opened(chromium, doubted.url) as page:
+        items = page.page.locator(".verdict li")
+        assert items.count() == 4
+        panes = page.page.locator(".panes").bounding_box()
+        for k in range(4):
+            box = items.nth(k).bounding_box()
+            assert box["height"] > 10
+            assert box["y"] + box["height"] <= panes["y"]
+        assert panes["y"] + panes["height"] <= 800
+
+
+def test_a_pane_that_becomes_smaller_shows_the_same_place(page: Watched):
+    page.page.mouse.move(*middle(page))
+    page.page.mouse.wheel(0, -300)
+    page.settle()
+    before = page.panes()[0]
+    page.page.get_by_role("button", name="+ pane").click()
+    page.page.wait_for_timeout(300)
+    page.settle()
+    assert len(page.panes()) == 4
+    for pane in page.panes():
+        assert pane == pytest.approx(before, rel=1e-4)

@@ -14,6 +14,7 @@ interface Drawn {
   image: HTMLImageElement;
   canvas: HTMLCanvasElement;
   frames: FramesPart;
+  z_mm: number;
 }
 
 export class FrameDrawer {
@@ -54,7 +55,7 @@ export class FrameDrawer {
 
   private async follow(): Promise<void> {
     const { pinned } = this.state;
-    const { frames } = this.state.description;
+    const frames = this.state.description.frames.filter((one) => this.state.isCommon(pinned?.side ?? null, one.side));
     if (!pinned || !frames.some((one) => one.pictured.length || one.recording)) {
       this.element.hidden = true;
       this.shown = "";
@@ -76,7 +77,7 @@ export class FrameDrawer {
         const image = new Image();
         image.src = picture.image;
         await image.decode();
-        found.push({ picture, image, canvas: element("canvas"), frames: one });
+        found.push({ picture, image, canvas: element("canvas"), frames: one, z_mm: one.z_mm[place] ?? Infinity });
       }
     }
     if (this.shown !== wanted) return; // the place was moved on meanwhile
@@ -91,7 +92,7 @@ export class FrameDrawer {
       made.style.setProperty("--line-colour", this.colours.of(label));
       return made;
     });
-    const unmarked = picture.axis === null ? [element("span", {}, "place not marked: its beam is not known here")] : [];
+    const unmarked = picture.axis === null && Object.keys(picture.curves).length ? [element("span", {}, "place not marked: its beam is not known here")] : [];
     const caption = element("figcaption", { title: picture.about }, element("b", {}, `${frames.side}: ${picture.title}`), ...legends, ...unmarked);
     return element("figure", {}, canvas, caption);
   }
@@ -150,10 +151,19 @@ export class FrameDrawer {
 
   private draw(): void {
     const { pinned } = this.state;
-    for (const { canvas, image, picture, frames } of this.drawn) {
+    for (const { canvas, image, picture, frames, z_mm } of this.drawn) {
       const sense = frames.mirrored ? -1 : 1;
-      const marked = pinned && { theta_rad: sense * (pinned.theta_rad - frames.theta_shift_rad) };
-      drawPicture(canvas, image, picture, this.colours, marked);
+      // a frame that lies elsewhere does not show the place
+      const isThere = pinned !== null && Math.abs(z_mm - pinned.z_mm) <= spacing(frames.z_mm);
+      const marked = pinned && isThere && { theta_rad: sense * (pinned.theta_rad - frames.theta_shift_rad) };
+      drawPicture(canvas, image, picture, this.colours, marked || null);
     }
   }
+}
+
+/** How far frames lie apart, typically. */
+function spacing(z_mm: readonly number[]): number {
+  const sorted = [...z_mm].sort((a, b) => a - b);
+  const apart = sorted.slice(1).map((one, k) => one - (sorted[k] ?? one)).sort((a, b) => a - b);
+  return apart[Math.floor(apart.length / 2)] ?? 0;
 }

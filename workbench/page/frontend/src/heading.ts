@@ -23,8 +23,8 @@ export function heading(description: Description): HTMLElement {
       element("small", {}, figure.of)));
   return element("header", { class: "top" },
     element("div", { class: "what" }, element("h1", {}, description.title), element("p", { class: "facts" }, ...facts)),
-    verdict,
-    element("ul", { class: "figures" }, ...figures));
+    element("ul", { class: "figures" }, ...figures),
+    verdict);
 }
 
 export function details(description: Description, quality: HTMLElement[]): HTMLElement {

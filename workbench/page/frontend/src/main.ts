@@ -8,7 +8,12 @@ async function start(): Promise<void> {
   const { description } = source;
   document.title = `endoct: ${description.title}`;
   const workspace = new Workspace(description, source);
-  document.body.append(heading(description), workspace.element, details(description, workspace.quality()));
+  const top = heading(description);
+  document.body.append(top, workspace.element, details(description, workspace.quality()));
+  // the panes fill what the heading leaves of the window
+  const fit = (): void => document.documentElement.style.setProperty("--top", `${top.offsetHeight}px`);
+  new ResizeObserver(fit).observe(top);
+  fit();
   workspace.start();
 }
 

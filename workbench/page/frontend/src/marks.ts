@@ -3,7 +3,7 @@
 import type { CellPart, Description } from "./description";
 import type { Outlines } from "./source";
 import type { State } from "./state";
-import { type Place, type View, type Wall, degrees, roundBelow } from "./wall";
+import { type Place, type Spot, type View, type Wall, degrees, roundBelow } from "./wall";
 
 const INK = "#111";
 const HALO = "rgba(255,255,255,0.85)";
@@ -63,8 +63,10 @@ export function drawMarks(
 ): void {
   drawOutlines(sheet, state, paths, shownLayers);
   drawNumbers(sheet, state, shownLayers);
-  drawCross(sheet, state.cursor, "rgba(255,255,255,0.9)", "rgba(0,0,0,0.55)");
-  drawCross(sheet, state.pinned, "#ffffff", "#d6007a");
+  const side = state.layer(shownLayers[0] ?? "").side;
+  const here = (spot: Spot | null): Spot | null => (spot && state.isCommon(spot.side, side) ? spot : null);
+  drawCross(sheet, here(state.cursor), "rgba(255,255,255,0.9)", "rgba(0,0,0,0.55)");
+  drawCross(sheet, here(state.pinned), "#ffffff", "#d6007a");
   drawRuler(sheet, state);
   drawAxes(sheet);
   drawScaleBar(sheet);

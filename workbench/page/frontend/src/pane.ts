@@ -7,12 +7,12 @@ import { type Paths, drawMarks, toPixels } from "./marks";
 import type { Source } from "./source";
 import { MODES, type Mode, type PaneState, type State } from "./state";
 import { LayerViewer } from "./viewer";
-import { type Place, type View, type Wall, degrees } from "./wall";
+import { type Spot, type View, type Wall, degrees } from "./wall";
 
 export interface PaneEvents {
   moved(pane: Pane, view: View): void;
-  pointed(place: Place | null): void;
-  clicked(place: Place): void;
+  pointed(place: Spot | null): void;
+  clicked(place: Spot): void;
   closed(pane: Pane): void;
 }
 
@@ -27,6 +27,8 @@ export class Pane {
   private readonly foot = element("footer");
   private readonly under: LayerViewer;
   private over: LayerViewer | null = null;
+  private size = "";
+  private last: View | null = null;
   private pointer = { x: 0, y: 0 };
   private drawing = 0;
   private readonly resized: ResizeObserver;
@@ -83,6 +85,11 @@ export class Pane {
     this.under.element.style.filter = this.filters.css(this.state.layer(this.shown.layer));
     if (this.over) this.over.element.style.filter = this.filters.css(this.state.layer(this.shown.second));
     this.redraw();
+  }
+
+  /** The side that this pane shows, null where it is both. */
+  get side(): string | null {
+    return this.state.layer(this.shown.layer).side;
   }
 
   view(): View {
@@ -175,7 +182,15 @@ export class Pane {
   }
 
   private follow(): void {
+    const size = this.under.size();
+    if (this.size !== size) {
+      // a pane that became larger or smaller shows the same place at the same scale
+      this.size = size;
+      const kept = this.state.linked ? this.state.view : this.last;
+      if (kept) this.under.setView(kept);
+    }
     const view = this.view();
+    this.last = view;
     this.over?.setView(view);
     const layer = this.state.layer(this.shown.layer);
     this.under.setSmooth(view.mm_per_px > Math.min(layer.row_mm, layer.column_mm));
@@ -227,12 +242,13 @@ export class Pane {
     if (this.shown.mode === "lens") this.bringTogether();
   }
 
-  private placeAt(x: number, y: number): Place {
+  private placeAt(x: number, y: number): Spot {
     const view = this.view();
     const { clientWidth, clientHeight } = this.view_;
     return {
       theta_rad: view.theta_rad + ((x - clientWidth / 2) * view.mm_per_px) / this.wall.part.radius_mm,
       z_mm: view.z_mm + (y - clientHeight / 2) * view.mm_per_px,
+      side: this.state.description.has_common_places ? null : this.side,
     };
   }
 

@@ -4,14 +4,14 @@ import { element } from "./dom";
 import type { Source, Values } from "./source";
 import type { State } from "./state";
 import { cellAt } from "./cells";
-import { type Place, degrees } from "./wall";
+import { type Spot, degrees } from "./wall";
 import { lengthOnWall, type Paths } from "./marks";
 import type { Wall } from "./wall";
 
 export class Readout {
   readonly element = element("section", { class: "readout", "aria-label": "values under the cursor" });
   private asking = false;
-  private wanted: Place | null = null;
+  private wanted: Spot | null = null;
   private values: Values | null = null;
 
   constructor(
@@ -43,7 +43,7 @@ export class Readout {
     this.asking = false;
   }
 
-  private get place(): Place | null {
+  private get place(): Spot | null {
     return this.state.cursor ?? this.state.pinned;
   }
 
@@ -56,12 +56,13 @@ export class Readout {
     const { top_mm, bottom_mm } = this.wall.part;
     const inside = place !== null && place.z_mm >= top_mm && place.z_mm <= bottom_mm;
     for (const layer of this.state.description.layers) {
-      if (layer.kind !== "scalar") continue;
+      if (layer.kind !== "scalar" || !this.state.isCommon(place?.side ?? null, layer.side)) continue;
       const value = inside ? this.values?.[layer.key] : undefined;
       const text = value === undefined ? "–" : value === null ? "not observed" : valueText(value, layer.unit);
       rows.push([layer.title, text]);
     }
     for (const outline of this.state.description.outlines) {
+      if (!this.state.isCommon(place?.side ?? null, outline.side)) continue;
       const cell = inside && place ? cellAt(this.state, this.paths(), this.wall, outline.layer, place) : null;
       rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state})` : "–"]);
     }

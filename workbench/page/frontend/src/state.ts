@@ -2,7 +2,7 @@
 
 import { type Colouring, firstColouring } from "./colouring";
 import type { CellPart, Description, LayerPart } from "./description";
-import type { Place, View } from "./wall";
+import type { Place, Spot, View } from "./wall";
 
 export const MODES = {
   single: "alone",
@@ -35,8 +35,8 @@ export class State {
   view: View | null = null;
   outlines: Set<string>;
   numbers = true;
-  cursor: Place | null = null;
-  pinned: Place | null = null;
+  cursor: Spot | null = null;
+  pinned: Spot | null = null;
   selected: CellPart | null = null;
   measuring = false;
   ruler: Ruler | null = null;
@@ -61,6 +61,11 @@ export class State {
 
   colouring(key: string): Colouring {
     return this.colourings.get(key) ?? firstColouring(this.layer(key));
+  }
+
+  /** Whether a place on the wall of `side` (null: of both) is one on that of `other`. */
+  isCommon(side: string | null, other: string | null): boolean {
+    return this.description.has_common_places || side === null || side === other;
   }
 
   on(change: Change, act: () => void): void {

@@ -55,6 +55,12 @@ export class LayerViewer {
     });
   }
 
+  /** How large it is, as it knows itself, which may be a moment late. */
+  size(): string {
+    const { x, y } = this.viewer.viewport.getContainerSize();
+    return `${x} × ${y}`;
+  }
+
   /** What is shown now, amid an animation too. */
   view(): View {
     const { viewport } = this.viewer;

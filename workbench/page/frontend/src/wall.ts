@@ -10,6 +10,11 @@ export interface Place {
   z_mm: number;
 }
 
+/** A place somebody points at; where the sides have no place in common, the `side` on whose wall it is, else null. */
+export interface Spot extends Place {
+  side: string | null;
+}
+
 /** What a pane shows: the place in its middle, θ not brought into one turn, and mm of wall for a CSS pixel. */
 export interface View extends Place {
   mm_per_px: number;

@@ -14,7 +14,7 @@ import { Readout } from "./readout";
 import type { Source } from "./source";
 import { State } from "./state";
 import { MOST_PANES, toolbar } from "./toolbar";
-import { type Place, Wall, wrapped } from "./wall";
+import { type Spot, Wall, wrapped } from "./wall";
 
 /** How large a cell is shown when it is selected. */
 const CELL_PX = 150;
@@ -121,7 +121,7 @@ export class Workspace {
     for (const pane of this.panes) pane.redraw();
   }
 
-  private click(place: Place): void {
+  private click(place: Spot): void {
     if (this.state.measuring) {
       const open = this.state.ruler && !this.state.ruler.to ? this.state.ruler : null;
       this.state.ruler = open ? { from: open.from, to: place } : { from: place, to: null };
@@ -129,9 +129,11 @@ export class Workspace {
       return;
     }
     this.pin(place);
+    // the frames that appear below make the panes smaller
+    requestAnimationFrame(() => requestAnimationFrame(() => this.reveal(place.z_mm)));
   }
 
-  private pin(place: Place | null): void {
+  private pin(place: Spot | null): void {
     this.state.pinned = place && { ...place, theta_rad: wrapped(place.theta_rad) };
     this.state.tell("cursor");
   }
@@ -139,22 +141,32 @@ export class Workspace {
   private select(cell: CellPart): void {
     this.state.selected = cell;
     this.state.tell("selection");
-    const now = this.panes[0]?.view();
+    const shown = this.panes.filter((pane) => this.state.isCommon(cell.side, pane.side));
+    const now = shown[0]?.view();
     if (!now) return;
     const mm_per_px = Math.min(now.mm_per_px, cell.diameter_mm / CELL_PX);
     // the nearer way around
     const apart = wrapped(cell.theta_rad - now.theta_rad + Math.PI) - Math.PI;
-    this.link.show({ theta_rad: now.theta_rad + apart, z_mm: cell.z_mm, mm_per_px });
+    const view = { theta_rad: now.theta_rad + apart, z_mm: cell.z_mm, mm_per_px };
+    if (this.state.linked) this.link.show(view);
+    else for (const pane of shown) pane.setView(view);
   }
 
   /** Mark the place at `z_mm`, and bring it into view. */
   private go(z_mm: number): void {
     const now = this.panes[0]?.view();
-    const pane = this.panes[0]?.element.querySelector(".view");
     if (!now) return;
-    this.pin({ theta_rad: this.state.pinned?.theta_rad ?? wrapped(now.theta_rad), z_mm });
-    const half_mm = ((pane?.clientHeight ?? 0) / 2 - 30) * now.mm_per_px;
-    if (Math.abs(z_mm - now.z_mm) > half_mm) this.link.show({ ...now, z_mm });
+    const side = this.state.pinned?.side ?? (this.state.description.has_common_places ? null : (this.panes[0]?.side ?? null));
+    this.pin({ theta_rad: this.state.pinned?.theta_rad ?? wrapped(now.theta_rad), z_mm, side });
+    this.reveal(z_mm);
+  }
+
+  /** Bring `z_mm` into view, where it is not. */
+  private reveal(z_mm: number): void {
+    const now = this.panes[0]?.view();
+    const heights = this.panes.map((pane) => pane.element.querySelector(".view")?.clientHeight ?? 0);
+    const half_mm = (Math.min(...heights) / 2 - 30) * (now?.mm_per_px ?? 0);
+    if (now && Math.abs(z_mm - now.z_mm) > half_mm) this.link.show({ ...now, z_mm });
   }
 
   private save(): void {
@@ -227,10 +239,10 @@ export class Workspace {
     }
     const theta_rad = pinned.theta_rad + (across * Math.PI) / 180;
     const { frames } = this.state.description;
-    const side = this.state.layer(pane.shown.layer).side;
+    const side = pinned.side ?? pane.side;
     const found = frames.find((one) => one.side === side && one.z_mm.length) ?? frames.find((one) => one.z_mm.length);
     const next = down && found ? nextFrame(found.z_mm, pinned.z_mm, down) : pinned.z_mm;
-    this.state.pinned = { theta_rad: wrapped(theta_rad), z_mm: next };
+    this.state.pinned = { ...pinned, theta_rad: wrapped(theta_rad), z_mm: next };
     this.go(next);
   }
 }
