@@ -1,6 +1,7 @@
 """Make the pictures of the README and the tutorials again: python docs/pictures.py [--recordings FOLDER].
 
-Needs Chromium for the picture of the report, and for that of the real pullback the folder of real recordings.
+Needs Chromium for the pictures of the report and of the page, and for that of the real pullback the folder of real
+recordings.
 """
 
 import argparse
@@ -14,10 +15,13 @@ import xarray
 from PIL import Image
 
 from endoct.workbench import compare, simulate, unroll
+from endoct.workbench.page.frozen import frozen_page
+from endoct.workbench.page.opening import open_shown
 
 DOCS = Path(__file__).parent
 FIGURES = DOCS / "figures"
 COLOURS = 256
+PAGE_SIZE = 1440, 900
 REPORT_SIZE = 1160, 1190
 """Width and height in pixels: the top of a report, with its first figure."""
 
@@ -54,6 +58,31 @@ def report(folder: Path) -> None:
     options = ["--headless", "--no-sandbox", "--hide-scrollbars", f"--window-size={size}", f"--screenshot={picture}"]
     subprocess.run([chromium, *options, (result / "report.html").as_uri()], check=True, capture_output=True)
     save(Image.open(picture), DOCS / "report.png", width=REPORT_SIZE[0])
+    page(result)
+
+
+def page(result: Path) -> None:
+    """Write the picture of the page that shows ``result``, with a deep cell chosen and its frames shown."""
+    from playwright.sync_api import sync_playwright
+
+    picture = result.parent / "page.png"
+    (result.parent / "page.html").write_text(frozen_page(open_shown(result)), encoding="utf-8")
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        shown = browser.new_page(viewport={"width": PAGE_SIZE[0], "height": PAGE_SIZE[1]})
+        shown.goto((result.parent / "page.html").as_uri())
+        shown.wait_for_selector(".pane[data-z-mm]")
+        pane = shown.locator(".pane").first
+        pane.locator("header select").nth(1).select_option("swipe")
+        pane.locator("header select").nth(2).select_option(open_shown(result).description.panes[1])
+        shown.wait_for_timeout(1000)
+        box = shown.locator(".view").nth(1).bounding_box()
+        shown.mouse.click(box["x"] + 0.7 * box["width"], box["y"] + 0.39 * box["height"])
+        shown.wait_for_selector(".drawer figure")
+        shown.wait_for_timeout(2000)
+        shown.screenshot(path=picture)
+        browser.close()
+    save(Image.open(picture), DOCS / "page.png", width=PAGE_SIZE[0])
 
 
 def real_pullback(recordings: Path, folder: Path) -> None:

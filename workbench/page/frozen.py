@@ -4,11 +4,13 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from typing import Any
 
 from endoct.stitching.parallel import thread_map
+from endoct.workbench.page.description import Description
 from endoct.workbench.page.layer import is_blank
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import TILE_PX, Tile
@@ -27,7 +29,7 @@ def frozen_page(shown: Shown) -> str:
     """
     script, style = (files(PACKAGE).joinpath("bundle", name).read_text("utf-8") for name in ("page.js", "page.css"))
     held = {
-        "description": shown.description.to_json(),
+        "description": _alone(shown.description).to_json(),
         "outlines": shown.outlines(),
         "tiles": tiles_of(shown),
         "pictures": pictures_of(shown),
@@ -48,6 +50,11 @@ def frozen_page(shown: Shown) -> str:
         "</head>\n<body>\n<noscript>This page needs JavaScript.</noscript>\n"
         f'<script type="application/json" id="frozen">{data}</script>\n<script>{script}</script>\n</body>\n</html>\n'
     )
+
+
+def _alone(description: Description) -> Description:
+    """Return the description without what only a server can do: to read recordings again, from where they lie."""
+    return replace(description, frames=tuple(replace(part, recording="") for part in description.frames))
 
 
 def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
