@@ -197,6 +197,20 @@ def test_a_marked_place_is_stepped_by_rows_and_degrees(page: Watched):
     assert where.first.inner_text() == "–"
 
 
+def test_keys_act_once_wherever_the_focus_is(page: Watched):
+    page.page.mouse.click(*middle(page, 1))  # the focus is in the pane then
+    page.settle()
+    before = page.panes()
+    page.page.keyboard.press("ArrowRight")
+    page.settle()
+    assert page.panes() == before  # the place was stepped, the view stayed
+    page.page.keyboard.press("Escape")
+    page.settle()
+    page.page.keyboard.press("+")
+    page.settle()
+    assert page.panes()[0]["mmPerPx"] == pytest.approx(before[0]["mmPerPx"] / 1.5, rel=1e-4)
+
+
 def test_cells_are_sorted_filtered_and_shown(page: Watched):
     rows = page.page.locator(".cells tbody tr")
     assert rows.count() == 4
