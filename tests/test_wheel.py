@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("modalities", "stitching", "fusion", "synthetic", "workbench")
-LEFT_OUT = {"__pycache__"}
+LEFT_OUT = {"__pycache__", "frontend"}  # what the page's program is made from; the wheel has the bundle
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import cheap_specimens
@@ -93,7 +94,14 @@ def _credentials(folder: Path) -> dict[str, str]:
     return told
 
 
+def listening() -> set[Any]:
+    """Where this process and those that it started listen; a browser of other tests may be among them."""
+    ours = [psutil.Process(), *psutil.Process().children(recursive=True)]
+    return {one.laddr for each in ours for one in each.net_connections("tcp") if one.status == psutil.CONN_LISTEN}
+
+
 def test_who_has_no_credentials_is_refused(tmp_path: Path) -> None:
+    before = listening()
     with own_cluster(2) as client:
         port = urlsplit(client.scheduler.address).port
         for address, security in (
@@ -103,8 +111,7 @@ def test_who_has_no_credentials_is_refused(tmp_path: Path) -> None:
             with pytest.raises(OSError, match=r"closed|reset|does not match"):
                 Client(address, security=security, timeout=5)
         # nannies and workers take no one else either: each asks for a certificate
-        ours = [psutil.Process(), *psutil.Process().children(recursive=True)]
-        open_ = {one.laddr for each in ours for one in each.net_connections("tcp") if one.status == psutil.CONN_LISTEN}
+        open_ = listening() - before
         assert len(open_) == 1 + 2 + 2
         for place in open_:
             assert place.ip == "127.0.0.1"
