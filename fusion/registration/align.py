@@ -25,6 +25,7 @@ from endoct.fusion.registration.search import search
 from endoct.fusion.registration.stretch import stretched
 from endoct.fusion.segmentation.regions import label
 from endoct.fusion.stated_scale import remedies
+from endoct.stitching.arrays import Coordinates
 
 __all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations"]
 
@@ -38,11 +39,12 @@ a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most.""
 LEFT_BY_INSTRUMENTS = 0.004, 0.009, 0.002
 """By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
 Rotation and feed are known no better, and residuals do not show it."""
-LEFT_BY_CELL_MM = 0.015, 0.03
+LEFT_BY_CELL_MM = 0.025, 0.03
 """By how much one cell's middle lies apart in depth and in light, around the bore and along it: its floor slopes, its
 lining is bright, and its rim is not where either sees it. Residuals do not show that where few cells decide. These and
 those above were set by simulated specimens (`quick` and `hard`, seeds 0–11) and by 40 pairs of a second generator that
-shares nothing with it (benchmarks/independent, sets few and mirrors, seeds 0–19), and of set sound 1000–1009."""
+shares nothing with it (benchmarks/independent, sets few and mirrors, seeds 0–19), then by another 40 (few and sound,
+seeds 1000–1127)."""
 UNKNOWN_SLANT = 0.35
 """Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
 LEAST_CELL_MM2 = 0.05
@@ -153,34 +155,46 @@ def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -
         return alignment
     turn_rad, along_mm, of_scale = LEFT_BY_INSTRUMENTS
     middle_mm = direction * float(b.z_mm[[0, -1]].mean())
-    # cells differ in depth, and so in what an unknown slant makes of them, by about as much as they are deep
-    of_turn_mm, of_shift_mm, of_stretch = _left_by_cells(relief, unknown_mm)
-    left = (
-        float(np.hypot(turn_rad, of_turn_mm / a.radius_mm)),
-        float(np.linalg.norm([along_mm, unknown_mm, of_shift_mm])),
-        float(np.hypot(of_scale, of_stretch)),
-    )
-    to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * left
-    return replace(alignment, covariance=as_covariance(np.array(alignment.covariance) + to_origin @ to_origin.T))
+    by_instruments = _covariance_about(middle_mm, turn_rad, float(np.hypot(along_mm, unknown_mm)), of_scale)
+    by_cells = _left_by_cells(relief, alignment, of_b=relief is b, unknown_mm=unknown_mm)
+    return replace(alignment, covariance=as_covariance(np.array(alignment.covariance) + by_instruments + by_cells))
 
 
-def _left_by_cells(relief: Evidence, unknown_mm: float) -> tuple[float, float, float]:
-    """Return what :data:`LEFT_BY_CELL_MM` leaves of all cells together: around and along, mm, and of the scale of z.
+def _covariance_about(middle_mm: float, turn_rad: float, along_mm: float, of_scale: float) -> Coordinates:
+    """Return the covariance of (turn, shift, scale), float64 (3, 3), from independent errors of turn, place and scale.
 
-    ``unknown_mm``: what in addition separates depth and light of each cell along the bore.
+    ``along_mm``: error of the place of ``middle_mm``, on B's z as the alignment's scale multiplies it.
+    """
+    to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * (turn_rad, along_mm, of_scale)
+    return np.asarray(to_origin @ to_origin.T)
+
+
+def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknown_mm: float) -> Coordinates:
+    """Return what :data:`LEFT_BY_CELL_MM` of all cells together adds to the covariance, float64 (3, 3).
+
+    Cells tell where the wall lies where they are: farther along the bore it follows from the scale. ``unknown_mm``:
+    what in addition separates depth and light of each cell along the bore; cells differ in depth, and so in what an
+    unknown slant makes of them, by about as much as they are deep.
     """
     labels, n = label(relief.valid & (relief.values > CELL_MM))
-    area_mm2 = np.bincount(labels.ravel(), minlength=n + 1)[1:] * relief.dz_mm * relief.column_mm
+    count = np.bincount(labels.ravel(), minlength=n + 1)[1:]
+    area_mm2 = count * relief.dz_mm * relief.column_mm
     rims = np.where(area_mm2 > LEAST_CELL_MM2, np.sqrt(area_mm2), 0)  # a cell counts by the length of its rim
     if not rims.any():
-        return 0.0, 0.0, 0.0
+        return np.zeros((3, 3))
     rows = np.repeat(relief.z_mm[:, np.newaxis], labels.shape[1], axis=1)
-    z_mm = np.bincount(labels.ravel(), rows.ravel(), n + 1)[1:] / np.maximum(np.bincount(labels.ravel())[1:], 1)
+    z_mm = np.bincount(labels.ravel(), rows.ravel(), n + 1)[1:] / count
+    # on B's z as the scale multiplies it
+    z_mm = z_mm * (-1.0 if alignment.z_reversed else 1.0) if of_b else (z_mm - alignment.z_shift_mm) / alignment.z_scale
+    middle_mm = float(np.average(z_mm, weights=rims))
+    spread_mm = max(float(np.sqrt(np.average((z_mm - middle_mm) ** 2, weights=rims))), LEAST_SPREAD_MM)
     independent = rims.sum() ** 2 / (rims**2).sum()
-    spread_mm = float(np.sqrt(np.cov(z_mm, aweights=rims, ddof=0))) if n > 1 else 0.0
-    of_one = np.array([LEFT_BY_CELL_MM[0], np.hypot(LEFT_BY_CELL_MM[1], unknown_mm)])
-    around_mm, along_mm = of_one / np.sqrt(independent)
-    return float(around_mm), float(along_mm), float(along_mm / max(spread_mm, LEAST_SPREAD_MM))
+    around_mm, along_mm = np.array([LEFT_BY_CELL_MM[0], np.hypot(LEFT_BY_CELL_MM[1], unknown_mm)]) / np.sqrt(
+        independent
+    )
+    return _covariance_about(
+        middle_mm, float(around_mm) / relief.radius_mm, float(along_mm), float(along_mm / spread_mm)
+    )
 
 
 def _depth_mm(relief: Evidence) -> float:

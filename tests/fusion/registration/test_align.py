@@ -123,3 +123,17 @@ def test_what_an_oblique_view_hides_of_cells_does_not_move_the_other_side(
     assert np.sign(off_mm(pair.a)) == -np.sign(slant)
     assert abs(off_mm(told)) < 0.5 * abs(off_mm(pair.a))
     assert off_mm(told, turned=True) == pytest.approx(off_mm(told), abs=1e-3)
+
+
+def test_where_there_are_no_cells_the_place_is_known_less_surely(pair_of: Callable) -> None:
+    """It follows from the scale there, whichever side has depth."""
+    pair = pair_of(5)
+    middle_mm = float(pair.b.z_mm.mean())
+    one, two = prepare(pair.a), prepare(pair.b)
+    one = replace(one, values=np.where((one.z_mm < pair.truth.z_to_a(middle_mm))[:, np.newaxis], one.values, 0))
+    two = replace(two, values=np.where((two.z_mm < middle_mm)[:, np.newaxis], two.values, 0))
+    assert {one.kind, two.kind} == {"relief", "darkness"}
+    for found, z_mm in ((align(one, two), two.z_mm), (align(two, one), one.z_mm)):
+        assert isinstance(found, Alignment)
+        near_mm, far_mm = found.z_error_mm(np.quantile(z_mm, [0.1, 0.9]))
+        assert far_mm > 1.2 * near_mm
