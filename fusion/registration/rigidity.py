@@ -48,7 +48,7 @@ class Look:
     dense: int = 2
 
 
-NEAR = Look(tall_mm=1.5, reach_mm=1.0, reach_rad=0.6, clear=0.55, better=0.12)
+NEAR = Look(tall_mm=1.5, reach_mm=1.0, reach_rad=0.6, clear=0.55, better=0.2)
 FAR = Look(tall_mm=0.6, reach_mm=4.0, reach_rad=0.1, clear=0.75, better=0.45)
 EXCHANGED = Look(tall_mm=0.3, reach_mm=4.0, reach_rad=0.1, clear=0.5, better=0.15, dense=3)
 """Of 20 sound recordings of a second generator (benchmarks/independent, set sound, seeds 0–19) none has two bands in
