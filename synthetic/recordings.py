@@ -20,6 +20,7 @@ from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, toml
 
 PROGRESS_EVERY_S = 0.2
+ALL_TAKEN = 0.99
 
 
 def write_recordings(folder: Path, model: Model, processes: Sequence[WorkerProcess], progress: Progress) -> None:
@@ -29,7 +30,7 @@ def write_recordings(folder: Path, model: Model, processes: Sequence[WorkerProce
         endoscope = pool.submit(write_endoscope, folder / "endoscope", model.sample, frames.results())
         for title, writing, share in (("oct", oct_, bscans.share_taken), ("endoscope", endoscope, frames.share_taken)):
             while wait([writing], timeout=PROGRESS_EVERY_S).not_done:
-                progress(title, share())
+                progress(title, min(share(), ALL_TAKEN))  # what was taken last is still being written
             writing.result()
             progress(title, 1.0)
 
