@@ -189,12 +189,9 @@ def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknow
     middle_mm = float(np.average(z_mm, weights=rims))
     spread_mm = max(float(np.sqrt(np.average((z_mm - middle_mm) ** 2, weights=rims))), LEAST_SPREAD_MM)
     independent = rims.sum() ** 2 / (rims**2).sum()
-    around_mm, along_mm = np.array([LEFT_BY_CELL_MM[0], np.hypot(LEFT_BY_CELL_MM[1], unknown_mm)]) / np.sqrt(
-        independent
-    )
-    return _covariance_about(
-        middle_mm, float(around_mm) / relief.radius_mm, float(along_mm), float(along_mm / spread_mm)
-    )
+    around_mm = LEFT_BY_CELL_MM[0] / float(np.sqrt(independent))
+    along_mm = float(np.hypot(LEFT_BY_CELL_MM[1], unknown_mm) / np.sqrt(independent))
+    return _covariance_about(middle_mm, around_mm / relief.radius_mm, along_mm, along_mm / spread_mm)
 
 
 def _depth_mm(relief: Evidence) -> float:
