@@ -60,6 +60,9 @@ APART_MM = 0.1
 """Around the bore: arcs of 32 sound recordings (seeds 0–31) lie 0.074 mm apart at most; those of turns with a step of
 0.15 rad 0.11 to 0.20 mm, of 0.2 rad 0.16 mm and more (10 recordings each)."""
 FEWEST_IN_ARC = 2
+LEAST_APART_MM = 0.5 * APART_MM
+"""In either half of the bore by itself: a step is at every slice, single cells lie in one half or the other. Of 68 more
+sound ones (1100–1143, 1200–1223) four, of four cells each, have arcs 0.10 to 0.19 mm apart, none in both halves."""
 FARTHEST_MM = max(look.reach_mm for look in (NEAR, FAR, EXCHANGED))
 
 
@@ -97,7 +100,7 @@ def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[
         *_displaced(_bands(one, two, FAR), FAR),
         *_displaced(_sectors(one, two, NEAR), NEAR),
         *_exchanged(list(_bands(one, two, EXCHANGED))),
-        *_apart(list(_sectors(one, two, APART))),
+        *_apart(list(_sectors(one, two, APART)), [list(_sectors(one, half, APART)) for half in _halves(two)]),
     ]
     return tuple(sorted((part for part in parts if part.off_mm > part.limit_mm), key=lambda part: -part.off_mm))
 
@@ -153,23 +156,49 @@ def _exchanged(bands: Sequence[_Fitted]) -> Iterator[Part]:
                 yield two.part
 
 
-def _apart(sectors: Sequence[_Fitted]) -> Iterator[Part]:
+def _apart(sectors: Sequence[_Fitted], of_halves: Sequence[Sequence[_Fitted]]) -> Iterator[Part]:
     """Yield the surest sector of the smaller of the two arcs that lie farthest apart around the bore, by how far.
 
     A step turns whole arcs; one sector alone, which may hold a single cell, says little. Sectors across the step count
-    too, so that it is rather larger.
+    too, so that it is rather larger. Where one half of the bore does not show it, it is none.
     """
-    clear = [sector for sector in sectors if sector.fit.correlation[0] >= APART.clear]
+    clear = _clear(sectors)
     arcs = []
     for start in range(len(clear)):
         around = clear[start:] + clear[:start]
         arcs += [(around[:n], around[n:]) for n in range(FEWEST_IN_ARC, len(clear) // 2 + 1)]
     if not arcs:
         return
-    arc, rest = max(arcs, key=lambda both: abs(_around_mm(both[0]) - _around_mm(both[1])))
+    arc, rest = max(arcs, key=lambda both: abs(_apart_mm(*both)))
     surest = max(arc, key=lambda sector: sector.fit.gain)
-    if max(sector.fit.gain for sector in clear) >= APART.better:
-        yield replace(surest.part, kind="turn", along_mm=0.0, around_mm=_around_mm(arc) - _around_mm(rest))
+    apart_mm = _apart_mm(arc, rest)
+    in_halves = (_apart_mm(_same(half, arc), _same(half, rest)) for half in of_halves)
+    if max(sector.fit.gain for sector in clear) >= APART.better and all(
+        each_mm * np.sign(apart_mm) > LEAST_APART_MM for each_mm in in_halves
+    ):
+        yield replace(surest.part, kind="turn", along_mm=0.0, around_mm=apart_mm)
+
+
+def _halves(evidence: Evidence) -> Iterator[Evidence]:
+    """Yield ``evidence`` as if the one half along the bore, and the other, had been observed only."""
+    observed = np.flatnonzero(evidence.valid.any(axis=1))
+    upper = np.arange(evidence.z_mm.size) < (observed[0] + observed[-1] + 1) / 2 if observed.size else np.zeros(0)
+    yield part_of(evidence, upper[:, None])
+    yield part_of(evidence, ~upper[:, None])
+
+
+def _clear(sectors: Sequence[_Fitted]) -> list[_Fitted]:
+    return [sector for sector in sectors if sector.fit.correlation[0] >= APART.clear]
+
+
+def _same(sectors: Sequence[_Fitted], which: Sequence[_Fitted]) -> list[_Fitted]:
+    """Return the clear ones of ``sectors`` in the directions of ``which``."""
+    return [sector for sector in _clear(sectors) if sector.first in {one.first for one in which}]
+
+
+def _apart_mm(arc: Sequence[_Fitted], rest: Sequence[_Fitted]) -> float:
+    """Return how far around the bore ``arc`` lies from ``rest``, mm; 0 where one of them shows nothing."""
+    return _around_mm(arc) - _around_mm(rest) if arc and rest else 0.0
 
 
 def _around_mm(sectors: Sequence[_Fitted]) -> float:

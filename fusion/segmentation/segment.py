@@ -6,6 +6,7 @@ import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.believing import Believability, believability_of, doubts_of_cells, spread_of_wall
 from endoct.fusion.segmentation.outlines import clearest_regions
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
@@ -15,13 +16,6 @@ from endoct.stitching.circle import masked_gaussian
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.robust import SIGMA_PER_MEDIAN
-
-MOST_NOISE = 0.04
-"""Above this ``noise_share``, Jaccard indices against the truth were under 0.7, mostly under 0.5."""
-
-MOST_CELLS = 0.6
-"""A wall of which more than this is cells was probably missed: bores have 0.08 to 0.3."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +23,8 @@ class Segmentation:
     """Cells of one side on its own samples.
 
     ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
-    where the mask was given; ``polarity`` is None where depth or a mask says what is a cell. ``noise_share``: samples
-    as far in front of the wall as cells lie behind it, over those; ``cells_share``: cells, over what was observed.
+    where the mask was given; ``polarity`` is None where depth or a mask says what is a cell; ``believability`` says how
+    far these are to be trusted as cells, None where the mask was given.
     """
 
     mask: Mask
@@ -38,22 +32,12 @@ class Segmentation:
     unit: str
     of: str
     polarity: Polarity | None
-    noise_share: float = 0.0
-    cells_share: float = 0.0
+    believability: Believability | None = None
 
     @property
-    def doubt(self) -> Doubt | None:
-        """Why these are not to be trusted as cells; None where nothing speaks against them."""
-        if self.noise_share > MOST_NOISE:
-            what = (
-                f"What was taken for cells may be noise: {self.noise_share:.0%} as many samples lie as far in front of "
-                "the wall, where nothing can be."
-            )
-            return Doubt("cells-in-noise", what, value=self.noise_share, unit="1", expected=(0.0, MOST_NOISE))
-        if self.cells_share > MOST_CELLS:
-            what = f"The wall may not have been found: {self.cells_share:.0%} of it was taken for cells."
-            return Doubt("wall-mostly-cells", what, value=self.cells_share, unit="1", expected=(0.0, MOST_CELLS))
-        return None
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Why these are not to be trusted as cells."""
+        return () if self.believability is None else tuple(doubts_of_cells(self.believability))
 
 
 def segment(
@@ -97,14 +81,14 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
             "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
         ) from error
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
+    clear = None
     if p.outlines and evidence.kind == "darkness":
         clear = clearest_regions(evidence, np.clip(smooth, 0, high), threshold, p)
-        if clear is not None:
-            mask = clear
-            of += ", cells up to their clearest outline"
-    behind, before = (int(np.count_nonzero(evidence.valid & (side > threshold))) for side in (smooth, -smooth))
-    cells_share = float(mask[evidence.valid].mean())
-    return Segmentation(mask, threshold, unit, of, polarity, before / max(behind, 1), cells_share)
+    if clear is not None:
+        mask = clear
+        of += ", cells up to their clearest outline"
+    believability = believability_of(evidence.valid, smooth, mask, threshold, with_outlines=clear is not None)
+    return Segmentation(mask, threshold, unit, of, polarity, believability)
 
 
 def bounds(evidence: Evidence, smooth: Image, parameters: SegmentParameters) -> tuple[float, float]:
@@ -117,8 +101,6 @@ def bounds(evidence: Evidence, smooth: Image, parameters: SegmentParameters) -> 
     if evidence.kind == "relief":
         return p.relief_floor_mm, p.relief_cap_mm
     contrast = smooth[evidence.valid]
-    front = -contrast[contrast < 0]
-    spread = SIGMA_PER_MEDIAN * float(np.median(front)) if front.size else 0.0
     # a floor near the cap would leave nothing between them
-    floor = min(p.contrast_floor_sigmas * spread, p.contrast_cap / 2)
+    floor = min(p.contrast_floor_sigmas * spread_of_wall(contrast), p.contrast_cap / 2)
     return (floor if (contrast > floor).any() else 0.0), p.contrast_cap

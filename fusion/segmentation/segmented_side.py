@@ -32,8 +32,8 @@ class SegmentedSide:
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """Why the panorama as a whole, or its cells, are not to be trusted."""
-        panorama, doubt = self.side.panorama, self.segmentation.doubt
-        found = (*panorama.doubts, *doubts_of_observed(panorama), *([doubt] if doubt else []))
+        panorama = self.side.panorama
+        found = (*panorama.doubts, *doubts_of_observed(panorama), *self.segmentation.doubts)
         return tuple(one.of_side(self.side.name) for one in found)
 
 

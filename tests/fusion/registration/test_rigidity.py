@@ -76,6 +76,16 @@ def test_a_small_step_shows_where_directions_are_held_against_each_other(step_ra
         assert turn.off_mm > turn.limit_mm
 
 
+def test_arcs_that_lie_apart_in_one_half_of_the_bore_only_are_no_step_of_every_turn() -> None:
+    pair = make_pair(rows=ROWS)
+    half = pair.b.grid.n_theta // 2
+    aligned = replace(pair.truth, theta_shift_rad=pair.truth.theta_shift_rad - 0.1)
+    for rows, seen in ((slice(None), True), (slice(ROWS // 2, None), False)):
+        stepped = turned(pair.b, (rows, slice(half, None)), 0.2)
+        parts = parts_out_of_place(prepare(pair.a), prepare(stepped), aligned)
+        assert any(part.kind == "turn" for part in parts) == seen
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_two_slices_that_changed_places_are_found_by_each_other(seed: int) -> None:
     pair = make_pair(seed, rows=ROWS)

@@ -13,9 +13,10 @@ from hypothesis.extra import numpy as hnp
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.segmentation.believing import believability_of, doubts_of_cells
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label, morphology, remove_small
-from endoct.fusion.segmentation.segment import Segmentation, find_cells, segment
+from endoct.fusion.segmentation.segment import find_cells, segment
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
@@ -24,9 +25,34 @@ masks = hnp.arrays(np.bool_, st.tuples(st.integers(2, 9), st.integers(8, 24)))
 
 
 def test_a_wall_that_is_all_cells_is_doubted_however_little_was_observed() -> None:
-    for mask_share, told in ((0.5, False), (0.7, True)):
-        found = Segmentation(np.zeros((4, 8), np.bool_), 0.1, "mm", "relief", None, cells_share=mask_share)
-        assert (found.doubt is not None) == told
+    for rows, told in ((5, []), (7, ["wall-mostly-cells"])):
+        mask = np.zeros((10, 8), np.bool_)
+        mask[:rows] = True
+        found = believability_of(np.ones(mask.shape, np.bool_), mask.astype(np.float32), mask, 0.5, with_outlines=True)
+        assert [doubt.code for doubt in doubts_of_cells(found)] == told
+
+
+def test_what_stands_out_like_noise_faintly_or_without_an_outline_is_doubted() -> None:
+    rng = np.random.default_rng(0)
+    smooth, valid = np.abs(rng.normal(0, 1, (50, 200))).astype(np.float32), np.ones((50, 200), np.bool_)
+    smooth[::2] *= -1  # of standard deviation 1, on either side of the wall
+    mask = np.zeros(smooth.shape, np.bool_)
+    mask[:10] = True
+
+    def codes(cell: float, unclaimed_rows: int = 0, before_rows: int = 0) -> list[str]:
+        seen = smooth.copy()
+        seen[: 10 + unclaimed_rows] = cell
+        seen[50 - before_rows :] = -cell
+        found = believability_of(valid, seen, mask, 4.5, with_outlines=True)
+        assert believability_of(valid, seen, mask, 4.5, with_outlines=False).unclaimed == 0
+        assert found.spread == pytest.approx(1 / cell, rel=0.05) or before_rows
+        return [doubt.code for doubt in doubts_of_cells(found)]
+
+    assert codes(7.0) == []
+    assert codes(5.0) == ["cells-faint"]
+    assert codes(7.0, unclaimed_rows=3) == []
+    assert codes(7.0, unclaimed_rows=4) == ["cells-without-outline"]
+    assert codes(12.0, before_rows=1) == ["cells-in-noise"]
 
 
 def test_a_cell_on_the_seam_is_one_cell() -> None:
@@ -131,7 +157,7 @@ def test_lis_threshold_lies_between_the_walls_spread_and_the_cells(n_cell_rows: 
     found = find_cells(uneven_wall(n_cell_rows, cell), li)
     assert found.threshold is not None
     assert 0.27 < found.threshold < 0.45
-    assert found.doubt is None
+    assert [doubt.code for doubt in found.doubts] == (["cells-faint"] if cell < 0.6 else [])
 
 
 def test_li_on_the_plain_contrast_stays_available() -> None:

@@ -95,8 +95,8 @@ def ours(panorama: Panorama) -> Mask:
     Raises :class:`Declined` where that would be called untrusted.
     """
     cells = find_cells(prepare(panorama), SegmentParameters())
-    if cells.doubt is not None:
-        raise Declined(cells.doubt.what)
+    if cells.doubts:
+        raise Declined(cells.doubts[0].what)
     return cells.mask
 
 
