@@ -181,10 +181,11 @@ def _apart(sectors: Sequence[_Fitted], of_halves: Sequence[Sequence[_Fitted]]) -
 
 def _halves(evidence: Evidence) -> Iterator[Evidence]:
     """Yield ``evidence`` as if the one half along the bore, and the other, had been observed only."""
+    rows = np.arange(evidence.z_mm.size)[:, None]
     observed = np.flatnonzero(evidence.valid.any(axis=1))
-    upper = np.arange(evidence.z_mm.size) < (observed[0] + observed[-1] + 1) / 2 if observed.size else np.zeros(0)
-    yield part_of(evidence, upper[:, None])
-    yield part_of(evidence, ~upper[:, None])
+    middle = (observed[0] + observed[-1] + 1) / 2 if observed.size else 0
+    yield part_of(evidence, rows < middle)
+    yield part_of(evidence, rows >= middle)
 
 
 def _clear(sectors: Sequence[_Fitted]) -> list[_Fitted]:

@@ -46,14 +46,14 @@ def believability_of(valid: Mask, smooth: Image, mask: Mask, threshold: float, *
     cells among the ``valid`` samples.
     """
     observed, cells = smooth[valid], mask[valid]
-    behind, before = np.count_nonzero(observed > threshold), np.count_nonzero(-observed > threshold)
-    unclaimed = np.count_nonzero((observed > threshold) & ~cells) if with_outlines else 0
+    behind, before = int(np.count_nonzero(observed > threshold)), int(np.count_nonzero(-observed > threshold))
+    unclaimed = int(np.count_nonzero((observed > threshold) & ~cells)) if with_outlines else 0
     stands_out = float(np.median(observed[cells])) if cells.any() else np.inf
     return Believability(
         noise=before / max(behind, 1),
         cells=float(cells.mean()),
         spread=spread_of_wall(observed) / max(stands_out, 1e-9),
-        unclaimed=unclaimed / max(np.count_nonzero(cells), 1),
+        unclaimed=unclaimed / max(int(np.count_nonzero(cells)), 1),
     )
 
 
