@@ -17,6 +17,7 @@ from endoct.stitching.circle import turned_harmonic
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.kept import Kept
 from endoct.stitching.matching import Matcher, Pairs
+from endoct.stitching.robust import robust_sigma
 from endoct.stitching.textures import FEWEST_FOR_FIXED_PATTERN, Strips, Texture, keep_textures
 
 EDGE_MM = 0.06
@@ -157,7 +158,7 @@ def _typical(values: Coordinates) -> tuple[float, float]:
     if values.size < FEWEST_FOR_FIXED_PATTERN:
         return UNKNOWN
     middle = float(np.median(values))
-    spread = 1.48 * float(np.median(np.abs(values - middle)))
+    spread = robust_sigma(values - middle)
     return middle, 1.25 * spread / float(np.sqrt(values.size))
 
 

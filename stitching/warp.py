@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.robust import robust_sigma
 
 MOST_ITERATIONS = 8
 CONVERGED = 0.01
@@ -55,7 +56,7 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
         if both.sum() < 0.02 * both.size:
             return start
         off = np.where(both, a - moved[..., 0], 0.0)
-        scale = max(1e-6, 1.48 * float(np.median(np.abs(off[both][::4]))))
+        scale = max(1e-6, robust_sigma(off[both][::4]))
         weight = np.where(both, 1 / (1 + (off / (2 * scale)) ** 2), 0.0)
         gradients = [-moved[..., 1], -moved[..., 2], -moved[..., 1] * from_middle]
         # every wave depends on the column alone, so sums over rows are taken first

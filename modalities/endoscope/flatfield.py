@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.robust import robust_sigma
 
 WALL_QUANTILE = 0.6
 VIEWS_FOR_PATTERN = 6
@@ -122,7 +123,7 @@ def _light(typical: Image, harmonics: int) -> Image:
     for tightness in np.geomspace(8, 1, 12).tolist() + [1.0] * 8:
         misfit = coarse - profile[:, None] - np.tensordot(weight_of_wave, basis, 1)
         above = misfit[seen & (misfit > 0)]
-        scale = max(0.02, 1.48 * float(np.median(above))) if above.size else 0.02
+        scale = max(0.02, robust_sigma(above)) if above.size else 0.02
         reach = np.where(misfit < 0, 1.5 * scale, 3 * scale) * tightness
         weight = np.where(seen, 1 / (1 + (misfit / reach) ** 2) ** 2, 0.0)
         weight[clipped & (misfit < 0)] = 0  # the light may well be brighter than the camera could say

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.robust import robust_sigma
 
 N_RAYS = 360
 TRACE_RAYS = 240
@@ -122,7 +123,7 @@ def fit_circle(
         dx, dy = x_px - circle[0], y_px - circle[1]
         distance = np.maximum(np.hypot(dx, dy), 1e-9)
         residual = distance - circle[2]
-        scale = max(0.1, 1.48 * float(np.median(np.abs(residual))))
+        scale = max(0.1, robust_sigma(residual))
         weight = np.clip(1 - (residual / (4.0 * scale)) ** 2, 0, None) ** 2
         jacobian = np.stack([-dx / distance, -dy / distance, -np.ones_like(distance)], axis=1)
         jacobian = jacobian[:, :2] if fixed_radius else jacobian

@@ -7,6 +7,7 @@ from scipy.ndimage import median_filter
 
 from endoct.modalities.endoscope.mirror.annulus import FAINTEST_SUPPORT, Annulus, Followed
 from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.robust import robust_sigmas
 
 MOST_CHANGE = 0.05
 MOST_BLUR = 0.3
@@ -47,6 +48,6 @@ def _outlying(place: Coordinates, found: Mask, tolerance_px: float) -> Mask:
     """Say which places lie apart from the median of the nine around them."""
     course = np.where(found[:, None], place, np.median(place[found], axis=0))
     away = np.abs(course - median_filter(course, size=(min(9, len(course)), 1), mode="nearest"))
-    spread = 1.48 * np.median(away, axis=0)
+    spread = robust_sigmas(away)
     outlying: Mask = (away > np.maximum(tolerance_px, 6 * spread)).any(axis=1)
     return outlying
