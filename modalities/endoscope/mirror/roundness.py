@@ -74,7 +74,9 @@ def _of_image(image: Image, outer: Ring) -> tuple[float, float] | None:
     radius = np.hypot(x - outer.x_px, y - outer.y_px)
     basis = np.stack([np.ones_like(angle), *(f(k * angle) for k in (1, 2) for f in (np.cos, np.sin))], axis=1)
     fitted, misfit = _robust_fit(basis, radius, NEAR * outer.radius_px)
-    seen = np.unique(np.floor(angle[np.abs(misfit) < NEAR * outer.radius_px] / (2 * np.pi) * 360)).size / 360
+    # rays lie at whole degrees: to the nearest one, since the degree below is decided by rounding
+    degrees = np.rint(np.degrees(angle[np.abs(misfit) < NEAR * outer.radius_px])) % 360
+    seen = np.unique(degrees).size / 360
     if seen < LEAST_SEEN:
         return None
     mean, cos2, sin2 = fitted[0], fitted[3], fitted[4]
