@@ -1,7 +1,7 @@
 """The public Python interface, the command line, the pipeline and the report.
 
-``from endoct.workbench import compare, demo, simulate, summarise, unroll, verify``. Each loads on first use, so that
-the command line starts at once.
+``from endoct.workbench import compare, demo, export, simulate, summarise, unroll, verify``. Each loads on first use,
+so that the command line starts at once.
 """
 
 from importlib import import_module
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from endoct.workbench.api import compare, demo, summarise, unroll
+    from endoct.workbench.exporting.export import export
     from endoct.workbench.pipeline.simulating import simulate
     from endoct.workbench.verifying import verify
 
     __version__: str
 
-__all__ = ["compare", "demo", "simulate", "summarise", "unroll", "verify"]
+__all__ = ["compare", "demo", "export", "simulate", "summarise", "unroll", "verify"]
 
 if not TYPE_CHECKING:  # else every misspelt name would be an object to type checkers
 
@@ -25,7 +26,8 @@ if not TYPE_CHECKING:  # else every misspelt name would be an object to type che
             return version("endoct")
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        module = {"simulate": "pipeline.simulating", "verify": "verifying"}.get(name, "api")
+        elsewhere = {"export": "exporting.export", "simulate": "pipeline.simulating", "verify": "verifying"}
+        module = elsewhere.get(name, "api")
         return getattr(import_module(f"endoct.workbench.{module}"), name)
 
 

@@ -13,6 +13,7 @@ from endoct.stitching.errors import visible
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
+from endoct.workbench.commands.exports import export
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import dataset, demo, simulate
@@ -34,6 +35,7 @@ def run(arguments: Sequence[str]) -> int:
         "report": report,
         "serve": serve,
         "summarise": summarise,
+        "export": export,
         "info": info,
         "verify": verify,
         "modalities": modalities,

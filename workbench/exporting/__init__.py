@@ -1,0 +1,1 @@
+"""Panoramas, comparisons and truth in the formats of other programs."""

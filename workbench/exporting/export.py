@@ -1,0 +1,98 @@
+"""One panorama, comparison or truth to one file of another program's format."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.output import check_output, never, new_output
+from endoct.workbench.exporting.formats import Format, FormatName, format_for
+from endoct.workbench.exporting.mark import is_marked
+from endoct.workbench.exporting.options import OmeVersion, Options
+from endoct.workbench.exporting.source import open_source
+from endoct.workbench.running.display import stages_for
+from endoct.workbench.running.kinds import EXPORT
+from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.threads import one_blas_thread
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written: ``path``, the name of its ``format``, what is in it (``facts``), and its doubts and notes."""
+
+    path: Path
+    format: FormatName
+    facts: Mapping[str, object]
+    doubts: tuple[Doubt, ...]
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """Return it for machines."""
+        said = {"doubts": [doubt.to_json() for doubt in self.doubts], "notes": list(self.notes)}
+        return {"output": str(self.path), "format": self.format, **self.facts, **said}
+
+
+@one_blas_thread()
+def export(
+    path: Path | str,
+    output: Path | str,
+    *,
+    to: FormatName | None = None,
+    color: str | None = None,
+    side: str | None = None,
+    voxel_mm: float | None = None,
+    vertex_mm: float | None = None,
+    version: OmeVersion | None = None,
+    inverse: bool | None = None,
+    overwrite: bool = False,
+    progress: bool | Stages = True,
+) -> Exported:
+    """Write a panorama, a comparison or a simulated specimen's truth for another program to open, sizes in mm.
+
+    ``to`` is the format; without it the suffix of ``output`` says. ``color``: what colours a wall, a side's name for
+    its brightness or "relief". ``side``: whose relief a wall has, or whose numbers per frame a table. ``voxel_mm``:
+    size of the voxels of a volume across the bore (0.01). ``vertex_mm``: distance of the vertices of a wall (0.02).
+    ``version`` of OME-Zarr (0.5). ``inverse``: a transform from the first side's frame to the second's. Raises
+    :class:`EndoctError` where ``path`` has nothing of the kind, an option is not one of the format, or ``output``
+    exists and ``overwrite`` is not set.
+
+    With the comparison that :func:`~endoct.workbench.api.demo` makes in its example:
+
+    >>> from endoct.workbench import export
+    >>> wall = export("demo/comparison", "wall.ply", color="endoscope")
+    >>> wall.format, wall.facts["relief"]
+    ('ply', 'oct relief')
+    """
+    path, output = Path(path), Path(output)
+    options = Options(color, side, voxel_mm, vertex_mm, version, inverse)
+    chosen = format_for(to, output)
+    _check_options(chosen, options)
+    source, stages = open_source(path), stages_for(progress)
+    is_ours = is_marked if chosen.is_marked and not chosen.is_folder else never
+    inputs = [path, source.folder]
+    if output.is_file() and not chosen.is_marked and overwrite:
+        raise EndoctError(
+            f"{output} exists, and a {chosen.name} file cannot say that endoct wrote it",
+            remedy="move that away, or choose another output",
+        )
+    check_output(output, EXPORT, overwrite=overwrite, inputs=inputs, is_ours=is_ours)
+    if chosen.name in ("ome-tiff", "ome-zarr", "labels") and not (
+        source.labels if chosen.name == "labels" else source.layers
+    ):
+        raise EndoctError(
+            f"{path} has no cells", found=f"a {source.kind}", expected="a folder written by `endoct compare`"
+        )
+    with new_output(output, EXPORT, overwrite=overwrite, inputs=inputs, is_ours=is_ours) as scratch:
+        facts = chosen.load()(source, scratch, options, stages)
+    return Exported(output, chosen.name, facts, source.doubts, source.notes)
+
+
+def _check_options(chosen: Format, options: Options) -> None:
+    """Raise :class:`EndoctError` for an option that the format does not have, or a value that is none."""
+    for name in options.given():
+        if name not in chosen.options:
+            has = ", ".join(chosen.options) or "none"
+            raise EndoctError(f"{chosen.name} has no option '{name}'", expected=has, remedy="leave it out")
+    if options.version not in (None, "0.5", "0.4"):
+        raise EndoctError("there is no such version of OME-Zarr", found=str(options.version), expected="0.5 or 0.4")

@@ -1,0 +1,89 @@
+"""The formats that can be written, by name and by the suffix of a file."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, get_args
+
+from endoct.stitching.errors import EndoctError
+
+if TYPE_CHECKING:
+    from endoct.workbench.exporting.options import Options
+    from endoct.workbench.exporting.source import Source
+    from endoct.workbench.running.progress import Stages
+
+FormatName = Literal["ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "csv"]
+Writer = Callable[["Source", Path, "Options", "Stages"], dict[str, object]]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: the ``suffixes`` that its files may have, its ``options``, and "module:function" that writes it.
+
+    ``by_suffix``: whether a suffix alone means this format; ``is_folder``: whether it is a folder, not a file;
+    ``is_marked``: whether its files say that endoct wrote them.
+    """
+
+    name: FormatName
+    suffixes: tuple[str, ...]
+    options: tuple[str, ...]
+    writer: str
+    by_suffix: bool = True
+    is_folder: bool = False
+    is_marked: bool = True
+
+    def load(self) -> Writer:
+        """Return the function that writes it."""
+        module, function = self.writer.split(":")
+        writer: Writer = getattr(import_module(f"endoct.workbench.exporting.{module}"), function)
+        return writer
+
+
+_TIFF = ".ome.tiff", ".ome.tif", ".tiff", ".tif"
+_WALL = "side", "vertex_mm"
+
+FORMATS = {
+    one.name: one
+    for one in (
+        Format("ome-zarr", (".ome.zarr", ".zarr"), ("version",), "ome_zarr:write_ome_zarr", is_folder=True),
+        Format("ome-tiff", _TIFF, (), "ome_tiff:write_ome_tiff"),
+        Format("nrrd", (".nrrd",), ("voxel_mm",), "nrrd:write_nrrd"),
+        Format("nifti", (".nii.gz", ".nii"), ("voxel_mm",), "nifti:write_nifti"),
+        Format("ply", (".ply",), ("color", *_WALL), "mesh_files:write_ply"),
+        Format("stl", (".stl",), _WALL, "mesh_files:write_stl"),
+        Format("glb", (".glb",), ("color", *_WALL), "mesh_files:write_glb"),
+        Format("itk-transform", (".tfm", ".txt"), ("inverse",), "itk_transform:write_itk_transform"),
+        Format("labels", _TIFF, (), "ome_tiff:write_labels", by_suffix=False),
+        Format("csv", (".csv",), ("side",), "quality_table:write_quality", is_marked=False),
+    )
+}
+assert set(FORMATS) == set(get_args(FormatName))  # noqa: S101 - the names stand twice, for type checkers
+
+
+def format_for(to: str | None, output: Path) -> Format:
+    """Return the format named ``to``, else the one that the suffix of ``output`` means.
+
+    Raises :class:`EndoctError` where there is no such format, or the suffix is that of another.
+    """
+    name = output.name.lower()
+    known = ", ".join(FORMATS)
+    if to is None:
+        for one in FORMATS.values():
+            if one.by_suffix and name.endswith(one.suffixes):
+                return one
+        suffixes = ", ".join(one.suffixes[0] for one in FORMATS.values() if one.by_suffix)
+        raise EndoctError(
+            f"the name {output} does not say which format it is",
+            expected=suffixes,
+            remedy="or name it with to='FORMAT'",
+        )
+    chosen = next((one for one in FORMATS.values() if one.name == to), None)
+    if chosen is None:
+        raise EndoctError(f"there is no format '{to}'", expected=known)
+    if not name.endswith(chosen.suffixes):
+        raise EndoctError(
+            f"a file of {to} cannot be called {output.name}",
+            expected=" or ".join(f"NAME{suffix}" for suffix in chosen.suffixes),
+        )
+    return chosen

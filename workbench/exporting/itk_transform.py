@@ -1,0 +1,57 @@
+"""The alignment of a comparison as an affine transform in ITK's text format, for ITK, SimpleITK and 3D Slicer."""
+
+from pathlib import Path
+
+import numpy as np
+
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.exporting.mark import BLANK, mark
+from endoct.workbench.exporting.options import Options
+from endoct.workbench.exporting.source import Source
+from endoct.workbench.running.progress import Stages
+
+
+def write_itk_transform(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
+    """Write where a point of side B lies in side A's frame, mm; with ``options.inverse`` the way back.
+
+    Raises :class:`EndoctError` where ``source`` is no comparison, or its sides are not aligned.
+    """
+    del stages
+    if source.kind != "comparison":
+        raise EndoctError(f"{source.path} has no alignment", expected="a folder written by `endoct compare`")
+    if source.alignment is None:
+        raise EndoctError(f"the sides of {source.path} are not aligned", remedy="see its report for why")
+    a, b = source.sides
+    matrix, offset_mm = affine_of(source.alignment)
+    start, end = b, a
+    if options.inverse:
+        matrix = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+        offset_mm, start, end = -matrix @ offset_mm, a, b
+    lines = [
+        "#Insight Transform File V1.0",
+        f"# {BLANK}",
+        f"# takes points in the bore frame of {start} to that of {end}, mm",
+        "#Transform 0",
+        "Transform: AffineTransform_double_3_3",
+        f"Parameters: {' '.join(repr(float(value)) for value in (*matrix.ravel(), *offset_mm))}",
+        "FixedParameters: 0 0 0",
+        "",
+    ]
+    path.write_text("\n".join(lines), encoding="utf-8", newline="\n")
+    mark(path)
+    return {"from": start, "to": end, "matrix": matrix.tolist(), "offset_mm": offset_mm.tolist()}
+
+
+def affine_of(alignment: Alignment) -> tuple[Coordinates, Coordinates]:
+    """Return (matrix (3, 3), offset_mm (3,)): x, y, z of side A of a point of side B are matrix @ point + offset.
+
+    A turn about z, of the mirror image in y where θ runs the other way; along z a scale, negative where z runs the
+    other way, and a shift. Distances from the axis stay as they are.
+    """
+    cos, sin = np.cos(alignment.theta_shift_rad), np.sin(alignment.theta_shift_rad)
+    sense = -1.0 if alignment.mirrored else 1.0
+    along = -alignment.z_scale if alignment.z_reversed else alignment.z_scale
+    matrix = np.array([[cos, -sense * sin, 0], [sin, sense * cos, 0], [0, 0, along]])
+    return matrix, np.array([0, 0, alignment.z_shift_mm])

@@ -1,0 +1,201 @@
+"""What can be exported: a panorama, a comparison, or the truth of a simulated specimen, opened without its images."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from endoct.fusion.files.store import read_outline as read_comparison
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.segmentation.regions import label_in_order
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.json_values import number
+from endoct.stitching.store import is_panorama
+from endoct.stitching.store import read_outline as read_panorama
+from endoct.stitching.window import ChunkCache, StoredImage, stored_image
+from endoct.stitching.zarr_store import read_arrays, read_attributes
+from endoct.workbench.exporting.layers import Ids, LabelLayer, Layer, even_rows, lies_evenly
+
+Kind = Literal["panorama", "comparison", "truth"]
+TRUTH = "truth"
+MOST_IDS = np.iinfo(np.uint16).max
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What is exported.
+
+    Attributes
+    ----------
+    path: as given; ``folder`` what of it is read, which no output may lie in.
+    grid: of every image, rows at even steps.
+    sides: names of the sides; of a panorama its modality, of truth "truth".
+    alignment: of a comparison, None where its sides are not aligned.
+    panoramas: by side, where there is one: their stores, for what is known per frame.
+    volume: the dense volume, where there is one.
+    doubts, notes: what questions it, and what whoever opens the export elsewhere has to know.
+    """
+
+    path: Path
+    folder: Path
+    kind: Kind
+    grid: SurfaceGrid
+    sides: tuple[str, ...]
+    layers: tuple[Layer, ...]
+    labels: tuple[LabelLayer, ...] = ()
+    alignment: Alignment | None = None
+    panoramas: Mapping[str, Path] = field(default_factory=dict)
+    volume: Path | None = None
+    doubts: tuple[Doubt, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """A short name."""
+        return self.path.resolve().name.removesuffix(".zarr")
+
+    def layer(self, side: str, quantity: str) -> Layer | None:
+        """Return the layer of ``side``, None where it has none."""
+        return next((one for one in self.layers if (one.side, one.quantity) == (side, quantity)), None)
+
+
+def open_source(path: Path) -> Source:
+    """Open what `endoct unroll`, `endoct compare` or `endoct simulate` wrote to ``path``.
+
+    Raises :class:`EndoctError` where it is none of these, or damaged.
+    """
+    if is_panorama(path):
+        return _panorama(path)
+    if (path / "comparison.zarr").is_dir():
+        return _comparison(path, path)
+    if path.name == "comparison.zarr" and path.is_dir():
+        return _comparison(path, path.parent)
+    for folder in (path / "truth", path, path.parent):
+        if (folder / "wall.zarr").is_dir() and (folder == path.parent) == (path.name == "wall.zarr"):
+            return _truth(path, folder / "wall.zarr")
+    raise EndoctError(
+        f"{path} cannot be exported",
+        found="neither a panorama, a comparison nor a truth" if path.exists() else "no such file or folder",
+        expected="what `endoct unroll`, `endoct compare` or `endoct simulate` wrote",
+        remedy="unroll a recording first" if path.exists() else "check the path",
+    )
+
+
+def _panorama(path: Path) -> Source:
+    outline, cache = read_panorama(path), ChunkCache()
+    grid, rows = even_rows(outline.grid)
+    attributes, side = read_attributes(path), outline.modality
+    valid = stored_image(path / "valid", cache)
+    layers = [Layer(f"{side} intensity", side, "intensity", "", stored_image(path / "intensity", cache), valid, rows)]
+    if outline.has_depth:
+        relief = stored_image(path / "depth_mm", cache)
+        layers.append(Layer(f"{side} relief", side, "relief", "mm", relief, valid, rows))
+    notes = []
+    if not attributes.get("handedness_known"):
+        notes.append("Nothing says whether θ runs with or against the recording: what is exported may be mirrored.")
+    if not attributes.get("travel_known"):
+        notes.append("Nothing says which way the instrument travelled: z may run outward.")
+    if not lies_evenly(outline.grid):
+        notes.append(f"The rows lie unevenly; each exported one, every {grid.dz_mm:.4g} mm, is the nearest of them.")
+    volume = path / "volume"
+    return Source(
+        path=path,
+        folder=path,
+        kind="panorama",
+        grid=grid,
+        sides=(side,),
+        layers=tuple(layers),
+        panoramas={side: path},
+        volume=volume if (volume / "intensity").is_dir() else None,
+        doubts=outline.doubts,
+        notes=tuple(notes),
+    )
+
+
+def _comparison(path: Path, folder: Path) -> Source:
+    store = folder / "comparison.zarr"
+    outline, cache = read_comparison(store), ChunkCache()
+    grid, rows = even_rows(outline.grid)
+    aligned = outline.alignment is not None
+    notes = () if aligned else (f"The sides are not aligned: {outline.names[1]} lies in a frame of its own.",)
+    layers, labels = [], []
+    for k, side in enumerate(outline.names):
+        where = side if aligned or k == 0 else f"{side} (not aligned)"
+        valid, mask = stored_image(store / "valid", cache, (k,)), stored_image(store / "mask", cache, (k,))
+        image = stored_image(store / "intensity", cache, (k,))
+        layers.append(Layer(f"{where} intensity", side, "intensity", "", image, valid, rows))
+        relief = stored_image(store / "depth_mm", cache, (k,))
+        if _is_somewhere_known(relief):
+            layers.append(Layer(f"{where} relief", side, "relief", "mm", relief, valid, rows))
+        labels.append(LabelLayer(f"{where} cells", side, partial(_cells, mask)))
+        labels.append(LabelLayer(f"{where} observed", side, partial(_whole, valid)))
+    stores = {side: folder / "panoramas" / f"{side}.zarr" for side in outline.names}
+    return Source(
+        path=path,
+        folder=folder,
+        kind="comparison",
+        grid=grid,
+        sides=outline.names,
+        layers=tuple(layers),
+        labels=tuple(labels),
+        alignment=outline.alignment,
+        panoramas={side: store for side, store in stores.items() if is_panorama(store)},
+        doubts=tuple(outline.result.doubts),
+        notes=notes,
+    )
+
+
+def _truth(path: Path, wall: Path) -> Source:
+    attributes, what, cache = read_attributes(wall), f"the truth {wall}", ChunkCache()
+    z_mm = read_arrays(wall, ("z",)).get("z")
+    relief, ids = stored_image(wall / "relief_mm", cache), stored_image(wall / "cell_id", cache)
+    if z_mm is None or z_mm.shape != relief.shape[:1] or z_mm.size < 2 or ids.shape != relief.shape:
+        raise EndoctError(f"{what} is not whole", remedy="simulate the specimen again")
+    grid = SurfaceGrid.full_circle(
+        *relief.shape,
+        z0_mm=float(z_mm[0]),
+        dz_mm=float(z_mm[-1] - z_mm[0]) / (z_mm.size - 1),
+        radius_mm=number(attributes, "bore_radius_mm", 0.01, 1e3, what),
+    )
+    return Source(
+        path=path,
+        folder=wall.parent,
+        kind="truth",
+        grid=grid,
+        sides=(TRUTH,),
+        layers=(Layer(f"{TRUTH} relief", TRUTH, "relief", "mm", relief, None, np.arange(grid.n_z)),),
+        labels=(LabelLayer(f"{TRUTH} cells", TRUTH, partial(_whole, ids)),),
+        notes=("It lies in the frame of the bore, z from its mouth: not in that of a panorama of it.",),
+    )
+
+
+def _is_somewhere_known(image: StoredImage) -> bool:
+    rows, columns = image.shape
+    high = image.chunk[0]
+    return any(
+        np.isfinite(image.read(slice(first, min(first + high, rows)), slice(0, columns))).any()
+        for first in range(0, rows, high)
+    )
+
+
+def _whole(image: StoredImage) -> Ids:
+    """Return a stored image of whole numbers. Raises :class:`EndoctError` where one does not fit into 16 bits."""
+    rows, columns = image.shape
+    stored = image.read(slice(0, rows), slice(0, columns))
+    if stored.dtype.kind not in "biu" or stored.min() < 0 or stored.max() > MOST_IDS:
+        found = f"{stored.dtype} from {stored.min()} to {stored.max()}"
+        raise EndoctError(f"{image.declared.folder} does not hold ids", found=found, expected=f"0 to {MOST_IDS}")
+    return stored.astype(np.uint16)
+
+
+def _cells(mask: StoredImage) -> Ids:
+    """Return the ids of the cells in a stored mask: those of ``cells.csv``, 0 where there is none."""
+    labels = label_in_order(_whole(mask) > 0)
+    if labels.max() > MOST_IDS:
+        raise EndoctError(f"{mask.declared.folder} has too many cells", found=f"{labels.max()}", expected=f"{MOST_IDS}")
+    return labels.astype(np.uint16)
