@@ -16,8 +16,10 @@ from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import Identity, read_identity
 from endoct.workbench.dataset.plan import Unit
 from endoct.workbench.dataset.records import RECORDS, Record, read_record
+from endoct.workbench.exporting.mark import has_mark
+from endoct.workbench.exporting.mark import is_marked as is_whole
 from endoct.workbench.running.display import stages_for
-from endoct.workbench.running.kinds import DATA_SET, REPORT, SPECIMEN
+from endoct.workbench.running.kinds import DATA_SET, EXPORT, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, Stages
 
 
@@ -47,8 +49,9 @@ class Verdict:
 def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]:
     """Check every byte of an output of endoct against the digests noted when it was written.
 
-    ``path`` is a panorama, a comparison, a report, a summary, results of the bench, a specimen, a data set or a part
-    of one, or a folder of such, as `endoct demo` leaves it. Raises :class:`EndoctError` where it is none of these.
+    ``path`` is a panorama, a comparison, a report, an export, a summary, results of the bench, a specimen, a data set
+    or a part of one, or a folder of such, as `endoct demo` leaves it. Raises :class:`EndoctError` where it is none of
+    these.
 
     With the comparison that :func:`~endoct.workbench.api.demo` makes in its example:
 
@@ -59,6 +62,9 @@ def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]
     path, stages = Path(path), stages_for(progress)
     if path.suffix == ".html" and path.is_file():
         return [_page(path)]
+    if has_mark(path):
+        altered = () if is_whole(path) else (path.name,)
+        return [Verdict(path, EXPORT, 1, path.stat().st_size, Differences(altered=altered))]
     outputs = [path] if _is_output(path) else [one for one in _folders(path) if _is_output(one) or _looks_like_one(one)]
     if not outputs and _is_unit(path):
         return [_unit_verdict(path, _record(path))]

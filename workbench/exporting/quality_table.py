@@ -25,7 +25,7 @@ def write_quality(source: Source, path: Path, options: Options, stages: Stages) 
     side = _side(source, options.side)
     outline = read_outline(source.panoramas[side])
     place = f"{outline.frame_dim}_z_mm"
-    first = sorted(outline.per_frame, key=lambda name: (name != place, name != f"{outline.frame_dim}_index"))
+    first = sorted(outline.per_frame, key=lambda name: (name != place, name != f"{outline.frame_dim}_index", name))
     columns = dict(_columns({name: outline.per_frame[name] for name in first}))
     if not columns:
         raise EndoctError(f"{source.path} has nothing per frame", found=f"{side}, a mask perhaps")
