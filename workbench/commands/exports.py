@@ -5,7 +5,6 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from endoct.stitching.digests import path_text
 from endoct.workbench.commands.console import command_stages, print_doubts, print_json, print_line
 from endoct.workbench.commands.options import Output
 from endoct.workbench.exporting.formats import FormatName
@@ -58,7 +57,7 @@ def export(
         progress=command_stages(json),
     )
     if json:
-        print_json({**exported.to_json(), "output": path_text(output)})
+        print_json(exported.to_json())
         return DONE
     facts = exported.facts
     said = [" × ".join(map(str, shape))] if isinstance(shape := facts.get("shape"), list) else []

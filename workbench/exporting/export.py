@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from endoct.stitching.digests import path_text
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, never, new_output
@@ -30,7 +31,7 @@ class Exported:
     def to_json(self) -> dict[str, object]:
         """Return it for machines."""
         said = {"doubts": [doubt.to_json() for doubt in self.doubts], "notes": list(self.notes)}
-        return {"output": str(self.path), "format": self.format, **self.facts, **said}
+        return {"output": path_text(self.path), "format": self.format, **self.facts, **said}
 
 
 @one_blas_thread()
@@ -77,9 +78,7 @@ def export(
             remedy="move that away, or choose another output",
         )
     check_output(output, EXPORT, overwrite=overwrite, inputs=inputs, is_ours=is_ours)
-    if chosen.name in ("ome-tiff", "ome-zarr", "labels") and not (
-        source.labels if chosen.name == "labels" else source.layers
-    ):
+    if chosen.name == "labels" and not source.labels:
         raise EndoctError(
             f"{path} has no cells", found=f"a {source.kind}", expected="a folder written by `endoct compare`"
         )

@@ -11,8 +11,9 @@ import numpy as np
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.segmentation.regions import label_in_order
+from endoct.stitching.digests import path_text
 from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, visible
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.json_values import number
 from endoct.stitching.store import is_panorama
@@ -56,8 +57,8 @@ class Source:
 
     @property
     def title(self) -> str:
-        """A short name."""
-        return self.path.resolve().name.removesuffix(".zarr")
+        """A short name that every format can hold."""
+        return visible(path_text(self.path.resolve().name)).removesuffix(".zarr")
 
     def layer(self, side: str, quantity: str) -> Layer | None:
         """Return the layer of ``side``, None where it has none."""
