@@ -12,7 +12,7 @@ def verify(path: Positional[Path], json: bool = False) -> int:
     """Check that an output of endoct is as it was written, to the byte: nothing changed, missing or added.
 
     Args:
-        path: a panorama, comparison, report, specimen, data set, summary or bench results, or a folder of such
+        path: a panorama, comparison, report, export, specimen, data set, summary or bench results, or a folder of such
         json: print as JSON
     """
     from endoct.stitching.errors import EndoctError

@@ -45,7 +45,14 @@ def read_itk(path: Path) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]
     return voxels, lambda index: np.array(image.TransformContinuousIndexToPhysicalPoint(index.tolist()))
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.fixture(scope="module")
+def volumes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """A panorama with its volume for each place."""
+    folder = tmp_path_factory.mktemp("volumes")
+    return [write_marked(folder / f"wall{k}.zarr", place, dtype="uint16") for k, place in enumerate(PLACES)]
+
+
+@pytest.mark.parametrize("k", range(len(PLACES)))
 @pytest.mark.parametrize(
     ("name", "read"),
     [
@@ -56,9 +63,9 @@ def read_itk(path: Path) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]
         ("v.nii.gz", read_itk),
     ],
 )
-def test_the_mark_lies_at_its_place_in_mm(tmp_path: Path, place: Place, name: str, read: Read) -> None:
-    store = write_marked(tmp_path / "wall.zarr", place, dtype="uint16")
-    exported = export(store, tmp_path / name, voxel_mm=VOXEL_MM)
+def test_the_mark_lies_at_its_place_in_mm(volumes: list[Path], tmp_path: Path, k: int, name: str, read: Read) -> None:
+    place = PLACES[k]
+    exported = export(volumes[k], tmp_path / name, voxel_mm=VOXEL_MM)
     voxels, to_mm = read(tmp_path / name)
     assert list(voxels.shape) == exported.facts["shape"]
     assert voxels.dtype == np.uint16
