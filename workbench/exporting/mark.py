@@ -14,7 +14,6 @@ _NAME = "endoct-output-1 "
 _DIGITS = 32
 BLANK = _NAME + _DIGITS * "0"
 """Text for a writer to put into its file, once, within the first bytes."""
-LONGEST = len(BLANK)
 _MARK = re.compile(_NAME.encode() + rb"([0-9a-f]{%d})" % _DIGITS)
 _HEAD_BYTES = 1 << 18
 _BLOCK_BYTES = 1 << 20
