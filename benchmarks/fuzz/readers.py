@@ -143,20 +143,23 @@ def _pictures(path: Path) -> None:
 
 
 def _report(path: Path) -> None:
+    from endoct.workbench.page.frozen import frozen_page
+    from endoct.workbench.page.opening import open_shown
     from endoct.workbench.report.findings import read_findings
-    from endoct.workbench.report.page import page_html
+    from endoct.workbench.report.illustrated import report_sections
 
-    page_html(read_findings(path), [])
+    frozen_page(open_shown(path), report_sections(read_findings(path), []))
 
 
 def _figures(path: Path) -> None:
     from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
     from endoct.workbench.report.findings import read_findings
-    from endoct.workbench.report.page import page_html
+    from endoct.workbench.report.illustrated import report_sections
 
     findings = read_findings(path)
     with tempfile.TemporaryDirectory() as scratch:
-        page_html(findings, [*draw_on_grid(findings, Path(scratch)), *draw_on_own_rows(findings, Path(scratch))])
+        drawn = [*draw_on_grid(findings, Path(scratch)), *draw_on_own_rows(findings, Path(scratch))]
+        report_sections(findings, drawn)
 
 
 def _describe(path: Path) -> None:

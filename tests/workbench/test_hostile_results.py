@@ -14,10 +14,13 @@ import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 
 from endoct.fusion.files.result_file import read_result
+from endoct.fusion.files.store import read_outline
 from endoct.modalities.contract import Picture
 from endoct.stitching.errors import EndoctError
+from endoct.workbench.page.document import document
+from endoct.workbench.page.heading import comparison_heading
 from endoct.workbench.report.findings import read_findings
-from endoct.workbench.report.page import page_html
+from endoct.workbench.report.illustrated import report_sections
 from endoct.workbench.report.pictures import load_pictures, save_pictures
 
 HOSTILE: tuple[Any, ...] = (None, 0, -1, 1e308, float("nan"), True, "[/x]", "", [], {}, [1], {"a": 1}, 10**400)
@@ -54,7 +57,7 @@ def changed(result: Any, path: tuple[Any, ...], value: Any, *, drop: bool) -> An
 def test_a_result_that_was_changed_anywhere_is_reported_or_refused_in_one_line(folder: Path) -> None:
     path = folder / "result.json"
     whole = json.loads(path.read_text())
-    findings, refused = read_findings(folder), 0
+    findings, outline, refused = read_findings(folder), read_outline(folder / "comparison.zarr"), 0
     try:
         for where in places(whole):
             for value in ("drop", *HOSTILE):
@@ -62,7 +65,9 @@ def test_a_result_that_was_changed_anywhere_is_reported_or_refused_in_one_line(f
                     continue
                 path.write_text(json.dumps(changed(whole, where, value, drop=value == "drop")))
                 try:
-                    page_html(replace(findings, result=read_result(folder)), [])
+                    result = read_result(folder)
+                    heading = comparison_heading("c", [], replace(outline, result=result))
+                    document(heading, report_sections(replace(findings, result=result), []), head="")
                 except EndoctError as error:
                     refused += 1
                     assert "\n" not in str(error)  # noqa: PT017

@@ -12,7 +12,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import new_output
 from endoct.workbench.dataset.building import make_dataset
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.report.page import write_report
+from endoct.workbench.page.report import write_report
 from endoct.workbench.running.kinds import COMPARISON
 from endoct.workbench.verifying import Verdict, verify
 

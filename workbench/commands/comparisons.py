@@ -74,7 +74,7 @@ def report(folder: Positional[Path]) -> int:
     Args:
         folder: a folder written by `endoct compare`
     """
-    from endoct.workbench.report.page import write_report
+    from endoct.workbench.page.report import write_report
     from endoct.workbench.running.second_process import second_process
 
     with command_stages(False).stage("report"), second_process() as process:

@@ -6,7 +6,6 @@ The page's sources have the same names in ``frontend/src/description.ts``.
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-Level = Literal["trusted", "doubted", "unaligned"]
 CellState = Literal["matched", "overlapping", "missed", "not observed", "alone"]
 """What the other side made of a cell; "alone": the sides are not aligned."""
 
@@ -123,51 +122,15 @@ class FramesPart:
 
 
 @dataclass(frozen=True)
-class DoubtPart:
-    """A doubt or a note: its ``code`` ("" for notes), the side it concerns, what is said."""
-
-    code: str
-    side: str | None
-    what: str
-
-
-@dataclass(frozen=True)
-class FigurePart:
-    """A figure of the headline: "Jaccard index", "0.855", "95 % interval …"."""
-
-    title: str
-    value: str
-    of: str
-
-
-@dataclass(frozen=True)
-class DetailPart:
-    """A part that is folded away at first: HTML of ours, in which every text from a file is escaped."""
-
-    title: str
-    html: str
-
-
-@dataclass(frozen=True)
 class Description:
-    """Everything the page says besides images.
+    """What the page's program is told besides images.
 
-    Attributes: ``title``, ``sides`` and ``facts`` (name, value) say what it is; ``level``, ``headline`` and
-    ``sentences`` are the verdict, ``doubts`` what speaks against it; ``panes`` the layers that are shown at first;
-    ``has_common_places``: whether a place is the same in every layer.
+    Attributes: ``title``, what the page is called; ``panes`` the layers that are shown at first; ``has_common_places``:
+    whether a place is the same in every layer.
     """
 
-    endoct: str
-    kind: Literal["comparison", "panorama"]
     title: str
     sides: tuple[str, ...]
-    facts: tuple[tuple[str, str], ...]
-    level: Level
-    headline: str
-    sentences: tuple[str, ...]
-    doubts: tuple[DoubtPart, ...]
-    notes: tuple[DoubtPart, ...]
-    figures: tuple[FigurePart, ...]
     wall: WallPart
     layers: tuple[LayerPart, ...]
     outlines: tuple[OutlinePart, ...]
@@ -175,7 +138,6 @@ class Description:
     frames: tuple[FramesPart, ...]
     panes: tuple[str, ...]
     has_common_places: bool
-    details: tuple[DetailPart, ...]
 
     def to_json(self) -> dict[str, object]:
         """Return the description as an object of lists, dicts, texts and numbers only."""

@@ -10,16 +10,18 @@ from anyio.to_thread import current_default_thread_limiter
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from endoct.stitching.errors import EndoctError
+from endoct.workbench.page.document import document
 from endoct.workbench.page.guard import Guard, allowed_hosts
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
 PACKAGE = "endoct.workbench.page"
-TYPES = {"page.js": "text/javascript", "page.css": "text/css", "served.html": "text/html"}
+TYPES = {"page.js": "text/javascript", "page.css": "text/css"}
+PROGRAM = '<link rel="stylesheet" href="page.css">\n<script src="page.js" defer></script>\n'
 MOST_DIGITS = 9
 """Of a number in an address: what is longer names nothing here."""
 KEPT = "private, max-age=3600"
@@ -34,7 +36,8 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
     description = json.dumps(shown.description.to_json(), allow_nan=False).encode()
 
     def page(_: Request) -> Response:
-        return _file("served.html")
+        html = document(shown.heading, shown.sections, head=PROGRAM)
+        return HTMLResponse(html, headers={"cache-control": "no-cache"})
 
     def asset(request: Request) -> Response:
         return _file(request.path_params["name"])

@@ -1,4 +1,4 @@
-"""What one page shows: its description, and the layers that tiles are cut from."""
+"""What one page shows: its text, its description, and the layers that tiles are cut from."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,12 +8,14 @@ from typing import Any
 from endoct.modalities.contract import Picture
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.description import Description
+from endoct.workbench.page.heading import Heading
 from endoct.workbench.page.layer import Classes, Layer, Scalar
 from endoct.workbench.page.outlines import outlines
 from endoct.workbench.page.picturing import picture_json, ring_of
 from endoct.workbench.page.recorded import Reader
 from endoct.workbench.page.wall import NoSuchTile, Tile, Wall
 from endoct.workbench.report.pictures import load_pictures
+from endoct.workbench.report.sections import Section
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +29,13 @@ class ShownSide:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A comparison, or a panorama, opened for the page; ``layers`` by key, ``sides`` by name."""
+    """A comparison, or a panorama, opened for the page: ``heading`` and ``sections`` are its text.
 
+    The ``description`` is for its program, ``layers`` are by key and ``sides`` by name.
+    """
+
+    heading: Heading
+    sections: tuple[Section, ...]
     description: Description
     wall: Wall
     layers: Mapping[str, Layer]

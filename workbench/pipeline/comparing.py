@@ -55,7 +55,7 @@ def compare_sources(
     with second_process() if all(isinstance(one, Opened) for one in opened) else nullcontext() as process:
         made = unroll_sources(opened, stages, process)
         if process is not None and folder is not None:
-            process.preload("endoct.workbench.report.page")
+            process.preload("endoct.workbench.page.report")
         sides = read_sides(made)
         with stages.stage("align, segment, score"):
             comparison = compare_sides(*sides, parameters)
@@ -96,7 +96,7 @@ def compare_sources(
         if folder is not None:
             (folder / "result.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
             with stages.stage("report"):
-                from endoct.workbench.report.page import write_report  # only who draws loads matplotlib
+                from endoct.workbench.page.report import write_report  # only who draws loads matplotlib
 
                 write_report(folder, process)
     return replace(comparison, result=result)

@@ -1,7 +1,6 @@
-"""Doubts and notes of a comparison, as HTML."""
+"""How many doubts and notes there are, and the notes as HTML."""
 
 from collections.abc import Sequence
-from html import escape
 
 from endoct.fusion.result import Result
 from endoct.stitching.doubt import Doubt
@@ -11,16 +10,6 @@ from endoct.workbench.report.wording import table
 def count_doubts(doubts: Sequence[Doubt]) -> str:
     """Return "1 doubt" or "2 doubts"."""
     return f"{len(doubts)} doubt{'s' if len(doubts) != 1 else ''}"
-
-
-def doubts_box(doubts: Sequence[Doubt]) -> str:
-    """Return every doubt in full in one box, in the words and the order of ``result.json``; "" without any."""
-    if not doubts:
-        return ""
-    items = "".join(
-        f"<li>{_side(doubt)}{escape(doubt.what)} <span class=code>{escape(doubt.code)}</span></li>" for doubt in doubts
-    )
-    return f'<div class="doubts" id="doubts"><b>{count_doubts(doubts).capitalize()}</b><ul>{items}</ul></div>\n'
 
 
 def notes_table(result: Result) -> str:
@@ -34,7 +23,3 @@ def notes_table(result: Result) -> str:
 def count_notes(result: Result) -> int:
     """Return how many notes a result has."""
     return sum(len(said) for said in result.notes.values())
-
-
-def _side(doubt: Doubt) -> str:
-    return "" if doubt.side is None else f"<b>{escape(doubt.side)}:</b> "

@@ -76,11 +76,6 @@ class Findings:
         """Whether the two sides could be brought onto each other; if not, nothing may be overlaid or scored."""
         return self.result.aligned
 
-    @property
-    def overlaps(self) -> tuple[NamedOverlap, ...]:
-        """Every overlap that was scored: of the two sides where they are aligned, and with masks given as truth."""
-        return overlaps_of(self.result)
-
 
 def read_findings(folder: Path) -> Findings:
     """Read what ``endoct compare`` wrote. Raises :class:`EndoctError` where ``folder`` is no whole comparison."""

@@ -10,13 +10,16 @@ from endoct.workbench.report.wording import table
 
 
 def quality_of(side: SideFindings, main: str, others: str) -> Iterator[str]:
-    """Yield the part on ``side`` as HTML, with its figures, ``main`` and ``others``, as HTML."""
+    """Yield the part on ``side`` as HTML, with its figures, ``main`` and ``others``, as HTML.
+
+    The page hides ``main`` where it plots the same numbers itself.
+    """
     dim = side.panorama.frame_dim
     if flagged := list(flag_rows(side)):
         yield table(
             flagged, [f"{side.name}: {dim}s flagged", "how many", f"which, by z from {dim} 0", "z in its own frame"]
         )
-    yield main
+    yield f'<div class="printed">{main}</div>\n' if main else ""
     if rows := list(number_rows(side)):
         yield (
             f"<details><summary>All that was measured of each {escape(dim)} of {escape(side.name)}</summary>\n{others}"

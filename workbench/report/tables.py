@@ -3,10 +3,12 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from html import escape
+from typing import Any
 
 import numpy as np
 
 from endoct.fusion.result import Result, Threshold
+from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.findings import Findings, NamedOverlap, SideFindings, overlaps_of
 from endoct.workbench.report.placement import alignment_rows
 from endoct.workbench.report.wording import (
@@ -32,13 +34,10 @@ ALWAYS = ("Jaccard", "Dice")
 """Columns that are there also where nothing is known."""
 
 
-def numbers(findings: Findings) -> Iterator[str]:
-    """Yield the numbers of a comparison as HTML."""
-    result = findings.result
-    yield from result_tables(result)
-    yield "<h3>Sides</h3>\n"
-    columns = [_side_facts(side, result) for side in findings.sides]
-    yield table(
+def side_table(findings: Findings) -> str:
+    """Return what there is to say of either side, as HTML."""
+    columns = [_side_facts(side, findings.result) for side in findings.sides]
+    return table(
         ([name, *(column[name] for column in columns)] for name in columns[0]),
         ["", *(side.name for side in findings.sides)],
     )
@@ -68,7 +67,7 @@ def result_tables(result: Result) -> Iterator[str]:
 def provenance(result: Result) -> Iterator[str]:
     """Yield inputs, times, versions and parameters as HTML."""
     yield "<h3>Inputs</h3>\n"
-    yield table(result.inputs.items(), ["file", "sha256"], code=(1,))
+    yield _digests(result.inputs)
     yield '<div class="columns"><div>\n<h3>Seconds per stage</h3>\n'
     yield table((name, f"{value:.1f} s") for name, value in result.seconds.items())
     yield "</div><div>\n<h3>Versions</h3>\n"
@@ -78,6 +77,26 @@ def provenance(result: Result) -> Iterator[str]:
         if parameters:
             yield f"<div><h3>Parameters, {escape(name)}</h3>\n{_leaves(parameters)}</div>\n"
     yield "</div>\n"
+
+
+def panorama_provenance(made: Mapping[str, Any]) -> Iterator[str]:
+    """Yield inputs, versions and parameters of a panorama as HTML, as far as its provenance says them."""
+    parts = {"Inputs": "inputs", "Sidecar": "acquisition", "Parameters": "parameters", "Versions": "versions"}
+    for title, key in parts.items():
+        if isinstance(said := made.get(key), Mapping) and said:
+            yield f"<h3>{title}</h3>\n"
+            yield _digests(said) if key == "inputs" else _leaves(said)
+
+
+def conditions(result: Result, grid: SurfaceGrid) -> str:
+    """Return on which grid two sides were compared, and by what their cells were segmented."""
+    thresholds = result.threshold or {}
+    parts = [
+        f"Common grid: {grid.n_z} × {grid.n_theta} samples (z × θ), {grid.dz_mm * 1000:.3g} µm along the bore and "
+        f"{grid.dtheta_mm * 1000:.3g} µm around it at a bore radius of {grid.radius_mm:.3f} mm."
+    ]
+    parts += [f"Cells of {side}: {threshold_text(thresholds[side])}." for side in result.sides if side in thresholds]
+    return " ".join(parts)
 
 
 def threshold_text(threshold: Threshold | None) -> str:
@@ -94,6 +113,10 @@ def _only_one(named: NamedOverlap) -> str:
     areas = zip(named.of, (named.overlap.only_a_mm2, named.overlap.only_b_mm2), strict=True)
     known = [f"{name} {area_text(area)}" for name, area in areas if area is not None]
     return ", ".join(known) or NOTHING
+
+
+def _digests(inputs: Mapping[str, object]) -> str:
+    return table(((name, str(digest)) for name, digest in inputs.items()), ["file", "sha256"], code=(1,))
 
 
 def _leaves(values: Mapping[str, object]) -> str:

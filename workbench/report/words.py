@@ -3,25 +3,26 @@
 from collections.abc import Iterator
 
 from endoct.fusion.registration.align import BELIEVABLE
-from endoct.workbench.report.findings import Findings
+from endoct.fusion.result import Result
+from endoct.workbench.report.findings import overlaps_of
 from endoct.workbench.report.wording import table
 
 
-def words(findings: Findings) -> str:
-    """Return the words that the page of ``findings`` uses, as HTML."""
-    return table(_words(findings), text=(1,))
+def words(result: Result) -> str:
+    """Return the words that the report on ``result`` uses, as HTML."""
+    return table(_words(result), text=(1,))
 
 
-def _words(findings: Findings) -> Iterator[tuple[str, str]]:
-    a, b = (side.name for side in findings.sides)
-    if findings.overlaps:
+def _words(result: Result) -> Iterator[tuple[str, str]]:
+    a, b = result.sides
+    if overlaps_of(result):
         yield (
             "Jaccard index",
             "Area that both call cell, over the area that either does: 1 where they agree, 0 where not.",
         )
         yield "Dice index", "Twice the area that both call cell, over the sum of both areas: another scale of the same."
         yield "Place", "A connected area in which either of the two shows a cell; intervals are over places."
-    if findings.aligned:
+    if result.aligned:
         yield "Common grid", f"Samples in the frame of {a}, on which both are scored; {b} is interpolated there."
         yield (
             "Confidence",

@@ -17,6 +17,7 @@ from workbench_page import Served, serving, written
 from endoct.stitching.doubt import Doubt
 from endoct.workbench.page.frozen import frozen_page
 from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.report import write_report
 
 HTML = '<img src=x onerror="document.title=1"><script>document.title=2</script>'
 
@@ -40,6 +41,11 @@ def frozen_file(comparison: Path, tmp_path_factory: pytest.TempPathFactory) -> P
     return path
 
 
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report(written(tmp_path_factory.mktemp("reported") / "specimen-7"))
+
+
 def middle(watched: Watched, pane: int = 0) -> tuple[float, float]:
     box = watched.page.locator(".view").nth(pane).bounding_box()
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -61,7 +67,7 @@ def test_it_says_what_it_is_before_it_shows_it(page: Watched):
     tops = [page.page.locator(one).first.bounding_box()["y"] for one in ("h1", ".panes", ".more")]
     assert tops == sorted(tops)
     assert "trusted" in page.page.locator(".verdict").get_attribute("class")
-    assert page.page.locator(".figures b").first.inner_text().startswith("0.")
+    assert page.page.locator(".scores b").first.inner_text().startswith("0.")
     assert len(page.panes()) == 3
 
 
@@ -359,8 +365,74 @@ def test_the_offline_file_has_the_pictures_that_were_kept(chromium: Any, frozen_
         assert page.page.locator(".drawer button", has_text="every").count() == 0
 
 
+def test_what_lies_below_the_panes_is_folded_and_opened_by_links(page: Watched):
+    sections = page.page.locator(".more > details")
+    assert sections.count() >= 5
+    assert [one for one in sections.evaluate_all("all => all.map(one => one.open)") if one] == []
+    page.page.locator(".verdict a", has_text="note").click()
+    assert page.page.locator("#notes").evaluate("one => one.open")
+    assert page.page.locator("#notes td").first.is_visible()
+    page.page.locator(".contents summary").click()
+    page.page.locator(".contents a", has_text="Overlap and alignment").click()
+    assert page.page.locator("#numbers table").first.is_visible()
+    assert not page.page.locator(".contents ul").is_visible()
+
+
+def test_on_paper_all_of_the_report_is_there_and_no_pane(chromium: Any, report: Path):
+    with opened(chromium, report.as_uri()) as page:
+        assert not page.page.locator("figure img").first.is_visible()
+        page.page.emulate_media(media="print")
+        page.page.evaluate("() => window.dispatchEvent(new Event('beforeprint'))")
+        assert page.page.locator(".more > details:not([open])").count() == 0
+        figures = page.page.locator("figure img")
+        assert figures.count() == len(list((report.parent / "figures").glob("*.png")))
+        for k in range(figures.count()):
+            assert figures.nth(k).is_visible()
+            assert figures.nth(k).evaluate("one => one.decode().then(() => one.naturalWidth)") > 500
+        assert page.page.locator(".how p").first.is_visible()
+        for gone in (".workspace", ".plots canvas", ".contents"):
+            assert not page.page.locator(gone).first.is_visible()
+        page.page.evaluate("() => window.dispatchEvent(new Event('afterprint'))")
+        page.page.emulate_media(media="screen")
+        assert not page.page.locator("figure img").first.is_visible()
+        page.page.locator("#quality-oct > summary").click()
+        assert page.page.locator("#quality-oct canvas").first.is_visible()
+        assert not page.page.locator("#figure-quality-oct").is_visible()  # the same numbers, once
+
+
+def test_without_javascript_the_report_is_read_as_it_is(chromium: Any, report: Path):
+    context = chromium.new_context(viewport={"width": 820, "height": 1180}, java_script_enabled=False)
+    page = context.new_page()
+    errors: list[str] = []
+    page.on("console", lambda message: errors.append(message.text))
+    page.goto(report.as_uri())
+    for part in (
+        ".verdict",
+        ".scores b",
+        "#figure-panoramas img",
+        "#figure-quality-oct img",
+        "#numbers table",
+        "noscript",
+    ):
+        assert page.locator(part).first.is_visible(), part
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 820
+    assert errors == []
+    context.close()
+
+
+def test_the_report_is_read_where_its_panes_cannot_be_opened(chromium: Any, report: Path, tmp_path: Path):
+    broken = tmp_path / "broken.html"
+    broken.write_text(report.read_text("utf-8").replace('id="frozen">{', 'id="frozen">', 1), encoding="utf-8")
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(broken.as_uri())
+    assert "The panes could not be opened" in page.locator("[role=alert]").inner_text()
+    assert page.locator("#figure-panoramas img").is_visible()
+    context.close()
+
+
 def test_quality_says_which_frames_lie_beyond_a_limit_and_goes_there(page: Watched):
-    part = page.page.locator("details.quality").last
+    part = page.page.locator("#quality-oct")
     assert (
         "3 of 15 slices beyond a limit" in part.locator("summary").inner_text() or "of 15 slices" in part.inner_text()
     )

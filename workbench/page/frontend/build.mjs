@@ -3,7 +3,7 @@ import { createHash } from "node:crypto";
 import { readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
 
-const own = readdirSync("src").filter((name) => /\.(ts|css|html)$/.test(name)).map((name) => `src/${name}`);
+const own = readdirSync("src").filter((name) => /\.(ts|css)$/.test(name)).map((name) => `src/${name}`);
 const sources = [...own, "build.mjs", "package.json", "package-lock.json"].sort();
 const digest = createHash("sha256");
 for (const name of sources) digest.update(name).update("\0").update(readFileSync(name)).update("\0");
@@ -21,7 +21,6 @@ await build({
   banner: { js: `/* sources ${digest.digest("hex")}; contains OpenSeadragon (BSD-3-Clause), see notices.txt */` },
 });
 await build({ entryPoints: ["src/page.css"], outfile: `${bundle}/page.css`, minify: true, charset: "utf8" });
-writeFileSync(`${bundle}/served.html`, readFileSync("src/served.html"));
 const licence = readFileSync("node_modules/openseadragon/LICENSE.txt", "utf8").trim();
 const { version } = JSON.parse(readFileSync("node_modules/openseadragon/package.json", "utf8"));
 writeFileSync(`${bundle}/notices.txt`, `page.js contains OpenSeadragon ${version}, https://openseadragon.github.io\n\n${licence}\n`);

@@ -77,35 +77,9 @@ export interface FramesPart {
   quality: SeriesPart[];
 }
 
-export interface DoubtPart {
-  code: string;
-  side: string | null;
-  what: string;
-}
-
-export interface FigurePart {
-  title: string;
-  value: string;
-  of: string;
-}
-
-export interface DetailPart {
-  title: string;
-  html: string;
-}
-
 export interface Description {
-  endoct: string;
-  kind: "comparison" | "panorama";
   title: string;
   sides: string[];
-  facts: [string, string][];
-  level: "trusted" | "doubted" | "unaligned";
-  headline: string;
-  sentences: string[];
-  doubts: DoubtPart[];
-  notes: DoubtPart[];
-  figures: FigurePart[];
   wall: WallPart;
   layers: LayerPart[];
   outlines: OutlinePart[];
@@ -113,5 +87,4 @@ export interface Description {
   frames: FramesPart[];
   panes: string[];
   has_common_places: boolean;
-  details: DetailPart[];
 }

@@ -1,15 +1,14 @@
 import { element } from "./dom";
-import { details, heading } from "./heading";
+import { fold } from "./folding";
 import { openSource } from "./source";
 import { Workspace } from "./workspace";
 
-async function start(): Promise<void> {
+async function start(top: HTMLElement, more: HTMLElement): Promise<void> {
   const source = await openSource();
-  const { description } = source;
-  document.title = `endoct: ${description.title}`;
-  const workspace = new Workspace(description, source);
-  const top = heading(description);
-  document.body.append(top, workspace.element, details(description, workspace.quality()));
+  const workspace = new Workspace(source.description, source);
+  fold(more);
+  workspace.plotQuality(more);
+  top.after(workspace.element);
   // the panes fill what the heading leaves of the window
   const fit = (): void => document.documentElement.style.setProperty("--top", `${top.offsetHeight}px`);
   new ResizeObserver(fit).observe(top);
@@ -22,8 +21,13 @@ function keepOutStyles(): void {
   document.head.append(element("style", { "data-openseadragon-mobile-css": "" }));
 }
 
-keepOutStyles();
-start().catch((error: unknown) => {
-  const message = error instanceof Error ? error.message : String(error);
-  document.body.append(element("p", { class: "failed", role: "alert" }, `The page could not be opened: ${message}`));
-});
+const top = document.querySelector<HTMLElement>("header.top");
+const more = document.querySelector<HTMLElement>("section.more");
+if (top && more) {
+  keepOutStyles();
+  start(top, more).catch((error: unknown) => {
+    const message = error instanceof Error ? error.message : String(error);
+    top.after(element("p", { class: "failed", role: "alert" }, `The panes could not be opened: ${message}`));
+    more.classList.add("ready"); // what can be read without them is read below
+  });
+}

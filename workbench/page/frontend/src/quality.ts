@@ -2,6 +2,7 @@
 
 import type { FramesPart, SeriesPart } from "./description";
 import { context, element } from "./dom";
+import { addPlots } from "./folding";
 import type { State } from "./state";
 
 const [LEFT, RIGHT, TOP, BELOW] = [52, 10, 4, 16];
@@ -17,18 +18,15 @@ export function doubted(series: SeriesPart): number[] {
   });
 }
 
-export function qualityPlots(state: State, go: (z_mm: number) => void): HTMLElement[] {
-  return state.description.frames
-    .filter((frames) => frames.quality.length && frames.z_mm.length > 1)
-    .map((frames) => {
-      const bad = new Set(frames.quality.flatMap(doubted));
-      const count = bad.size ? `${bad.size} of ${frames.z_mm.length} ${frames.frame_dim}s beyond a limit` : "nothing beyond a limit";
-      const plots = frames.quality.map((series) => plot(state, frames, series, go));
-      const made = element("details", { class: "quality" },
-        element("summary", {}, `Quality of ${frames.side} along the bore `, element("small", {}, count)),
-        element("p", { class: "soft" }, "Shaded: where sound recordings lie. A click goes to the frame."), ...plots);
-      return made;
-    });
+export function plotQuality(more: HTMLElement, state: State, go: (z_mm: number) => void): void {
+  for (const frames of state.description.frames) {
+    if (!frames.quality.length || frames.z_mm.length < 2) continue;
+    const bad = new Set(frames.quality.flatMap(doubted));
+    const said = bad.size ? `${bad.size} of ${frames.z_mm.length} ${frames.frame_dim}s beyond a limit` : "nothing beyond a limit";
+    const plots = frames.quality.map((series) => plot(state, frames, series, go));
+    const about = element("p", { class: "soft" }, "Shaded: where sound recordings lie. A click goes to the frame.");
+    addPlots(more, frames.side, said, [about, ...plots]);
+  }
 }
 
 function plot(state: State, frames: FramesPart, series: SeriesPart, go: (z_mm: number) => void): HTMLElement {

@@ -9,7 +9,7 @@ import { type Paths, outlinePaths } from "./marks";
 import { Pane } from "./pane";
 import { pictureOf } from "./picture";
 import { FrameDrawer } from "./frame_drawer";
-import { qualityPlots } from "./quality";
+import { plotQuality } from "./quality";
 import { Readout } from "./readout";
 import type { Source } from "./source";
 import { State } from "./state";
@@ -47,9 +47,9 @@ export class Workspace {
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
-  /** What is folded away below: how good every frame is. */
-  quality(): HTMLElement[] {
-    return qualityPlots(this.state, (z_mm) => this.go(z_mm));
+  /** Plot how good every frame is, below. */
+  plotQuality(more: HTMLElement): void {
+    plotQuality(more, this.state, (z_mm) => this.go(z_mm));
   }
 
   /** Open the panes; the page must hold the workspace by then, so that they know how large they are. */

@@ -1,0 +1,126 @@
+"""The top of a page: what it shows, the verdict with its doubts, the scores."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from endoct.fusion.files.store import ComparisonOutline
+from endoct.fusion.result import Result
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.store import PanoramaOutline
+from endoct.workbench.report.doubts import count_doubts, count_notes
+from endoct.workbench.report.findings import overlaps_of
+from endoct.workbench.report.sections import Section
+from endoct.workbench.report.tables import conditions
+from endoct.workbench.report.verdict import Verdict, verdict_of
+from endoct.workbench.report.wording import interval_text, share_text
+
+Fact = tuple[str, str]
+"""Its name and its value."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A number of the headline: "Jaccard index", "0.855", "95 % interval …"."""
+
+    title: str
+    value: str
+    of: str
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What is said first: ``title`` and ``facts``, what it is; the ``verdict``, the ``doubts`` against it; ``scores``.
+
+    ``notes``: how many there are. ``endoct``: the version that made it, "" where it is not known.
+    """
+
+    title: str
+    facts: tuple[Fact, ...]
+    verdict: Verdict
+    doubts: tuple[Doubt, ...]
+    scores: tuple[Score, ...]
+    notes: int
+    endoct: str
+
+
+def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutline) -> Heading:
+    """Return the heading of the comparison ``name``."""
+    result = outline.result
+    a, b = result.sides
+    verdict = verdict_of(result)
+    frame = "frame", f"θ and z of {a}" if outline.alignment is not None else "each side its own"
+    return Heading(
+        title=f"{name}: {a} and {b}",
+        facts=(*facts, frame),
+        verdict=Verdict(verdict.level, verdict.headline, (*verdict.sentences, conditions(result, outline.grid))),
+        doubts=tuple(result.doubts),
+        scores=tuple(_scores(result)),
+        notes=count_notes(result),
+        endoct=result.versions.get("endoct", ""),
+    )
+
+
+def panorama_heading(name: str, facts: Sequence[Fact], outline: PanoramaOutline) -> Heading:
+    """Return the heading of the panorama ``name``."""
+    doubts = outline.doubts
+    count = f"Unrolled, with {count_doubts(doubts)}."
+    frames = outline.per_frame.get(f"{outline.frame_dim}_z_mm")
+    return Heading(
+        title=f"{name}: {outline.modality}",
+        facts=(*facts, (f"{outline.frame_dim}s", "0" if frames is None else str(frames.values.size))),
+        verdict=Verdict("doubted", count) if doubts else Verdict("trusted", "Unrolled; nothing speaks against it."),
+        doubts=doubts,
+        scores=(),
+        notes=len(outline.notes),
+        endoct=str(outline.provenance.get("versions", {}).get("endoct", "")),
+    )
+
+
+def heading_html(heading: Heading, sections: Iterable[Section]) -> str:
+    """Return the heading as HTML, with a table of the contents: the panes, then ``sections``."""
+    facts = "".join(f"<span><b>{escape(name)}</b> {escape(value)}</span>" for name, value in heading.facts)
+    scores = "".join(
+        f'<li title="{escape(one.of)}"><span>{escape(one.title)}</span><b>{escape(one.value)}</b>'
+        f"<small>{escape(one.of)}</small></li>"
+        for one in heading.scores
+    )
+    contents = "".join(f'<li><a href="#{escape(one.name)}">{escape(one.title)}</a></li>' for one in sections)
+    return (
+        f'<header class="top">\n<div class="what"><h1>{escape(heading.title)}</h1><div class="facts">{facts}'
+        f'<nav class="contents"><details><summary>Contents</summary><ul>{contents}</ul></details></nav></div></div>\n'
+        f'<ul class="scores">{scores}</ul>\n<div class="verdict {heading.verdict.level}" role="status">'
+        f"{''.join(_said(heading))}</div>\n</header>\n"
+    )
+
+
+def _said(heading: Heading) -> Iterator[str]:
+    """Yield the verdict with everything that belongs to it."""
+    verdict = heading.verdict
+    yield f"<strong>{escape(verdict.headline)}</strong>\n"
+    if heading.notes:
+        yield f'<a href="#notes">{"1 note" if heading.notes == 1 else f"{heading.notes} notes"}</a>\n'
+    if heading.doubts:
+        yield f"<ul>{''.join(map(_doubt, heading.doubts))}</ul>\n"
+    if verdict.sentences:
+        said = "".join(f"<p>{escape(sentence)}</p>" for sentence in verdict.sentences)
+        is_open = " open" if verdict.level == "unaligned" else ""
+        yield f'<details class="how"{is_open}><summary>How they lie</summary>{said}</details>\n'
+
+
+def _doubt(doubt: Doubt) -> str:
+    side = "" if doubt.side is None else f"<b>{escape(doubt.side)}:</b> "
+    return f"<li>{side}{escape(doubt.what)} <code>{escape(doubt.code)}</code></li>"
+
+
+def _scores(result: Result) -> Iterator[Score]:
+    for named in overlaps_of(result):
+        if not named.is_detail:
+            of = f"cells of {named.of[0]} and {named.of[1]}, {named.where}"
+            interval = interval_text(named.overlap.jaccard_interval)
+            said = f"{of}; {interval}" if interval else of
+            yield Score("Jaccard index", share_text(named.overlap.jaccard), said)
+    if result.aligned:
+        yield Score("Dice index", share_text(result.dice), "on the common grid")
+        over = f" over the {result.overlap_mm:.1f} mm that they share" if result.overlap_mm is not None else ""
+        yield Score("Observed", f"{result.valid_fraction:.1%}", f"of the wall, by both sides{over}")

@@ -1,0 +1,43 @@
+"""The sections of a report with its figures, each embedded, under a number, with its caption."""
+
+import base64
+from collections.abc import Sequence
+from html import escape
+
+from endoct.workbench.report.figures.drawing import Drawn
+from endoct.workbench.report.findings import Findings
+from endoct.workbench.report.quality import quality_of
+from endoct.workbench.report.sections import ORDER, Section, comparison_sections, quality_name
+from endoct.workbench.report.tables import side_table
+
+CSS_PIXELS_PER_INCH = 148
+
+
+def report_sections(findings: Findings, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
+    """Return all that there is to say and to draw of a comparison besides its headline."""
+    own = [quality_name(side.name) for side in findings.sides]
+    figures = {"sides": side_table(findings), **numbered(drawn)}
+    for side, name in zip(findings.sides, own, strict=True):
+        main, others = figures.get(name, ""), figures.get(f"numbers-{side.name}", "")
+        figures[name] = "".join(quality_of(side, main, others))
+    return comparison_sections(findings.result, figures)
+
+
+def numbered(drawn: Sequence[Drawn]) -> dict[str, str]:
+    """Return figures as HTML by section, numbered in the order in which sections stand."""
+    placed = sorted(drawn, key=lambda one: ORDER.index(one.section) if one.section in ORDER else len(ORDER))
+    sections: dict[str, str] = {}
+    for number, figure in enumerate(placed, 1):
+        sections[figure.section] = sections.get(figure.section, "") + _figure(number, figure)
+    return sections
+
+
+def _figure(number: int, figure: Drawn) -> str:
+    saved = figure.saved
+    data = base64.b64encode(saved.webp).decode("ascii")
+    return (
+        f'<figure id="figure-{escape(saved.path.stem)}"><img src="data:image/webp;base64,{data}" decoding="async" '
+        f'alt="{escape(figure.title)}" width="{round(saved.width_in * CSS_PIXELS_PER_INCH)}">\n'
+        f"<figcaption><b>Figure {number}. {escape(figure.title)}.</b> {escape(figure.caption)} "
+        f'<span class="code">figures/{escape(saved.path.name)}</span></figcaption></figure>\n'
+    )
