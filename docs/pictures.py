@@ -15,7 +15,6 @@ import xarray
 from PIL import Image
 
 from endoct.workbench import compare, simulate, unroll
-from endoct.workbench.page.frozen import frozen_page
 from endoct.workbench.page.opening import open_shown
 
 DOCS = Path(__file__).parent
@@ -66,11 +65,10 @@ def page(result: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     picture = result.parent / "page.png"
-    (result.parent / "page.html").write_text(frozen_page(open_shown(result)), encoding="utf-8")
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         shown = browser.new_page(viewport={"width": PAGE_SIZE[0], "height": PAGE_SIZE[1]})
-        shown.goto((result.parent / "page.html").as_uri())
+        shown.goto((result / "report.html").as_uri())
         shown.wait_for_selector(".pane[data-z-mm]")
         pane = shown.locator(".pane").first
         pane.locator("header select").nth(1).select_option("swipe")

@@ -143,12 +143,13 @@ def _pictures(path: Path) -> None:
 
 
 def _report(path: Path) -> None:
-    from endoct.workbench.page.frozen import frozen_page
+    from endoct.workbench.page.frozen import frozen_data, frozen_page
     from endoct.workbench.page.opening import open_shown
     from endoct.workbench.report.findings import read_findings
     from endoct.workbench.report.illustrated import report_sections
 
-    frozen_page(open_shown(path), report_sections(read_findings(path), []))
+    shown = open_shown(path)
+    frozen_page(shown, report_sections(read_findings(path), []), frozen_data(shown))
 
 
 def _figures(path: Path) -> None:

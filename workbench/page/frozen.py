@@ -12,23 +12,22 @@ from typing import Any
 from endoct.stitching.parallel import thread_map
 from endoct.workbench.page.description import Description
 from endoct.workbench.page.document import document
-from endoct.workbench.page.layer import is_blank
+from endoct.workbench.page.layer import is_blank, png_of
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import TILE_PX, Tile
 from endoct.workbench.report.sections import Section
 
 PACKAGE = "endoct.workbench.page"
-MOST_BYTES = 14_500_000
-"""Of a page: tiles take what all else leaves."""
+MOST_TILE_BYTES = 8_000_000
+"""Of all tiles together: with the text, its figures and the pictures of frames a page then has at most 15 MB."""
 GROWTH = 3.5
 """Times the bytes of a level that the next one takes, about: it has four times the pixels."""
 
 
-def frozen_page(shown: Shown, sections: Sequence[Section] | None = None, remark: str = "") -> str:
+def frozen_page(shown: Shown, sections: Sequence[Section], data: str, remark: str = "") -> str:
     """Return the page of ``shown`` as HTML that needs nothing else: no server, no network, no other file.
 
-    With other ``sections`` than those of ``shown`` where some are given. Tiles go down to the finest level for which
-    there is room.
+    ``data`` is its :func:`frozen_data`; ``remark`` is said at its end.
     """
     script, style = (files(PACKAGE).joinpath("bundle", name).read_text("utf-8") for name in ("page.js", "page.css"))
     policy = (
@@ -39,20 +38,25 @@ def frozen_page(shown: Shown, sections: Sequence[Section] | None = None, remark:
         f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n'
         f'<meta name="referrer" content="no-referrer">\n<style>{style}</style>\n'
     )
-    text = document(shown.heading, shown.sections if sections is None else sections, head=head, remark=remark)
+    before, end, after = document(shown.heading, sections, head=head, remark=remark).rpartition("</body>")
+    foot = f'<script type="application/json" id="frozen">{data}</script>\n<script>{script}</script>\n'
+    return f"{before}{foot}{end}{after}"
+
+
+def frozen_data(shown: Shown) -> str:
+    """Return as JSON what the program of the page of ``shown`` asks a server for: tiles, outlines, pictures.
+
+    Tiles go down to the finest level for which there is room.
+    """
     held = {
         "description": _alone(shown.description).to_json(),
         "outlines": shown.outlines(),
         "pictures": pictures_of(shown),
+        "tiles": tiles_of(shown),
         "type": "image/png",
     }
-    rest = json.dumps(held, allow_nan=False, separators=(",", ":"))[1:]
-    tiles = json.dumps(tiles_of(shown, MOST_BYTES - len(text) - len(rest) - len(script)), separators=(",", ":"))
     # within a script element nothing but "<" can end it
-    data = f'{{"tiles":{tiles},{rest}'.replace("<", "\\u003c")
-    foot = f'<script type="application/json" id="frozen">{data}</script>\n<script>{script}</script>\n'
-    before, end, after = text.rpartition("</body>")
-    return f"{before}{foot}{end}{after}"
+    return json.dumps(held, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _alone(description: Description) -> Description:
@@ -68,16 +72,13 @@ def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
     }
 
 
-def tiles_of(shown: Shown, most_bytes: int) -> dict[str, list[dict[str, str]]]:
-    """Return by layer, by level, by "column_row", the pictures of tiles in base64; blank ones are left out.
-
-    All together have about ``most_bytes`` at most.
-    """
+def tiles_of(shown: Shown) -> dict[str, list[dict[str, str]]]:
+    """Return by layer, by level, by "column_row", the pictures of tiles in base64; blank ones are left out."""
     finest = {layer.key: layer.finest_level for layer in shown.description.layers}
     held: dict[str, list[dict[str, str]]] = {key: [] for key in finest}
     n_bytes = last = 0
     for level in range(max(finest.values()) + 1):
-        if level and n_bytes + GROWTH * last > most_bytes:
+        if level and n_bytes + GROWTH * last > MOST_TILE_BYTES:
             break
         last = 0
         for key in (key for key, most in finest.items() if level <= most):
@@ -89,9 +90,13 @@ def tiles_of(shown: Shown, most_bytes: int) -> dict[str, list[dict[str, str]]]:
 
 def _level(shown: Shown, key: str, level: int) -> dict[str, str]:
     tiles = list(_tiles(shown, level))
-    pictures = thread_map(lambda tile: shown.png(key, tile), tiles)
-    found = zip(tiles, pictures, strict=True)
-    return {f"{t.column}_{t.row}": base64.b64encode(one).decode("ascii") for t, one in found if not is_blank(one)}
+
+    def coded(tile: Tile) -> str | None:
+        picture = shown.tile(key, tile)
+        return None if is_blank(picture) else base64.b64encode(png_of(picture)).decode("ascii")
+
+    found = zip(tiles, thread_map(coded, tiles), strict=True)
+    return {f"{tile.column}_{tile.row}": one for tile, one in found if one is not None}
 
 
 def _tiles(shown: Shown, level: int) -> Iterator[Tile]:

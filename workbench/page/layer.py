@@ -29,13 +29,13 @@ class Scalar:
     low: float
     high: float
 
-    def png(self, wall: Wall, tile: Tile) -> bytes:
-        """Return ``tile`` as PNG: grey and alpha, which is 0 where nothing was observed."""
+    def picture(self, wall: Wall, tile: Tile) -> Pillow.Image:
+        """Return ``tile`` in grey and alpha, which is 0 where nothing was observed."""
         found = self.plane.means(wall, tile.level, pixels_of(wall, tile))
         scaled = (found.values - self.low) * (CODES / (self.high - self.low))
         grey = np.clip(np.rint(scaled), 0, CODES).astype(np.uint8)
         alpha = np.where(found.known, 255, 0).astype(np.uint8)
-        return _png(Pillow.fromarray(np.dstack([np.where(found.known, grey, 0).astype(np.uint8), alpha]), "LA"))
+        return Pillow.fromarray(np.dstack([np.where(found.known, grey, 0).astype(np.uint8), alpha]), "LA")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +45,15 @@ class Classes:
     planes: tuple[Plane, ...]
     colours: Sequence[tuple[int, int, int]]
 
-    def png(self, wall: Wall, tile: Tile) -> bytes:
-        """Return ``tile`` as PNG in colours, transparent where nothing was observed."""
+    def picture(self, wall: Wall, tile: Tile) -> Pillow.Image:
+        """Return ``tile`` in colours, transparent where nothing was observed."""
         pixels = pixels_of(wall, tile)
         classes = self.classes([plane.means(wall, tile.level, pixels) for plane in self.planes])
         picture = Pillow.fromarray(classes, "P")
         palette = [value for colour in self.colours for value in colour]
         picture.putpalette(palette + [0] * (768 - len(palette)))
-        return _png(picture, transparency=_NOT_OBSERVED)
+        picture.info["transparency"] = _NOT_OBSERVED
+        return picture
 
     def classes(self, found: Sequence[Averaged]) -> NDArray[np.uint8]:
         """Return the class of every pixel, and 255 where one of the sides observed nothing."""
@@ -81,15 +82,15 @@ def shown_range(overview: Averaged, least: float = 0.5, most: float = 99.5) -> t
     return (low, high) if high > low else (low - 0.5, low + 0.5)
 
 
-def is_blank(png: bytes) -> bool:
+def is_blank(picture: Pillow.Image) -> bool:
     """Say whether a tile shows nothing: nothing was observed in it."""
-    picture = Pillow.open(io.BytesIO(png))
     if picture.mode == "P":
         return picture.getextrema() == (_NOT_OBSERVED, _NOT_OBSERVED)
     return picture.getextrema()[1] == (0, 0)
 
 
-def _png(picture: Pillow.Image, **options: int) -> bytes:
+def png_of(picture: Pillow.Image) -> bytes:
+    """Return a tile as PNG."""
     file = io.BytesIO()
-    picture.save(file, "PNG", compress_level=1, **options)
+    picture.save(file, "PNG", compress_level=1)
     return file.getvalue()

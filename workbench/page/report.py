@@ -6,7 +6,7 @@ from endoct.stitching.contents import is_marked, marked
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
 from endoct.stitching.worker_process import WorkerProcess
-from endoct.workbench.page.frozen import frozen_page
+from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
 from endoct.workbench.report.figures.drawing import Drawn
@@ -35,8 +35,10 @@ def write_report(folder: Path, process: WorkerProcess | None = None) -> Path:
         figures.mkdir()
         there = None if process is None else process.call(_draw_there, folder, figures)
         on_grid = draw_on_grid(findings, figures)
+        shown = open_shown(folder)
+        data = frozen_data(shown)
         own = draw_on_own_rows(findings, figures) if there is None else there.result()
-        html = frozen_page(open_shown(folder), report_sections(findings, [*on_grid, *own]), REMARK)
+        html = frozen_page(shown, report_sections(findings, [*on_grid, *own]), data, REMARK)
     with new_output(page, REPORT, overwrite=True, is_ours=is_marked) as scratch:
         scratch.write_text(marked(html), encoding="utf-8")
     return page

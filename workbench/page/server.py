@@ -16,6 +16,7 @@ from starlette.routing import Route
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.page.document import document
 from endoct.workbench.page.guard import Guard, allowed_hosts
+from endoct.workbench.page.layer import png_of
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
@@ -50,7 +51,7 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
 
     def tile(request: Request) -> Response:
         level, column, row = (_number(request.path_params[name]) for name in ("level", "column", "row"))
-        png = shown.png(request.path_params["key"], Tile(level, column, row))
+        png = png_of(shown.tile(request.path_params["key"], Tile(level, column, row)))
         return Response(png, media_type="image/png", headers={"cache-control": KEPT})
 
     def values(request: Request) -> Response:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from PIL import Image as Pillow
+
 from endoct.modalities.contract import Picture
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.description import Description
@@ -41,14 +43,14 @@ class Shown:
     layers: Mapping[str, Layer]
     sides: Mapping[str, ShownSide] = field(default_factory=dict)
 
-    def png(self, key: str, tile: Tile) -> bytes:
-        """Return a tile of the layer ``key`` as PNG. Raises :class:`NoSuchTile` where there is no such tile."""
+    def tile(self, key: str, tile: Tile) -> Pillow.Image:
+        """Return a tile of the layer ``key``. Raises :class:`NoSuchTile` where there is no such tile."""
         finest = {layer.key: layer.finest_level for layer in self.description.layers}
         if key not in self.layers:
             raise NoSuchTile("there is no such layer", found=key, expected=", ".join(self.layers))
         if tile.level > finest[key]:
             raise NoSuchTile("there is no such tile", found=f"level {tile.level}", expected=f"{finest[key]} at most")
-        return self.layers[key].png(self.wall, tile)
+        return self.layers[key].picture(self.wall, tile)
 
     def outlines(self) -> dict[str, tuple[tuple[float, ...], ...]]:
         """Return the outlines of cells by layer, as :func:`~endoct.workbench.page.outlines.outlines` has them."""

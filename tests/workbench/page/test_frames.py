@@ -20,7 +20,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.store import read_outline
 from endoct.workbench import unroll
 from endoct.workbench.page.frames import frames_part
-from endoct.workbench.page.frozen import frozen_page
+from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.picturing import picture_json, ring_of
 from endoct.workbench.page.recorded import Reader, recording_of
@@ -96,7 +96,8 @@ def test_a_recording_is_read_again_for_every_frame(endoscope: Path):
 
 
 def test_the_offline_file_neither_offers_nor_names_the_recording(endoscope: Path):
-    page = frozen_page(open_shown(endoscope))
+    shown = open_shown(endoscope)
+    page = frozen_page(shown, shown.sections, frozen_data(shown))
     assert '"recording":""' in page
     assert str(endoscope.parent) not in page.split('"details"')[0]
 

@@ -15,7 +15,7 @@ from PIL import Image
 from workbench_page import Served, serving, written
 
 from endoct.stitching.doubt import Doubt
-from endoct.workbench.page.frozen import frozen_page
+from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.report import write_report
 
@@ -37,13 +37,18 @@ def page(chromium: Any, served: Served) -> Iterator[Watched]:
 @pytest.fixture(scope="module")
 def frozen_file(comparison: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("frozen") / "report.html"
-    path.write_text(frozen_page(open_shown(comparison)), encoding="utf-8")
+    path.write_text(frozen(comparison), encoding="utf-8")
     return path
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_report(written(tmp_path_factory.mktemp("reported") / "specimen-7"))
+
+
+def frozen(folder: Path) -> str:
+    shown = open_shown(folder)
+    return frozen_page(shown, shown.sections, frozen_data(shown))
 
 
 def middle(watched: Watched, pane: int = 0) -> tuple[float, float]:
@@ -315,9 +320,9 @@ def test_names_and_sentences_with_html_are_shown_as_text(chromium: Any, tmp_path
         assert HTML in page.page.locator(".verdict").inner_text()
         assert page.page.locator("img, body script").count() == 0
         assert page.page.title().startswith("endoct: <img")
-    frozen = tmp_path / "hostile.html"
-    frozen.write_text(frozen_page(open_shown(folder)), encoding="utf-8")
-    with opened(chromium, frozen.as_uri()) as page:
+    alone = tmp_path / "hostile.html"
+    alone.write_text(frozen(folder), encoding="utf-8")
+    with opened(chromium, alone.as_uri()) as page:
         assert page.page.locator("img").count() == 0
         assert page.page.title().startswith("endoct: <img")
 
