@@ -78,7 +78,7 @@ def panorama_heading(name: str, facts: Sequence[Fact], outline: PanoramaOutline)
 
 
 def heading_html(heading: Heading, sections: Iterable[Section]) -> str:
-    """Return the heading as HTML, with a table of the contents: the panes, then ``sections``."""
+    """Return the heading as HTML, with links to ``sections``."""
     facts = "".join(f"<span><b>{escape(name)}</b> {escape(value)}</span>" for name, value in heading.facts)
     scores = "".join(
         f'<li title="{escape(one.of)}"><span>{escape(one.title)}</span><b>{escape(one.value)}</b>'
@@ -87,8 +87,9 @@ def heading_html(heading: Heading, sections: Iterable[Section]) -> str:
     )
     contents = "".join(f'<li><a href="#{escape(one.name)}">{escape(one.title)}</a></li>' for one in sections)
     return (
-        f'<header class="top">\n<div class="what"><h1>{escape(heading.title)}</h1><div class="facts">{facts}'
-        f'<nav class="contents"><details><summary>Contents</summary><ul>{contents}</ul></details></nav></div></div>\n'
+        f'<header class="top">\n<div class="what"><h1>{escape(heading.title)}</h1>\n'
+        f'<nav class="contents"><details><summary>Contents</summary><ul>{contents}</ul></details></nav>\n'
+        f'<p class="facts">{facts}</p></div>\n'
         f'<ul class="scores">{scores}</ul>\n<div class="verdict {heading.verdict.level}" role="status">'
         f"{''.join(_said(heading))}</div>\n</header>\n"
     )
@@ -118,7 +119,7 @@ def _scores(result: Result) -> Iterator[Score]:
         if not named.is_detail:
             of = f"cells of {named.of[0]} and {named.of[1]}, {named.where}"
             interval = interval_text(named.overlap.jaccard_interval)
-            said = f"{of}; {interval}" if interval else of
+            said = f"{interval}; {of}" if interval else of
             yield Score("Jaccard index", share_text(named.overlap.jaccard), said)
     if result.aligned:
         yield Score("Dice index", share_text(result.dice), "on the common grid")
