@@ -13,6 +13,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.pipeline.comparing import compare_sources, paths_of
+from endoct.workbench.pipeline.sample_frames import save_sample_frames
 from endoct.workbench.pipeline.simulating import simulate
 from endoct.workbench.pipeline.sources import Source
 from endoct.workbench.pipeline.summarising import Row, write_summary
@@ -39,6 +40,8 @@ def unroll(
 ) -> Panorama:
     """Unroll the recording at ``path`` into a panorama of the wall, written to ``output`` where one is given.
 
+    The store that is written holds a report, ``report.html``, and pictures of a few frames.
+
     ``settings`` replaces keys of the sidecar and parameters of the plug-in, as ``--set`` does; ``volume`` adds the
     dense hollow cylinder to the output; ``progress=False`` displays none. Raises :class:`EndoctError` where the
     recording cannot be used or ``output`` exists and ``overwrite`` is not set.
@@ -63,6 +66,11 @@ def unroll(
         save_panorama(made.panorama, scratch)
         if volume:
             write_volume(made, scratch, stages)
+        with stages.stage("report"):
+            from endoct.workbench.page.report import write_panorama_report  # only who draws loads matplotlib
+
+            save_sample_frames(made, scratch, made.panorama.modality)
+            write_panorama_report(scratch, made.panorama)
     return made.panorama
 
 

@@ -69,10 +69,10 @@ def compare(
 
 
 def report(folder: Positional[Path]) -> int:
-    """Write the report of a comparison again.
+    """Write the report of a comparison, or of an unrolled recording, again.
 
     Args:
-        folder: a folder written by `endoct compare`
+        folder: a folder written by `endoct compare`, or a panorama written by `endoct unroll`
     """
     from endoct.workbench.page.report import write_report
     from endoct.workbench.running.second_process import second_process

@@ -29,7 +29,7 @@ def unroll(
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Unroll one recording into a panorama of the bore wall.
+    """Unroll one recording into a panorama of the bore wall, with a report.
 
     Args:
         path: folder or file of the recording
@@ -55,6 +55,7 @@ def unroll(
     )
     facts = {
         "output": path_text(output),
+        "report": path_text(output / "report.html"),
         "modality": panorama.modality,
         "rows": panorama.grid.n_z,
         "columns": panorama.grid.n_theta,
@@ -71,6 +72,7 @@ def unroll(
             f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
         )
         print_doubts(panorama.doubts, {"": panorama.notes})
+        print_line(f"report: {output / 'report.html'}")
     return status_of(panorama.doubts, strict=strict)
 
 

@@ -26,6 +26,7 @@ from endoct.workbench.page.layers import (
 from endoct.workbench.page.recorded import Reader, recording_of
 from endoct.workbench.page.shown import Shown, ShownSide
 from endoct.workbench.page.wall import Wall
+from endoct.workbench.report.pictures import PICTURES
 from endoct.workbench.report.sections import comparison_sections, panorama_sections
 
 MOST_PANES = 3
@@ -53,7 +54,7 @@ def _comparison(folder: Path) -> Shown:
     wall = wall_of(outline.grid)
     described = list(comparison_layers(folder, outline, wall, ChunkCache()))
     aligned = outline.alignment is not None
-    sides = {name: _side(folder / "panoramas" / f"{name}.zarr", folder / "pictures") for name in outline.names}
+    sides = {name: _side(folder / "panoramas" / f"{name}.zarr", folder / PICTURES) for name in outline.names}
     frames = [
         frames_part(name, side.outline, outline.alignment if k else None, side.pictures)
         for k, (name, side) in enumerate(sides.items())
@@ -86,16 +87,16 @@ def _panorama(store: Path) -> Shown:
         layers=tuple(one.part for one in described),
         outlines=(),
         cells=(),
-        frames=(frames_part(outline.modality, outline, None, None),),
+        frames=(frames_part(outline.modality, outline, None, store / PICTURES),),
         panes=tuple(one.part.key for one in described)[:MOST_PANES],
         has_common_places=True,
     )
     layers = {one.part.key: one.layer for one in described}
-    sides = {outline.modality: _side(store, None)}
+    sides = {outline.modality: _side(store, store / PICTURES)}
     return Shown(heading, panorama_sections(outline), description, wall, layers, sides)
 
 
-def _side(store: Path, pictures: Path | None) -> ShownSide:
+def _side(store: Path, pictures: Path) -> ShownSide:
     outline = read_panorama(store)
     recording = recording_of(outline)
     return ShownSide(outline, pictures, None if recording is None else Reader(recording))

@@ -6,8 +6,6 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side
@@ -23,15 +21,12 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_mask
 from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
+from endoct.workbench.pipeline.sample_frames import save_sample_frames
 from endoct.workbench.pipeline.sources import Source, open_both, read_sides, unroll_sources
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled
-from endoct.workbench.report.pictures import save_pictures
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.second_process import second_process
-
-PICTURED_PLACES = (1 / 6, 1 / 2, 5 / 6)
-"""Where along the recording frames are shown in the report."""
 
 
 def compare_sources(
@@ -71,7 +66,7 @@ def compare_sources(
                 for side, one in zip(sides, made, strict=True):
                     save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
                     if isinstance(one, Unrolled):
-                        _picture(folder, side.name, one)
+                        save_sample_frames(one, folder, side.name)
         of_sides = tuple(_inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
         doubted = comparison.result
         if comparison.alignment is not None and (doubt := doubt_of_inputs(*of_sides)):
@@ -120,15 +115,6 @@ def _check_truth(path: Path) -> None:
     simulated = (path / "recording.json").is_file()
     if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
         read_drawing(path, None)
-
-
-def _picture(folder: Path, name: str, made: Unrolled) -> None:
-    order = np.argsort(made.calibration.per_frame["z_mm"], kind="stable")
-    places = sorted({round(share * (len(order) - 1)) for share in PICTURED_PLACES})
-    for place in places:
-        index = int(order[place])
-        pictures = made.manifest.load().illustrate(made.stream[index], made.calibration)
-        save_pictures(folder / "pictures", name, f"{place:04d}", pictures)
 
 
 def _inputs_of(source: Source, side: Side) -> Mapping[str, str]:

@@ -98,6 +98,13 @@ def _side(side: PlacedSide, folder: Path, pictures: Mapping[int, tuple[Picture, 
     )
 
 
+def alone(panorama: Panorama, pictures: Mapping[int, tuple[Picture, ...]]) -> SideFindings:
+    """Return one recording as a side of its own, on its own rows; nothing of it was segmented as cells."""
+    no_cells = np.zeros(panorama.grid.shape, np.bool_)
+    of = panorama.intensity, panorama.depth_mm, no_cells, panorama.valid
+    return SideFindings(panorama.modality, *of, panorama=panorama, pictures=pictures)
+
+
 def overlaps_of(result: Result) -> tuple[NamedOverlap, ...]:
     """Return every overlap that was scored: of the two sides, and with masks given as truth."""
     return tuple(_overlaps(result))

@@ -1,13 +1,14 @@
 """The sections of a report with its figures, each embedded, under a number, with its caption."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
+from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.report.figures.drawing import Drawn
-from endoct.workbench.report.findings import Findings
+from endoct.workbench.report.findings import Findings, SideFindings
 from endoct.workbench.report.quality import quality_of
-from endoct.workbench.report.sections import ORDER, Section, comparison_sections, quality_name
+from endoct.workbench.report.sections import ORDER, Section, comparison_sections, panorama_sections, quality_name
 from endoct.workbench.report.tables import side_table
 
 CSS_PIXELS_PER_INCH = 148
@@ -15,12 +16,15 @@ CSS_PIXELS_PER_INCH = 148
 
 def report_sections(findings: Findings, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
     """Return all that there is to say and to draw of a comparison besides its headline."""
-    own = [quality_name(side.name) for side in findings.sides]
     figures = {"sides": side_table(findings), **numbered(drawn)}
-    for side, name in zip(findings.sides, own, strict=True):
-        main, others = figures.get(name, ""), figures.get(f"numbers-{side.name}", "")
-        figures[name] = "".join(quality_of(side, main, others))
+    figures |= {quality_name(side.name): _quality(side, figures) for side in findings.sides}
     return comparison_sections(findings.result, figures)
+
+
+def recording_sections(side: SideFindings, outline: PanoramaOutline, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
+    """Return all that there is to say and to draw of one recording besides its headline."""
+    figures = numbered(drawn)
+    return panorama_sections(outline, {**figures, quality_name(side.name): _quality(side, figures)})
 
 
 def numbered(drawn: Sequence[Drawn]) -> dict[str, str]:
@@ -30,6 +34,11 @@ def numbered(drawn: Sequence[Drawn]) -> dict[str, str]:
     for number, figure in enumerate(placed, 1):
         sections[figure.section] = sections.get(figure.section, "") + _figure(number, figure)
     return sections
+
+
+def _quality(side: SideFindings, figures: Mapping[str, str]) -> str:
+    main, others = figures.get(quality_name(side.name), ""), figures.get(f"numbers-{side.name}", "")
+    return "".join(quality_of(side, main, others))
 
 
 def _figure(number: int, figure: Drawn) -> str:

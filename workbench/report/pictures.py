@@ -20,6 +20,8 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.names import plain_name
 from endoct.stitching.npy import read_npz
 
+PICTURES = "pictures"
+"""The folder of pictures in an output."""
 MOST_PICTURES = 1000
 MOST_SIDE = 20_000
 

@@ -79,10 +79,11 @@ def panorama_sections(outline: PanoramaOutline, figures: Mapping[str, str] = NO_
     }
     titles = {
         **TITLES,
+        "panoramas": "Panorama",
         "notes": f"Notes ({len(outline.notes)})",
         quality_name(side): f"Quality of {side} along the bore",
     }
-    order = "frames", "panoramas", "depth", "cylinder", quality_name(side), "notes", "provenance"
+    order = "panoramas", "frames", quality_name(side), "notes", "provenance"
     return tuple(Section(name, titles[name], html[name]) for name in order if html.get(name))
 
 

@@ -1,4 +1,4 @@
-"""All figures of a comparison."""
+"""All figures of a comparison, and of one recording."""
 
 import gc
 from collections.abc import Callable, Iterable, Iterator
@@ -10,8 +10,8 @@ from endoct.workbench.report.figures.cylinder import draw_cylinder
 from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.figures.frames import draw_depth, draw_frames
 from endoct.workbench.report.figures.quality import draw_other_numbers, draw_quality
-from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panoramas
-from endoct.workbench.report.findings import Findings
+from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panorama, draw_panoramas
+from endoct.workbench.report.findings import Findings, SideFindings
 
 Drawing = Callable[[], Drawn | None]
 
@@ -24,6 +24,12 @@ def draw_on_grid(findings: Findings, folder: Path) -> list[Drawn]:
 def draw_on_own_rows(findings: Findings, folder: Path) -> list[Drawn]:
     """Draw every figure of what a side saw in its own frame: about half of the work."""
     return _drawn(_on_own_rows(findings, folder))
+
+
+def draw_recording(side: SideFindings, folder: Path) -> list[Drawn]:
+    """Draw every figure of one recording by itself."""
+    draw = draw_panorama, draw_frames, draw_quality, draw_other_numbers
+    return _drawn(partial(one, side, folder) for one in draw)
 
 
 def _on_grid(findings: Findings, folder: Path) -> Iterator[Drawing]:

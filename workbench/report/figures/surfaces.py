@@ -1,5 +1,6 @@
 """The wall as each side saw it, the cells, where they differ, and how well the two lie on each other."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +46,22 @@ DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
 
 def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
     """Draw intensity, and depth where there is depth, of each side on the common grid."""
+    frame = (
+        f"Both lie on one grid in the frame of {findings.sides[0].name}"
+        if findings.aligned
+        else "Each lies in its own frame: the two could not be aligned, so places do not correspond"
+    )
+    return _draw_walls(findings.sides, findings.grid, frame, folder)
+
+
+def draw_panorama(side: SideFindings, folder: Path) -> Drawn | None:
+    """Draw intensity, and depth where there is depth, of one side in its own frame."""
+    return _draw_walls([side], side.panorama.grid, "In its own frame, on its own rows", folder)
+
+
+def _draw_walls(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str, folder: Path) -> Drawn | None:
     panels: list[tuple[str, SideFindings, Image, str, str]] = []
-    for side in findings.sides:
+    for side in sides:
         if not side.is_drawn_mask:
             panels.append((side.name, side, side.intensity, INTENSITY_COLOURS, "intensity (a.u.)"))
         if side.depth_mm is not None:
@@ -54,24 +69,19 @@ def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
     if not panels:
         return None
     with journal_style():
-        figure, axes = panel_figure(findings.grid, len(panels))
+        figure, axes = panel_figure(grid, len(panels))
         for k, (name, side, values, colours, unit) in enumerate(panels):
-            coarse, thin, valid = thinned(findings.grid, np.where(side.valid, values, np.nan), side.valid)
-            wall_panel(axes[k], findings.grid, f"{letters(len(panels))[k]} {name}", first=k == 0)
+            coarse, thin, valid = thinned(grid, np.where(side.valid, values, np.nan), side.valid)
+            wall_panel(axes[k], grid, f"{letters(len(panels))[k]} {name}", first=k == 0)
             low, high = robust_limits(thin, valid)
             image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
             colour_bar(axes[k], image, unit)
         saved = save(figure, folder / "panoramas.png")
-    frame = (
-        f"Both lie on one grid in the frame of {findings.sides[0].name}"
-        if findings.aligned
-        else "Each lies in its own frame: the two could not be aligned, so places do not correspond"
-    )
     return Drawn(
         saved,
         "panoramas",
         "The unrolled wall",
-        f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(findings.grid)}. "
+        f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(grid)}. "
         "Hatched: not observed by that side. Colour bars end at the 0.5th and 99.5th percentile.",
     )
 

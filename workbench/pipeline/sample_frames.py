@@ -1,0 +1,19 @@
+"""Pictures of a few frames of a recording, kept for its report: as recorded, with what was found, and unrolled."""
+
+from pathlib import Path
+
+import numpy as np
+
+from endoct.workbench.pipeline.unrolling import Unrolled
+from endoct.workbench.report.pictures import PICTURES, save_pictures
+
+PLACES = (1 / 6, 1 / 2, 5 / 6)
+"""Where along the recording frames are shown."""
+
+
+def save_sample_frames(made: Unrolled, folder: Path, name: str) -> None:
+    """Write pictures of the frames at :data:`PLACES` into ``folder``, as those of the side ``name``."""
+    order = np.argsort(made.calibration.per_frame["z_mm"], kind="stable")
+    for place in sorted({round(share * (len(order) - 1)) for share in PLACES}):
+        pictures = made.manifest.load().illustrate(made.stream[int(order[place])], made.calibration)
+        save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)
