@@ -74,6 +74,15 @@ def load_panorama(path: Path) -> Panorama:
         return _panorama(path, read_arrays(path), read_attributes(path))
 
 
+def read_doubts(path: Path) -> tuple[Doubt, ...]:
+    """Return what is doubted of the panorama that :func:`save_panorama` wrote, and read nothing else.
+
+    Raises :class:`EndoctError` where it does not say.
+    """
+    with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
+        return _provenance(read_attributes(path), f"the panorama {path}")[2]
+
+
 @dataclass(frozen=True, eq=False)
 class PanoramaOutline:
     """A panorama on disk without its images, as in :class:`~endoct.stitching.panorama.Panorama`."""

@@ -53,8 +53,11 @@ def browser() -> Iterator[Any]:
 
 
 @contextmanager
-def opened(started: Any, url: str, **context: Any) -> Iterator[Watched]:
-    """Open ``url``, and at the end see to it that nothing went wrong and nothing left the machine."""
+def opened(started: Any, url: str, ready: str = "", **context: Any) -> Iterator[Watched]:
+    """Open ``url``, and at the end see to it that nothing went wrong and nothing left the machine.
+
+    It is open when there is what ``ready`` selects; without, when its panes are at rest.
+    """
     made = started.new_context(viewport={"width": 1280, "height": 800}, **context)
     watched = Watched(made.new_page())
     # OpenSeadragon warns of tiles that arrive after their layer was taken away, which is no fault
@@ -62,8 +65,9 @@ def opened(started: Any, url: str, **context: Any) -> Iterator[Watched]:
     watched.page.on("pageerror", lambda error: watched.errors.append(str(error)))
     watched.page.on("request", lambda request: watched.asked.append(request.url))
     watched.page.goto(url)
-    watched.page.wait_for_selector(".pane[data-z-mm]")
-    watched.settle()
+    watched.page.wait_for_selector(ready or ".pane[data-z-mm]")
+    if not ready:
+        watched.settle()
     yield watched
     assert watched.errors == []
     here = ("data:", "blob:", url.split("?")[0])

@@ -13,9 +13,7 @@ from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.cells import measure
 from endoct.fusion.scoring.surface import Surface
-from endoct.workbench.page.opening import open_shown
-from endoct.workbench.page.server import app_for
-from endoct.workbench.page.serving import listening_socket
+from endoct.workbench.page.serving import listening_socket, page_or_table
 
 IN_PLACE = Alignment(0.0, 0.0, confidence=0.6, correlation=0.9, ratio=3.0)
 
@@ -62,7 +60,7 @@ class serving:
     def __init__(self, folder: Path) -> None:
         self._socket = listening_socket("127.0.0.1", 0)
         self._port: int = self._socket.getsockname()[1]
-        app = app_for(open_shown(folder), "127.0.0.1", self._port)
+        app = page_or_table(folder)("127.0.0.1", self._port)
         self._server = uvicorn.Server(uvicorn.Config(app, log_level="error"))
         self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [self._socket]})
 

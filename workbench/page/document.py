@@ -3,19 +3,24 @@
 from collections.abc import Sequence
 from html import escape
 
-from endoct.workbench.page.heading import Heading, heading_html
+from endoct.workbench.page.heading import Heading, Link, heading_html
 from endoct.workbench.report.sections import Section, sections_html
 from endoct.workbench.running.refusals import visible_lines
 
 RESEARCH = "Research software and no medical device."
 
 
-def document(heading: Heading, sections: Sequence[Section], *, head: str, remark: str = "") -> str:
-    """Return the page; ``head`` is HTML, by which its style and program come. ``remark`` is said at its end."""
+def document(
+    heading: Heading, sections: Sequence[Section], *, head: str, remark: str = "", above: Link | None = None
+) -> str:
+    """Return the page; ``head`` is HTML, by which its style and program come. ``remark`` is said at its end.
+
+    ``above`` leads to what it is one of.
+    """
     by = f"Made by endoct {heading.endoct}. " if heading.endoct else ""
     said = (
         f"<title>{escape(f'endoct: {heading.title}')}</title>\n</head>\n<body>\n"
-        f"{heading_html(heading, sections)}"
+        f"{heading_html(heading, sections, above)}"
         "<noscript><p>Where JavaScript is allowed, panes to explore the wall stand here.</p></noscript>\n"
         f'<section class="more" aria-label="details">\n{"".join(sections_html(sections))}'
         f"<footer>{escape(by + remark)} {RESEARCH}</footer>\n</section>\n"

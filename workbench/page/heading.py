@@ -8,15 +8,17 @@ from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.result import Result
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.report.doubts import count_doubts, count_notes
+from endoct.workbench.report.doubts import count_notes
 from endoct.workbench.report.findings import overlaps_of
 from endoct.workbench.report.sections import Section
 from endoct.workbench.report.tables import conditions
-from endoct.workbench.report.verdict import Verdict, verdict_of
+from endoct.workbench.report.verdict import Verdict, recording_verdict, verdict_of
 from endoct.workbench.report.wording import interval_text, share_text
 
 Fact = tuple[str, str]
 """Its name and its value."""
+Link = tuple[str, str]
+"""An address, and what is said of it."""
 
 
 @dataclass(frozen=True)
@@ -63,22 +65,21 @@ def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutl
 
 def panorama_heading(name: str, facts: Sequence[Fact], outline: PanoramaOutline) -> Heading:
     """Return the heading of the panorama ``name``."""
-    doubts = outline.doubts
-    count = f"Unrolled, with {count_doubts(doubts)}."
     frames = outline.per_frame.get(f"{outline.frame_dim}_z_mm")
     return Heading(
         title=f"{name}: {outline.modality}",
         facts=(*facts, (f"{outline.frame_dim}s", "0" if frames is None else str(frames.values.size))),
-        verdict=Verdict("doubted", count) if doubts else Verdict("trusted", "Unrolled; nothing speaks against it."),
-        doubts=doubts,
+        verdict=recording_verdict(outline.doubts),
+        doubts=outline.doubts,
         scores=(),
         notes=len(outline.notes),
         endoct=str(outline.provenance.get("versions", {}).get("endoct", "")),
     )
 
 
-def heading_html(heading: Heading, sections: Iterable[Section]) -> str:
-    """Return the heading as HTML, with links to ``sections``."""
+def heading_html(heading: Heading, sections: Iterable[Section], above: Link | None = None) -> str:
+    """Return the heading as HTML, with links to ``sections``, and to what it is one of."""
+    back = "" if above is None else f'<a class="above" href="{escape(above[0])}">‹ {escape(above[1])}</a>\n'
     facts = "".join(f"<span><b>{escape(name)}</b> {escape(value)}</span>" for name, value in heading.facts)
     scores = "".join(
         f'<li title="{escape(one.of)}"><span>{escape(one.title)}</span><b>{escape(one.value)}</b>'
@@ -87,7 +88,7 @@ def heading_html(heading: Heading, sections: Iterable[Section]) -> str:
     )
     contents = "".join(f'<li><a href="#{escape(one.name)}">{escape(one.title)}</a></li>' for one in sections)
     return (
-        f'<header class="top">\n<div class="what"><h1>{escape(heading.title)}</h1>\n'
+        f'<header class="top">\n<div class="what">{back}<h1>{escape(heading.title)}</h1>\n'
         f'<nav class="contents"><details><summary>Contents</summary><ul>{contents}</ul></details></nav>\n'
         f'<p class="facts">{facts}</p></div>\n'
         f'<ul class="scores">{scores}</ul>\n<div class="verdict {heading.verdict.level}" role="status">'

@@ -33,6 +33,11 @@ MOST_PANES = 3
 """At first; people open more."""
 
 
+def can_be_shown(path: Path) -> bool:
+    """Say whether ``path`` is, or should be, a comparison or a panorama."""
+    return is_panorama(path) or (path / "comparison.zarr").is_dir()
+
+
 def open_shown(path: Path) -> Shown:
     """Open what `endoct compare` or `endoct unroll` wrote to ``path``.
 

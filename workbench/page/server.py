@@ -16,12 +16,13 @@ from starlette.routing import Route
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.page.document import document
 from endoct.workbench.page.guard import Guard, allowed_hosts
+from endoct.workbench.page.heading import Link
 from endoct.workbench.page.layer import png_of
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
 PACKAGE = "endoct.workbench.page"
-TYPES = {"page.js": "text/javascript", "page.css": "text/css"}
+TYPES = {"page.js": "text/javascript", "folder.js": "text/javascript", "page.css": "text/css"}
 PROGRAM = '<link rel="stylesheet" href="page.css">\n<script src="page.js" defer></script>\n'
 MOST_DIGITS = 9
 """Of a number in an address: what is longer names nothing here."""
@@ -32,16 +33,16 @@ MOST_THREADS = 4
 FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
-def app_for(shown: Shown, host: str, port: int) -> Starlette:
-    """Return the application that serves the page of ``shown`` to those who call it by ``host`` and ``port``."""
+def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> Starlette:
+    """Return the application that serves the page of ``shown`` to those who call it by ``host`` and ``port``.
+
+    ``above`` leads to the table that it was opened from.
+    """
     description = json.dumps(shown.description.to_json(), allow_nan=False).encode()
 
     def page(_: Request) -> Response:
-        html = document(shown.heading, shown.sections, head=PROGRAM)
+        html = document(shown.heading, shown.sections, head=PROGRAM, above=above)
         return HTMLResponse(html, headers={"cache-control": "no-cache"})
-
-    def asset(request: Request) -> Response:
-        return _file(request.path_params["name"])
 
     def describe(_: Request) -> Response:
         return Response(description, media_type="application/json", headers={"cache-control": "no-store"})
@@ -50,7 +51,7 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
         return JSONResponse(shown.outlines(), headers={"cache-control": "no-store"})
 
     def tile(request: Request) -> Response:
-        level, column, row = (_number(request.path_params[name]) for name in ("level", "column", "row"))
+        level, column, row = (whole_number(request.path_params[name]) for name in ("level", "column", "row"))
         png = png_of(shown.tile(request.path_params["key"], Tile(level, column, row)))
         return Response(png, media_type="image/png", headers={"cache-control": KEPT})
 
@@ -60,7 +61,7 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
         return JSONResponse(shown.values_at(theta_rad, z_mm), headers={"cache-control": "no-store"})
 
     def pictures(request: Request) -> Response:
-        found = shown.pictures(request.path_params["side"], _number(request.path_params["place"]))
+        found = shown.pictures(request.path_params["side"], whole_number(request.path_params["place"]))
         return JSONResponse(found, headers={"cache-control": KEPT})
 
     def reading(request: Request) -> Response:
@@ -72,11 +73,6 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
             reader.start()
         said = {"state": reader.state, "share": reader.share, "said": reader.said}
         return JSONResponse(said, headers={"cache-control": "no-store"})
-
-    @asynccontextmanager
-    async def few_threads(_: Starlette) -> AsyncIterator[None]:
-        current_default_thread_limiter().total_tokens = MOST_THREADS
-        yield
 
     return Starlette(
         lifespan=few_threads,
@@ -91,19 +87,28 @@ def app_for(shown: Shown, host: str, port: int) -> Starlette:
             Route("/{name}", asset),
         ],
         middleware=[Middleware(Guard, hosts=allowed_hosts(host, port))],
-        exception_handlers={NoSuchTile: _not_found, EndoctError: _failed},
+        exception_handlers={NoSuchTile: not_found, EndoctError: failed},
     )
 
 
-def _file(name: str) -> Response:
-    """Return a file of the page; there are no others."""
+@asynccontextmanager
+async def few_threads(_: Starlette) -> AsyncIterator[None]:
+    """Have an application answer in few threads."""
+    current_default_thread_limiter().total_tokens = MOST_THREADS
+    yield
+
+
+def asset(request: Request) -> Response:
+    """Answer with a file of the page; there are no others."""
+    name = request.path_params["name"]
     if name not in TYPES:
         return PlainTextResponse("there is no such page", status_code=404)
     content = files(PACKAGE).joinpath("bundle", name).read_bytes()
     return Response(content, media_type=f"{TYPES[name]}; charset=utf-8", headers={"cache-control": "no-cache"})
 
 
-def _number(text: str) -> int:
+def whole_number(text: str) -> int:
+    """Return the number that stands in an address. Raises :class:`NoSuchTile` where there is none."""
     if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
         raise NoSuchTile("there is no such tile", found=text[:40], expected="numbers")
     return int(text)
@@ -120,9 +125,11 @@ def _place(request: Request, name: str, most: float) -> float:
     return value
 
 
-async def _not_found(_: Request, error: Any) -> Response:
+async def not_found(_: Request, error: Any) -> Response:
+    """Answer that there is no such thing."""
     return PlainTextResponse(str(error), status_code=404)
 
 
-async def _failed(_: Request, error: Any) -> Response:
+async def failed(_: Request, error: Any) -> Response:
+    """Answer that something cannot be read."""
     return PlainTextResponse(str(error), status_code=500)

@@ -1,12 +1,16 @@
-"""`endoct serve`: the page of one folder, until it is interrupted."""
+"""`endoct serve`: the page of one folder, or a table of what lies in it, until it is interrupted."""
 
 import socket
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.opening import can_be_shown, open_shown
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
 
 USUAL_PORT = 8765
 
@@ -19,17 +23,28 @@ def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], N
     """
     import uvicorn
 
-    from endoct.workbench.page.server import app_for
-
-    shown = open_shown(folder)
+    serves = page_or_table(folder)
     with listening_socket(host, port) as listening:
         chosen = listening.getsockname()[1]
         announce(f"http://{f'[{host}]' if ':' in host else host}:{chosen}/")
-        settings = uvicorn.Config(
-            app_for(shown, host, chosen), log_level="warning", access_log=False, server_header=False
-        )
+        settings = uvicorn.Config(serves(host, chosen), log_level="warning", access_log=False, server_header=False)
         with suppress(KeyboardInterrupt):  # how it is meant to end
             uvicorn.Server(settings).run(sockets=[listening])
+
+
+def page_or_table(folder: Path) -> Callable[[str, int], "Starlette"]:
+    """Return what makes the application for a host and a port: of one page, or of a table of many.
+
+    Raises :class:`EndoctError` where there is nothing to show.
+    """
+    from endoct.workbench.page.collection_server import Collection, collection_app
+    from endoct.workbench.page.server import app_for
+
+    if can_be_shown(folder):
+        shown = open_shown(folder)
+        return lambda host, port: app_for(shown, host, port)
+    collection = Collection(folder)
+    return lambda host, port: collection_app(collection, host, port)
 
 
 def listening_socket(host: str, port: int | None) -> socket.socket:

@@ -1,10 +1,12 @@
 """What is to be said first of a comparison: whether the sides were aligned, how surely, and how they lie."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from endoct.fusion.result import Result, StoredAlignment
+from endoct.stitching.doubt import Doubt
 from endoct.workbench.report.doubts import count_doubts
 from endoct.workbench.report.wording import length_text, without_stop
 
@@ -38,6 +40,13 @@ def verdict_of(result: Result) -> Verdict:
         headline = f"Alignment forced{said}." if result.forced else f"Aligned{said}."
         return Verdict("doubted", headline, (f"Aligned {strength(alignment)}", how))
     return Verdict("trusted", f"Aligned {strength(alignment)}", (how,))
+
+
+def recording_verdict(doubts: Sequence[Doubt]) -> Verdict:
+    """Return the verdict on a recording by itself."""
+    if doubts:
+        return Verdict("doubted", f"Unrolled, with {count_doubts(doubts)}.")
+    return Verdict("trusted", "Unrolled; nothing speaks against it.")
 
 
 def strength(alignment: StoredAlignment) -> str:

@@ -9,15 +9,12 @@ const digest = createHash("sha256");
 for (const name of sources) digest.update(name).update("\0").update(readFileSync(name)).update("\0");
 
 const bundle = "../bundle";
+const program = { bundle: true, minify: true, format: "iife", target: "es2021", charset: "utf8", legalComments: "none" };
+await build({ ...program, entryPoints: ["src/folder.ts"], outfile: `${bundle}/folder.js` });
 await build({
+  ...program,
   entryPoints: ["src/main.ts"],
   outfile: `${bundle}/page.js`,
-  bundle: true,
-  minify: true,
-  format: "iife",
-  target: "es2021",
-  charset: "utf8",
-  legalComments: "none",
   banner: { js: `/* sources ${digest.digest("hex")}; contains OpenSeadragon (BSD-3-Clause), see notices.txt */` },
 });
 await build({ entryPoints: ["src/page.css"], outfile: `${bundle}/page.css`, minify: true, charset: "utf8" });
