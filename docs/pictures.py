@@ -1,12 +1,10 @@
 """Make the pictures of the README and the tutorials again: python docs/pictures.py [--recordings FOLDER].
 
-Needs Chromium for the pictures of the report and of the page, and for that of the real pullback the folder of real
-recordings.
+Needs Chromium for the picture of the report, and for that of the real pullback the folder of real recordings.
 """
 
 import argparse
 import shutil
-import subprocess
 import tempfile
 from pathlib import Path
 
@@ -21,8 +19,6 @@ DOCS = Path(__file__).parent
 FIGURES = DOCS / "figures"
 COLOURS = 256
 PAGE_SIZE = 1440, 900
-REPORT_SIZE = 1160, 1190
-"""Width and height in pixels: the top of a report, with its first figure."""
 
 
 def main() -> None:
@@ -48,23 +44,12 @@ def first_comparison(folder: Path) -> None:
 
 
 def report(folder: Path) -> None:
-    """Write the picture of a report's top."""
-    specimen, result, picture = folder / "quick", folder / "quick-result", folder / "report.png"
-    simulate(specimen, preset="quick", seed=1006)
-    compare(specimen / "endoscope", specimen / "oct", result)
-    chromium = shutil.which("chromium") or "chromium"
-    size = ",".join(map(str, REPORT_SIZE))
-    options = ["--headless", "--no-sandbox", "--hide-scrollbars", f"--window-size={size}", f"--screenshot={picture}"]
-    subprocess.run([chromium, *options, (result / "report.html").as_uri()], check=True, capture_output=True)
-    save(Image.open(picture), DOCS / "report.png", width=REPORT_SIZE[0])
-    page(result)
-
-
-def page(result: Path) -> None:
-    """Write the picture of the page that shows ``result``, with a deep cell chosen and its frames shown."""
+    """Write the picture of a report, with a deep cell chosen and its frames shown."""
     from playwright.sync_api import sync_playwright
 
-    picture = result.parent / "page.png"
+    specimen, result, picture = folder / "quick", folder / "quick-result", folder / "page.png"
+    simulate(specimen, preset="quick", seed=1006)
+    compare(specimen / "endoscope", specimen / "oct", result)
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         shown = browser.new_page(viewport={"width": PAGE_SIZE[0], "height": PAGE_SIZE[1]})
