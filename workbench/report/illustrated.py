@@ -45,7 +45,7 @@ def _figure(number: int, figure: Drawn) -> str:
     saved = figure.saved
     data = base64.b64encode(saved.webp).decode("ascii")
     return (
-        f'<figure id="figure-{escape(saved.path.stem)}"><img src="data:image/webp;base64,{data}" decoding="async" '
+        f'<figure id="figure-{escape(saved.path.stem)}"><img src="data:image/webp;base64,{data}" '
         f'alt="{escape(figure.title)}" width="{round(saved.width_in * CSS_PIXELS_PER_INCH)}">\n'
         f"<figcaption><b>Figure {number}. {escape(figure.title)}.</b> {escape(figure.caption)} "
         f'<span class="code">figures/{escape(saved.path.name)}</span></figcaption></figure>\n'

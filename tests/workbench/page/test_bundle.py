@@ -30,6 +30,12 @@ def test_bundled_licences_are_named():
     assert "BSD-3-Clause" in BUNDLE.joinpath("page.js").read_text("utf-8").splitlines()[0]
 
 
+def test_the_bundle_holds_nothing_else():
+    assert {path.name for path in BUNDLE.iterdir()} - {"__pycache__"} == {
+        "__init__.py", "folder.js", "notices.txt", "page.css", "page.js",
+    }  # fmt: skip
+
+
 def test_the_page_can_be_put_into_one_file():
     script = BUNDLE.joinpath("page.js").read_text("utf-8")
     assert "</script" not in script.lower()
