@@ -84,10 +84,10 @@ def report(folder: Positional[Path]) -> int:
 
 
 def serve(folder: Positional[Path], host: str = "127.0.0.1", port: int | None = None) -> int:
-    """Show a comparison or a panorama on a page in the browser, until interrupted (Ctrl+C).
+    """Show a comparison, a panorama, or a folder of these on a page in the browser, until interrupted (Ctrl+C).
 
     Args:
-        folder: a folder written by `endoct compare`, or a panorama written by `endoct unroll`
+        folder: a folder written by `endoct compare`, a panorama written by `endoct unroll`, or a folder that holds some
         host: address to listen on; others than this machine reach it only where this is another than 127.0.0.1
         port: port to listen on; else 8765, or where that is taken any that is free
     """

@@ -34,7 +34,7 @@ from endoct.workbench.page.thumbnails import thumbnail
 from endoct.workbench.page.wall import NoSuchTile
 
 MOST_OPEN = 6
-"""Pages that are held open; of others nothing is kept."""
+"""Pages that are held open, those that were looked at last."""
 
 
 class Collection:
@@ -76,6 +76,7 @@ class Collection:
                 self._pages[entry.name] = app_for(open_shown(entry.path), host, port, above)
                 while len(self._pages) > MOST_OPEN:
                     self._pages.popitem(last=False)
+            self._pages.move_to_end(entry.name)
             return self._pages[entry.name]
 
 

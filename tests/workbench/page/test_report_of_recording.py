@@ -4,16 +4,20 @@ import hashlib
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
+from mock_comparison import GRID
 from page_browser import browser, opened
 from workbench_page import serving, written
 
 from endoct.stitching.contents import differences, read_contents
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.store import load_panorama
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import load_panorama, save_panorama
 from endoct.workbench import unroll
-from endoct.workbench.page.report import write_report
+from endoct.workbench.page.report import write_panorama_report, write_report
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +92,21 @@ def test_in_the_browser_frames_and_quality_are_there_from_the_file_and_served(st
                 assert any("outer face of the capillary" in text and "wall" in text for text in captions)
                 page.page.locator("#quality-oct > summary").click()
                 assert page.page.locator("#quality-oct canvas").first.is_visible()
+
+
+def test_no_text_of_a_store_becomes_markup(tmp_path: Path):
+    hostile = "</script><img src=x onerror=alert(1)>\u202e\x1b[31m"
+    made = Panorama(
+        GRID, np.ones(GRID.shape, np.float32), None, np.ones(GRID.shape, np.bool_), np.ones(GRID.shape, np.float32),
+        "oct", True, True, "slice", {"slice_z_mm": np.arange(3.0)},
+        provenance={key: {hostile: {hostile: [hostile]}} for key in ("acquisition", "parameters", "versions")}
+        | {"inputs": {hostile: hostile}},
+        notes=(hostile,), doubts=(Doubt("odd", hostile, side=hostile),),
+    )  # fmt: skip
+    save_panorama(made, tmp_path / "wall.zarr")
+    source = write_panorama_report(tmp_path / "wall.zarr", made).read_text("utf-8")
+    text = source[: source.index('<script type="application/json"')]
+    assert text.count("&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;") >= 10
+    assert "<img src=x" not in source
+    assert text.replace("\n", "").isprintable()
+    assert "Unrolled, with 1 doubt." in text
