@@ -153,13 +153,13 @@ def _report(path: Path) -> None:
 
 
 def _figures(path: Path) -> None:
-    from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows
+    from endoct.workbench.report.figures.all import draw_details, draw_walls
     from endoct.workbench.report.findings import read_findings
     from endoct.workbench.report.illustrated import report_sections
 
     findings = read_findings(path)
     with tempfile.TemporaryDirectory() as scratch:
-        drawn = [*draw_on_grid(findings, Path(scratch)), *draw_on_own_rows(findings, Path(scratch))]
+        drawn = [*draw_walls(findings, Path(scratch)), *draw_details(findings, Path(scratch))]
         report_sections(findings, drawn)
 
 

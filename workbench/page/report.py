@@ -12,7 +12,7 @@ from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown
-from endoct.workbench.report.figures.all import draw_on_grid, draw_on_own_rows, draw_recording
+from endoct.workbench.report.figures.all import draw_details, draw_recording, draw_walls
 from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.findings import alone, read_findings
 from endoct.workbench.report.illustrated import recording_sections, report_sections
@@ -46,10 +46,10 @@ def write_report(path: Path, process: WorkerProcess | None = None) -> Path:
 
     def draw(figures: Path, shown: Shown) -> tuple[str, tuple[Section, ...]]:
         there = None if process is None else process.call(_draw_there, path, figures)
-        on_grid = draw_on_grid(findings, figures)
+        walls = draw_walls(findings, figures)
         data = frozen_data(shown)
-        own = draw_on_own_rows(findings, figures) if there is None else there.result()
-        return data, report_sections(findings, [*on_grid, *own])
+        details = draw_details(findings, figures) if there is None else there.result()
+        return data, report_sections(findings, [*walls, *details])
 
     return _write(path, draw)
 
@@ -90,4 +90,4 @@ def _write(folder: Path, draw: Callable[[Path, Shown], tuple[str, tuple[Section,
 
 
 def _draw_there(folder: Path, figures: Path) -> list[Drawn]:
-    return draw_on_own_rows(read_findings(folder), figures)
+    return draw_details(read_findings(folder), figures)

@@ -16,14 +16,17 @@ from endoct.workbench.report.findings import Findings, SideFindings
 Drawing = Callable[[], Drawn | None]
 
 
-def draw_on_grid(findings: Findings, folder: Path) -> list[Drawn]:
-    """Draw every figure on the common grid that ``findings`` have matter for into ``folder``, which must exist."""
-    return _drawn(_on_grid(findings, folder))
+def draw_walls(findings: Findings, folder: Path) -> list[Drawn]:
+    """Draw the walls, the cells and the scores, as far as ``findings`` have them, into ``folder``, which must exist."""
+    return _drawn(_walls(findings, folder))
 
 
-def draw_on_own_rows(findings: Findings, folder: Path) -> list[Drawn]:
-    """Draw every figure of what a side saw in its own frame: about half of the work."""
-    return _drawn(_on_own_rows(findings, folder))
+def draw_details(findings: Findings, folder: Path) -> list[Drawn]:
+    """Draw all other figures: how the sides lie on each other, and what each saw in its own frame.
+
+    More than half of the work: who has the walls drawn beside this cuts tiles as well.
+    """
+    return _drawn(_details(findings, folder))
 
 
 def draw_recording(side: SideFindings, folder: Path) -> list[Drawn]:
@@ -32,18 +35,18 @@ def draw_recording(side: SideFindings, folder: Path) -> list[Drawn]:
     return _drawn(partial(one, side, folder) for one in draw)
 
 
-def _on_grid(findings: Findings, folder: Path) -> Iterator[Drawing]:
+def _walls(findings: Findings, folder: Path) -> Iterator[Drawing]:
     yield lambda: draw_panoramas(findings, folder)
     yield lambda: draw_masks(findings, folder)
     yield lambda: draw_budget(findings, folder)
     yield lambda: draw_scores(findings, folder)
-    yield lambda: draw_alignment(findings, folder)
     for side in findings.sides:
         if side.depth_mm is not None or all(s.depth_mm is None for s in findings.sides):
             yield partial(draw_cylinder, side, findings.grid, folder)
 
 
-def _on_own_rows(findings: Findings, folder: Path) -> Iterator[Drawing]:
+def _details(findings: Findings, folder: Path) -> Iterator[Drawing]:
+    yield lambda: draw_alignment(findings, folder)
     for side in findings.sides:
         yield partial(draw_depth, side, folder)
         yield partial(draw_frames, side, folder)
