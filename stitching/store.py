@@ -69,7 +69,7 @@ def load_panorama(path: Path) -> Panorama:
             expected="a store written by `endoct unroll`",
             remedy="unroll the recording first",
         )
-    check_intact(path, lambda name: not name.startswith("volume/"))  # which is large, and not read here
+    check_intact(path, lambda name: not name.startswith(("volume/", "pictures/")))  # which are not read here
     with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
         return _panorama(path, read_arrays(path), read_attributes(path))
 

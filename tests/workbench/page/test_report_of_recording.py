@@ -1,6 +1,7 @@
 """One recording alone: `endoct unroll` leaves a report in the store, and `endoct report` writes it again."""
 
 import hashlib
+import shutil
 import warnings
 from pathlib import Path
 
@@ -57,6 +58,15 @@ def test_the_report_is_written_again_the_same(store: Path):
     (store / "report.html").unlink()
     write_report(store)
     assert digests(store) == before
+
+
+def test_a_panorama_without_its_pictures_is_still_one(store: Path, tmp_path: Path):
+    shutil.copytree(store, tmp_path / "bare.zarr")
+    shutil.rmtree(tmp_path / "bare.zarr" / "pictures")
+    assert load_panorama(tmp_path / "bare.zarr").modality == "oct"
+    page = write_report(tmp_path / "bare.zarr").read_text("utf-8")
+    assert 'id="figure-panoramas"' in page
+    assert 'id="figure-frames-oct"' not in page
 
 
 def test_a_page_that_somebody_changed_is_left_as_it_is(store: Path):
