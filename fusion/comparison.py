@@ -1,6 +1,6 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +14,11 @@ from endoct.fusion.doubts import (
     doubts_of_scale,
     scale_at_limit,
 )
+from endoct.fusion.doubts_by_hand import doubts_by_hand
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
+from endoct.fusion.geometry.landmarks import LandmarkPair
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
@@ -26,10 +28,12 @@ from endoct.fusion.registration.align import (
     NotAligned,
     align_sides,
     fit_stretched,
+    orientations_of,
 )
+from endoct.fusion.registration.by_hand import Bore, align_by_hand
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
-from endoct.fusion.result import Believable, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
+from endoct.fusion.result import Believable, ByHand, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
 from endoct.fusion.scoring.overlap import overlap
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
 from endoct.fusion.scoring.sites import find_sites
@@ -38,27 +42,38 @@ from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_sid
 from endoct.fusion.sides import Comparison, place
 from endoct.stitching.arrays import Mask
 from endoct.stitching.doubt import Doubt
+from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
 __all__ = ["CompareParameters", "Comparison", "compare_panoramas", "load_comparison", "save_comparison"]
 
 
 def compare_panoramas(
-    a: Panorama | DrawnMask, b: Panorama | DrawnMask, parameters: CompareParameters | None = None
+    a: Panorama | DrawnMask,
+    b: Panorama | DrawnMask,
+    parameters: CompareParameters | None = None,
+    pairs: Sequence[LandmarkPair] = (),
 ) -> Comparison:
     """Align ``b`` to ``a``, segment each on its own samples, bring both to one grid and score them.
 
-    Where no alignment stands out, ``alignment`` is None and ``reason`` says why; B is then placed by its nominal
-    orientation and nothing is scored.
+    Landmark ``pairs`` correct the alignment or check it. Where no alignment stands out, nor pairs establish one,
+    ``alignment`` is None and ``reason`` says why; B is then placed by its nominal orientation and nothing is scored.
 
-    Raises :class:`EndoctError` where the bore diameters differ too much, a side has nothing valid, or shows no cells.
+    Raises :class:`EndoctError` where the bore diameters differ too much, a side has nothing valid, or shows no cells;
+    where pairs contradict what is known of the sides, or are given together with ``correct_twist``.
     """
-    return compare_sides(*two_sides(a, b), parameters or CompareParameters())
+    return compare_sides(*two_sides(a, b), parameters or CompareParameters(), pairs)
 
 
-def compare_sides(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
+def compare_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[LandmarkPair] = ()) -> Comparison:
     """Compare as :func:`compare_panoramas`; what evidence the sides have prepared already is used again."""
-    plain = _compared(a, b, parameters)
+    if pairs and parameters.correct_twist:
+        raise EndoctError(
+            "landmark pairs and correct_twist do not go together",
+            found="both",
+            expected="one of them: rows that were turned have the places of landmarks no longer",
+        )
+    plain = _compared(a, b, parameters, pairs)
     if not parameters.correct_twist or plain.alignment is None:
         return plain
     twist = find_twist(a, b, plain.alignment)
@@ -75,11 +90,16 @@ def compare_sides(a: Side, b: Side, parameters: CompareParameters) -> Comparison
     return replace(corrected, result=corrected.result.model_copy(update={"twist": stated, "doubts": doubts}))
 
 
-def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
+def _compared(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[LandmarkPair] = ()) -> Comparison:
     on_bore = check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
     # align
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
     search_result = align_sides(a, b, z_scale_range=z_scale_range, force=parameters.force)
+    by_hand: ByHand | None = None
+    if pairs:
+        bore = Bore(a.grid.radius_mm, orientations_of(a.panorama, b.panorama), z_scale_range)
+        judged = align_by_hand(a, b, search_result, pairs, bore)
+        search_result, by_hand = judged.alignment, judged.said
     alignment = search_result if isinstance(search_result, Alignment) else None
     # segment
     segmented = segment_sides(a, b, alignment, parameters, parameters.polarity)
@@ -95,15 +115,19 @@ def _compared(a: Side, b: Side, parameters: CompareParameters) -> Comparison:
     doubts = [doubt for each in segmented for doubt in each.doubts]
     if alignment is not None:
         parts = parts_out_of_place(a.evidence, b.evidence, alignment)
+        is_by_hand = by_hand is not None and by_hand.corrected
         doubts = [
-            *doubts_of_alignment(alignment, parameters),
-            *_doubts_of_scale(a, b, alignment, parameters),
+            *(doubts_by_hand(by_hand, alignment, b.name, parameters) if by_hand else ()),
+            *(() if is_by_hand else doubts_of_alignment(alignment, parameters)),
+            *(() if is_by_hand else _doubts_of_scale(a, b, alignment, parameters)),
             *doubts_of_orientation(alignment, a.panorama, b.panorama, b.name),
             *doubts_of_parts(parts, b.name),
             *doubts_of_result(result),
             *doubts,
         ]
-    noted = {"notes": {b.name: on_bore}} if on_bore else {}
+    noted: dict[str, object] = {"notes": {b.name: on_bore}} if on_bore else {}
+    if by_hand is not None:
+        noted["by_hand"] = by_hand
     result = result.model_copy(update={"doubts": tuple(dict.fromkeys(doubts)), **noted})
     return Comparison(grid, sides, alignment, result.reason, result, scored.cells)
 

@@ -12,6 +12,7 @@ A plug-in
   the pass is split among workers;
 - **unrolls** one frame, purely;
 - may **settle** the assembled panorama;
+- may **locate** places of the wall in its pictures of a frame;
 - marks unknown samples invalid, changes no input, raises only :class:`EndoctError`.
 
 The conformance suite (:mod:`endoct.modalities.conformance`) checks all of this on any plug-in.
@@ -158,6 +159,31 @@ class Calibration(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class Places:
+    """Places on the wall of a panorama, float64 (n,) each.
+
+    Attributes: ``theta_rad`` and ``z_mm`` in the panorama's frame; ``depth_mm``, by how much the wall there lies behind
+    the nominal bore, as strips have it, NaN where that is not known.
+    """
+
+    theta_rad: Coordinates
+    z_mm: Coordinates
+    depth_mm: Coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Where places of the wall are seen in a picture: ``xy``, float64 (n_z, n_theta, 2), in the picture's coordinates.
+
+    Of places at ``z_mm``, float64 (n_z,), ascending, and at n_theta even steps of θ from 0, in the frame of the
+    panorama. NaN where a place is not seen; y alone where only the column is known.
+    """
+
+    z_mm: Coordinates
+    xy: Coordinates
+
+
+@dataclass(frozen=True, eq=False)
 class Picture:
     """One picture that shows a reader what was done to a frame.
 
@@ -165,7 +191,7 @@ class Picture:
     at most about 1000 samples a side; ``x_label`` and ``y_label`` with units; ``x_extent`` and ``y_extent``,
     the coordinates of the first and the last pixel centre along columns and rows; ``curves``: label to
     float64 (n, 2) of x and y in those coordinates, NaN where a curve is interrupted; ``about``: what else there is to
-    see in it, in a sentence or two.
+    see in it, in a sentence or two; ``seen``, where places of the wall are seen in it, if anybody knows.
     """
 
     name: str
@@ -177,6 +203,7 @@ class Picture:
     y_extent: tuple[float, float]
     curves: Mapping[str, Coordinates] = field(default_factory=dict)
     about: str = ""
+    seen: Seen | None = None
 
 
 def import_cause(error: BaseException) -> str:
@@ -222,6 +249,17 @@ class VolumetricModality(Modality[P, C], Protocol[P, C]):
 
     def write_volume(self, stream: FrameStream, calibration: C, store: Path) -> None:
         """Write the group ``volume`` (z, theta, depth) into the Zarr ``store``, one frame at a time."""
+
+
+class LocatingModality(Modality[P, C], Protocol[P, C]):
+    """A plug-in that knows where in its pictures places of the wall are seen."""
+
+    def locate(self, index: int, places: Places, calibration: C) -> Mapping[str, Coordinates]:
+        """Return where ``places`` are seen in the pictures of frame ``index``, by their names: float64 (n, 2).
+
+        In the coordinates of a picture's axes. NaN where a place is not seen in that frame; NaN for y alone where the
+        column is known but not how deep. A picture in which nothing can be located is left out.
+        """
 
 
 def inward_positions_mm(

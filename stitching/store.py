@@ -95,6 +95,8 @@ class PanoramaOutline:
     provenance: Mapping[str, Any]
     notes: tuple[str, ...]
     doubts: tuple[Doubt, ...]
+    handedness_known: bool = False
+    travel_known: bool = False
 
 
 def read_outline(path: Path) -> PanoramaOutline:
@@ -127,6 +129,8 @@ def read_outline(path: Path) -> PanoramaOutline:
             provenance=provenance,
             notes=notes,
             doubts=doubts,
+            handedness_known=bool(attributes.get("handedness_known")),
+            travel_known=bool(attributes.get("travel_known")),
         )
 
 

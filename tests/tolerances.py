@@ -31,6 +31,14 @@ LEVEL_DB = 0.1
 # Correlation of speckle fields over some 8 000 independent grains: three times 1/√8 000.
 SPECKLE_GRAIN = 0.035
 
+# Places of the wall located in frames as recorded, against the truth (learning preset): medians. Most of it is by how
+# much the survey errs about rotation, feed and rims.
+LOCATED_ASCANS = 2.5
+LOCATED_DEPTH_PX = 1.0
+LOCATED_PX = 2.5
+# Places between those of a picture's table, interpolated.
+TABLED_PX = 0.05
+
 # Raw spectra resampled against the B-scan, rms over samples 22 dB over the noise: 0.5 dB, most of it noise.
 RAW_SPECTRA_DB = 0.8
 

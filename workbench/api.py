@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from endoct.fusion.parameters import CompareParameters
@@ -86,6 +87,7 @@ def compare(
     settings_a: Mapping[str, object] | None = None,
     settings_b: Mapping[str, object] | None = None,
     truth: Sequence[Path | str] = (),
+    session: Path | str | None = None,
     overwrite: bool = False,
     progress: bool | Stages = True,
 ) -> Comparison:
@@ -94,9 +96,10 @@ def compare(
     The comparison, with its report, is written to the folder ``output`` where one is given. ``settings`` are
     parameters of the comparison; ``settings_a`` and ``settings_b`` replace keys of a side's sidecar and parameters of
     its plug-in: the same names as for ``--set``, ``--set-a`` and ``--set-b``. ``truth`` are masks to score both sides
-    against; ``progress=False`` displays none. Where the two could not be aligned, the comparison's ``alignment`` is
-    None and its ``reason`` says why. Raises :class:`EndoctError` where a side or a setting cannot be used, or
-    ``output`` exists and ``overwrite`` is not set.
+    against, ``session`` a file with landmark pairs that correct and check the alignment; ``progress=False`` displays
+    none. Where the two could not be aligned, the comparison's ``alignment`` is None and its ``reason`` says why.
+    Raises :class:`EndoctError` where a side, a setting or a session cannot be used, or ``output`` exists and
+    ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -112,12 +115,15 @@ def compare(
     )
     masks = tuple(Path(path) for path in truth)
     parameters = validate(CompareParameters, settings or {}, "the settings of the comparison")
-    stages = stages_for(progress)
+    placed = None if session is None else Path(session)
+    run = partial(
+        compare_sources, sources, parameters=parameters, truth=masks, stages=stages_for(progress), session=placed
+    )
     if output is None:
-        return compare_sources(sources, None, parameters=parameters, truth=masks, stages=stages)
-    inputs = [*paths_of(sources), *masks]
+        return run(None)
+    inputs = [*paths_of(sources), *masks, *(() if placed is None else (placed,))]
     with new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs) as scratch:
-        return compare_sources(sources, scratch, parameters=parameters, truth=masks, stages=stages)
+        return run(scratch)
 
 
 def summarise(

@@ -1,9 +1,11 @@
 """Whether outputs of endoct are as they were written, to the byte."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from endoct.fusion.files.session import NAME as SESSION_NAME
+from endoct.fusion.files.session import read_session
 from endoct.stitching.contents import NAME as LIST_NAME
 from endoct.stitching.contents import Contents, Differences, differences, is_marked, read_contents
 from endoct.stitching.errors import EndoctError
@@ -85,7 +87,20 @@ def _verdict(path: Path, stages: Stages) -> Verdict:
         if contents is None:
             return Verdict(path, "output without its list", 0, 0, Differences(missing=(LIST_NAME,)))
         size = sum(n_bytes for n_bytes, _ in contents.files.values())
-        return Verdict(path, contents.kind, len(contents.files), size, differences(path, contents))
+        return Verdict(
+            path, contents.kind, len(contents.files), size, _without_session(path, differences(path, contents))
+        )
+
+
+def _without_session(folder: Path, found: Differences) -> Differences:
+    """Return differences without the session file that the page writes into a comparison: it is the user's own."""
+    if SESSION_NAME not in found.added:
+        return found
+    try:
+        read_session(folder / SESSION_NAME)
+    except EndoctError:
+        return found
+    return replace(found, added=tuple(name for name in found.added if name != SESSION_NAME))
 
 
 def _page(path: Path) -> Verdict:

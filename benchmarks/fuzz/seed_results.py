@@ -14,9 +14,14 @@ from pydantic import BaseModel
 from benchmarks.fuzz.seed_drawings import pictures
 from benchmarks.fuzz.trees import Seed, read_tree
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
+from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
+from endoct.fusion.files.drawn_store import save_drawings
 from endoct.fusion.files.masks import mask_on
+from endoct.fusion.files.session import Identity, Session
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.landmarks import LandmarkPair, Place
+from endoct.fusion.registration.by_hand import Bore, judge
 from endoct.fusion.result import (
     CorrectedTwist,
     Drift,
@@ -28,6 +33,7 @@ from endoct.fusion.result import (
     StoredAlignment,
 )
 from endoct.fusion.scoring.cells import Cell
+from endoct.fusion.scoring.raters import Drawing
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
@@ -36,6 +42,11 @@ from endoct.workbench.pipeline.hand_masks import score_drawings
 
 GRID = SurfaceGrid.full_circle(24, 32, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
 N_FRAMES = 6
+
+PAIRS = (
+    LandmarkPair(Place(0.25, 1.5), Place(6.25, 1.5), "check", "rim", 0.02),
+    LandmarkPair(Place(1.0, 0.5), Place(1.1, 0.75)),
+)
 
 P = TypeVar("P", bound=BaseModel)
 
@@ -141,6 +152,7 @@ def _filled(result: Result) -> Result:
         "scores": _known(result.scores),
         "budget": result.budget and _known(result.budget),
         "twist": twist,
+        "by_hand": judge(PAIRS, Alignment(0.1, 0.2), Bore(GRID.radius_mm, ((False, False),), (0.95, 1.05))).said,
         "truth": against,
         "raters": result.raters.model_copy(update={"consensus": consensus}),
     }
@@ -206,6 +218,23 @@ def result_seeds() -> Iterator[Seed]:
     """Yield comparison folders of which only ``result.json`` is there."""
     for aligned in (True, False):
         yield Seed(f"result, {aligned}", "", {"result.json": comparison_files(aligned=aligned)["result.json"]})
+
+
+def session_seeds() -> Iterator[Seed]:
+    """Yield a session file with pairs, and one without."""
+    sides = Identity("endoscope", "a" * 64, "b" * 64), Identity("oct", "c" * 64, "d" * 64)
+    for name, placed in (("pairs", PAIRS), ("none", ())):
+        yield Seed(name, "session.json", {"session.json": Session(sides, placed).to_bytes()})
+
+
+def drawn_seeds() -> Iterator[Seed]:
+    """Yield the masks of two people as `endoct compare` keeps them."""
+    grid = SurfaceGrid.full_circle(6, 16, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
+    mask = np.indices(grid.shape).sum(axis=0) % 3 == 0
+    drawings = [Drawing(rater, "1", mask, np.ones_like(mask)) for rater in ("anna", "ben")]
+    with tempfile.TemporaryDirectory() as scratch:
+        save_drawings(drawings, grid, Path(scratch) / DRAWN_STORE)
+        yield Seed("two raters", "", read_tree(Path(scratch)))
 
 
 def truth_seeds() -> Iterator[Seed]:

@@ -11,6 +11,7 @@ the same, but no better than shuffled.
 """
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from endoct.fusion.segmentation.regions import label
 from endoct.fusion.stated_scale import remedies
 from endoct.stitching.arrays import Coordinates
 
-__all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations"]
+__all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations", "orientations_of"]
 
 BELIEVABLE = 0.18
 """Least confidence of an alignment that is believed."""
@@ -53,6 +54,18 @@ CELL_MM = 0.04
 """Relief beyond which a sample counts as cell when the depth of cells is averaged."""
 
 
+class Known(Protocol):
+    """A panorama, or what is known of one."""
+
+    @property
+    def handedness_known(self) -> bool:
+        """Whether θ's sense of rotation is known."""
+
+    @property
+    def travel_known(self) -> bool:
+        """Whether z's direction is known."""
+
+
 def open_orientations(*, handedness_known: bool, travel_known: bool) -> tuple[Orientation, ...]:
     """Return the orientations (mirrored, z_reversed) to search.
 
@@ -61,6 +74,13 @@ def open_orientations(*, handedness_known: bool, travel_known: bool) -> tuple[Or
     if not travel_known:
         return ALL_ORIENTATIONS
     return ALL_ORIENTATIONS[:1] if handedness_known else ALL_ORIENTATIONS[:2]
+
+
+def orientations_of(a: Known, b: Known) -> tuple[Orientation, ...]:
+    """Return the orientations that what is known of two sides leaves open."""
+    return open_orientations(
+        handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known
+    )
 
 
 def believable(alignment: Alignment) -> bool:
@@ -78,11 +98,7 @@ def align_sides(
     if a.is_drawn_on(b) or b.is_drawn_on(a):
         exact = as_covariance(np.zeros((3, 3)))
         return replace(IN_PLACE, confidence=1.0, correlation=correlation(a.evidence, b.evidence), covariance=exact)
-    one, two = a.panorama, b.panorama
-    orientations = open_orientations(
-        handedness_known=one.handedness_known and two.handedness_known,
-        travel_known=one.travel_known and two.travel_known,
-    )
+    orientations = orientations_of(a.panorama, b.panorama)
     answer = align(a.evidence, b.evidence, orientations=orientations, z_scale_range=z_scale_range, force=force)
     if isinstance(answer, Alignment) or answer.best is None:
         return answer

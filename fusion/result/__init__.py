@@ -1,6 +1,7 @@
 """The result of a comparison as types; only they know the keys of ``result.json``."""
 
 from endoct.fusion.result.budget import Budget, BudgetPart, BudgetParts, NotVisible
+from endoct.fusion.result.by_hand import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredPlace
 from endoct.fusion.result.part import Interval
 from endoct.fusion.result.raters import (
     Consensus,
@@ -17,7 +18,6 @@ from endoct.fusion.result.result import (
     Bootstrap,
     CorrectedTwist,
     Result,
-    StoredAlignment,
     Threshold,
 )
 from endoct.fusion.result.scores import (
@@ -34,6 +34,7 @@ from endoct.fusion.result.scores import (
     Strata,
     Stratum,
 )
+from endoct.fusion.result.stored_alignment import StoredAlignment
 
 __all__ = [
     "Believable",
@@ -42,21 +43,26 @@ __all__ = [
     "Budget",
     "BudgetPart",
     "BudgetParts",
+    "ByHand",
     "CellScores",
     "Consensus",
     "CorrectedTwist",
+    "Distances",
     "DrawnBy",
     "Drift",
     "Interval",
     "Limits",
     "Line",
     "MaskScores",
+    "Moved",
     "NotVisible",
     "Overlap",
     "OwnRows",
+    "PairDistance",
     "PairScores",
     "PairwiseScores",
     "Performance",
+    "PlacedPair",
     "RaterAgreement",
     "RaterMedians",
     "RaterPair",
@@ -64,6 +70,7 @@ __all__ = [
     "Result",
     "Scores",
     "StoredAlignment",
+    "StoredPlace",
     "Strata",
     "Stratum",
     "Threshold",

@@ -1,43 +1,17 @@
 """The result of a comparison: what ``result.json`` says."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result.budget import Budget
+from endoct.fusion.result.by_hand import ByHand
 from endoct.fusion.result.doubts import StoredDoubt, with_doubts_as_list
 from endoct.fusion.result.part import Count, Flags, Number, Numbers, Part, Texts, as_json
 from endoct.fusion.result.raters import Raters
 from endoct.fusion.result.scores import MaskScores, Overlap, PairScores
-
-_Row = Annotated[tuple[Number, Number, Number], Field(strict=False)]
-_Matrix = Annotated[tuple[_Row, _Row, _Row], Field(strict=False)]
-
-
-class StoredAlignment(Part):
-    """An :class:`~endoct.fusion.geometry.alignment.Alignment` as it is stored; None for what was not stored."""
-
-    theta_shift_rad: Number
-    z_shift_mm: Number
-    z_scale: Number
-    mirrored: bool
-    z_reversed: bool
-    confidence: Number
-    correlation: Number | None = None
-    ratio: Number | None = None
-    chance: Number | None = None
-    overlap_mm2: Number | None = None
-    uneven_rad: Number | None = None
-    twist_rad_per_mm: Number | None = None
-    covariance: _Matrix | None = None
-
-    @classmethod
-    def of(cls, alignment: Alignment | None) -> "StoredAlignment | None":
-        """Return ``alignment`` as it is stored."""
-        return None if alignment is None else cls(**asdict(alignment))
+from endoct.fusion.result.stored_alignment import StoredAlignment
 
 
 class Believable(Part):
@@ -91,6 +65,7 @@ class Result(Part):
         by side; they are read as doubts without a code of their own.
     notes: by side, what is to be known of some of its frames or rows; none repeats a doubt.
     twist: where it was asked for to correct it.
+    by_hand: where a session with landmark pairs was given.
     truth: by the path of a mask given as truth, then by side; ``raters`` where there were several such masks.
     versions, inputs, parameters, seconds: by package, path (sha256), side (or "compare") and stage.
     """
@@ -113,6 +88,7 @@ class Result(Part):
     overlap_mm: Number | None = None
     doubts: Annotated[tuple[StoredDoubt, ...], Field(strict=False)] = ()
     twist: CorrectedTwist | None = None
+    by_hand: ByHand | None = None
     truth: dict[str, dict[str, MaskScores]] | None = None
     raters: Raters | None = None
     notes: dict[str, Texts] = Field(default_factory=dict)

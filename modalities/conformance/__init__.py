@@ -52,6 +52,7 @@ CHECKS: tuple[Check, ...] = (
     unrolling.settling_keeps_the_grid,
     unrolling.volumes_are_written,
     unrolling.illustrations_can_be_drawn,
+    unrolling.places_are_located,
     unrolling.one_frame_is_a_recording,
     unrolling.bad_frames_raise_endoct_errors,
     recordings.bad_files_raise_endoct_errors,

@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 from unittest.mock import patch
@@ -21,7 +22,8 @@ from endoct.modalities.conformance.subject import (
     same,
     same_strip,
 )
-from endoct.modalities.contract import VolumetricModality
+from endoct.modalities.contract import LocatingModality, VolumetricModality
+from endoct.modalities.illustrating import places_of
 from endoct.stitching.blend import blend
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
@@ -169,6 +171,31 @@ def illustrations_can_be_drawn(subject: Subject) -> None:
             demand(
                 np.ndim(curve) == 2 and np.shape(curve)[1] == 2, f"the curve {label} of {picture.name} is not (n, 2)"
             )
+
+
+def places_are_located(subject: Subject) -> None:
+    """Where places of the wall are located, they lie in the plug-in's own pictures, and those far away nowhere."""
+    if getattr(subject.modality, "locate", None) is None:
+        return
+    modality = cast(LocatingModality[Any, Any], subject.modality)
+    frame = subject.stream[len(subject.stream) // 2]
+    pictures = {picture.name: picture for picture in modality.illustrate(frame, subject.calibration)}
+    _, places = places_of(modality.unroll(frame, subject.calibration))
+    found = modality.locate(frame.index, places, subject.calibration)
+    demand(found.keys() <= pictures.keys(), f"places are located in {sorted(found)}, pictures are {sorted(pictures)}")
+    turned = replace(places, theta_rad=places.theta_rad + 2 * np.pi)
+    again = modality.locate(frame.index, turned, subject.calibration)
+    away = replace(places, z_mm=places.z_mm + 10 * max(1.0, float(np.ptp(subject.calibration.row_z_mm))))
+    nowhere = modality.locate(frame.index, away, subject.calibration)
+    for name, xy in found.items():
+        demand(xy.shape == (places.theta_rad.size, 2), f"places in {name} are {xy.shape}, not (n, 2)")
+        known = np.isfinite(xy[:, 0])
+        demand(known.any(), f"no place of frame {frame.index} is seen in {name}")
+        demand(not np.isfinite(nowhere[name]).any(), f"places far away are seen in {name}")
+        demand(np.allclose(again[name], xy, atol=1e-6, equal_nan=True), f"a turn further on, {name} sees other places")
+        low, high = sorted(pictures[name].x_extent)
+        inside = np.mean((xy[known, 0] > low - 0.1 * (high - low)) & (xy[known, 0] < high + 0.1 * (high - low)))
+        demand(inside > 0.5, f"most places lie beside {name}")
 
 
 def one_frame_is_a_recording(subject: Subject) -> None:

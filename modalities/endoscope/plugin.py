@@ -4,14 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, FrameStream, Modality, Picture, Sniff
+from endoct.modalities.contract import Frame, FrameStream, LocatingModality, Picture, Places, Sniff
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.locating import locate_in_frame
 from endoct.modalities.endoscope.opening import EndoscopeRecording, open_frames
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.pictures import picture_frame
 from endoct.modalities.endoscope.sniffing import sniff_frames
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.endoscope.unroll import unroll_frame
+from endoct.stitching.arrays import Coordinates
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 
@@ -45,5 +47,9 @@ class EndoscopeModality:
         """Return the frame with its annulus drawn in, and the strip it unrolls to."""
         return picture_frame(frame, calibration)
 
+    def locate(self, index: int, places: Places, calibration: EndoscopeCalibration) -> dict[str, Coordinates]:
+        """Return which pixel of a frame sees each place, and where that is in the frame's strip."""
+        return locate_in_frame(index, places, calibration)
 
-ENDOSCOPE: Modality[EndoscopeParameters, EndoscopeCalibration] = EndoscopeModality()
+
+ENDOSCOPE: LocatingModality[EndoscopeParameters, EndoscopeCalibration] = EndoscopeModality()

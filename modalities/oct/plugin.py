@@ -3,8 +3,16 @@
 from pathlib import Path
 
 from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, FrameStream, Picture, Sniff, VolumetricModality
+from endoct.modalities.contract import (
+    Frame,
+    FrameStream,
+    Picture,
+    Places,
+    Sniff,
+    VolumetricModality,
+)
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.locating import locate_in_bscan
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.parameters import OctParameters
@@ -14,6 +22,7 @@ from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
 from endoct.modalities.oct.unroll import unroll_bscan
 from endoct.modalities.oct.volume import write_volume
+from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
@@ -49,6 +58,10 @@ class OctModality:
     def illustrate(self, frame: Frame, calibration: OctCalibration) -> tuple[Picture, ...]:
         """Return pictures of a B-scan: as recorded, with fitted face, sine and wall, and undistorted."""
         return picture_bscan(frame, calibration)
+
+    def locate(self, index: int, places: Places, calibration: OctCalibration) -> dict[str, Coordinates]:
+        """Return which beam of a B-scan meets each place, and how deep; and where that is in the undistorted one."""
+        return locate_in_bscan(index, places, calibration)
 
     def write_volume(self, stream: FrameStream, calibration: OctCalibration, store: Path) -> None:
         """Write the dense hollow cylinder as the group ``volume`` of ``store``, one slice a chunk."""

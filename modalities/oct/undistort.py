@@ -70,6 +70,40 @@ def beam_of(
     return nominal, np.where(recorded, np.hypot(x, y) + axis, np.nan)
 
 
+def depth_at_radius_mm(
+    calibration: OctCalibration, index: int, nominal_rad: Coordinates, radius: Coordinates
+) -> Coordinates:
+    """Return the depth, mm, at which the A-scans at ``nominal_rad`` are ``radius`` from the axis; undoes ``radius_mm``.
+
+    NaN where a beam never is that far.
+    """
+    if calibration.parameters.undistort == "sine":
+        return np.asarray(radius - calibration.capillary.radius_mm + calibration.faces.sines[index](nominal_rad))
+    beam = calibration.rotation.beam_rad(index, nominal_rad)
+    face = calibration.capillary.circle(index)
+    ahead = face.x_mm * np.cos(beam) + face.y_mm * np.sin(beam)
+    squared = radius**2 - (face.x_mm * np.sin(beam) - face.y_mm * np.cos(beam)) ** 2
+    along = np.sqrt(np.where(squared >= 0, squared, np.nan)) - ahead
+    return np.asarray(along + _depth_of_axis(calibration, index, beam))
+
+
+def theta_at_radius(
+    calibration: OctCalibration, index: int, nominal_rad: Coordinates, radius: Coordinates
+) -> Coordinates:
+    """Return θ of the panorama, [0, 2π), at which the A-scans at ``nominal_rad`` are ``radius`` from the axis."""
+    beam = calibration.rotation.beam_rad(index, nominal_rad)
+    turned = beam
+    if calibration.parameters.undistort != "sine":
+        along = depth_at_radius_mm(calibration, index, nominal_rad, radius) - _depth_of_axis(calibration, index, beam)
+        face = calibration.capillary.circle(index)
+        turned = np.arctan2(face.y_mm + along * np.sin(beam), face.x_mm + along * np.cos(beam))
+        turned = turned - _bend_rad(calibration, index, beam)
+    in_frame = turned + calibration.rotation.start_rad[index]
+    return np.asarray(
+        np.mod(calibration.acquisition.sense * in_frame + calibration.acquisition.theta_origin_rad, 2 * np.pi)
+    )
+
+
 def _in_slice_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> Coordinates:
     """The angle of a panorama's θ in the frame of one slice."""
     return np.asarray(calibration.rotation_of_theta(theta_rad) - calibration.rotation.start_rad[index])

@@ -233,6 +233,18 @@ BREACHES: dict[str, tuple[str, Callable[[SimpleNamespace], Any]]] = {
         "illustrations_can_be_drawn",
         broken(illustrate=lambda right, f, c: right.illustrate(f, c) * 2),
     ),
+    "places in a picture that there is not": (
+        "places_are_located",
+        broken(locate=lambda right, i, p, c: {"else": right.locate(i, p, c)["turn"]}),
+    ),
+    "places far away seen": (
+        "places_are_located",
+        broken(locate=lambda right, i, p, c: {"turn": np.stack([p.theta_rad % (2 * np.pi), p.z_mm], axis=1)}),
+    ),
+    "places on no circle": (
+        "places_are_located",
+        broken(locate=lambda right, i, p, c: {"turn": right.locate(i, p, c)["turn"] + p.theta_rad[:, np.newaxis]}),
+    ),
     "a single frame refused": ("one_frame_is_a_recording", broken(survey=_only_many)),
     "a black frame that surprises": ("bad_frames_raise_endoct_errors", broken(survey=_surprised_by_black)),
     "a missing file that surprises": (

@@ -20,6 +20,7 @@ def compare(
     b: Positional[Path],
     output: Output,
     truth: tuple[Path, ...] = (),
+    session: Path | None = None,
     modality_a: ModalityName = None,
     modality_b: ModalityName = None,
     set: Settings = (),
@@ -39,6 +40,8 @@ def compare(
         truth: mask drawn over side A's panorama, to score both against: an image, labels in Zarr, shapes of napari
             (.csv) or regions of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png; or a simulated
             specimen's truth folder
+        session: file with landmark pairs, as the page of `endoct serve` saves it: some correct the alignment by hand,
+            the others check it
         modality_a: plug-in to read side A with
         modality_b: plug-in to read side B with
         set: a parameter of the comparison; repeat for more
@@ -62,6 +65,7 @@ def compare(
         settings_a=parse(set_a),
         settings_b=parse(set_b),
         truth=truth,
+        session=session,
         overwrite=overwrite,
         progress=command_stages(json),
     )

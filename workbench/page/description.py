@@ -55,11 +55,16 @@ class LayerPart:
 
 @dataclass(frozen=True)
 class OutlinePart:
-    """Cells of one side that can be outlined: the ``layer`` whose they are, and the ``colour`` of the lines."""
+    """Cells that can be outlined: the ``layer`` and the ``side`` on which they lie, and the ``colour`` of the lines.
+
+    ``title`` says whose they are; those that ``is_drawn`` by hand have no numbers.
+    """
 
     layer: str
     side: str
+    title: str
     colour: str
+    is_drawn: bool
 
 
 @dataclass(frozen=True)
@@ -102,13 +107,25 @@ class SeriesPart:
 
 
 @dataclass(frozen=True)
+class PlacementPart:
+    """How places of a side, in its own frame, lie on the wall that is shown, as
+    :class:`~endoct.fusion.geometry.alignment.Alignment` has it.
+    """
+
+    theta_shift_rad: float
+    mirrored: bool
+    z_shift_mm: float
+    z_scale: float
+    z_reversed: bool
+
+
+@dataclass(frozen=True)
 class FramesPart:
     """The frames of one side, in the order of ascending z in its own frame.
 
     Attributes: what a frame is called; ``z_mm`` of each on the wall; ``pictured``, of which there are pictures;
     ``recording``, where it lies, if it is at hand and can be read for pictures of the others, else "";
-    ``theta_shift_rad`` and ``mirrored``: θ on the wall is the shift ± θ in pictures; ``quality``, numbers that say how
-    good each frame is.
+    ``placement``, how the side lies on the wall; ``quality``, numbers that say how good each frame is.
     """
 
     side: str
@@ -116,8 +133,7 @@ class FramesPart:
     z_mm: tuple[float, ...]
     pictured: tuple[int, ...]
     recording: str
-    theta_shift_rad: float
-    mirrored: bool
+    placement: PlacementPart
     quality: tuple[SeriesPart, ...]
 
 

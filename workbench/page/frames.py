@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.page.description import FramesPart, SeriesPart
+from endoct.workbench.page.description import FramesPart, PlacementPart, SeriesPart
 from endoct.workbench.page.recorded import recording_of
 from endoct.workbench.report.pictures import pictured_places
 
@@ -29,10 +30,13 @@ def frames_part(side: str, outline: PanoramaOutline, where: Alignment | None, pi
         z_mm=tuple(np.round(z_mm, 6).tolist()),
         pictured=() if pictures is None else tuple(k for k in pictured_places(pictures, side) if k < own_mm.size),
         recording="" if recording is None else str(recording.path),
-        theta_shift_rad=0.0 if where is None else where.theta_shift_rad,
-        mirrored=where is not None and where.mirrored,
+        placement=_placement(where or IN_PLACE),
         quality=tuple(_quality(outline)),
     )
+
+
+def _placement(where: Alignment) -> PlacementPart:
+    return PlacementPart(where.theta_shift_rad, where.mirrored, where.z_shift_mm, where.z_scale, where.z_reversed)
 
 
 def _quality(outline: PanoramaOutline) -> Iterator[SeriesPart]:

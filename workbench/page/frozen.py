@@ -53,6 +53,7 @@ def frozen_data(shown: Shown) -> str:
         "outlines": shown.outlines(),
         "pictures": pictures_of(shown),
         "tiles": tiles_of(shown),
+        "session": None if shown.session is None else shown.session.state(offline=True),
         "type": "image/png",
     }
     # within a script element nothing but "<" can end it

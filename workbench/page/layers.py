@@ -7,6 +7,8 @@ from typing import TypedDict
 
 from endoct.fusion.difference import COLOURS
 from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
+from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
+from endoct.fusion.files.drawn_store import read_drawn
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B
 from endoct.stitching.grid import SurfaceGrid
@@ -20,6 +22,9 @@ from endoct.workbench.page.plane import Plane
 from endoct.workbench.page.wall import Wall
 
 IMAGE, DEPTH, CELLS, DIFFERENCE = "image", "relief", "cells", "difference"
+DRAWN = "drawn."
+"""How keys of masks drawn by hand begin; those of sides have their name and a '-' before anything else."""
+DRAWN_COLOURS = (0x00, 0x9E, 0x73), (0xCC, 0x79, 0xA7), (0xD5, 0x5E, 0x00), (0x56, 0xB4, 0xE9), (0xF0, 0xE4, 0x42)
 CELL_COLOURS = COLOURS[ONLY_A], COLOURS[ONLY_B]
 """Of the cells of A and of B."""
 
@@ -67,12 +72,31 @@ def comparison_layers(folder: Path, outline: ComparisonOutline, wall: Wall, cach
         shown = ClassPart("no cell", _hex(COLOURS[NEITHER])), ClassPart("cell", _hex(CELL_COLOURS[k]))
         part = _classes_part(f"{side}-{CELLS}", f"{side}: cells", side, shown, masks[k], wall)
         yield Described(Classes((masks[k],), (COLOURS[NEITHER], CELL_COLOURS[k])), part)
+    yield from _drawn_layers(folder, outline.names[0], wall, cache)
     if outline.alignment is not None:
         a, b = outline.names
         labels = {NEITHER: "neither", BOTH: "both", ONLY_A: f"only {a}", ONLY_B: f"only {b}"}
         classes = tuple(ClassPart(labels[code], _hex(COLOURS[code])) for code in sorted(labels))
         part = _classes_part(DIFFERENCE, "difference of the cells", None, classes, masks[0], wall)
         yield Described(Classes(tuple(masks), COLOURS), part)
+
+
+def _drawn_layers(folder: Path, side: str, wall: Wall, cache: ChunkCache) -> Iterator[Described]:
+    """Yield the masks that were drawn by hand, on the wall of ``side``, in whose frame they lie."""
+    drawn = read_drawn(folder)
+    if drawn is None:
+        return
+    for k, title in enumerate(drawn.titles):
+        plane = _plane(folder / DRAWN_STORE, "mask", (k,), placing_of(drawn.grid), wall, cache)
+        colour = DRAWN_COLOURS[k % len(DRAWN_COLOURS)]
+        shown = ClassPart("no cell", _hex(COLOURS[NEITHER])), ClassPart("cell", _hex(colour))
+        part = _classes_part(f"{DRAWN}{k + 1}", f"drawn: {title}", side, shown, plane, wall)
+        yield Described(Classes((plane,), (COLOURS[NEITHER], colour)), part)
+
+
+def is_drawn_key(key: str) -> bool:
+    """Say whether a layer is a mask drawn by hand."""
+    return key.startswith(DRAWN)
 
 
 def _images(

@@ -20,10 +20,12 @@ from endoct.workbench.page.layers import (
     DIFFERENCE,
     Described,
     comparison_layers,
+    is_drawn_key,
     panorama_layers,
     wall_of,
 )
 from endoct.workbench.page.recorded import Reader, recording_of
+from endoct.workbench.page.sessions import session_of
 from endoct.workbench.page.shown import Shown, ShownSide
 from endoct.workbench.page.wall import Wall
 from endoct.workbench.report.pictures import PICTURES
@@ -77,7 +79,8 @@ def _comparison(folder: Path) -> Shown:
         has_common_places=aligned,
     )
     layers = {one.part.key: one.layer for one in described}
-    return Shown(heading, comparison_sections(outline.result), description, wall, layers, sides)
+    sections, session = comparison_sections(outline.result), session_of(folder, outline)
+    return Shown(heading, sections, description, wall, layers, sides, session)
 
 
 def _panorama(store: Path) -> Shown:
@@ -119,7 +122,9 @@ def _facts(file: Path, wall: Wall) -> tuple[Fact, ...]:
 def _outlines(described: Iterable[Described]) -> Iterator[OutlinePart]:
     for one in described:
         if one.part.key != DIFFERENCE and isinstance(one.layer, Classes) and one.part.side is not None:
-            yield OutlinePart(one.part.key, one.part.side, one.part.classes[-1].colour)
+            side, colour, is_drawn = one.part.side, one.part.classes[-1].colour, is_drawn_key(one.part.key)
+            title = one.part.title if is_drawn else side
+            yield OutlinePart(one.part.key, side, title, colour, is_drawn)
 
 
 def _first_panes(described: Iterable[Described], outline: ComparisonOutline) -> tuple[str, ...]:

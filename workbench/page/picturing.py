@@ -2,6 +2,7 @@
 
 import base64
 import io
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
-from endoct.modalities.contract import Picture
+from endoct.modalities.contract import Picture, Seen
 from endoct.stitching.store import PanoramaOutline
 
 QUALITY = 88
@@ -20,8 +21,9 @@ MOST_POINTS = 1000
 def picture_json(picture: Picture, ring: dict[str, float] | None) -> dict[str, Any]:
     """Return ``picture`` for the page.
 
-    ``axis`` says how θ is found in it: "theta", along x, or "ring": on the ``ring``, a line from its inner to its outer
-    circle; else None: nowhere without more knowledge than a picture has.
+    ``seen`` says where places of the wall are seen in it: ``x`` and ``y``, (n_z, n_theta), at ``z_mm`` and even steps
+    of θ, None where not; None as a whole where the plug-in does not say. ``axis`` says how θ is found in it else:
+    "theta", along x, or "ring": on the ``ring``, a line from its inner to its outer circle; None: nowhere.
     """
     is_ring = ring is not None and picture.x_label.endswith("(px)") and picture.y_label.endswith("(px)")
     axis = "ring" if is_ring else "theta" if picture.x_label.startswith("θ") else None
@@ -34,6 +36,7 @@ def picture_json(picture: Picture, ring: dict[str, float] | None) -> dict[str, A
         "x_extent": picture.x_extent,
         "y_extent": picture.y_extent,
         "curves": {label: _points(curve[:: every[label]]) for label, curve in picture.curves.items()},
+        "seen": _seen(picture.seen),
         "axis": axis,
         "ring": ring if is_ring else None,
         "image": f"data:image/webp;base64,{base64.b64encode(_webp(picture.image)).decode('ascii')}",
@@ -59,6 +62,17 @@ def ring_of(outline: PanoramaOutline, place: int) -> dict[str, float] | None:
 
 def _points(curve: NDArray[np.float64]) -> Sequence[Sequence[float | None]]:
     return [[float(f"{x:.5g}"), float(f"{y:.5g}")] if np.isfinite([x, y]).all() else [None, None] for x, y in curve]
+
+
+def _seen(seen: Seen | None) -> dict[str, Any] | None:
+    if seen is None:
+        return None
+    x, y = ([[_known(value) for value in row] for row in seen.xy[..., k].tolist()] for k in (0, 1))
+    return {"z_mm": [round(z_mm, 6) for z_mm in seen.z_mm.tolist()], "x": x, "y": y}
+
+
+def _known(value: float) -> float | None:
+    return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
 def _webp(image: NDArray[Any]) -> bytes:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from endoct.modalities.contract import Frame, FrameStream, Manifest, Picture
+from endoct.modalities.illustrating import illustrated
 from endoct.modalities.registry import open_recording
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError, refusing
@@ -101,7 +102,8 @@ class Reader:
         if not 0 <= place < len(self._order):
             raise EndoctError("there is no such frame", found=str(place), expected=f"0 to {len(self._order) - 1}")
         with refusing(f"frame {place} of {self.recording.path} cannot be read"), self._lock:
-            return self._manifest.load().illustrate(self._stream[self._order[place]], self._calibration)
+            frame = self._stream[self._order[place]]
+            return illustrated(self._manifest.load(), frame, self._calibration)
 
     def _check_same(self) -> None:
         """Raise :class:`EndoctError` where the recording is another than the panorama was made from.

@@ -18,6 +18,7 @@ from endoct.workbench.page.document import document
 from endoct.workbench.page.guard import Guard, allowed_hosts
 from endoct.workbench.page.heading import Link
 from endoct.workbench.page.layer import png_of
+from endoct.workbench.page.session_routes import session_routes
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
@@ -82,6 +83,7 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
             Route("/outlines.json", outline),
             Route("/values.json", values),
             Route("/pictures/{version}/{side}/{place}.json", pictures),
+            *session_routes(shown.session),
             Route("/reading/{side}", reading, methods=["GET", "POST"]),
             Route("/tiles/{version}/{key}/{level}/{column}_{row}.png", tile),
             Route("/{name}", asset),

@@ -15,6 +15,7 @@ from endoct.workbench.page.layer import Classes, Layer, Scalar
 from endoct.workbench.page.outlines import outlines
 from endoct.workbench.page.picturing import picture_json, ring_of
 from endoct.workbench.page.recorded import Reader
+from endoct.workbench.page.sessions import Sessions
 from endoct.workbench.page.wall import NoSuchTile, Tile, Wall
 from endoct.workbench.report.pictures import load_pictures
 from endoct.workbench.report.sections import Section
@@ -33,7 +34,8 @@ class ShownSide:
 class Shown:
     """A comparison, or a panorama, opened for the page: ``heading`` and ``sections`` are its text.
 
-    The ``description`` is for its program, ``layers`` are by key and ``sides`` by name.
+    The ``description`` is for its program, ``layers`` are by key and ``sides`` by name; ``session`` has the landmarks
+    of a comparison.
     """
 
     heading: Heading
@@ -42,6 +44,7 @@ class Shown:
     wall: Wall
     layers: Mapping[str, Layer]
     sides: Mapping[str, ShownSide] = field(default_factory=dict)
+    session: Sessions | None = None
 
     def tile(self, key: str, tile: Tile) -> Pillow.Image:
         """Return a tile of the layer ``key``. Raises :class:`NoSuchTile` where there is no such tile."""

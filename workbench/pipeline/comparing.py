@@ -12,6 +12,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.cell_table import write_cells
 from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
 from endoct.fusion.files.masks import mask_on, read_mask
+from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.sides import Comparison
@@ -19,7 +20,7 @@ from endoct.stitching.digests import digests, path_text
 from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.workbench.pipeline.hand_masks import score_drawings, write_mask
+from endoct.workbench.pipeline.hand_masks import score_drawings, write_drawings, write_mask
 from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
 from endoct.workbench.pipeline.sample_frames import save_sample_frames
 from endoct.workbench.pipeline.sources import Source, open_both, read_sides, unroll_sources
@@ -36,24 +37,30 @@ def compare_sources(
     parameters: CompareParameters,
     truth: tuple[Path, ...],
     stages: Stages,
+    session: Path | None = None,
 ) -> Comparison:
     """Compare the two sides, and write everything `endoct compare` promises into ``folder`` where one is given.
 
-    Raises :class:`EndoctError` where a side cannot be used, or is changed while it is read.
+    Raises :class:`EndoctError` where a side cannot be used, or is changed while it is read, and where the ``session``
+    was made on other sides.
     """
     start = time.perf_counter()
-    files = {path: state_of(path) for path in (*paths_of(sources), *truth)}
+    given = () if session is None else (session,)
+    files = {path: state_of(path) for path in (*paths_of(sources), *truth, *given)}
     # whatever cannot be used is refused before the work of unrolling is done
     opened = open_both(sources)
     for path in truth:
         _check_truth(path)
+    placed = None if session is None else read_session(session)
     with second_process() if all(isinstance(one, Opened) for one in opened) else nullcontext() as process:
         made = unroll_sources(opened, stages, process)
         if process is not None and folder is not None:
             process.preload("endoct.workbench.page.report")
         sides = read_sides(made)
+        if placed is not None:
+            check_sides(placed, [identity_of(side.name, side.panorama) for side in sides], str(session))
         with stages.stage("align, segment, score"):
-            comparison = compare_sides(*sides, parameters)
+            comparison = compare_sides(*sides, parameters, () if placed is None else placed.pairs)
             drawn = {path_text(path): _truth(path, sides[0].panorama) for path in truth}
             against = score_drawings(comparison, drawn, parameters.tolerance_mm)
         if folder is not None:
@@ -63,6 +70,7 @@ def compare_sources(
                 write_cells(comparison.cells, folder / "cells.csv")
                 if against.consensus is not None:
                     write_mask(against.consensus, comparison.grid, folder / "consensus.png")
+                write_drawings(against, comparison.grid, folder)
                 for side, one in zip(sides, made, strict=True):
                     save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
                     if isinstance(one, Unrolled):
@@ -76,7 +84,9 @@ def compare_sources(
             raters=against.raters,
             notes={side.name: side.panorama.notes for side in sides},
             versions=versions(),
-            inputs={name: digest for each in (*of_sides, *map(digests, truth)) for name, digest in each.items()},
+            inputs={
+                name: digest for each in (*of_sides, *map(digests, (*truth, *given))) for name, digest in each.items()
+            },
             parameters={
                 "compare": parameters.model_dump(mode="json"),
                 **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides},

@@ -1,6 +1,6 @@
 """Masks given as truth: each side scored against every one, and, of several, raters against each other."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import numpy as np
 import tomli_w
 
 from endoct.fusion.evidence.drawn_mask import DrawnMask
+from endoct.fusion.files.drawn_store import NAME, save_drawings
 from endoct.fusion.files.masks import on_comparison, score_surface
 from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
@@ -26,12 +27,13 @@ METHODS = {
 
 @dataclass(frozen=True, eq=False)
 class Against:
-    """The scores against masks given as truth: by the mask's path, then by side.
+    """The scores against masks given as truth: by the mask's path, then by side; the masks on the comparison's grid.
 
     Where there are several masks, how raters agree, and the mask of the majority.
     """
 
     truth: dict[str, dict[str, MaskScores]]
+    drawings: tuple[Drawing, ...] = ()
     raters: Raters | None = None
     consensus: Mask | None = None
 
@@ -45,11 +47,11 @@ def score_drawings(comparison: Comparison, drawn: Mapping[str, DrawnMask], toler
         return Against({})
     surfaces = {path: on_comparison(comparison, mask) for path, mask in drawn.items()}
     truth = {path: score_surface(comparison, surface, tolerance_mm) for path, surface in surfaces.items()}
-    if len(drawn) == 1:
-        return Against(truth)
-    drawings = [
+    drawings = tuple(
         Drawing(mask.rater, mask.session, surfaces[path].mask, surfaces[path].valid) for path, mask in drawn.items()
-    ]
+    )
+    if len(drawn) == 1:
+        return Against(truth, drawings)
     _check(drawings)
     covered = np.logical_and.reduce([drawing.valid for drawing in drawings])
     by_majority = majority(drawings) & covered
@@ -68,7 +70,17 @@ def score_drawings(comparison: Comparison, drawn: Mapping[str, DrawnMask], toler
         },
         performance=performance,
     )
-    return Against(truth, raters, by_majority)
+    return Against(truth, drawings, raters, by_majority)
+
+
+def write_drawings(against: Against, grid: SurfaceGrid, folder: Path) -> None:
+    """Write the masks, with what most raters drew where there are several, for whoever looks at the comparison."""
+    drawings = against.drawings
+    if against.consensus is not None:
+        covered = np.logical_and.reduce([drawing.valid for drawing in drawings])
+        drawings = (*drawings, Drawing("most raters", "1", against.consensus, covered))
+    if drawings:
+        save_drawings(drawings, grid, folder / NAME)
 
 
 def write_mask(mask: Mask, grid: SurfaceGrid, path: Path) -> None:
@@ -85,7 +97,7 @@ def write_mask(mask: Mask, grid: SurfaceGrid, path: Path) -> None:
     path.with_suffix(".toml").write_text(tomli_w.dumps(keys), encoding="utf-8")
 
 
-def _check(drawings: list[Drawing]) -> None:
+def _check(drawings: Sequence[Drawing]) -> None:
     named = [(drawing.rater, drawing.session) for drawing in drawings]
     twice = next((name for name in named if named.count(name) > 1), None)
     if twice is not None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.modalities.illustrating import illustrated
 from endoct.workbench.pipeline.unrolling import Unrolled
 from endoct.workbench.report.pictures import PICTURES, save_pictures
 
@@ -15,5 +16,5 @@ def save_sample_frames(made: Unrolled, folder: Path, name: str) -> None:
     """Write pictures of the frames at :data:`PLACES` into ``folder``, as those of the side ``name``."""
     order = np.argsort(made.calibration.per_frame["z_mm"], kind="stable")
     for place in sorted({round(share * (len(order) - 1)) for share in PLACES}):
-        pictures = made.manifest.load().illustrate(made.stream[int(order[place])], made.calibration)
+        pictures = illustrated(made.manifest.load(), made.stream[int(order[place])], made.calibration)
         save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)

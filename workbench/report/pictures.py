@@ -1,7 +1,7 @@
 """Pictures of single frames on disk: one ``.npz`` each, readable with NumPy alone.
 
 A file holds ``image``, ``metadata`` (JSON) and ``curve_0``, ``curve_1``, …, in the order of the metadata's
-``curves``.
+``curves``; ``seen_z_mm`` and ``seen_xy`` where it is known in which pixels places of the wall are seen.
 """
 
 import json
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from endoct.modalities.contract import Picture
+from endoct.modalities.contract import Picture, Seen
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.names import plain_name
@@ -24,6 +24,7 @@ PICTURES = "pictures"
 """The folder of pictures in an output."""
 MOST_PICTURES = 1000
 MOST_SIDE = 20_000
+MOST_ROWS = 100
 
 _Place = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 
@@ -44,6 +45,7 @@ class _Metadata(BaseModel):
     y_extent: tuple[_Place, _Place]
     curves: tuple[str, ...] = Field(max_length=100)
     about: str = Field(default="", max_length=1000)
+    seen: bool = False
 
 
 def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[Picture]) -> None:
@@ -69,10 +71,14 @@ def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[
             "y_extent": [float(v) for v in picture.y_extent],
             "curves": list(picture.curves),
             "about": picture.about,
+            "seen": picture.seen is not None,
         }
         arrays: dict[str, Any] = {
             f"curve_{k}": np.asarray(curve, np.float64) for k, curve in enumerate(picture.curves.values())
         }
+        if picture.seen is not None:
+            # a hundredth of a pixel of any picture
+            arrays |= {"seen_z_mm": picture.seen.z_mm, "seen_xy": np.asarray(picture.seen.xy, np.float32)}
         np.savez_compressed(
             folder / f"{side}-{frame_label}-{picture.name}.npz",
             image=picture.image,
@@ -113,6 +119,7 @@ def load_pictures(
                 y_extent=metadata.y_extent,
                 curves={label: _curve(arrays[f"curve_{k}"]) for k, label in enumerate(metadata.curves)},
                 about=metadata.about,
+                seen=_seen(arrays["seen_z_mm"], arrays["seen_xy"]) if metadata.seen else None,
             )
         plain_name(metadata.name, f"the picture {path}")
         loaded.append((plain_name(metadata.side, f"a side in {path}"), metadata.place, metadata.order, picture))
@@ -136,3 +143,12 @@ def _curve(points: NDArray[Any]) -> Coordinates:
     if points.dtype.kind != "f" or points.ndim != 2 or points.shape[1] != 2:
         raise EndoctError("a curve cannot be used", found=f"{points.dtype} {points.shape}", expected="(n, 2) floats")
     return np.asarray(points, dtype=np.float64)
+
+
+def _seen(z_mm: NDArray[Any], xy: NDArray[Any]) -> Seen:
+    fits = z_mm.ndim == 1 and xy.ndim == 3 and xy.shape[::2] == (z_mm.size, 2) and z_mm.size > 0 and xy.size > 0
+    if not (fits and z_mm.dtype.kind == xy.dtype.kind == "f" and z_mm.size <= MOST_ROWS and xy.shape[1] <= MOST_SIDE):
+        raise EndoctError("its places cannot be used", found=f"{xy.dtype} {xy.shape}", expected="(n_z, n_theta, 2)")
+    if not np.isfinite(z_mm).all() or np.isinf(xy).any() or (np.diff(z_mm) <= 0).any():
+        raise EndoctError("its places cannot be used", found="numbers that are no places", expected="ascending z")
+    return Seen(np.asarray(z_mm, np.float64), np.asarray(xy, np.float64))

@@ -9,14 +9,21 @@ from endoct.fusion.result import StoredAlignment
 from endoct.workbench.report.wording import NOTHING, area_text, length_text, share_text, value_text
 
 
-def alignment_rows(alignment: StoredAlignment) -> Iterator[tuple[str, str]]:
-    """Yield what there is to say of an alignment, [in words, value]; errors are standard errors."""
+def alignment_rows(alignment: StoredAlignment, *, by_hand: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield what there is to say of an alignment, [in words, value]; errors are standard errors.
+
+    One that was made ``by_hand`` stands out from nothing: no search led to it.
+    """
     turn, shift, scale = _standard_errors(alignment)
     yield "Turned by", f"{math.degrees(alignment.theta_shift_rad):.2f}°{turn}"
     yield "Shifted along the bore by", length_text(alignment.z_shift_mm) + shift
     yield "Scaled along the bore by", f"{alignment.z_scale:.4f}{scale}"
     yield "Mirrored in θ", value_text("mirrored", alignment.mirrored)
     yield "Reversed in z", value_text("z_reversed", alignment.z_reversed)
+    if by_hand:
+        yield "Correlation of what shows the cells", share_text(alignment.correlation)
+        yield "Area that both observed", area_text(alignment.overlap_mm2)
+        return
     yield "Confidence", share_text(alignment.confidence)
     yield "Correlation of what shows the cells", share_text(alignment.correlation)
     yield "Score over that of the next best place", _number(alignment.ratio)

@@ -9,6 +9,7 @@ import numpy as np
 
 from endoct.fusion.result import Result, Threshold
 from endoct.stitching.grid import SurfaceGrid
+from endoct.workbench.report.by_hand import by_hand_tables
 from endoct.workbench.report.findings import Findings, NamedOverlap, SideFindings, overlaps_of
 from endoct.workbench.report.placement import alignment_rows
 from endoct.workbench.report.wording import (
@@ -58,10 +59,12 @@ def result_tables(result: Result) -> Iterator[str]:
     if result.aligned and result.alignment:
         a, b = result.sides
         yield f"<h3>Alignment of {escape(b)} to {escape(a)}</h3>\n"
-        yield table(alignment_rows(result.alignment))
+        yield table(alignment_rows(result.alignment, by_hand=result.by_hand is not None and result.by_hand.corrected))
     elif result.best_unbelieved:
         yield "<h3>The best alignment found, which was not accepted</h3>\n"
         yield table(alignment_rows(result.best_unbelieved))
+    if result.by_hand is not None:
+        yield from by_hand_tables(result.by_hand)
 
 
 def provenance(result: Result) -> Iterator[str]:

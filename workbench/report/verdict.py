@@ -7,6 +7,7 @@ from typing import Literal
 
 from endoct.fusion.result import Result, StoredAlignment
 from endoct.stitching.doubt import Doubt
+from endoct.workbench.report.by_hand import by_hand_headline, by_hand_sentences
 from endoct.workbench.report.doubts import count_doubts
 from endoct.workbench.report.wording import length_text, without_stop
 
@@ -35,11 +36,14 @@ def verdict_of(result: Result) -> Verdict:
         )
         return Verdict("unaligned", "Not aligned: the two sides could not be brought onto each other.", (why,))
     how = placement(*result.sides, alignment)
+    if result.by_hand is not None and result.by_hand.corrected:
+        return Verdict("doubted", by_hand_headline(result.by_hand), (*by_hand_sentences(result.by_hand), how))
+    checked = () if result.by_hand is None else by_hand_sentences(result.by_hand)
     if result.doubts or result.forced:
         said = f", with {count_doubts(result.doubts)}" if result.doubts else ""
         headline = f"Alignment forced{said}." if result.forced else f"Aligned{said}."
-        return Verdict("doubted", headline, (f"Aligned {strength(alignment)}", how))
-    return Verdict("trusted", f"Aligned {strength(alignment)}", (how,))
+        return Verdict("doubted", headline, (f"Aligned {strength(alignment)}", *checked, how))
+    return Verdict("trusted", f"Aligned {strength(alignment)}", (*checked, how))
 
 
 def recording_verdict(doubts: Sequence[Doubt]) -> Verdict:

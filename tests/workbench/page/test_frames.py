@@ -49,7 +49,9 @@ def test_frames_lie_where_the_alignment_puts_them(comparison: Path):
     part = frames_part("oct", outline, where, comparison / "pictures")
     assert part.z_mm == pytest.approx(10 - 1.1 * 0.2 * np.arange(15))
     assert part.pictured == (7,)
-    assert (part.theta_shift_rad, part.mirrored) == (0.5, True)
+    placement = part.placement
+    assert (placement.theta_shift_rad, placement.mirrored) == (0.5, True)
+    assert (placement.z_shift_mm, placement.z_scale, placement.z_reversed) == (10.0, 1.1, True)
     by_name = {one.name: one for one in part.quality}
     assert by_name["signal"].usual == (12.0, None)
     assert by_name["bridged"].is_flag

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from endoct.modalities.contract import Frame, Picture, Sniff, inward_positions_mm
+from endoct.modalities.contract import Frame, Picture, Places, Sniff, inward_positions_mm
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
@@ -155,6 +155,14 @@ class Profilometer:
                 y_extent=(0.0, 31.0),
             ),
         )
+
+    def locate(self, index: int, places: Places, calibration: ProfilometerCalibration) -> dict[str, Coordinates]:
+        """Say at which direction of a turn a place was measured."""
+        near = np.abs(places.z_mm - calibration.per_frame["z_mm"][index]) <= calibration.grid.dz_mm
+        theta0_rad = calibration.grid.theta0_rad
+        along_x = np.mod(places.theta_rad - theta0_rad, 2 * np.pi) + theta0_rad
+        xy = np.stack([along_x, np.full(along_x.size, np.nan)], axis=1)  # which direction; there is no depth in it
+        return {"turn": np.where(near[:, np.newaxis], xy, np.nan)}
 
 
 def _files(folder: Path) -> tuple[Path, ...]:

@@ -28,6 +28,13 @@ function brief(cell: CellPart): string {
   return said[cell.state] + (cell.partner === null ? "" : ` (${cell.overlap.toFixed(2)})`);
 }
 
+/** Whether a place lies within what is outlined of `layer`. */
+export function isOutlined(paths: Paths, wall: Wall, layer: string, place: Place): boolean {
+  const path = paths.get(layer)?.path;
+  const { x, y } = wall.turnsOf({ theta_rad: wrapped(place.theta_rad), z_mm: place.z_mm });
+  return path !== undefined && (document.createElement("canvas").getContext("2d")?.isPointInPath(path, x, y, "evenodd") ?? false);
+}
+
 /** The cell of the side that `layer` outlines at a place; null where it has none there. */
 export function cellAt(
   state: State,
@@ -36,11 +43,7 @@ export function cellAt(
   layer: string,
   place: Place,
 ): CellPart | null {
-  const path = paths.get(layer)?.path;
-  const drawing = document.createElement("canvas").getContext("2d");
-  if (!path || !drawing) return null;
-  const { x, y } = wall.turnsOf({ theta_rad: wrapped(place.theta_rad), z_mm: place.z_mm });
-  if (!drawing.isPointInPath(path, x, y, "evenodd")) return null;
+  if (!isOutlined(paths, wall, layer, place)) return null;
   const side = state.layer(layer).side;
   const apart = (cell: CellPart): number => {
     const turned = wrapped(cell.theta_rad - place.theta_rad + Math.PI) - Math.PI;
@@ -64,7 +67,7 @@ export class CellTable {
     private readonly state: State,
     private readonly chosen: (cell: CellPart) => void,
   ) {
-    this.colours = new Map(state.description.outlines.map((outline) => [outline.side, outline.colour]));
+    this.colours = new Map(state.description.outlines.filter((outline) => !outline.is_drawn).map((outline) => [outline.side, outline.colour]));
     const states = [...new Set(state.description.cells.map((cell) => cell.state))];
     const options = ["all", ...state.description.sides.map((side) => `of ${side}`), ...states];
     const filters = select("which cells are listed", options.map((one) => [one, one] as const), "all", (value) => {

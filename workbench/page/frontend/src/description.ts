@@ -31,7 +31,9 @@ export interface LayerPart {
 export interface OutlinePart {
   layer: string;
   side: string;
+  title: string;
   colour: string;
+  is_drawn: boolean;
 }
 
 export type CellState = "matched" | "overlapping" | "missed" | "not observed" | "alone";
@@ -66,14 +68,21 @@ export interface SeriesPart {
   values: (number | null)[];
 }
 
+export interface PlacementPart {
+  theta_shift_rad: number;
+  mirrored: boolean;
+  z_shift_mm: number;
+  z_scale: number;
+  z_reversed: boolean;
+}
+
 export interface FramesPart {
   side: string;
   frame_dim: string;
   z_mm: number[];
   pictured: number[];
   recording: string;
-  theta_shift_rad: number;
-  mirrored: boolean;
+  placement: PlacementPart;
   quality: SeriesPart[];
 }
 

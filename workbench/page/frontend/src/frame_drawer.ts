@@ -3,6 +3,7 @@
 import type { FramesPart } from "./description";
 import { button, element } from "./dom";
 import { CurveColours, drawPicture } from "./frame_picture";
+import { toOwn } from "./placement";
 import type { FramePicture, Reading, Source } from "./source";
 import type { State } from "./state";
 
@@ -92,7 +93,7 @@ export class FrameDrawer {
       made.style.setProperty("--line-colour", this.colours.of(label));
       return made;
     });
-    const unmarked = picture.axis === null && Object.keys(picture.curves).length ? [element("span", {}, "place not marked: its beam is not known here")] : [];
+    const unmarked = picture.axis === null && !picture.seen && Object.keys(picture.curves).length ? [element("span", {}, "place not marked: its beam is not known here")] : [];
     const caption = element("figcaption", { title: picture.about }, element("b", {}, `${frames.side}: ${picture.title}`), ...legends, ...unmarked);
     return element("figure", {}, canvas, caption);
   }
@@ -152,10 +153,10 @@ export class FrameDrawer {
   private draw(): void {
     const { pinned } = this.state;
     for (const { canvas, image, picture, frames, z_mm } of this.drawn) {
-      const sense = frames.mirrored ? -1 : 1;
-      // a frame that lies elsewhere does not show the place
-      const isThere = pinned !== null && Math.abs(z_mm - pinned.z_mm) <= spacing(frames.z_mm);
-      const marked = pinned && isThere && { theta_rad: sense * (pinned.theta_rad - frames.theta_shift_rad) };
+      // a frame that lies elsewhere does not show the place; one that shows many rows says itself which
+      const near = pinned !== null && Math.abs(z_mm - pinned.z_mm) <= spacing(frames.z_mm);
+      const isThere = near || (picture.seen?.z_mm.length ?? 0) > 1;
+      const marked = pinned && isThere && toOwn(frames.placement, pinned);
       drawPicture(canvas, image, picture, this.colours, marked || null);
     }
   }

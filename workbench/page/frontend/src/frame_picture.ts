@@ -1,7 +1,9 @@
 /** A picture of a single frame with its axes, its curves, and the marked place. */
 
 import { context } from "./dom";
+import { seenAt } from "./seen";
 import type { FramePicture } from "./source";
+import type { Place } from "./wall";
 
 const LEFT = 40;
 const BELOW = 28;
@@ -10,6 +12,7 @@ const RIGHT = 6;
 /** One colour for one thing, in every picture: Okabe and Ito's, apart from each other on grey. */
 const COLOURS = ["#d55e00", "#56b4e9", "#2fc46a", "#f0e442", "#cc79a7"];
 const MARK = "#ff2fa0";
+const RING_PX = 6;
 
 export class CurveColours {
   private readonly labels: string[] = [];
@@ -20,10 +23,8 @@ export class CurveColours {
   }
 }
 
-export interface Marked {
-  /** θ in the frame of the side, rad. */
-  theta_rad: number;
-}
+/** The marked place in the frame of the side. */
+export type Marked = Place;
 
 export function drawPicture(
   canvas: HTMLCanvasElement,
@@ -76,30 +77,55 @@ export function drawPicture(
 function drawMark(
   drawing: CanvasRenderingContext2D,
   picture: FramePicture,
-  { theta_rad }: Marked,
+  marked: Marked,
   toX: (x: number) => number,
   toY: (y: number) => number,
   tall: number,
 ): void {
-  const turn = 2 * Math.PI;
+  const spotted = seenAt(picture, marked);
+  if (picture.seen && !spotted) return; // it is not seen in this frame
+  const inPixels = picture.x_label.endsWith("(px)");
   drawing.strokeStyle = MARK;
   drawing.lineWidth = 1.6;
   drawing.setLineDash([5, 3]);
   drawing.beginPath();
-  if (picture.axis === "theta") {
-    const from = picture.x_extent[0];
-    const x = toX(((((theta_rad - from) % turn) + turn) % turn) + from);
+  if (spotted ? !inPixels : picture.axis === "theta") {
+    const x = toX(withinAxis(picture, spotted?.x ?? marked.theta_rad));
     drawing.moveTo(x, TOP);
     drawing.lineTo(x, TOP + tall);
-  } else if (picture.axis === "ring" && picture.ring) {
+  } else if (!spotted && picture.axis === "ring" && picture.ring) {
     const { ring } = picture;
-    const angle = theta_rad - ring.roll_rad;
+    const angle = marked.theta_rad - ring.roll_rad;
     const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
     drawing.moveTo(toX(ring.inner_x + ring.inner * cos), toY(ring.inner_y + ring.inner * sin));
     drawing.lineTo(toX(ring.outer_x + ring.outer * cos), toY(ring.outer_y + ring.outer * sin));
   }
   drawing.stroke();
   drawing.setLineDash([]);
+  if (spotted && spotted.y !== null) drawTarget(drawing, toX(withinAxis(picture, spotted.x)), toY(spotted.y));
+}
+
+/** A ring around a place, with ticks outward, so that the place itself is not covered. */
+function drawTarget(drawing: CanvasRenderingContext2D, x: number, y: number): void {
+  for (const [colour, wide] of [["#ffffff", 4], [MARK, 2]] as const) {
+    drawing.strokeStyle = colour;
+    drawing.lineWidth = wide;
+    drawing.beginPath();
+    drawing.arc(x, y, RING_PX, 0, 2 * Math.PI);
+    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]] as const) {
+      drawing.moveTo(x + RING_PX * dx, y + RING_PX * dy);
+      drawing.lineTo(x + 2 * RING_PX * dx, y + 2 * RING_PX * dy);
+    }
+    drawing.stroke();
+  }
+}
+
+/** An angle, brought into the turn that the x axis shows; any other x as it is. */
+function withinAxis(picture: FramePicture, x: number): number {
+  if (!picture.x_label.endsWith("(rad)")) return x;
+  const turn = 2 * Math.PI;
+  const from = (picture.x_extent[0] + picture.x_extent[1]) / 2 - Math.PI;
+  return ((((x - from) % turn) + turn) % turn) + from;
 }
 
 function drawAxes(drawing: CanvasRenderingContext2D, picture: FramePicture, ink: string, wide: number, tall: number): void {

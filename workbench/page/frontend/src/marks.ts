@@ -1,22 +1,16 @@
 /** What is drawn over the tiles of a pane: axes, scale bar, outlines, numbers of cells, cursor, ruler. */
 
 import type { CellPart, Description } from "./description";
+import { drawLandmarks } from "./landmark_marks";
 import type { Outlines } from "./source";
 import type { State } from "./state";
-import { type Place, type Spot, type View, type Wall, degrees, roundBelow } from "./wall";
+import { type Sheet, repeats, toPixels } from "./sheet";
+import { type Place, type Spot, type Wall, degrees, roundBelow } from "./wall";
 
 const INK = "#111";
 const HALO = "rgba(255,255,255,0.85)";
 const DEGREE_STEPS = [90, 45, 30, 15, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
 const LEAST_LABEL_PX = 46;
-
-interface Sheet {
-  drawing: CanvasRenderingContext2D;
-  width: number;
-  height: number;
-  view: View;
-  wall: Wall;
-}
 
 export type Paths = ReadonlyMap<string, { path: Path2D; colour: string }>;
 
@@ -37,24 +31,6 @@ export function outlinePaths(description: Description, lines: Outlines, wall: Wa
   );
 }
 
-export function toPixels(place: Place, view: View, wall: Wall, width: number, height: number): { x: number; y: number } {
-  const perTurn = wall.circumference_mm / view.mm_per_px;
-  return {
-    x: width / 2 + ((place.theta_rad - view.theta_rad) / (2 * Math.PI)) * perTurn,
-    y: height / 2 + (place.z_mm - view.z_mm) / view.mm_per_px,
-  };
-}
-
-/** The x of a place in every turn that is in view. */
-function* repeats(place: Place, sheet: Sheet): Generator<{ x: number; y: number }> {
-  const { width, height, view, wall } = sheet;
-  const perTurn = wall.circumference_mm / view.mm_per_px;
-  const first = toPixels(place, view, wall, width, height);
-  for (let x = (((first.x % perTurn) + perTurn) % perTurn) - perTurn; x < width + perTurn; x += perTurn) {
-    yield { x, y: first.y };
-  }
-}
-
 export function drawMarks(
   sheet: Sheet,
   state: State,
@@ -67,6 +43,7 @@ export function drawMarks(
   const here = (spot: Spot | null): Spot | null => (spot && state.isCommon(spot.side, side) ? spot : null);
   drawCross(sheet, here(state.cursor), "rgba(255,255,255,0.9)", "rgba(0,0,0,0.55)");
   drawCross(sheet, here(state.pinned), "#ffffff", "#d6007a");
+  drawLandmarks(sheet, state, side);
   drawRuler(sheet, state);
   drawAxes(sheet);
   drawScaleBar(sheet);

@@ -3,7 +3,8 @@
 import { colourBar } from "./colour_bar";
 import type { Filters } from "./colouring";
 import { button, context, element, select } from "./dom";
-import { type Paths, drawMarks, toPixels } from "./marks";
+import { type Paths, drawMarks } from "./marks";
+import { toPixels } from "./sheet";
 import type { Source } from "./source";
 import { MODES, type Mode, type PaneState, type State } from "./state";
 import { LayerViewer } from "./viewer";
@@ -12,7 +13,7 @@ import { type Spot, type View, type Wall, degrees } from "./wall";
 export interface PaneEvents {
   moved(pane: Pane, view: View): void;
   pointed(place: Spot | null): void;
-  clicked(place: Spot): void;
+  clicked(place: Spot, side: string | null): void;
   closed(pane: Pane): void;
 }
 
@@ -50,7 +51,7 @@ export class Pane {
     this.under = new LayerViewer(below, source, wall);
     this.under.viewer.addHandler("viewport-change", () => this.follow());
     this.under.viewer.addHandler("canvas-click", (event) => {
-      if (event.quick) this.events.clicked(this.placeAt(event.position.x, event.position.y));
+      if (event.quick) this.events.clicked(this.placeAt(event.position.x, event.position.y), this.sideAt(event.position.x));
     });
     this.view_.addEventListener("pointermove", (event) => this.point(event));
     this.view_.addEventListener("pointerleave", () => this.events.pointed(null));
@@ -90,6 +91,12 @@ export class Pane {
   /** The side that this pane shows, null where it is both. */
   get side(): string | null {
     return this.state.layer(this.shown.layer).side;
+  }
+
+  /** The side whose layer lies at `x`: beyond a swipe the second one's, else the first one's. */
+  private sideAt(x: number): string | null {
+    const beyond = this.shown.mode === "swipe" && x > this.shown.share * this.view_.clientWidth;
+    return this.state.layer(beyond ? this.shown.second : this.shown.layer).side;
   }
 
   view(): View {
@@ -257,6 +264,7 @@ export class Pane {
     if (!drawing) return;
     const { clientWidth: width, clientHeight: height } = this.marks;
     const view = this.view();
+    this.under.setDoubleClickZoom(!this.state.measuring && !this.state.landmarks.active);
     drawMarks({ drawing, width, height, view, wall: this.wall }, this.state, this.paths(), this.layers());
     // for whoever drives the page by a program
     this.element.dataset["thetaDeg"] = degrees(view.theta_rad).toFixed(3);

@@ -3,7 +3,7 @@
 import { element } from "./dom";
 import type { Source, Values } from "./source";
 import type { State } from "./state";
-import { cellAt } from "./cells";
+import { cellAt, isOutlined } from "./cells";
 import { type Spot, degrees } from "./wall";
 import { lengthOnWall, type Paths } from "./marks";
 import type { Wall } from "./wall";
@@ -63,6 +63,10 @@ export class Readout {
     }
     for (const outline of this.state.description.outlines) {
       if (!this.state.isCommon(place?.side ?? null, outline.side)) continue;
+      if (outline.is_drawn) {
+        rows.push([outline.title, inside && place && isOutlined(this.paths(), this.wall, outline.layer, place) ? "cell" : "–"]);
+        continue;
+      }
       const cell = inside && place ? cellAt(this.state, this.paths(), this.wall, outline.layer, place) : null;
       rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state})` : "–"]);
     }

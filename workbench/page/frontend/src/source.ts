@@ -1,6 +1,7 @@
 /** Where the page's data come from: the server that served it, or the file that it is frozen into. */
 
 import type { Description } from "./description";
+import type { Judged, Pair, SessionState } from "./landmarks";
 import { OVERLAP_PX, TILE_PX, Wall, wrapped } from "./wall";
 
 export type Values = Record<string, number | null>;
@@ -16,6 +17,8 @@ export interface FramePicture {
   x_extent: [number, number];
   y_extent: [number, number];
   curves: Record<string, [number | null, number | null][]>;
+  /** Where places of the wall are seen in it: at every z and at even steps of θ from 0; null where they are not. */
+  seen: { z_mm: number[]; x: (number | null)[][]; y: (number | null)[][] } | null;
   axis: "theta" | "ring" | null;
   ring: Record<"inner_x" | "inner_y" | "inner" | "outer_x" | "outer_y" | "outer" | "roll_rad", number> | null;
   image: string;
@@ -39,6 +42,14 @@ export interface Source {
   reading(side: string, begin: boolean): Promise<Reading>;
   /** The values of all layers of numbers at a place; null where they are not to be had. */
   values(theta_rad: number, z_mm: number): Promise<Values | null>;
+  /** The landmarks to begin with; null where there can be none. */
+  session(): Promise<SessionState | null>;
+  /** What landmark pairs say; null where nobody can be asked. */
+  judge(pairs: readonly Pair[]): Promise<Judged | null>;
+  /** Whether a session is written where the comparison lies; else it is downloaded. */
+  canSave: boolean;
+  /** Save a session, and return the digest of its file. */
+  saveSession(session: SessionState, pairs: readonly Pair[]): Promise<string | null>;
 }
 
 interface Frozen {
@@ -47,6 +58,7 @@ interface Frozen {
   pictures: Record<string, Record<string, FramePicture[]>>;
   /** By layer, by level, by "column_row": a picture, its kind and its bytes in base64. */
   tiles: Record<string, Record<string, string>[]>;
+  session: SessionState | null;
   type: string;
 }
 
@@ -83,7 +95,26 @@ async function servedSource(): Promise<Source> {
       const found = await fetch(`values.json?theta_rad=${theta_rad}&z_mm=${z_mm}`);
       return found.ok ? ((await found.json()) as Values) : null;
     },
+    session: async () => {
+      if (description.sides.length < 2) return null;
+      const found = await fetch("session.json");
+      return found.ok ? ((await found.json()) as SessionState) : null;
+    },
+    judge: async (pairs) => {
+      const found = await send("landmarks.json", { pairs });
+      return found.ok ? ((await found.json()) as Judged) : null;
+    },
+    canSave: true,
+    saveSession: async (session, pairs) => {
+      const found = await send("session.json", { pairs, based_on: session.saved });
+      if (!found.ok) throw new Error(await found.text());
+      return ((await found.json()) as { saved: string }).saved;
+    },
   };
+}
+
+function send(address: string, body: unknown): Promise<Response> {
+  return fetch(address, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
 }
 
 /** Read values back from the codes of the finest tiles that there are. */
@@ -133,5 +164,16 @@ function frozenSource(frozen: Frozen): Source {
     pictures: (side, place) => Promise.resolve(frozen.pictures[side]?.[String(place)] ?? null),
     reading: () => Promise.resolve({ state: "absent", share: 0, said: "" }),
     values: (theta_rad, z_mm) => frozenValues(frozen, theta_rad, z_mm),
+    session: () => Promise.resolve(frozen.session),
+    judge: () => Promise.resolve(null),
+    canSave: false,
+    saveSession: (session, pairs) => {
+      const text = JSON.stringify({ format: "endoct-session-1", sides: session.sides, pairs }, null, 1);
+      const link = document.createElement("a");
+      link.download = "session.json";
+      link.href = URL.createObjectURL(new Blob([`${text}\n`], { type: "application/json" }));
+      link.click();
+      return Promise.resolve(null);
+    },
   };
 }

@@ -2,6 +2,7 @@
 
 import { type Colouring, firstColouring } from "./colouring";
 import type { CellPart, Description, LayerPart } from "./description";
+import { Landmarks } from "./landmarks";
 import type { Place, Spot, View } from "./wall";
 
 export const MODES = {
@@ -22,7 +23,9 @@ export interface PaneState {
   share: number;
 }
 
-export type Change = "panes" | "colours" | "marks" | "cursor" | "selection" | "link";
+export type Change = "panes" | "colours" | "marks" | "cursor" | "selection" | "link" | "landmarks";
+
+const MOST_DRAWN_AT_FIRST = 1;
 
 export interface Ruler {
   from: Place;
@@ -40,6 +43,7 @@ export class State {
   selected: CellPart | null = null;
   measuring = false;
   ruler: Ruler | null = null;
+  readonly landmarks = new Landmarks();
   secondShown = true;
   readonly colourings = new Map<string, Colouring>();
   private readonly listeners = new Map<Change, (() => void)[]>();
@@ -48,7 +52,9 @@ export class State {
   constructor(readonly description: Description) {
     this.layers = new Map(description.layers.map((layer) => [layer.key, layer]));
     this.linked = description.has_common_places;
-    this.outlines = new Set(description.outlines.map((outline) => outline.layer));
+    // many raters' lines hide each other
+    const few = description.outlines.filter((outline) => outline.is_drawn).length <= MOST_DRAWN_AT_FIRST;
+    this.outlines = new Set(description.outlines.filter((outline) => few || !outline.is_drawn).map((outline) => outline.layer));
     this.panes = description.panes.map((layer) => ({ layer, second: this.partnerOf(layer), mode: "single", share: 0.5 }));
     for (const layer of description.layers) this.colourings.set(layer.key, firstColouring(layer));
   }

@@ -21,6 +21,8 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["B", "blink: the second layer on and off"],
   ["O", "outlines on and off"],
   ["R", "ruler: click two places"],
+  ["M", "landmarks: click a place on one side and on the other"],
+  ["Ctrl+Z", "take back the last step with landmarks; with Shift, make it again"],
   ["Escape", "forget the marked place, the ruler, the selected cell"],
 ];
 
@@ -30,7 +32,7 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
     const toggle = (label: string, title: string, on: boolean, act: () => void): HTMLButtonElement =>
       button(label, title, on, act);
     const outlines = state.description.outlines.map((outline) => {
-      const made = toggle(outline.side, `outlines of the cells of ${outline.side}`, state.outlines.has(outline.layer), () => {
+      const made = toggle(outline.title, outline.is_drawn ? "outlines of the cells as drawn by hand" : `outlines of the cells of ${outline.side}`, state.outlines.has(outline.layer), () => {
         if (!state.outlines.delete(outline.layer)) state.outlines.add(outline.layer);
         state.tell("marks");
         draw();
@@ -62,11 +64,16 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
         state.ruler = null;
         state.tell("marks");
       }),
+      ...(state.description.sides.length > 1 ? [toggle("landmarks", "pairs of one place on both sides: click on one and the other (M)", state.landmarks.active, () => {
+        state.landmarks.active = !state.landmarks.active;
+        state.landmarks.pending = null;
+        state.tell("landmarks");
+      })] : []),
       button("save view", "save what the panes show as PNG", null, actions.save),
       keys,
     );
   };
-  for (const change of ["panes", "link", "marks"] as const) state.on(change, draw);
+  for (const change of ["panes", "link", "marks", "landmarks"] as const) state.on(change, draw);
   draw();
   return bar;
 }

@@ -84,6 +84,12 @@ export class LayerViewer {
     this.viewer.drawer.setImageSmoothingEnabled(smooth);
   }
 
+  /** Whether a double click zooms; where clicks mean places, two of them are two places. */
+  setDoubleClickZoom(zooms: boolean): void {
+    const { gestureSettingsMouse } = this.viewer as unknown as { gestureSettingsMouse: { dblClickToZoom: boolean } };
+    gestureSettingsMouse.dblClickToZoom = zooms;
+  }
+
   get canvas(): HTMLCanvasElement | null {
     return this.element.querySelector("canvas");
   }

@@ -4,10 +4,14 @@ import { CellTable } from "./cells";
 import { Filters } from "./colouring";
 import type { CellPart, Description } from "./description";
 import { element } from "./dom";
+import { LandmarkPanel } from "./landmark_panel";
+import type { Pair } from "./landmarks";
 import { Link } from "./link";
 import { type Paths, outlinePaths } from "./marks";
 import { Pane } from "./pane";
 import { pictureOf } from "./picture";
+import { toShown } from "./placement";
+import { Placer } from "./placer";
 import { FrameDrawer } from "./frame_drawer";
 import { plotQuality } from "./quality";
 import { Readout } from "./readout";
@@ -27,6 +31,8 @@ export class Workspace {
   private paths: Paths = new Map();
   private readonly link: Link;
   private readonly drawer: FrameDrawer;
+  private readonly landmarks: LandmarkPanel;
+  private readonly placer: Placer;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
 
@@ -36,14 +42,17 @@ export class Workspace {
     this.filters = new Filters(description.layers);
     this.link = new Link(this.state, this.wall, () => this.panes);
     this.drawer = new FrameDrawer(this.state, source, (z_mm) => this.go(z_mm));
+    this.landmarks = new LandmarkPanel(this.state, source, (pair) => this.show(pair));
+    this.placer = new Placer(this.state);
     const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save() };
     const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
+    side.append(this.landmarks.element);
     if (description.cells.length) side.append(new CellTable(this.state, (cell) => this.select(cell)).element);
     this.element.append(element("div", { class: "stage" }, toolbar(this.state, actions), this.grid, this.drawer.element), side);
     this.state.on("panes", () => this.refresh());
     this.state.on("colours", () => this.recolour());
     this.state.on("link", () => this.relink());
-    for (const change of ["marks", "cursor", "selection"] as const) this.state.on(change, () => this.redraw());
+    for (const change of ["marks", "cursor", "selection", "landmarks"] as const) this.state.on(change, () => this.redraw());
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
@@ -60,6 +69,7 @@ export class Workspace {
       this.paths = outlinePaths(this.state.description, lines, this.wall);
       this.redraw();
     });
+    void this.landmarks.load();
     requestAnimationFrame(() => requestAnimationFrame(() => this.home()));
   }
 
@@ -82,7 +92,7 @@ export class Workspace {
         this.state.cursor = place;
         this.state.tell("cursor");
       },
-      clicked: (place) => this.click(place),
+      clicked: (place, side) => this.click(place, side),
       closed: (pane) => {
         this.state.panes = this.state.panes.filter((one) => one !== pane.shown);
         this.state.tell("panes");
@@ -121,7 +131,11 @@ export class Workspace {
     for (const pane of this.panes) pane.redraw();
   }
 
-  private click(place: Spot): void {
+  private click(place: Spot, side: string | null): void {
+    if (this.state.landmarks.active) {
+      this.placer.place(place, side, this.panes[0]?.view().mm_per_px ?? 0);
+      return;
+    }
     if (this.state.measuring) {
       const open = this.state.ruler && !this.state.ruler.to ? this.state.ruler : null;
       this.state.ruler = open ? { from: open.from, to: place } : { from: place, to: null };
@@ -152,6 +166,18 @@ export class Workspace {
     else for (const pane of shown) pane.setView(view);
   }
 
+  /** Bring both ends of a landmark pair into view. */
+  private show(pair: Pair): void {
+    this.state.description.frames.forEach((frames, k) => {
+      const place = toShown(frames.placement, k ? pair.b : pair.a);
+      for (const pane of this.panes.filter((one) => one.side === frames.side)) {
+        const view = { ...pane.view(), ...place };
+        if (this.state.linked) this.link.show(view);
+        else pane.setView(view);
+      }
+    });
+  }
+
   /** Mark the place at `z_mm`, and bring it into view. */
   private go(z_mm: number): void {
     const now = this.panes[0]?.view();
@@ -177,6 +203,7 @@ export class Workspace {
 
   private key(event: KeyboardEvent): void {
     const target = event.target;
+    if (this.placer.key(event)) return;
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (target instanceof HTMLInputElement || target instanceof HTMLSelectElement) return;
     const acts: Record<string, () => void> = {
@@ -206,7 +233,9 @@ export class Workspace {
       arrowdown: () => this.step(0, 1),
       arrowleft: () => this.step(-1, 0),
       arrowright: () => this.step(1, 0),
+      m: () => this.placer.toggle(),
       escape: () => {
+        if (this.placer.forget()) return;
         this.state.selected = null;
         this.state.ruler = null;
         this.state.measuring = false;

@@ -1,0 +1,265 @@
+"""Alignments corrected, or established, by landmark pairs, and the error that pairs set apart for that give them.
+
+Pairs correct turn and shift, and the more the farther they lie apart the scale along the bore. Handedness and direction
+stay as they were found, unless three pairs or more contradict them clearly. Where nothing was found, pairs
+establish an alignment by themselves: two, or three that also say which way around it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from endoct.fusion.evidence.evidence import clipped, correlation
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
+from endoct.fusion.geometry.landmarks import LandmarkPair, Role, of_role, residuals_mm
+from endoct.fusion.registration.align import LEFT_BY_INSTRUMENTS
+from endoct.fusion.registration.displacement import STEP_MM, in_one_frame
+from endoct.fusion.registration.pair_fit import PairFit, Scale, covariance_about, fit_pairs
+from endoct.fusion.registration.stretch import FARTHEST
+from endoct.fusion.result import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredAlignment, StoredPlace
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+
+FEWEST = 2
+"""Pairs that establish an alignment where none was found,"""
+FEWEST_FOR_ORIENTATION = 3
+"""and from which on they may say which way around it is."""
+DECISIVE = 16.0
+"""By so much chi² must be less in one orientation than in another: four standard errors."""
+FAR_OFF = 2.0
+"""Pairs that lie so many standard errors off the automatic alignment, root mean square, contradict it."""
+CHECK_PAIRS = "look at the pairs again: one may be on the wrong cell"
+
+
+@dataclass(frozen=True)
+class Bore:
+    """What is known of two sides before any pair: the radius, orientations left open, the scales that are searched."""
+
+    radius_mm: float
+    orientations: tuple[Orientation, ...]
+    z_scale_range: tuple[float, float]
+
+    @property
+    def scale(self) -> Scale:
+        """What is known of the scale without an alignment: anything within the range is as likely."""
+        low, high = self.z_scale_range
+        return Scale(variance=(high - low) ** 2 / 12)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The alignment that pairs lead to, or why there is none, and what is said of that."""
+
+    alignment: Alignment | NotAligned
+    said: ByHand
+
+
+def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore: Bore) -> Judged:
+    """Return what ``pairs`` make of the ``automatic`` alignment, and the error that those set apart state.
+
+    The corrected alignment has no confidence of its own. Raises :class:`EndoctError` where pairs clearly contradict the
+    handedness or the direction that the recordings state, or lie as no bore does.
+    """
+    correcting, why = of_role(pairs, "correct"), ""
+    fit = None
+    if correcting and isinstance(automatic, Alignment):
+        fit = _corrected(correcting, automatic, bore)
+    elif correcting:
+        fit, why = _established(correcting, bore)
+    if fit is not None and fit.alignment.z_scale in FARTHEST:
+        raise EndoctError(
+            "the landmark pairs cannot all be right",
+            found=f"{_named(correcting)}, which do not lie along the bore as on the other side",
+            expected=f"a scale along the bore from {FARTHEST[0]:g} to {FARTHEST[1]:g}",
+            remedy=CHECK_PAIRS,
+        )
+    used = automatic if fit is None else fit.alignment
+    if why and isinstance(used, NotAligned):
+        used = replace(used, reason=f"{used.reason} {why}")
+    return Judged(used, _said(pairs, automatic, used, fit, bore.radius_mm))
+
+
+def align_by_hand(
+    a: Side, b: Side, automatic: Alignment | NotAligned, pairs: Sequence[LandmarkPair], bore: Bore
+) -> Judged:
+    """Return as :func:`judge` what ``pairs`` make of an alignment, with what both sides show in the corrected place.
+
+    Raises :class:`EndoctError` as :func:`judge` does, and where the two share no wall there.
+    """
+    judged = judge(pairs, automatic, bore)
+    if not judged.said.corrected or not isinstance(judged.alignment, Alignment):
+        return judged
+    return replace(judged, alignment=_with_evidence(judged.alignment, a, b))
+
+
+def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: Bore) -> PairFit:
+    own = automatic.mirrored, automatic.z_reversed
+    scale = replace(bore.scale, value=automatic.z_scale)
+    if automatic.covariance and not _contradict(pairs, automatic, bore.radius_mm):
+        scale = replace(scale, variance=automatic.covariance[2][2])
+    fit = fit_pairs(pairs, own, bore.radius_mm, scale)
+    if len(pairs) < FEWEST_FOR_ORIENTATION:
+        return fit
+    best = min(_in_every_orientation(pairs, ALL_ORIENTATIONS, bore), key=lambda one: one.chi2)
+    if not _clearly_better(best, fit):
+        return fit
+    turned = best.alignment.mirrored, best.alignment.z_reversed
+    if turned in bore.orientations:
+        return best
+    raise EndoctError(
+        f"the landmark pairs say that B is {orientation_text(turned)}, and the recordings that it is not",
+        found=f"pairs {fit.misfit or 0:.0f} standard errors apart, {best.misfit or 0:.1f} if it were",
+        expected=f"B {orientation_text(own)}",
+        remedy=f"{CHECK_PAIRS}, or correct handedness and travel in the sidecars",
+    )
+
+
+def _contradict(pairs: Sequence[LandmarkPair], automatic: Alignment, radius_mm: float) -> bool:
+    """Say whether pairs lie farther off an alignment than it allows for: its covariance is then not to be believed."""
+    sigma_mm = np.array([pair.sigma_mm for pair in pairs])
+    turn_mm = radius_mm * np.sqrt(automatic.covariance[0][0] if automatic.covariance else 0.0)
+    own_mm = automatic.z_error_mm([pair.b.z_mm for pair in pairs])
+    allowed_mm = np.stack([np.hypot(sigma_mm, turn_mm), np.hypot(sigma_mm, own_mm)], axis=1)
+    return bool(np.sqrt(np.mean((residuals_mm(pairs, automatic, radius_mm) / allowed_mm) ** 2)) > FAR_OFF)
+
+
+def _established(pairs: Sequence[LandmarkPair], bore: Bore) -> tuple[PairFit | None, str]:
+    """Return the alignment by pairs alone; None, and a sentence on what they lack, where they do not say enough."""
+    is_open = len(bore.orientations) > 1
+    fewest = FEWEST_FOR_ORIENTATION if is_open else FEWEST
+    if len(pairs) < fewest:
+        which = " where nothing says which way around the sides are" if is_open else ""
+        return None, f"{_count(pairs)} cannot establish an alignment: it needs {fewest}{which}."
+    fits = sorted(_in_every_orientation(pairs, bore.orientations, bore), key=lambda one: one.chi2)
+    if len(fits) > 1 and not _clearly_better(fits[0], fits[1]):
+        one, other = (orientation_text((f.alignment.mirrored, f.alignment.z_reversed)) for f in fits[:2])
+        return None, f"{_count(pairs)} fit with B {one} and {other}: they need to lie farther apart."
+    return fits[0], ""
+
+
+def _in_every_orientation(
+    pairs: Sequence[LandmarkPair], orientations: Sequence[Orientation], bore: Bore
+) -> list[PairFit]:
+    return [fit_pairs(pairs, orientation, bore.radius_mm, bore.scale) for orientation in orientations]
+
+
+def _clearly_better(one: PairFit, other: PairFit) -> bool:
+    return other.chi2 - one.chi2 >= DECISIVE * max(1.0, (one.misfit or 0.0) ** 2)
+
+
+def _with_evidence(alignment: Alignment, a: Side, b: Side) -> Alignment:
+    one, two = a.evidence, b.evidence
+    of_b_mm = alignment.z_to_a(two.z_mm)
+    first_mm, last_mm = max(one.z_mm[0], of_b_mm.min()), min(one.z_mm[-1], of_b_mm.max())
+    if last_mm - first_mm < 2 * STEP_MM:
+        raise EndoctError(
+            f"as the landmark pairs lay {b.name} on {a.name}, the two share no wall",
+            found=f"{b.name} from z = {of_b_mm.min():.2f} to {of_b_mm.max():.2f} mm",
+            expected=f"some of it between {one.z_mm[0]:.2f} and {one.z_mm[-1]:.2f} mm",
+            remedy=CHECK_PAIRS,
+        )
+    there_a, there_b = in_one_frame(clipped(one), clipped(two), alignment, 0.0)
+    shared_mm2 = float((there_a.valid & there_b.valid).sum()) * STEP_MM * there_a.column_mm
+    covariance = np.array(alignment.covariance)
+    if (one.kind == "relief") != (two.kind == "relief"):
+        direction = -1.0 if alignment.z_reversed else 1.0
+        of_turn, of_place, of_scale = (left**2 for left in LEFT_BY_INSTRUMENTS)
+        covariance += covariance_about(direction * float(two.z_mm[[0, -1]].mean()), of_turn, of_place, of_scale)
+    return replace(
+        alignment,
+        correlation=correlation(there_a, there_b),
+        overlap_mm2=shared_mm2,
+        covariance=as_covariance(covariance),
+    )
+
+
+def _said(
+    pairs: Sequence[LandmarkPair],
+    automatic: Alignment | NotAligned,
+    used: Alignment | NotAligned,
+    fit: PairFit | None,
+    radius_mm: float,
+) -> ByHand:
+    found = automatic if isinstance(automatic, Alignment) else None
+    before = None if found is None else residuals_mm(pairs, found, radius_mm)
+    after = residuals_mm(pairs, used, radius_mm) if isinstance(used, Alignment) else None
+    turned = fit is not None and (
+        found is None or (found.mirrored, found.z_reversed) != (fit.alignment.mirrored, fit.alignment.z_reversed)
+    )
+    return ByHand(
+        corrected=fit is not None,
+        automatic=StoredAlignment.of(automatic if isinstance(automatic, Alignment) else automatic.best),
+        automatic_reason=None if isinstance(automatic, Alignment) else automatic.reason,
+        scale_share=0.0 if fit is None else fit.scale_share,
+        orientation_by_pairs=turned,
+        moved=None if fit is None or found is None or turned else _moved(found, fit.alignment, pairs, radius_mm),
+        misfit=None if fit is None else fit.misfit,
+        pairs=tuple(
+            PlacedPair(
+                name=pair.name,
+                role=pair.role,
+                a=StoredPlace(theta_rad=pair.a.theta_rad, z_mm=pair.a.z_mm),
+                b=StoredPlace(theta_rad=pair.b.theta_rad, z_mm=pair.b.z_mm),
+                sigma_mm=pair.sigma_mm,
+                before=distance(before, k),
+                after=distance(after, k),
+            )
+            for k, pair in enumerate(pairs)
+        ),
+        correct=distances(pairs, "correct", after),
+        check=distances(pairs, "check", after),
+    )
+
+
+def distance(residuals: Coordinates | None, k: int) -> PairDistance | None:
+    """Return how far pair ``k`` lies apart, of :func:`residuals_mm`; None where there are none."""
+    if residuals is None:
+        return None
+    around_mm, along_mm = (float(value) for value in residuals[k])
+    return PairDistance(around_mm=around_mm, along_mm=along_mm, distance_mm=float(np.hypot(around_mm, along_mm)))
+
+
+def _moved(old: Alignment, new: Alignment, pairs: Sequence[LandmarkPair], radius_mm: float) -> Moved:
+    middle_mm = float(np.mean([pair.b.z_mm for pair in of_role(pairs, "correct")]))
+    turn_rad = float(np.angle(np.exp(1j * (new.theta_shift_rad - old.theta_shift_rad))))
+    return Moved(
+        around_mm=turn_rad * radius_mm,
+        along_mm=float(new.z_to_a(middle_mm) - old.z_to_a(middle_mm)),
+        turn_rad=turn_rad,
+        z_scale=new.z_scale / old.z_scale,
+    )
+
+
+def distances(pairs: Sequence[LandmarkPair], role: Role, residuals: Coordinates | None) -> Distances | None:
+    """Return how far the pairs of one role lie apart, of :func:`residuals_mm` of all; None where there are none."""
+    chosen = [k for k, pair in enumerate(pairs) if pair.role == role]
+    if residuals is None or not chosen:
+        return None
+    around_mm, along_mm = np.abs(residuals[chosen]).T
+    apart_mm = np.hypot(around_mm, along_mm)
+    return Distances(
+        pairs=len(chosen),
+        median_mm=float(np.median(apart_mm)),
+        max_mm=float(apart_mm.max()),
+        around_median_mm=float(np.median(around_mm)),
+        around_max_mm=float(around_mm.max()),
+        along_median_mm=float(np.median(along_mm)),
+        along_max_mm=float(along_mm.max()),
+    )
+
+
+def orientation_text(orientation: Orientation) -> str:
+    """Return an orientation in words, "mirrored in θ"."""
+    mirrored, z_reversed = orientation
+    turns = ["mirrored in θ"] * mirrored + ["reversed in z"] * z_reversed
+    return " and ".join(turns) or "neither mirrored nor reversed"
+
+
+def _count(pairs: Sequence[LandmarkPair]) -> str:
+    return f"{len(pairs)} landmark pair{'s' * (len(pairs) != 1)}"
+
+
+def _named(pairs: Sequence[LandmarkPair]) -> str:
+    return ", ".join(pair.name or "one without a name" for pair in pairs[:5])

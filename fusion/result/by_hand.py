@@ -1,0 +1,89 @@
+"""What was done by hand to the alignment of a comparison, and what landmark pairs say of it."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from endoct.fusion.result.part import Count, Number, Part
+from endoct.fusion.result.stored_alignment import StoredAlignment
+
+
+class StoredPlace(Part):
+    """A place on the wall of one side, in the frame of its own panorama."""
+
+    theta_rad: Number
+    z_mm: Number
+
+
+class PairDistance(Part):
+    """By how much B's place of a pair, moved into A's frame, lies off A's: signed, and in all."""
+
+    around_mm: Number
+    along_mm: Number
+    distance_mm: Number
+
+
+class PlacedPair(Part):
+    """A landmark pair with its distance under the automatic alignment and under the one that was used.
+
+    None where there is no such alignment.
+    """
+
+    name: str
+    role: Literal["correct", "check"]
+    a: StoredPlace
+    b: StoredPlace
+    sigma_mm: Number
+    before: PairDistance | None
+    after: PairDistance | None
+
+
+class Distances(Part):
+    """Medians and largest of the distances of several pairs; around and along the bore regardless of sign."""
+
+    pairs: Count
+    median_mm: Number
+    max_mm: Number
+    around_median_mm: Number
+    around_max_mm: Number
+    along_median_mm: Number
+    along_max_mm: Number
+
+
+class Moved(Part):
+    """By how much pairs moved B against the automatic alignment; ``around_mm`` and ``along_mm`` amid the pairs."""
+
+    around_mm: Number
+    along_mm: Number
+    turn_rad: Number
+    z_scale: Number
+
+
+class ByHand(Part):
+    """What landmark pairs did to an alignment, and what they say of it.
+
+    Attributes
+    ----------
+    corrected: whether pairs moved, or established, the alignment.
+    automatic: the best alignment found without them; ``automatic_reason`` says why it was not accepted, where it was
+        not.
+    scale_share: how much of the scale along the bore is theirs, 0 to 1; the rest is what was known before them.
+    orientation_by_pairs: whether handedness and direction are theirs.
+    moved: None where nothing was moved, or there was nothing that could be.
+    misfit: how many times as far as their ``sigma_mm`` says the correcting pairs lie apart once they have corrected;
+        None where they decide too little to say.
+    pairs: every pair, in the order of the session.
+    correct: what is left between the correcting pairs, which is no error of the alignment; ``check``: its error, by the
+        pairs that had no part in it.
+    """
+
+    corrected: bool
+    automatic: StoredAlignment | None
+    automatic_reason: str | None = None
+    scale_share: Number = 0.0
+    orientation_by_pairs: bool = False
+    moved: Moved | None = None
+    misfit: Number | None = None
+    pairs: Annotated[tuple[PlacedPair, ...], Field(strict=False)]
+    correct: Distances | None = None
+    check: Distances | None = None

@@ -1,0 +1,81 @@
+"""The marked place in frames as recorded: where the plug-in's table has it, around the circle, and nowhere else."""
+
+import io
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mock_comparison import mock_pictures
+from page_browser import Watched, browser, opened
+from PIL import Image
+from workbench_page import serving, written
+
+from endoct.modalities.contract import Seen
+from endoct.workbench.report.pictures import save_pictures
+
+N_THETA = 360
+LEFT, TOP, RIGHT, BELOW = 40, 4, 6, 28
+"""Margins of a picture on its canvas, px."""
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with browser() as started:
+        yield started
+
+
+def shown(folder: Path, rotation_rad: np.ndarray, depth_mm: float) -> Path:
+    """Write a comparison whose B-scan sees θ at ``rotation_rad`` (360,) and ``depth_mm``."""
+    made = written(folder)
+    raw, flat = mock_pictures()
+    xy = np.stack([rotation_rad, np.full(N_THETA, depth_mm)], axis=1)[np.newaxis]
+    for name in ("oct", "endoscope"):
+        save_pictures(made / "pictures", name, "0007", [replace(raw, seen=Seen(np.array([1.4]), xy)), flat])
+    return made
+
+
+def target(page: Watched) -> tuple[float, float]:
+    """Return the middle of the pink ring on the first picture, as shares of its width and height."""
+    canvas = page.page.locator(".drawer canvas").first
+    page.page.wait_for_timeout(300)
+    image = np.asarray(Image.open(io.BytesIO(canvas.screenshot())).convert("RGB")).astype(int)
+    inside = image[TOP : image.shape[0] - BELOW, LEFT : image.shape[1] - RIGHT]
+    pink = np.abs(inside - (0xFF, 0x2F, 0xA0)).max(axis=2) < 60
+    rows = np.flatnonzero(pink.sum(axis=1) >= 6)  # the ring and its ticks; a dashed line is 2 px wide
+    assert rows.size, "nothing is marked"
+    columns = np.flatnonzero(pink[rows].any(axis=0))
+    return float(columns.mean() / inside.shape[1]), float((rows[0] + rows[-1]) / 2 / inside.shape[0])
+
+
+def mark(page: Watched, theta_deg: float) -> None:
+    """Mark the place at ``theta_deg`` in the middle of the wall, from a pane that shows all of it."""
+    box = page.page.locator(".view").nth(1).bounding_box()
+    now = page.panes()[1]
+    radius_mm = 1.25
+    x = np.radians(theta_deg - now["thetaDeg"]) * radius_mm / now["mmPerPx"]
+    page.page.mouse.click(box["x"] + box["width"] / 2 + x, box["y"] + box["height"] / 2)
+    page.page.wait_for_selector(".drawer figure")
+    page.page.mouse.move(5, 5)
+
+
+@pytest.mark.parametrize("theta_deg", [100.0, 250.0])
+def test_the_place_is_marked_where_it_was_recorded(chromium: Any, tmp_path: Path, theta_deg: float):
+    # the turn began at 40°, the other way around
+    rotation = np.mod(np.radians(40 - np.arange(N_THETA)), 2 * np.pi)
+    with serving(shown(tmp_path / "seen", rotation, 1.5)) as served, opened(chromium, served.url) as page:
+        mark(page, theta_deg)
+        x, y = target(page)
+        assert "place not marked" not in page.page.locator(".drawer figure").first.inner_text()
+        assert x == pytest.approx(np.radians((40 - theta_deg) % 360) / 6.2, abs=0.02)
+        assert y == pytest.approx(1.5 / 2.5, abs=0.03)
+
+
+def test_what_a_frame_does_not_see_is_not_marked(chromium: Any, tmp_path: Path):
+    folder = shown(tmp_path / "unseen", np.full(N_THETA, np.nan), np.nan)
+    with serving(folder) as served, opened(chromium, served.url) as page:
+        mark(page, 100.0)
+        with pytest.raises(AssertionError, match="nothing is marked"):
+            target(page)

@@ -1,0 +1,176 @@
+/** The list of landmark pairs: what each is for, how far apart its ends lie, and what all of them say together. */
+
+import { button, element, select } from "./dom";
+import type { Distance, Distances, Judged, Pair, Role, SessionState } from "./landmarks";
+import type { Source } from "./source";
+import type { State } from "./state";
+
+const ROLES = [["correct", "corrects"], ["check", "checks"]] as const;
+
+export class LandmarkPanel {
+  readonly element = element("section", { class: "landmarks", "aria-label": "landmarks" });
+  private readonly heading = element("h2");
+  private readonly hint = element("p", { class: "hint", "aria-live": "polite" });
+  private readonly body = element("tbody");
+  private readonly command = element("details"); // one, so that it stays open
+  private readonly foot = element("div", { class: "said", "aria-live": "polite" });
+  private session: SessionState | null = null;
+  private asked = "";
+  private asking = false;
+  private message = "";
+
+  constructor(
+    private readonly state: State,
+    private readonly source: Source,
+    private readonly chosen: (pair: Pair) => void,
+  ) {
+    const heads = ["", "name", "it", "now", "then", ""].map((title, k) =>
+      element("th", { scope: "col", title: ["", "", "what the pair is for", "mm apart as shown", "mm apart once the pairs have corrected", ""][k] ?? "" }, title));
+    this.element.append(this.heading, this.hint,
+      element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads)), this.body)),
+      this.foot);
+    state.on("landmarks", () => this.follow());
+    window.addEventListener("beforeunload", (event) => {
+      if (!state.landmarks.isSaved) event.preventDefault();
+    });
+  }
+
+  async load(): Promise<void> {
+    this.session = await this.source.session();
+    if (this.session) {
+      this.state.landmarks.load(this.session.pairs);
+      this.state.landmarks.judged = this.session.judged;
+      this.asked = JSON.stringify(this.session.pairs);
+      this.message = this.session.refused;
+    }
+    this.state.tell("landmarks");
+  }
+
+  private follow(): void {
+    this.draw();
+    if (!this.asking) void this.ask();
+  }
+
+  /** One question at a time, always about the pairs that there are by then. */
+  private async ask(): Promise<void> {
+    this.asking = true;
+    const { landmarks } = this.state;
+    for (;;) {
+      const { pairs } = landmarks;
+      const wanted = JSON.stringify(pairs);
+      if (this.asked === wanted) break;
+      this.asked = wanted;
+      const judged = await this.source.judge(pairs).catch(() => null);
+      if (landmarks.pairs === pairs) landmarks.judged = judged;
+      this.draw();
+    }
+    this.asking = false;
+  }
+
+  private draw(): void {
+    const { landmarks } = this.state;
+    this.element.hidden = !landmarks.active && !landmarks.pairs.length;
+    const tell = (): void => this.state.tell("landmarks");
+    const act = (label: string, title: string, can: boolean, does: () => void): HTMLButtonElement => {
+      const made = button(label, title, null, does);
+      made.disabled = !can;
+      return made;
+    };
+    this.heading.replaceChildren("Landmarks ", element("small", {}, landmarks.pairs.length ? `${landmarks.pairs.length}${landmarks.isSaved ? "" : ", not saved"}` : ""),
+      element("span", { class: "actions" },
+        act("undo", "take back the last step (Ctrl+Z)", landmarks.canUndo, () => { landmarks.undo(); tell(); }),
+        act("redo", "make it again (Ctrl+Shift+Z)", landmarks.canRedo, () => { landmarks.redo(); tell(); }),
+        act("save session", this.source.canSave ? `write ${this.session?.file ?? "the session file"}` : "download the session file",
+          this.session !== null && !this.session.refused, () => void this.save())));
+    this.hint.textContent = this.hintText();
+    this.hint.hidden = !landmarks.active;
+    const focused = this.body.contains(document.activeElement) ? document.activeElement?.getAttribute("data-at") : null;
+    this.body.replaceChildren(...landmarks.pairs.map((pair, k) => this.row(pair, k)));
+    if (focused) this.body.querySelector<HTMLElement>(`[data-at="${focused}"]`)?.focus();
+    this.foot.replaceChildren(...this.said());
+  }
+
+  private hintText(): string {
+    const { landmarks, description } = this.state;
+    const [a, b] = description.sides;
+    if (landmarks.pending) {
+      return `Now click on the same place in a pane of ${landmarks.pending.side === a ? b : a}. Escape forgets the first.`;
+    }
+    return `Click on a place in a pane of ${a}, and on the same place in one of ${b}.`;
+  }
+
+  private row(pair: Pair, k: number): HTMLTableRowElement {
+    const { landmarks } = this.state;
+    const tell = (): void => this.state.tell("landmarks");
+    const name = element("input", { "aria-label": `name of pair ${k + 1}`, maxlength: "100", "data-at": `name-${k}` });
+    name.value = pair.name;
+    name.addEventListener("change", () => { landmarks.replace(k, { name: name.value }); tell(); });
+    const role = select(`what pair ${k + 1} is for`, ROLES, pair.role, (value) => { landmarks.replace(k, { role: value as Role }); tell(); });
+    role.dataset["at"] = `role-${k}`;
+    const { judged } = landmarks;
+    const then = judged?.by_hand?.corrected ? judged.by_hand.pairs[k]?.after : null;
+    const go = button(String(k + 1), "go there", null, () => this.chosen(pair));
+    go.className = `disc ${pair.role}`;
+    return element("tr", {},
+      element("td", {}, go), element("td", {}, name), element("td", {}, role),
+      distanceCell(judged?.present.each[k] ?? null), distanceCell(then ?? null),
+      element("td", {}, button("×", `delete pair ${k + 1}`, null, () => { landmarks.remove(k); tell(); })));
+  }
+
+  private said(): HTMLElement[] {
+    const { landmarks } = this.state;
+    const { judged } = landmarks;
+    const parts: HTMLElement[] = [];
+    if (landmarks.pairs.length && judged) {
+      const corrected = judged.by_hand?.corrected ?? false;
+      parts.push(element("p", { class: "error" }, element("b", {}, "Error now: "), errorText(judged.present.check)));
+      if (corrected) parts.push(element("p", { class: "error" }, element("b", {}, "Then: "), errorText(judged.by_hand?.check ?? null), movedText(judged, this.state.description.sides[1] ?? "")));
+    } else if (landmarks.pairs.length) {
+      parts.push(element("p", {}, "Distances are computed where the page is served (endoct serve)."));
+    }
+    for (const text of judged?.said ?? []) parts.push(element("p", { class: "soft" }, text));
+    for (const text of [judged?.error, this.message]) if (text) parts.push(element("p", { class: "refused", role: "alert" }, text));
+    if (landmarks.pairs.length && this.session?.command) {
+      const first = landmarks.isSaved ? [] : [element("p", {}, "Save the session first.")];
+      if (!this.source.canSave) first.push(element("p", {}, "In the folder of the comparison, with the session in it:"));
+      this.command.replaceChildren(element("summary", {}, "Compare with these landmarks"), ...first, element("code", {}, this.session.command));
+      parts.push(this.command);
+    }
+    return parts;
+  }
+
+  private async save(): Promise<void> {
+    if (!this.session) return;
+    const { pairs } = this.state.landmarks;
+    try {
+      this.session.saved = await this.source.saveSession(this.session, pairs);
+      this.state.landmarks.markSaved(pairs);
+      this.message = "";
+    } catch (error) {
+      this.message = error instanceof Error ? error.message : String(error);
+    }
+    this.state.tell("landmarks");
+  }
+}
+
+function distanceCell(distance: Distance | null): HTMLTableCellElement {
+  if (!distance) return element("td", {}, "–");
+  const title = `${signed(distance.around_mm)} mm around, ${signed(distance.along_mm)} mm along the bore`;
+  return element("td", { title }, distance.distance_mm.toFixed(3));
+}
+
+function errorText(check: Distances | null): string {
+  if (!check) return "not known, no pair checks.";
+  const by = `by ${check.pairs} pair${check.pairs === 1 ? "" : "s"}`;
+  const most = check.pairs === 1 ? "" : ` (median), ${check.max_mm.toFixed(3)} mm at most`;
+  return `${check.median_mm.toFixed(3)} mm${most}, ${by}; ${check.around_median_mm.toFixed(3)} mm around, ${check.along_median_mm.toFixed(3)} mm along.`;
+}
+
+function movedText(judged: Judged, side: string): string {
+  const moved = judged.by_hand?.moved;
+  return moved ? ` The pairs that correct move ${side} by ${Math.hypot(moved.around_mm, moved.along_mm).toFixed(3)} mm.` : "";
+}
+
+function signed(value: number): string {
+  return `${value >= 0 ? "+" : "−"}${Math.abs(value).toFixed(3)}`;
+}

@@ -1,0 +1,236 @@
+"""The landmarks of a comparison on the page: loaded from its session file, judged as `endoct compare` does, and saved.
+
+The session file is the only thing that the page ever writes.
+"""
+
+import hashlib
+import shlex
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from endoct.fusion.doubts_by_hand import doubts_by_hand
+from endoct.fusion.files.session import (
+    NAME,
+    Identity,
+    Session,
+    check_sides,
+    identity_of,
+    object_from,
+    pair_json,
+    pairs_from,
+    recorded_identity,
+    session_from,
+)
+from endoct.fusion.files.store import ComparisonOutline
+from endoct.fusion.geometry.alignment import Alignment, NotAligned
+from endoct.fusion.geometry.landmarks import LandmarkPair, Place, residuals_mm
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.registration.align import orientations_of
+from endoct.fusion.registration.by_hand import Bore, distance, distances, judge
+from endoct.fusion.result import ByHand, PairDistance, Result
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import SMALL_BYTES, read_small, sha256_of
+from endoct.stitching.output import new_output
+from endoct.stitching.store import PanoramaOutline, load_panorama
+from endoct.stitching.store import read_outline as read_panorama
+
+KIND = "session"
+PLAIN = ("corrected-by-hand", "aligned-by-hand")
+"""Doubts that say no more than that pairs correct."""
+POSTED = "what the page sent"
+
+
+@dataclass(frozen=True, eq=False)
+class Sessions:
+    """The session file of a comparison's ``folder``, and what landmark pairs are judged by.
+
+    Attributes: ``names`` of the sides, ``outlines`` of their panoramas; ``automatic``, the alignment found without
+    pairs, ``present`` the one that is shown, None where there is none; ``used``, pairs that have corrected it already;
+    ``refused``, why there can be no session here, else "".
+    """
+
+    folder: Path
+    names: tuple[str, str]
+    outlines: tuple[PanoramaOutline, PanoramaOutline]
+    automatic: Alignment | NotAligned
+    present: Alignment | None
+    used: tuple[LandmarkPair, ...]
+    parameters: CompareParameters
+    refused: str = ""
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    @property
+    def path(self) -> Path:
+        """Where the session file lies."""
+        return self.folder / NAME
+
+    @cached_property
+    def identities(self) -> tuple[Identity, Identity]:
+        """The two sides, as a session file has them."""
+        stores = [self.folder / "panoramas" / f"{name}.zarr" for name in self.names]
+        a, b = (
+            recorded_identity(name, outline.provenance) or identity_of(name, load_panorama(store))
+            for name, outline, store in zip(self.names, self.outlines, stores, strict=True)
+        )
+        return a, b
+
+    def state(self, *, offline: bool = False) -> dict[str, Any]:
+        """Return the session for the page: its pairs, those that were used already where there is no file.
+
+        ``saved`` is the digest of the file, None where there is none; ``refused`` says why nothing can be saved. What
+        an ``offline`` page says holds wherever the folder lies: its paths are seen from within that.
+        """
+        pairs, saved, refused = self.used, None, self.refused
+        if not refused:
+            try:
+                found = self._stored()
+                if found is not None:
+                    pairs, saved = found[0].pairs, found[1]
+            except EndoctError as error:
+                refused = f"{error}. Nothing can be saved while it is there."
+        return {
+            "sides": [vars(side) for side in self.identities],
+            "pairs": [pair_json(pair) for pair in pairs],
+            "saved": saved,
+            "refused": refused,
+            "file": NAME if offline else str(self.path),
+            "command": self.command(Path() if offline else self.folder),
+            "judged": self.judged(pairs),
+        }
+
+    def judged(self, pairs: Sequence[LandmarkPair]) -> dict[str, Any]:
+        """Return for the page how far ``pairs`` lie apart now, and what `endoct compare --session` would make of them.
+
+        ``by_hand`` as in ``result.json``; null with ``error`` where they would be refused.
+        """
+        radius_mm = self.outlines[0].grid.radius_mm
+        now = None if self.present is None or not pairs else residuals_mm(pairs, self.present, radius_mm)
+        present: dict[str, Any] = {
+            "each": [_json(distance(now, k)) for k in range(len(pairs))],
+            "check": _json(distances(pairs, "check", now)),
+        }
+        scales = self.parameters.z_scale_min, self.parameters.z_scale_max
+        try:
+            judged = judge(pairs, self.automatic, Bore(radius_mm, orientations_of(*self.outlines), scales))
+        except EndoctError as error:
+            return {"present": present, "by_hand": None, "said": [], "error": str(error)}
+        said = []
+        if isinstance(judged.alignment, Alignment):
+            doubts = doubts_by_hand(judged.said, judged.alignment, self.names[1], self.parameters)
+            said = [doubt.what for doubt in doubts if doubt.code not in PLAIN]
+        elif pairs:
+            said = [judged.alignment.reason]
+        return {"present": present, "by_hand": _json(judged.said), "said": said, "error": ""}
+
+    def judged_from(self, data: bytes) -> dict[str, Any]:
+        """Return as :meth:`judged` what is to be said of posted pairs. Raises :class:`EndoctError` for nonsense."""
+        return self.judged(pairs_from(object_from(data, POSTED), POSTED))
+
+    def save(self, data: bytes) -> dict[str, Any]:
+        """Write posted pairs into the session file and return its digest as ``saved``.
+
+        ``based_on`` in ``data`` is the digest of the file that the page had read, null where there was none. Raises
+        :class:`EndoctError` for nonsense, and where the file is another by now, a link, or no session of these sides.
+        """
+        if self.refused:
+            raise EndoctError(self.refused)
+        posted = object_from(data, POSTED)
+        based_on = posted.pop("based_on", None)
+        session = Session(self.identities, pairs_from(posted, POSTED))
+        content = session.to_bytes()
+        session_from(content, POSTED)  # what is written can be read
+        with self._lock:
+            found = self._stored()
+            if (found and found[1]) != based_on:
+                raise EndoctError(
+                    f"{self.path} was changed meanwhile, by another window perhaps",
+                    remedy="note what you placed and load the page anew",
+                )
+            with new_output(
+                self.path, KIND, overwrite=found is not None, is_ours=lambda path: sha256_of(path) == based_on
+            ) as scratch:
+                scratch.write_bytes(content)
+        return {"saved": hashlib.sha256(content).hexdigest()}
+
+    def command(self, folder: Path) -> str:
+        """Return the command line that compares anew with the session file; ``folder``: the comparison's from there."""
+        stores = [str(folder / "panoramas" / f"{name}.zarr") for name in self.names]
+        chosen = self.parameters.model_dump(mode="json", exclude_defaults=True)
+        options = [part for key, value in chosen.items() for part in ("--set", f"{key}={_toml(value)}")]
+        above = Path("..") if folder == Path() else folder.parent
+        output = above / f"{self.folder.resolve().name}-by-hand"
+        parts = ["endoct", "compare", *stores, "-o", str(output), "--session", str(folder / NAME), *options]
+        return shlex.join(parts)
+
+    def _stored(self) -> tuple[Session, str] | None:
+        """Return the session in the file and the file's digest; None where there is no file."""
+        if self.path.is_symlink():
+            raise EndoctError(f"{self.path} is a link", expected="a session file", remedy="move it away")
+        if not self.path.exists():
+            return None
+        data = read_small(self.path, SMALL_BYTES)
+        session = session_from(data, str(self.path))
+        check_sides(session, self.identities, str(self.path))
+        return session, hashlib.sha256(data).hexdigest()
+
+
+def session_of(folder: Path, outline: ComparisonOutline) -> Sessions:
+    """Return what the page knows of landmarks on the comparison in ``folder``."""
+    result = outline.result
+    outlines = tuple(read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names)
+    turned = "The rows of this comparison were turned (correct_twist), so that landmarks cannot be placed on them."
+    by_hand = result.by_hand
+    return Sessions(
+        folder=folder,
+        names=outline.names,
+        outlines=(outlines[0], outlines[1]),
+        automatic=_automatic(outline),
+        present=outline.alignment,
+        used=() if by_hand is None else _used(by_hand),
+        parameters=_parameters(result),
+        refused=turned if result.twist is not None else "",
+    )
+
+
+def _automatic(outline: ComparisonOutline) -> Alignment | NotAligned:
+    """Return the alignment that was found without pairs, or why there was none."""
+    by_hand, result = outline.result.by_hand, outline.result
+    if by_hand is None:
+        best = None if result.best_unbelieved is None else result.best_unbelieved.to_alignment()
+        return outline.alignment or NotAligned(result.reason or "", best)
+    found = None if by_hand.automatic is None else by_hand.automatic.to_alignment()
+    if by_hand.automatic_reason is None and found is not None:
+        return found
+    return NotAligned(by_hand.automatic_reason or "", found)
+
+
+def _used(by_hand: ByHand) -> tuple[LandmarkPair, ...]:
+    return tuple(
+        LandmarkPair(
+            Place(pair.a.theta_rad, pair.a.z_mm), Place(pair.b.theta_rad, pair.b.z_mm), pair.role, pair.name,
+            pair.sigma_mm,
+        )
+        for pair in by_hand.pairs
+    )  # fmt: skip
+
+
+def _parameters(result: Result) -> CompareParameters:
+    """Return the parameters of the comparison as far as they are some; a result may come from another version."""
+    stored = result.parameters.get("compare") or {}
+    known = {key: value for key, value in stored.items() if key in CompareParameters.model_fields}
+    try:
+        return CompareParameters.model_validate(known)
+    except ValueError:
+        return CompareParameters()
+
+
+def _json(part: ByHand | PairDistance | Any | None) -> Any:
+    return None if part is None else part.model_dump(mode="json")
+
+
+def _toml(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
