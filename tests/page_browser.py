@@ -69,7 +69,7 @@ def opened(started: Any, url: str, ready: str = "", **context: Any) -> Iterator[
     if not ready:
         watched.settle()
     yield watched
-    assert watched.errors == []
+    assert watched.errors == [], "; ".join(watched.errors)
     here = ("data:", "blob:", url.split("?")[0])
     assert [one for one in watched.asked if not one.startswith(here)] == []
     made.close()

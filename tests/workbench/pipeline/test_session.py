@@ -73,10 +73,10 @@ def test_a_session_corrects_and_every_place_says_so(
     report = (output / "report.html").read_text(encoding="utf-8")
     assert "Corrected by 2 landmark pairs" in report
     shown = open_shown(output)
-    assert shown.description.headline.startswith(
+    assert shown.heading.verdict.headline.startswith(
         "Corrected by 2 landmark pairs; 1 pair that had no part in it lies 0.0"
     )
-    assert shown.description.level == "doubted"
+    assert shown.heading.verdict.level == "doubted"
     # what corrected it is there to go on from, and starts from the automatic alignment again
     assert shown.session is not None
     state = shown.session.state()

@@ -48,7 +48,7 @@ export class LandmarkPanel {
 
   private follow(): void {
     this.draw();
-    if (!this.asking) void this.ask();
+    if (this.session && !this.asking) void this.ask();
   }
 
   /** One question at a time, always about the pairs that there are by then. */
