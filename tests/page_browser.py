@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 QUIET = (
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 )  # fmt: skip
 
@@ -39,15 +39,18 @@ class Watched:
         pytest.fail("the panes do not come to rest")
 
 
+SOFTWARE_WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
 @contextmanager
-def browser() -> Iterator[Any]:
+def browser(graphics: tuple[str, ...] = ("--disable-gpu",)) -> Iterator[Any]:
     """Start the browser; the test is skipped where there is none."""
     path = shutil.which("chromium") or shutil.which("chromium-browser")
     if path is None:
         pytest.skip("there is no Chromium on this machine")
     playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
     with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=path, args=list(QUIET))
+        started = driver.chromium.launch(executable_path=path, args=[*QUIET, *graphics])
         yield started
         started.close()
 

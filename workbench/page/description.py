@@ -141,11 +141,14 @@ class FramesPart:
 class Description:
     """What the page's program is told besides images.
 
-    Attributes: ``title``, what the page is called; ``panes`` the layers that are shown at first; ``has_common_places``:
-    whether a place is the same in every layer.
+    Attributes: ``title``, what the page is called; ``verdict``, what is said against it in a figure's caption, "" for
+    nothing; ``endoct``, the version that made it; ``panes`` the layers that are shown at first; ``has_common_places``:
+    whether a place is the same in every layer; ``has_volume``: whether there is a dense volume.
     """
 
     title: str
+    verdict: str
+    endoct: str
     sides: tuple[str, ...]
     wall: WallPart
     layers: tuple[LayerPart, ...]
@@ -154,6 +157,7 @@ class Description:
     frames: tuple[FramesPart, ...]
     panes: tuple[str, ...]
     has_common_places: bool
+    has_volume: bool
 
     def to_json(self) -> dict[str, object]:
         """Return the description as an object of lists, dicts, texts and numbers only."""

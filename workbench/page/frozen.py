@@ -13,6 +13,7 @@ from endoct.stitching.parallel import thread_map
 from endoct.workbench.page.description import Description
 from endoct.workbench.page.document import document
 from endoct.workbench.page.layer import is_blank, png_of
+from endoct.workbench.page.relief import MOST_SAMPLES
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import TILE_PX, Tile
 from endoct.workbench.report.sections import Section
@@ -29,17 +30,19 @@ def frozen_page(shown: Shown, sections: Sequence[Section], data: str, remark: st
 
     ``data`` is its :func:`frozen_data`; ``remark`` is said at its end.
     """
-    script, style = (files(PACKAGE).joinpath("bundle", name).read_text("utf-8") for name in ("page.js", "page.css"))
+    names = ("cylinder.js", "page.js", "page.css")
+    cylinder, script, style = (files(PACKAGE).joinpath("bundle", name).read_text("utf-8") for name in names)
     policy = (
-        f"default-src 'none'; script-src {_digest(script)}; style-src {_digest(style)} {_digest('')}; "
-        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; script-src {_digest(cylinder)} {_digest(script)}; "
+        f"style-src {_digest(style)} {_digest('')}; img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
     head = (
         f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n'
         f'<meta name="referrer" content="no-referrer">\n<style>{style}</style>\n'
     )
     before, end, after = document(shown.heading, sections, head=head, remark=remark).rpartition("</body>")
-    foot = f'<script type="application/json" id="frozen">{data}</script>\n<script>{script}</script>\n'
+    scripts = "".join(f"<script>{one}</script>\n" for one in (cylinder, script))
+    foot = f'<script type="application/json" id="frozen">{data}</script>\n{scripts}'
     return f"{before}{foot}{end}{after}"
 
 
@@ -53,6 +56,7 @@ def frozen_data(shown: Shown) -> str:
         "outlines": shown.outlines(),
         "pictures": pictures_of(shown),
         "tiles": tiles_of(shown),
+        "reliefs": reliefs_of(shown),
         "session": None if shown.session is None else shown.session.state(offline=True),
         "type": "image/png",
     }
@@ -61,8 +65,9 @@ def frozen_data(shown: Shown) -> str:
 
 
 def _alone(description: Description) -> Description:
-    """Return the description without what only a server can do: to read recordings again, from where they lie."""
-    return replace(description, frames=tuple(replace(part, recording="") for part in description.frames))
+    """Return the description without what only a server can do: to read recordings again, and to send a volume."""
+    frames = tuple(replace(part, recording="") for part in description.frames)
+    return replace(description, frames=frames, has_volume=False)
 
 
 def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
@@ -71,6 +76,13 @@ def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
         part.side: {str(place): shown.pictures(part.side, place) for place in part.pictured}
         for part in shown.description.frames
     }
+
+
+def reliefs_of(shown: Shown) -> dict[str, str]:
+    """Return the reliefs of the sides in base64, together of no more samples than one may have."""
+    keys = shown.reliefs
+    held = {key: shown.relief(key, MOST_SAMPLES // len(keys)) for key in keys}
+    return {key: base64.b64encode(one).decode("ascii") for key, one in held.items()}
 
 
 def tiles_of(shown: Shown) -> dict[str, list[dict[str, str]]]:

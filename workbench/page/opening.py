@@ -13,7 +13,7 @@ from endoct.stitching.window import ChunkCache
 from endoct.workbench.page.cells import cell_parts
 from endoct.workbench.page.description import Description, OutlinePart, WallPart
 from endoct.workbench.page.frames import frames_part
-from endoct.workbench.page.heading import Fact, comparison_heading, panorama_heading
+from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
 from endoct.workbench.page.layer import Classes
 from endoct.workbench.page.layers import (
     CELLS,
@@ -27,6 +27,7 @@ from endoct.workbench.page.layers import (
 from endoct.workbench.page.recorded import Reader, recording_of
 from endoct.workbench.page.sessions import session_of
 from endoct.workbench.page.shown import Shown, ShownSide
+from endoct.workbench.page.volume import has_volume
 from endoct.workbench.page.wall import Wall
 from endoct.workbench.report.pictures import PICTURES
 from endoct.workbench.report.sections import comparison_sections, panorama_sections
@@ -69,6 +70,8 @@ def _comparison(folder: Path) -> Shown:
     heading = comparison_heading(_name(folder), _facts(folder / "result.json", wall), outline)
     description = Description(
         title=heading.title,
+        verdict=_spoken_against(heading),
+        endoct=heading.endoct,
         sides=outline.names,
         wall=WallPart(wall.radius_mm, wall.top_mm, wall.bottom_mm),
         layers=tuple(one.part for one in described),
@@ -77,6 +80,7 @@ def _comparison(folder: Path) -> Shown:
         frames=tuple(frames),
         panes=_first_panes(described, outline),
         has_common_places=aligned,
+        has_volume=False,
     )
     layers = {one.part.key: one.layer for one in described}
     sections, session = comparison_sections(outline.result), session_of(folder, outline)
@@ -90,6 +94,8 @@ def _panorama(store: Path) -> Shown:
     heading = panorama_heading(_name(store), _facts(store / "zarr.json", wall), outline)
     description = Description(
         title=heading.title,
+        verdict=_spoken_against(heading),
+        endoct=heading.endoct,
         sides=(outline.modality,),
         wall=WallPart(wall.radius_mm, wall.top_mm, wall.bottom_mm),
         layers=tuple(one.part for one in described),
@@ -98,16 +104,21 @@ def _panorama(store: Path) -> Shown:
         frames=(frames_part(outline.modality, outline, None, store / PICTURES),),
         panes=tuple(one.part.key for one in described)[:MOST_PANES],
         has_common_places=True,
+        has_volume=has_volume(store),
     )
     layers = {one.part.key: one.layer for one in described}
     sides = {outline.modality: _side(store, store / PICTURES)}
-    return Shown(heading, panorama_sections(outline), description, wall, layers, sides)
+    return Shown(heading, panorama_sections(outline), description, wall, layers, sides, panorama=store)
 
 
 def _side(store: Path, pictures: Path) -> ShownSide:
     outline = read_panorama(store)
     recording = recording_of(outline)
     return ShownSide(outline, pictures, None if recording is None else Reader(recording))
+
+
+def _spoken_against(heading: Heading) -> str:
+    return "" if heading.verdict.level == "trusted" else heading.verdict.headline
 
 
 def _facts(file: Path, wall: Wall) -> tuple[Fact, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.window import StoredImage
 from endoct.workbench.page.placing import Placing, Spans, column_spans, row_spans
 from endoct.workbench.page.wall import TILE_PX, Pixels, Wall
@@ -75,6 +75,20 @@ class Plane:
         column = math.floor((theta_rad - self.placing.theta0_rad) / self.placing.dtheta_rad + 0.5)
         found = self._read(slice(row, row + 1), slice(column, column + 1))
         return float(found.values[0, 0]) if found.observed[0, 0] else None
+
+    def own_rows(self, wall: Wall, level: int, most_rows: int) -> tuple[Coordinates, Averaged]:
+        """Return the image at its own rows, z of each in mm ascending, in the columns of the wall at ``level``.
+
+        Where there are more than ``most_rows``, or the overview has fewer, each is the mean of some.
+        """
+        overview, (n_z, n_theta) = self.overview(), self.image.shape
+        columns = column_spans(self.placing, wall, level, Pixels((0, 1), (0, wall.width_px(level))))
+        n_coarse = -(-n_z // overview.down)
+        start = np.arange(0, n_coarse, max(1, -(-n_coarse // most_rows)))
+        stop = np.append(start[1:], n_coarse)
+        first = start * overview.down
+        row_mm = np.add.reduceat(self.placing.row_mm, first) / np.diff(np.append(first, n_z))
+        return row_mm, _means(overview.averaged, Spans(start, stop), _coarser(columns, overview.across, n_theta))
 
     def overview(self) -> Overview:
         """Return the whole image, small; made when first asked for."""

@@ -23,7 +23,12 @@ from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
 PACKAGE = "endoct.workbench.page"
-TYPES = {"page.js": "text/javascript", "folder.js": "text/javascript", "page.css": "text/css"}
+TYPES = {
+    "page.js": "text/javascript",
+    "cylinder.js": "text/javascript",
+    "folder.js": "text/javascript",
+    "page.css": "text/css",
+}
 PROGRAM = '<link rel="stylesheet" href="page.css">\n<script src="page.js" defer></script>\n'
 MOST_DIGITS = 9
 """Of a number in an address: what is longer names nothing here."""
@@ -56,6 +61,13 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
         png = png_of(shown.tile(request.path_params["key"], Tile(level, column, row)))
         return Response(png, media_type="image/png", headers={"cache-control": KEPT})
 
+    def relief(request: Request) -> Response:
+        found = shown.relief(request.path_params["key"])
+        return Response(found, media_type="application/octet-stream", headers={"cache-control": KEPT})
+
+    def volume(_: Request) -> Response:
+        return Response(shown.volume(), media_type="application/octet-stream", headers={"cache-control": KEPT})
+
     def values(request: Request) -> Response:
         theta_rad = _place(request, "theta_rad", MOST_TURNS_RAD)
         z_mm = _place(request, "z_mm", FARTHEST_MM)
@@ -82,6 +94,8 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
             Route("/description.json", describe),
             Route("/outlines.json", outline),
             Route("/values.json", values),
+            Route("/relief/{version}/{key}.bin", relief),
+            Route("/volume/{version}.bin", volume),
             Route("/pictures/{version}/{side}/{place}.json", pictures),
             *session_routes(shown.session),
             Route("/reading/{side}", reading, methods=["GET", "POST"]),

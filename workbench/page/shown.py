@@ -15,7 +15,9 @@ from endoct.workbench.page.layer import Classes, Layer, Scalar
 from endoct.workbench.page.outlines import outlines
 from endoct.workbench.page.picturing import picture_json, ring_of
 from endoct.workbench.page.recorded import Reader
+from endoct.workbench.page.relief import MOST_SAMPLES, relief_bytes
 from endoct.workbench.page.sessions import Sessions
+from endoct.workbench.page.volume import volume_bytes
 from endoct.workbench.page.wall import NoSuchTile, Tile, Wall
 from endoct.workbench.report.pictures import load_pictures
 from endoct.workbench.report.sections import Section
@@ -45,6 +47,7 @@ class Shown:
     layers: Mapping[str, Layer]
     sides: Mapping[str, ShownSide] = field(default_factory=dict)
     session: Sessions | None = None
+    panorama: Path | None = None
 
     def tile(self, key: str, tile: Tile) -> Pillow.Image:
         """Return a tile of the layer ``key``. Raises :class:`NoSuchTile` where there is no such tile."""
@@ -59,6 +62,30 @@ class Shown:
         """Return the outlines of cells by layer, as :func:`~endoct.workbench.page.outlines.outlines` has them."""
         parts = [(part.layer, self.layers[part.layer]) for part in self.description.outlines]
         return {key: outlines(layer.planes[0]) for key, layer in parts if isinstance(layer, Classes)}
+
+    def relief(self, key: str, most_samples: int = MOST_SAMPLES) -> bytes:
+        """Return the layer ``key`` as :func:`~endoct.workbench.page.relief.relief_bytes` has it.
+
+        Raises :class:`NoSuchTile` where it is no relief.
+        """
+        layer = self.layers.get(key)
+        if key not in self.reliefs or not isinstance(layer, Scalar):
+            raise NoSuchTile("there is no such relief", found=key, expected=", ".join(self.reliefs))
+        return relief_bytes(layer.plane, self.wall, most_samples)
+
+    def volume(self) -> bytes:
+        """Return the dense volume as :func:`~endoct.workbench.page.volume.volume_bytes` has it.
+
+        Raises :class:`NoSuchTile` where there is none.
+        """
+        if self.panorama is None or not self.description.has_volume:
+            raise NoSuchTile("there is no volume")
+        return volume_bytes(self.panorama)
+
+    @property
+    def reliefs(self) -> tuple[str, ...]:
+        """The layers that say how far the wall lies from the bore, in mm."""
+        return tuple(part.key for part in self.description.layers if part.kind == "scalar" and part.unit == "mm")
 
     def pictures(self, name: str, place: int) -> list[dict[str, Any]]:
         """Return the pictures of the frame at ``place``, in the order of ascending z, of the side ``name``.

@@ -12,6 +12,7 @@ from endoct.workbench.page import description
 
 FRONTEND = Path(__file__).parents[3] / "workbench" / "page" / "frontend"
 BUNDLE = files("endoct.workbench.page").joinpath("bundle")
+PROGRAMS = ("page.js", "cylinder.js")
 
 
 def test_the_bundle_was_made_from_these_sources():
@@ -19,25 +20,30 @@ def test_the_bundle_was_made_from_these_sources():
     digest = hashlib.sha256()
     for name in sorted([*own, "build.mjs", "package.json", "package-lock.json"]):
         digest.update(name.encode() + b"\0" + (FRONTEND / name).read_bytes() + b"\0")
-    first = BUNDLE.joinpath("page.js").read_text("utf-8").splitlines()[0]
-    assert digest.hexdigest() in first, "the sources were changed: run `make page`"
+    for program in PROGRAMS:
+        first = BUNDLE.joinpath(program).read_text("utf-8").splitlines()[0]
+        assert digest.hexdigest() in first, "the sources were changed: run `make page`"
 
 
 def test_bundled_licences_are_named():
     notices = BUNDLE.joinpath("notices.txt").read_text("utf-8")
     assert "OpenSeadragon" in notices
     assert "Redistribution and use in source and binary forms" in notices
-    assert "BSD-3-Clause" in BUNDLE.joinpath("page.js").read_text("utf-8").splitlines()[0]
+    assert "three.js" in notices
+    assert "The MIT License" in notices
+    for program, licence in zip(PROGRAMS, ("BSD-3-Clause", "MIT"), strict=True):
+        assert licence in BUNDLE.joinpath(program).read_text("utf-8").splitlines()[0]
 
 
 def test_the_bundle_holds_nothing_else():
     assert {path.name for path in BUNDLE.iterdir()} - {"__pycache__"} == {
-        "__init__.py", "folder.js", "notices.txt", "page.css", "page.js",
+        "__init__.py", "cylinder.js", "folder.js", "notices.txt", "page.css", "page.js",
     }  # fmt: skip
 
 
-def test_the_page_can_be_put_into_one_file():
-    script = BUNDLE.joinpath("page.js").read_text("utf-8")
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_the_page_can_be_put_into_one_file(program: str):
+    script = BUNDLE.joinpath(program).read_text("utf-8")
     assert "</script" not in script.lower()
     assert "<!--" not in script
     assert "</style" not in BUNDLE.joinpath("page.css").read_text("utf-8").lower()

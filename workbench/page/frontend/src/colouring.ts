@@ -43,6 +43,11 @@ export function lookUpTable(layer: LayerPart, colouring: Colouring): [number, nu
   });
 }
 
+/** Red, green and blue from 0 to 255 for every code, where the whole map is spread over all codes. */
+export function wholeMap(map: string): [number, number, number][] {
+  return Array.from({ length: CODES }, (_, code) => colourAt(map, code / (CODES - 1)).map((one) => Math.round(255 * one)) as [number, number, number]);
+}
+
 /** The filters of the page, each named `colours-<number of the layer>`. */
 export class Filters {
   private readonly root = document.createElementNS(SVG, "svg");

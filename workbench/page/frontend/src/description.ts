@@ -88,6 +88,8 @@ export interface FramesPart {
 
 export interface Description {
   title: string;
+  verdict: string;
+  endoct: string;
   sides: string[];
   wall: WallPart;
   layers: LayerPart[];
@@ -96,4 +98,5 @@ export interface Description {
   frames: FramesPart[];
   panes: string[];
   has_common_places: boolean;
+  has_volume: boolean;
 }

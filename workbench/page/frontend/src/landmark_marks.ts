@@ -77,14 +77,15 @@ function drawPin(sheet: Sheet, place: Place, text: string, role: Role, waiting: 
       drawing.moveTo(x + 3, y - 3);
       drawing.lineTo(left, top);
     });
-    drawing.beginPath();
-    drawing.arc(left, top, DISC_PX, 0, 2 * Math.PI);
-    drawing.fillStyle = fill;
-    drawing.fill();
-    drawing.setLineDash(waiting ? [3, 2] : []);
-    drawing.strokeStyle = ink;
-    drawing.lineWidth = 1.5;
-    drawing.stroke();
+    // the disc is a wide line as well: files of vectors fill rectangles only
+    for (const [colour, radius, wide, dash] of [[fill, DISC_PX / 2, DISC_PX, []], [ink, DISC_PX, 1.5, waiting ? [3, 2] : []]] as const) {
+      drawing.setLineDash([...dash]);
+      drawing.strokeStyle = colour;
+      drawing.lineWidth = wide;
+      drawing.beginPath();
+      drawing.arc(left, top, radius, 0, 2 * Math.PI);
+      drawing.stroke();
+    }
     drawing.setLineDash([]);
     drawing.fillStyle = ink;
     drawing.font = "bold 11px system-ui, sans-serif";

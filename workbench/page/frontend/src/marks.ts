@@ -1,13 +1,14 @@
 /** What is drawn over the tiles of a pane: axes, scale bar, outlines, numbers of cells, cursor, ruler. */
 
 import type { CellPart, Description } from "./description";
+import { type Drawing, TracedPath } from "./drawing";
 import { drawLandmarks } from "./landmark_marks";
 import type { Outlines } from "./source";
 import type { State } from "./state";
 import { type Sheet, repeats, toPixels } from "./sheet";
 import { type Place, type Spot, type Wall, degrees, roundBelow } from "./wall";
 
-const INK = "#111";
+export const INK = "#111";
 const HALO = "rgba(255,255,255,0.85)";
 const DEGREE_STEPS = [90, 45, 30, 15, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
 const LEAST_LABEL_PX = 46;
@@ -18,7 +19,7 @@ export type Paths = ReadonlyMap<string, { path: Path2D; colour: string }>;
 export function outlinePaths(description: Description, lines: Outlines, wall: Wall): Paths {
   return new Map(
     description.outlines.map((outline) => {
-      const path = new Path2D();
+      const path = new TracedPath();
       for (const line of lines[outline.layer] ?? []) {
         for (let k = 0; k + 1 < line.length; k += 2) {
           const { x, y } = wall.turnsOf({ theta_rad: line[k] ?? 0, z_mm: line[k + 1] ?? 0 });
@@ -210,7 +211,7 @@ function drawScaleBar(sheet: Sheet): void {
   label(drawing, text, x + wide / 2, y - 4);
 }
 
-function line(drawing: CanvasRenderingContext2D, x: number, y: number, toX: number, toY: number, wide: number): void {
+export function line(drawing: Drawing, x: number, y: number, toX: number, toY: number, wide: number): void {
   for (const [colour, more] of [[HALO, 2], [INK, 0]] as const) {
     drawing.strokeStyle = colour;
     drawing.lineWidth = wide + more;
@@ -221,7 +222,7 @@ function line(drawing: CanvasRenderingContext2D, x: number, y: number, toX: numb
   }
 }
 
-function label(drawing: CanvasRenderingContext2D, text: string, x: number, y: number): void {
+export function label(drawing: Drawing, text: string, x: number, y: number): void {
   drawing.lineJoin = "round";
   drawing.strokeStyle = HALO;
   drawing.lineWidth = 3;

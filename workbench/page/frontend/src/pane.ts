@@ -4,9 +4,10 @@ import { colourBar } from "./colour_bar";
 import type { Filters } from "./colouring";
 import { button, context, element, select } from "./dom";
 import { type Paths, drawMarks } from "./marks";
-import { toPixels } from "./sheet";
 import type { Source } from "./source";
 import { MODES, type Mode, type PaneState, type State } from "./state";
+import { type Subject, paneSubject } from "./subject";
+import { LENS_PX, secondOpacity, squares } from "./together";
 import { LayerViewer } from "./viewer";
 import { type Spot, type View, type Wall, degrees } from "./wall";
 
@@ -16,8 +17,6 @@ export interface PaneEvents {
   clicked(place: Spot, side: string | null): void;
   closed(pane: Pane): void;
 }
-
-const LENS_PX = 90;
 
 export class Pane {
   readonly element = element("section", { class: "pane" });
@@ -127,15 +126,12 @@ export class Pane {
     });
   }
 
-  /** The canvases of the layers in the order in which they lie, and the marks: for a picture of the view. */
-  canvases(): { layer: string; canvas: HTMLCanvasElement }[] {
-    const found: { layer: string; canvas: HTMLCanvasElement }[] = [];
-    if (this.under.canvas) found.push({ layer: this.shown.layer, canvas: this.under.canvas });
-    return found;
-  }
-
-  get marksCanvas(): HTMLCanvasElement {
-    return this.marks;
+  /** What it shows now, for a figure. */
+  subject(): Subject {
+    const { left, width, height } = this.view_.getBoundingClientRect();
+    const shot = { shown: { ...this.shown }, view: this.view(), width, height, pointer: this.pointer };
+    const { state, source, wall } = this;
+    return paneSubject(shot, left, this.element.getBoundingClientRect().top, { state, source, wall, paths: this.paths() });
   }
 
   destroy(): void {
@@ -213,7 +209,7 @@ export class Pane {
     this.handle.style.left = `${100 * share}%`;
     if (!this.over) return;
     const { style } = this.over.element;
-    style.opacity = mode === "opacity" ? String(share) : mode === "blink" && !this.state.secondShown ? "0" : "1";
+    style.opacity = String(secondOpacity(this.shown, this.state.secondShown));
     style.clipPath = "none";
     style.maskImage = "none";
     if (mode === "swipe") style.clipPath = `inset(0 0 0 ${100 * share}%)`;
@@ -221,16 +217,11 @@ export class Pane {
     if (mode === "checker") this.lay(style);
   }
 
-  /** Squares of a whole part of the circle, which stay where they are on the wall. */
   private lay(style: CSSStyleDeclaration): void {
-    const view = this.view();
-    const { clientWidth, clientHeight } = this.view_;
-    const pairs = Math.max(1, Math.round(this.wall.circumference_mm / (160 * view.mm_per_px)));
-    const size = this.wall.circumference_mm / view.mm_per_px / pairs;
-    const origin = toPixels({ theta_rad: 0, z_mm: 0 }, view, this.wall, clientWidth, clientHeight);
+    const { size, x, y } = squares(this.view(), this.wall, this.view_.clientWidth, this.view_.clientHeight);
     style.maskImage = "conic-gradient(#000 25%, transparent 0 50%, #000 0 75%, transparent 0)";
     style.maskSize = `${size}px ${size}px`;
-    style.maskPosition = `${origin.x}px ${origin.y}px`;
+    style.maskPosition = `${x}px ${y}px`;
   }
 
   private drag(event: PointerEvent): void {

@@ -1,9 +1,10 @@
 /** What marks are drawn on: the canvas of a pane and what of the wall it shows. */
 
+import type { Drawing } from "./drawing";
 import type { Place, View, Wall } from "./wall";
 
 export interface Sheet {
-  drawing: CanvasRenderingContext2D;
+  drawing: Drawing;
   width: number;
   height: number;
   view: View;

@@ -40,6 +40,10 @@ export interface Source {
   /** The pictures of a frame; null where there are none. */
   pictures(side: string, place: number): Promise<FramePicture[] | null>;
   reading(side: string, begin: boolean): Promise<Reading>;
+  /** A relief as `readRelief` takes it; null where there is none. */
+  relief(layer: string): Promise<ArrayBuffer | null>;
+  /** The dense volume as `readVolume` takes it; null where there is none. */
+  volume(): Promise<ArrayBuffer | null>;
   /** The values of all layers of numbers at a place; null where they are not to be had. */
   values(theta_rad: number, z_mm: number): Promise<Values | null>;
   /** The landmarks to begin with; null where there can be none. */
@@ -59,6 +63,8 @@ interface Frozen {
   /** By layer, by level, by "column_row": a picture, its kind and its bytes in base64. */
   tiles: Record<string, Record<string, string>[]>;
   session: SessionState | null;
+  /** By layer, in base64. */
+  reliefs: Record<string, string>;
   type: string;
 }
 
@@ -90,6 +96,14 @@ async function servedSource(): Promise<Source> {
       const found = await fetch(`reading/${encodeURIComponent(side)}`, { method: begin ? "POST" : "GET" });
       if (!found.ok) return { state: "failed", share: 0, said: await found.text() };
       return (await found.json()) as Reading;
+    },
+    relief: async (layer) => {
+      const found = await fetch(`relief/${version}/${encodeURIComponent(layer)}.bin`);
+      return found.ok ? found.arrayBuffer() : null;
+    },
+    volume: async () => {
+      const found = await fetch(`volume/${version}.bin`);
+      return found.ok ? found.arrayBuffer() : null;
     },
     values: async (theta_rad, z_mm) => {
       const found = await fetch(`values.json?theta_rad=${theta_rad}&z_mm=${z_mm}`);
@@ -162,6 +176,11 @@ function frozenSource(frozen: Frozen): Source {
     },
     outlines: () => Promise.resolve(frozen.outlines),
     pictures: (side, place) => Promise.resolve(frozen.pictures[side]?.[String(place)] ?? null),
+    relief: (layer) => {
+      const text = frozen.reliefs[layer];
+      return Promise.resolve(text === undefined ? null : Uint8Array.from(atob(text), (one) => one.charCodeAt(0)).buffer);
+    },
+    volume: () => Promise.resolve(null),
     reading: () => Promise.resolve({ state: "absent", share: 0, said: "" }),
     values: (theta_rad, z_mm) => frozenValues(frozen, theta_rad, z_mm),
     session: () => Promise.resolve(frozen.session),

@@ -45,6 +45,8 @@ export class State {
   ruler: Ruler | null = null;
   readonly landmarks = new Landmarks();
   secondShown = true;
+  /** Whether the wall is shown as a cylinder, too. */
+  cylinder = false;
   readonly colourings = new Map<string, Colouring>();
   private readonly listeners = new Map<Change, (() => void)[]>();
   private readonly layers: Map<string, LayerPart>;

@@ -23,6 +23,7 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["R", "ruler: click two places"],
   ["M", "landmarks: click a place on one side and on the other"],
   ["Ctrl+Z", "take back the last step with landmarks; with Shift, make it again"],
+  ["in the cylinder", "drag or arrow keys turn it, wheel and + − come nearer; a click marks a place"],
   ["Escape", "forget the marked place, the ruler, the selected cell"],
 ];
 
@@ -69,7 +70,11 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
         state.landmarks.pending = null;
         state.tell("landmarks");
       })] : []),
-      button("save view", "save what the panes show as PNG", null, actions.save),
+      toggle("3-D", "the wall as a cylinder, cut open", state.cylinder, () => {
+        state.cylinder = !state.cylinder;
+        state.tell("panes");
+      }),
+      button("save view", "save what the panes show as PNG, SVG or PDF", null, actions.save),
       keys,
     );
   };

@@ -90,10 +90,6 @@ export class LayerViewer {
     gestureSettingsMouse.dblClickToZoom = zooms;
   }
 
-  get canvas(): HTMLCanvasElement | null {
-    return this.element.querySelector("canvas");
-  }
-
   destroy(): void {
     this.viewer.destroy();
   }

@@ -1,6 +1,7 @@
 /** The panes with all that goes with them. */
 
 import { CellTable } from "./cells";
+import { CylinderView } from "./cylinder_view";
 import { Filters } from "./colouring";
 import type { CellPart, Description } from "./description";
 import { element } from "./dom";
@@ -9,12 +10,12 @@ import type { Pair } from "./landmarks";
 import { Link } from "./link";
 import { type Paths, outlinePaths } from "./marks";
 import { Pane } from "./pane";
-import { pictureOf } from "./picture";
 import { toShown } from "./placement";
 import { Placer } from "./placer";
 import { FrameDrawer } from "./frame_drawer";
 import { plotQuality } from "./quality";
 import { Readout } from "./readout";
+import { askToSave } from "./save_view";
 import type { Source } from "./source";
 import { State } from "./state";
 import { MOST_PANES, toolbar } from "./toolbar";
@@ -35,6 +36,15 @@ export class Workspace {
   private readonly placer: Placer;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
+  private cylinder: CylinderView | null = null;
+
+  private readonly pointing = {
+    pointed: (place: Spot | null): void => {
+      this.state.cursor = place;
+      this.state.tell("cursor");
+    },
+    clicked: (place: Spot, side: string | null): void => this.click(place, side),
+  };
 
   constructor(description: Description, private readonly source: Source) {
     this.state = new State(description);
@@ -78,21 +88,27 @@ export class Workspace {
     for (const pane of this.panes) if (!kept.includes(pane)) pane.destroy();
     this.grid.style.setProperty("--panes", String(this.state.panes.length));
     this.panes = this.state.panes.map((shown) => kept.find((pane) => pane.shown === shown) ?? this.newPane(shown));
-    this.grid.replaceChildren(...this.panes.map((pane) => pane.element));
+    this.grid.replaceChildren(...this.panes.map((pane) => pane.element), ...this.openCylinder());
     for (const pane of this.panes) {
       pane.refresh();
       if (!kept.includes(pane) && this.state.view) pane.setView(this.state.view);
     }
   }
 
+  private openCylinder(): HTMLElement[] {
+    if (!this.state.cylinder) {
+      this.cylinder?.destroy();
+      this.cylinder = null;
+      return [];
+    }
+    this.cylinder ??= new CylinderView(this.state, this.source, this.wall, () => this.paths, this.pointing);
+    return [this.cylinder.element];
+  }
+
   private newPane(shown: State["panes"][number]): Pane {
     return new Pane(this.grid, shown, this.state, this.source, this.wall, this.filters, () => this.paths, {
+      ...this.pointing,
       moved: (pane, view) => this.link.moved(pane, view),
-      pointed: (place) => {
-        this.state.cursor = place;
-        this.state.tell("cursor");
-      },
-      clicked: (place, side) => this.click(place, side),
       closed: (pane) => {
         this.state.panes = this.state.panes.filter((one) => one !== pane.shown);
         this.state.tell("panes");
@@ -120,6 +136,7 @@ export class Workspace {
       if (layer.kind === "scalar") this.filters.set(layer, this.state.colouring(layer.key));
     }
     for (const pane of this.panes) pane.refresh();
+    this.cylinder?.recolour();
   }
 
   private relink(): void {
@@ -129,6 +146,7 @@ export class Workspace {
 
   private redraw(): void {
     for (const pane of this.panes) pane.redraw();
+    this.cylinder?.remark();
   }
 
   private click(place: Spot, side: string | null): void {
@@ -155,6 +173,7 @@ export class Workspace {
   private select(cell: CellPart): void {
     this.state.selected = cell;
     this.state.tell("selection");
+    this.cylinder?.lookAt(cell.z_mm);
     const shown = this.panes.filter((pane) => this.state.isCommon(cell.side, pane.side));
     const now = shown[0]?.view();
     if (!now) return;
@@ -196,9 +215,9 @@ export class Workspace {
   }
 
   private save(): void {
-    const link = element("a", { download: `${this.state.description.title.replace(/[^\w-]+/g, "-")}.png` });
-    link.href = pictureOf(this.panes, this.state).toDataURL("image/png");
-    link.click();
+    const cylinder = this.cylinder?.subject();
+    const panes = cylinder?.isAlone ? [] : this.panes.map((pane) => pane.subject());
+    askToSave([...panes, ...(cylinder ? [cylinder] : [])], this.state);
   }
 
   private key(event: KeyboardEvent): void {
