@@ -16,7 +16,7 @@ from PIL import Image
 from volume_store import write_volume_store
 from workbench_page import Served, serving
 
-from endoct.workbench.page.frozen import frozen_page
+from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 
 RADIUS_MM = 1.25
@@ -329,7 +329,8 @@ def test_it_closes_and_opens_again(page: Watched):
 
 def test_the_offline_file_has_it_too(chromium: Any, comparison: Path, tmp_path: Path):
     path = tmp_path / "report.html"
-    path.write_text(frozen_page(open_shown(comparison)), encoding="utf-8")
+    shown_there = open_shown(comparison)
+    path.write_text(frozen_page(shown_there, shown_there.sections, frozen_data(shown_there)), encoding="utf-8")
     with opened(chromium, path.as_uri()) as page:
         open_cylinder(page)
         look(page, "in")

@@ -18,7 +18,7 @@ from workbench_page import Served, serving, written
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.workbench.page.frozen import frozen_page
+from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -293,7 +293,8 @@ def test_names_with_html_are_texts_in_svg(chromium: Any, tmp_path: Path):
 @pytest.mark.parametrize("kind", ["PNG", "SVG", "PDF"])
 def test_the_offline_file_saves_the_view_too(chromium: Any, comparison: Path, tmp_path: Path, kind: str):
     path = tmp_path / "report.html"
-    path.write_text(frozen_page(open_shown(comparison)), encoding="utf-8")
+    shown_there = open_shown(comparison)
+    path.write_text(frozen_page(shown_there, shown_there.sections, frozen_data(shown_there)), encoding="utf-8")
     with opened(chromium, path.as_uri()) as page:
         one_pane(page, "oct-relief")
         content = saved(page, kind, tmp_path / f"view.{kind.lower()}")
