@@ -50,8 +50,8 @@ def test_what_stands_out_like_noise_faintly_or_without_an_outline_is_doubted() -
 
     assert codes(7.0) == []
     assert codes(5.0) == ["cells-faint"]
-    assert codes(7.0, unclaimed_rows=3) == []
-    assert codes(7.0, unclaimed_rows=4) == ["cells-without-outline"]
+    assert codes(7.0, unclaimed_rows=1) == []
+    assert codes(7.0, unclaimed_rows=2) == ["cells-without-outline"]
     assert codes(12.0, before_rows=1) == ["cells-in-noise"]
 
 
