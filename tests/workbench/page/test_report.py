@@ -241,7 +241,7 @@ def test_texts_are_escaped(aligned: Made) -> None:
     assert html.escape("<script>alert(1)</script>") in page.source
 
 
-def test_the_page_may_load_nothing_and_run_its_own_program_only(aligned: Made) -> None:
+def test_the_page_may_load_nothing_and_run_its_own_programs_only(aligned: Made) -> None:
     _, _, page = aligned
     policy, referrer = (re.search(rf'<meta {name}" content="([^"]*)">', page.source) for name in (
         'http-equiv="Content-Security-Policy', 'name="referrer'
@@ -249,18 +249,21 @@ def test_the_page_may_load_nothing_and_run_its_own_program_only(aligned: Made) -
     assert policy is not None
     assert referrer is not None
     assert referrer[1] == "no-referrer"
-    program, style = (_only(rf"<{tag}>(.*?)</{tag}>", page.source) for tag in ("script", "style"))
+    programs = re.findall(r"<script>(.*?)</script>", page.source, re.DOTALL)
+    style = _only(r"<style>(.*?)</style>", page.source)
+    cylinder, program = programs
+    assert "three.js" in cylinder.partition("\n")[0]
     assert "OpenSeadragon" in program.partition("\n")[0]
     assert html.unescape(policy[1]).split("; ") == [
         "default-src 'none'",
-        f"script-src '{_digest(program)}'",
+        " ".join(["script-src", *(f"'{_digest(one)}'" for one in programs)]),
         f"style-src '{_digest(style)}' '{_digest('')}'",
         "img-src data: blob:",
         "base-uri 'none'",
         "form-action 'none'",
     ]
     assert page.source.index("Content-Security-Policy") < page.source.index("<title>")
-    assert page.tags.count("script") == 2  # the program, and its data, which no browser runs
+    assert page.tags.count("script") == 3  # the programs, and their data, which no browser runs
     assert page.source.count('<script type="application/json" id="frozen">') == 1
     assert not page.inline
 
@@ -290,7 +293,7 @@ def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
         truth={f"truth/{hostile}.png": {"oct": MaskScores(jaccard=0.8, dice=0.9)}},
     )
     assert {"iframe", "object", "base"}.isdisjoint(page.tags)
-    assert (page.tags.count("script"), page.tags.count("link")) == (2, 1)
+    assert (page.tags.count("script"), page.tags.count("link")) == (3, 1)
     assert all(image.startswith("data:image/webp;base64,") for image in page.images)
     assert not page.inline
     assert page.text.count("<script>alert(1)</script>") >= 11
