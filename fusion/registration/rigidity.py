@@ -100,7 +100,7 @@ def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[
         *_displaced(_bands(one, two, FAR), FAR),
         *_displaced(_sectors(one, two, NEAR), NEAR),
         *_exchanged(list(_bands(one, two, EXCHANGED))),
-        *_apart(list(_sectors(one, two, APART)), [list(_sectors(one, half, APART)) for half in _halves(two)]),
+        *_turned(one, two),
     ]
     return tuple(sorted((part for part in parts if part.off_mm > part.limit_mm), key=lambda part: -part.off_mm))
 
@@ -156,13 +156,13 @@ def _exchanged(bands: Sequence[_Fitted]) -> Iterator[Part]:
                 yield two.part
 
 
-def _apart(sectors: Sequence[_Fitted], of_halves: Sequence[Sequence[_Fitted]]) -> Iterator[Part]:
+def _turned(a: Evidence, b: Evidence) -> Iterator[Part]:
     """Yield the surest sector of the smaller of the two arcs that lie farthest apart around the bore, by how far.
 
     A step turns whole arcs; one sector alone, which may hold a single cell, says little. Sectors across the step count
     too, so that it is rather larger. Where one half of the bore does not show it, it is none.
     """
-    clear = _clear(sectors)
+    clear = _clear(_sectors(a, b, APART))
     arcs = []
     for start in range(len(clear)):
         around = clear[start:] + clear[:start]
@@ -170,12 +170,12 @@ def _apart(sectors: Sequence[_Fitted], of_halves: Sequence[Sequence[_Fitted]]) -
     if not arcs:
         return
     arc, rest = max(arcs, key=lambda both: abs(_apart_mm(*both)))
-    surest = max(arc, key=lambda sector: sector.fit.gain)
     apart_mm = _apart_mm(arc, rest)
-    in_halves = (_apart_mm(_same(half, arc), _same(half, rest)) for half in of_halves)
-    if max(sector.fit.gain for sector in clear) >= APART.better and all(
-        each_mm * np.sign(apart_mm) > LEAST_APART_MM for each_mm in in_halves
-    ):
+    if abs(apart_mm) <= APART_MM or max(sector.fit.gain for sector in clear) < APART.better:
+        return
+    halves = [_clear(_sectors(a, half, APART)) for half in _halves(b)]
+    if all(_apart_mm(_same(half, arc), _same(half, rest)) * np.sign(apart_mm) > LEAST_APART_MM for half in halves):
+        surest = max(arc, key=lambda sector: sector.fit.gain)
         yield replace(surest.part, kind="turn", along_mm=0.0, around_mm=apart_mm)
 
 
@@ -188,13 +188,13 @@ def _halves(evidence: Evidence) -> Iterator[Evidence]:
     yield part_of(evidence, rows >= middle)
 
 
-def _clear(sectors: Sequence[_Fitted]) -> list[_Fitted]:
+def _clear(sectors: Iterator[_Fitted]) -> list[_Fitted]:
     return [sector for sector in sectors if sector.fit.correlation[0] >= APART.clear]
 
 
 def _same(sectors: Sequence[_Fitted], which: Sequence[_Fitted]) -> list[_Fitted]:
-    """Return the clear ones of ``sectors`` in the directions of ``which``."""
-    return [sector for sector in _clear(sectors) if sector.first in {one.first for one in which}]
+    """Return those of ``sectors`` in the directions of ``which``."""
+    return [sector for sector in sectors if sector.first in {one.first for one in which}]
 
 
 def _apart_mm(arc: Sequence[_Fitted], rest: Sequence[_Fitted]) -> float:

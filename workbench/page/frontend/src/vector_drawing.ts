@@ -29,14 +29,7 @@ export interface TextStyle {
   outline: number;
 }
 
-interface Kept {
-  fillStyle: string | CanvasGradient | CanvasPattern;
-  strokeStyle: string | CanvasGradient | CanvasPattern;
-  lineWidth: number;
-  lineJoin: CanvasLineJoin;
-  font: string;
-  textAlign: CanvasTextAlign;
-  textBaseline: CanvasTextBaseline;
+interface Kept extends Pick<Drawing, "fillStyle" | "strokeStyle" | "lineWidth" | "lineJoin" | "font" | "textAlign" | "textBaseline"> {
   dash: number[];
   at: { x: number; y: number; scale: number };
   clipped: Box | null;
