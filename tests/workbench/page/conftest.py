@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from page_browser import browser
 from workbench_page import Served, serving, written
 
 
@@ -18,3 +20,9 @@ def served(comparison: Path) -> Iterator[Served]:
     """The page of the comparison, served."""
     with serving(comparison) as found:
         yield found
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with browser() as started:
+        yield started

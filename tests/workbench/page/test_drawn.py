@@ -3,7 +3,6 @@
 import io
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from bore_pairs import make_pair
 from mock_comparison import GRID
-from page_browser import browser, opened
+from page_browser import opened
 from PIL import Image
 from workbench_page import serving, written
 
@@ -25,12 +24,6 @@ from endoct.workbench.page.opening import open_shown
 
 HTML = "<img src=x onerror=alert(1)>"
 EVERYWHERE = np.ones(GRID.shape, np.bool_)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as started:
-        yield started
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mock_comparison import Kind, write_comparison
-from page_browser import Watched, browser, opened
+from page_browser import Watched, opened
 from PIL import Image
 from workbench_page import Served, serving, written
 
@@ -20,12 +20,6 @@ from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.report import write_report
 
 HTML = '<img src=x onerror="document.title=1"><script>document.title=2</script>'
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as started:
-        yield started
 
 
 @pytest.fixture

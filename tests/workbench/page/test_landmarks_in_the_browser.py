@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mock_comparison import Kind, write_comparison
-from page_browser import Watched, browser, opened
+from page_browser import Watched, opened
 from workbench_page import serving, written
 
 from endoct.fusion.files.session import read_session
@@ -22,12 +22,6 @@ from endoct.workbench.page.opening import open_shown
 
 HTML = '<img src=x onerror="document.title=1">'
 ELSEWHERE = Alignment(1.0, 0.25, 1.01, mirrored=True, confidence=0.6)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as started:
-        yield started
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """The marked place in frames as recorded: where the plug-in's table has it, around the circle, and nowhere else."""
 
 import io
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mock_comparison import mock_pictures
-from page_browser import Watched, browser, opened
+from page_browser import Watched, opened
 from PIL import Image
 from workbench_page import serving, written
 
@@ -19,12 +18,6 @@ from endoct.workbench.report.pictures import save_pictures
 N_THETA = 360
 LEFT, TOP, RIGHT, BELOW = 40, 4, 6, 28
 """Margins of a picture on its canvas, px."""
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as started:
-        yield started
 
 
 def shown(folder: Path, rotation_rad: np.ndarray, depth_mm: float) -> Path:

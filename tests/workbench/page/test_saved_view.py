@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from page_browser import Watched, browser, opened
+from page_browser import Watched, opened
 from PIL import Image
 from workbench_page import Served, serving, written
 
@@ -25,12 +25,6 @@ SVG = "{http://www.w3.org/2000/svg}"
 HREF = "{http://www.w3.org/1999/xlink}href"
 MARGIN_PX, GAP_MM = 10, 25.4 / 96
 MODES = ("swipe", "opacity", "blink", "checker", "lens")
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser() as started:
-        yield started
 
 
 @pytest.fixture
