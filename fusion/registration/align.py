@@ -40,13 +40,13 @@ a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most.""
 LEFT_BY_INSTRUMENTS = 0.004, 0.009, 0.002
 """By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
 Rotation and feed are known no better, and residuals do not show it."""
-LEFT_BY_CELL_MM = 0.025, 0.03
-"""By how much one cell's middle lies apart in depth and in light, around the bore and along it: its floor slopes, its
-lining is bright, and its rim is not where either sees it. Residuals do not show that where few cells decide. These and
-those above were set by simulated specimens (`quick` and `hard`, seeds 0–11) and by 40 pairs of a second generator that
-shares nothing with it (benchmarks/independent, sets few and mirrors, seeds 0–19), then by another 40 (few and sound,
-seeds 1000–1127)."""
-UNKNOWN_SLANT = 0.35
+LEFT_BY_CELL = 0.035
+"""By how much of its width one cell's middle lies apart in depth and in light, around the bore and along it: its floor
+slopes, its lining is bright, and its rim is not where either sees it. Residuals do not show that where few cells
+decide. This and those around it were set by simulated specimens (`quick` and `hard`, seeds 0–11) and by pairs of a
+second generator that shares nothing with it (benchmarks/independent: few, mirrors and sound, seeds 0–19, 1000–1127,
+1300–1339 and 1500–1529)."""
+UNKNOWN_SLANT = 0.3
 """Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
 LEAST_CELL_MM2 = 0.05
 LEAST_SPREAD_MM = 0.5
@@ -186,7 +186,7 @@ def _covariance_about(middle_mm: float, turn_rad: float, along_mm: float, of_sca
 
 
 def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknown_mm: float) -> Coordinates:
-    """Return what :data:`LEFT_BY_CELL_MM` of all cells together adds to the covariance, float64 (3, 3).
+    """Return what :data:`LEFT_BY_CELL` of all cells together adds to the covariance, float64 (3, 3).
 
     Cells tell where the wall lies where they are: farther along the bore it follows from the scale. ``unknown_mm``:
     what in addition separates depth and light of each cell along the bore; cells differ in depth, and so in what an
@@ -194,8 +194,8 @@ def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknow
     """
     labels, n = label(relief.valid & (relief.values > CELL_MM))
     count = np.bincount(labels.ravel(), minlength=n + 1)[1:]
-    area_mm2 = count * relief.dz_mm * relief.column_mm
-    rims = np.where(area_mm2 > LEAST_CELL_MM2, np.sqrt(area_mm2), 0)  # a cell counts by the length of its rim
+    width_mm = np.sqrt(count * relief.dz_mm * relief.column_mm)
+    rims = np.where(width_mm**2 > LEAST_CELL_MM2, width_mm, 0)  # a cell counts by the length of its rim
     if not rims.any():
         return np.zeros((3, 3))
     rows = np.repeat(relief.z_mm[:, np.newaxis], labels.shape[1], axis=1)
@@ -204,9 +204,9 @@ def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknow
     z_mm = z_mm * (-1.0 if alignment.z_reversed else 1.0) if of_b else (z_mm - alignment.z_shift_mm) / alignment.z_scale
     middle_mm = float(np.average(z_mm, weights=rims))
     spread_mm = max(float(np.sqrt(np.average((z_mm - middle_mm) ** 2, weights=rims))), LEAST_SPREAD_MM)
-    independent = rims.sum() ** 2 / (rims**2).sum()
-    around_mm = LEFT_BY_CELL_MM[0] / float(np.sqrt(independent))
-    along_mm = float(np.hypot(LEFT_BY_CELL_MM[1], unknown_mm) / np.sqrt(independent))
+    shares = rims / rims.sum()
+    around_mm = float(np.linalg.norm(shares * LEFT_BY_CELL * width_mm))
+    along_mm = float(np.linalg.norm(shares * np.hypot(LEFT_BY_CELL * width_mm, unknown_mm)))
     return _covariance_about(middle_mm, around_mm / relief.radius_mm, along_mm, along_mm / spread_mm)
 
 
