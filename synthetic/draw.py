@@ -10,14 +10,14 @@ from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.bone.cells import draw_cells
 from endoct.synthetic.endoscope.cone import Cone, focal_length_px
+from endoct.synthetic.oct.motion import lost_ascans, rotation_error
+from endoct.synthetic.sample.oct_parameters import N_BANDS
 from endoct.synthetic.sample.parameter_fields import Stated
 from endoct.synthetic.sample.parameters import (
     Bore,
     Debris,
     Droplet,
     Endoscope,
-    Harmonic,
-    LostAscans,
     Oct,
     Sample,
     Shadow,
@@ -26,7 +26,7 @@ from endoct.synthetic.sample.parameters import (
     Travel,
 )
 from endoct.synthetic.sample.presets import PRESETS, Preset, PresetName
-from endoct.synthetic.sample.randomness import Stage, generator
+from endoct.synthetic.sample.randomness import Stage, drift, generator
 from endoct.synthetic.sample.ranges import NO_RANGES, Drawer, Range, check_ranges, default_ranges
 
 MARGIN_MM = 0.9
@@ -61,15 +61,6 @@ def draw(
         oct=_oct(one, size, oct_, oct_z, bore.length_mm),
         endoscope=_endoscope(one, size, camera, frame_z, bore),
     )
-
-
-def _drift(rng: Generator, n: int) -> Coordinates:
-    """Return a smooth random course of n steps within [−1, 1], about one and a half periods long."""
-    t = np.linspace(0, 1, n)
-    course: Coordinates = np.zeros(n)
-    for k in (0.5, 1.0, 1.5, 2.5):
-        course += rng.normal() / k * np.cos(2 * np.pi * (k * t + rng.uniform()))
-    return course / max(1e-9, float(np.abs(course).max()))
 
 
 def _listed(values: Coordinates) -> tuple[float, ...]:
@@ -112,84 +103,66 @@ def _positions(
 
 
 def _oct(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, length_mm: float) -> Oct:
-    n, rng = size.n_slices, one.rng
-    sheath = _sheath(one, drawn["axial_pixel_mm"])
+    n = size.n_slices
+    # a stream for each purpose, so that none depends on how much another takes
+    layers, wander, dirt, words, starts, turns, turning, losses, floor = one.rng.spawn(9)
+    sheath = _sheath(Drawer(layers, one.ranges), drawn)
 
     # the catheter leaves room for the capillary's wall, and that wall takes what room there is
     room = drawn["capillary_outer_diameter_mm"] / 2 - sheath[-1].radius_mm
     thin, thick = default_ranges(Oct)["glass_mm"]
     middle = min(drawn["offset_mean_mm"], room - thin - drawn["offset_drift_mm"])
     low = min(LEAST_OFFSET_MM, middle)
-    offset = np.clip(middle + drawn["offset_drift_mm"] * _drift(rng, n), low, room - thin)
+    offset = np.clip(middle + drawn["offset_drift_mm"] * drift(wander, n), low, room - thin)
     drawn["glass_mm"] = float(np.clip(drawn["glass_mm"], thin, np.clip(room - offset.max(), thin, thick)))
-    direction = rng.uniform(0, 2 * np.pi) + rng.uniform(0.2, 1.2) * _drift(rng, n)
+    direction = wander.uniform(0, 2 * np.pi) + wander.uniform(0.2, 1.2) * drift(wander, n)
 
-    travel: Travel = "out" if one.word("oct.travel", {"out": 0.75, "in": 0.25}) == "out" else "in"
+    said = Drawer(words, one.ranges)
+    travel: Travel = "out" if said.word("oct.travel", {"out": 0.75, "in": 0.25}) == "out" else "in"
     forward = 1 if travel == "in" else -1
-    scan = one.word("oct.scan", {"step": 1 - size.helical, "helical": size.helical})
+    scan = said.word("oct.scan", {"step": 1 - size.helical, "helical": size.helical})
     advance = forward * size.pitch_mm if scan == "helical" else 0.0
-    start = one.word("oct.start", {"triggered": 1.0, "free": 0.0})
-    jitter = drawn["start_jitter_rad"] * rng.normal(size=n)
-    shadows = (one.numbers(Shadow) for _ in range(rng.poisson(0.5 * length_mm)))
+    start = said.word("oct.start", {"triggered": 1.0, "free": 0.0})
+    jitter = drawn["start_jitter_rad"] * starts.normal(size=n)
+    specks = Drawer(dirt, one.ranges)
+    shadows = (specks.numbers(Shadow) for _ in range(dirt.poisson(0.5 * length_mm)))
     return Oct(
         **drawn,
+        floor_bands=_listed(floor.choice([-1, 1], N_BANDS) * floor.uniform(0.4, 1, N_BANDS)),
         sheath=sheath,
-        shadows=tuple(Shadow(**s, z_mm=float(rng.uniform(0, length_mm))) for s in shadows),
-        n_glints=int(rng.poisson(6 * length_mm)),
+        shadows=tuple(Shadow(**s, z_mm=float(dirt.uniform(0, length_mm))) for s in shadows),
+        n_glints=int(losses.poisson(6 * length_mm)),
         scan="helical" if scan == "helical" else "step",
         start="free" if start == "free" else "triggered",
         travel=travel,
-        sense=1 if rng.random() < 0.5 else -1,
+        sense=1 if words.random() < 0.5 else -1,
         z_mm=_listed(z_mm[::forward] - min(0.0, advance)),
         z_advance_mm=advance,
         offset_mm=_listed(offset),
         offset_direction_rad=_listed(np.mod(direction, 2 * np.pi)),
-        start_angle_rad=_listed(rng.uniform(0, 2 * np.pi, n) if start == "free" else jitter),
-        turn_length=_listed(1 + drawn["turn_jitter"] * rng.normal(size=n)),
-        rotation_error_rad=_rotation_error(rng, n, drawn["rotation_error_peak_rad"]),
-        lost_ascans=_lost(rng, size, drawn["lost_blocks"]),
-        states_first_sample=one.yes("oct.states_first_sample", 0.2),
-        stated_travel=_stated(one, "oct.stated_travel", travel),
-        states_handedness=one.yes("oct.states_handedness", 0.5),
+        start_angle_rad=_listed(starts.uniform(0, 2 * np.pi, n) if start == "free" else jitter),
+        turn_length=_listed(1 + drawn["turn_jitter"] * turns.normal(size=n)),
+        rotation_error_rad=rotation_error(turning, n, drawn["rotation_error_peak_rad"], drawn["stick_slip"]),
+        lost_ascans=lost_ascans(losses, size, drawn["lost_blocks"]),
+        states_first_sample=said.yes("oct.states_first_sample", 0.2),
+        stated_travel=_stated(said, "oct.stated_travel", travel),
+        states_handedness=said.yes("oct.states_handedness", 0.5),
     )
 
 
-def _sheath(one: Drawer, axial_pixel_mm: float) -> tuple[SheathLine, ...]:
+def _sheath(one: Drawer, drawn: Mapping[str, float]) -> tuple[SheathLine, ...]:
     rng = one.rng
     radii = np.array([0.12, 0.29, 0.355, 0.42]) + rng.uniform(-0.02, 0.02, 4)
     return tuple(
         SheathLine(
             radius_mm=float(radius),
-            wobble_mm=float(rng.uniform(3, 5)) * axial_pixel_mm,
+            wobble_mm=float(rng.uniform(3, 5)) * drawn["axial_pixel_mm"],
             phase_rad=float(rng.uniform(0, 2 * np.pi)),
-            level_db=one.number(SheathLine, "level_db"),
+            level_db=(level_db := drawn["sheath_db"] + float(rng.uniform(-4, 4))),
+            thickness_mm=one.number(SheathLine, "thickness_mm"),
+            band_db=level_db + drawn["sheath_band_db"],
         )
         for radius in radii[int(rng.random() < 0.5) :]
-    )
-
-
-def _rotation_error(rng: Generator, n: int, peak_rad: float) -> tuple[tuple[Harmonic, ...], ...]:
-    """Return the harmonics of every slice's error: the pattern of a bent, rubbing catheter changes slowly."""
-    orders = np.arange(1, 5)
-    pattern = rng.normal(size=(orders.size, 2))
-    courses = np.stack([_drift(rng, n) for _ in range(2 * orders.size)], axis=1).reshape(n, orders.size, 2)
-    error = (pattern + 0.35 * courses + 0.06 * rng.normal(size=courses.shape)) / orders[:, None]
-    turn = np.linspace(0, 2 * np.pi, 180, endpoint=False)
-    waves = np.stack([np.cos(np.outer(orders, turn)), np.sin(np.outer(orders, turn))], axis=1)
-    error *= peak_rad / float(np.abs(np.einsum("nkc,kct->nt", error, waves)).max())
-    return tuple(_pairs(of_slice) for of_slice in error)
-
-
-def _lost(rng: Generator, size: Preset, mean: float) -> tuple[LostAscans, ...]:
-    """Return the blocks that the recorder dropped, 0.2–1 % of a turn each, at most one a slice."""
-    slices = rng.permutation(size.n_slices)[: min(size.n_slices, int(rng.poisson(mean)))]
-    return tuple(
-        LostAscans(
-            slice_index=int(k),
-            ascan=int(rng.integers(1, size.n_ascans)),
-            count=max(1, round(rng.uniform(0.002, 0.01) * size.n_ascans)),
-        )
-        for k in sorted(slices)
     )
 
 
@@ -198,12 +171,12 @@ def _endoscope(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordin
     width, height = size.image_px[int(rng.integers(len(size.image_px)))]
     outer = float(rng.uniform(0.42, 0.46)) * height
     inner, focal = _fitting_annulus(drawn, float(rng.uniform(0.18, 0.35)), outer, bore.diameter_mm / 2)
-    wander = drawn["centre_wander_px"] * np.stack([_drift(rng, n), _drift(rng, n)], axis=1)
+    wander = drawn["centre_wander_px"] * np.stack([drift(rng, n), drift(rng, n)], axis=1)
     centre = np.array([width / 2, height / 2]) + rng.uniform(-0.015, 0.015, 2) * height + wander
     centre += 0.3 * rng.normal(size=(n, 2))
-    roll = rng.uniform(0, 2 * np.pi) + drawn["roll_wander_rad"] * _drift(rng, n)
+    roll = rng.uniform(0, 2 * np.pi) + drawn["roll_wander_rad"] * drift(rng, n)
     roll += drawn["roll_jitter_rad"] * rng.normal(size=n)
-    probe = 0.02 * np.stack([_drift(rng, n), _drift(rng, n)], axis=1) + rng.uniform(-0.03, 0.03, 2)
+    probe = 0.02 * np.stack([drift(rng, n), drift(rng, n)], axis=1) + rng.uniform(-0.03, 0.03, 2)
     travel: Travel = "in" if one.word("endoscope.travel", {"in": 0.75, "out": 0.25}) == "in" else "out"
     scale = height / 480  # the drawn sizes of dirt are those of an image of 480 rows
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from benchmarks.physics import plots, realism
+from benchmarks.physics import instrument_plots, plots, realism
 
 
 def main() -> int:
@@ -27,6 +27,9 @@ def main() -> int:
         plots.roll_off,
         plots.point_spread,
         plots.attenuation,
+        instrument_plots.speckle_of_bone,
+        instrument_plots.focus,
+        instrument_plots.reflections,
         plots.cone,
         plots.light,
     )

@@ -38,11 +38,12 @@ def plain(preset: PresetName = "quick", seed: int = 1000, **oct_: Any) -> Sample
     }  # fmt: skip
     quiet = {
         "offset_mm": (0.0,) * n, "start_angle_rad": (0.0,) * n, "turn_length": (1.0,) * n, "lost_ascans": (),
-        "rotation_error_rad": (((0.0, 0.0),),) * n, "sheath": (), "shadows": (), "n_glints": 0, "flare_share": 0.0,
+        "rotation_error_rad": (((0.0, 0.0),),) * n, "sheath": (), "shadows": (), "n_glints": 0, "flare_db": 0.0,
         "patchiness_db": 0.0, "detector_line_db": NOTHING_DB, "catheter_face_db": NOTHING_DB,
         "inner_face_db": NOTHING_DB, "outer_face_db": NOTHING_DB, "wall_db": NOTHING_DB, "tail_db": NOTHING_DB,
         "scan": "step", "z_advance_mm": 0.0, "first_sample_mm": 0.0, "glass_mm": 0.1,
         "capillary_outer_diameter_mm": 1.7, "excess_noise_db": 8.0, "floor_count": 60.0, "db_per_count": 0.3,
+        "focus_mm": drawn.bore.diameter_mm / 2 + (drawn.oct.glass_index - 1) * 0.1, "floor_bands_db": 0.0,
     }  # fmt: skip
     return drawn.model_copy(
         update={

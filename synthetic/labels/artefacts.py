@@ -6,12 +6,18 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.synthetic.model import Model
 from endoct.synthetic.oct.bscan import artificial
+from endoct.synthetic.oct.reflectors import N_FACES, N_GHOSTS
 from endoct.synthetic.oct.spectrometer import spectrometer
 from endoct.synthetic.sample.presets import PRESETS
 
-FLAGS = ("1 capillary face", "2 sheath or catheter", "4 detector line", "8 autocorrelation", "16 saturated A-scan")
+FLAGS = (
+    "1 capillary face or its ghost",
+    "2 sheath or catheter",
+    "4 detector line",
+    "8 autocorrelation",
+    "16 saturated A-scan",
+)
 FACE, CATHETER, DETECTOR, AUTOCORRELATION, SATURATED = 1, 2, 4, 8, 16
-N_FACES = 2
 FAINTEST_DB = 0.0
 """What is fainter than the noise is no artefact that one could see."""
 
@@ -29,9 +35,10 @@ def artefacts(model: Model, slice_index: int) -> NDArray[np.uint8]:
     with np.errstate(divide="ignore"):
         level_db = 20 * np.log10(np.abs(light.amplitude) / unit)
     instrument = N_FACES + len(oct_.sheath) + 1
+    own = instrument + N_GHOSTS
     for k in range(light.delay_px.shape[0]):
-        if k < instrument or k >= light.n_optical:
-            kind = FACE if k < N_FACES else CATHETER if k < instrument else DETECTOR
+        if k < own or k >= light.n_optical:
+            kind = FACE if k < N_FACES else CATHETER if k < instrument else FACE if k < own else DETECTOR
             _draw(flags, light.delay_px[k], level_db[k] > FAINTEST_DB, n, reach_px, kind)
     for k in range(instrument):
         for other in range(k):

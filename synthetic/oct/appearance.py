@@ -32,12 +32,18 @@ class Appearance:
 
 def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance:
     """Return the wall's patches and its specular spots, on the wall's grid made ``coarser`` times coarser."""
-    oct_, rng = sample.oct, generator(sample.seed, Stage.OCT, 0)
+    oct_, seed = sample.oct, sample.bore_seed
     n_z, n_theta = (-(-n // coarser) for n in wall.relief_mm.shape)
     dz_mm, dtheta_mm = wall.dz_mm * coarser, 2 * np.pi / n_theta * wall.radius_mm
-    wall_db = oct_.patchiness_db * smooth_field(rng, (n_z, n_theta), 0.35 / dz_mm, 0.35 / dtheta_mm)
-    wall_db += 0.5 * oct_.patchiness_db * smooth_field(rng, (n_z, n_theta), 0.06 / dz_mm, 0.06 / dtheta_mm)
+    wall_db = oct_.patchiness_db * smooth_field(
+        generator(seed, Stage.PATCHES, 0), (n_z, n_theta), 0.35 / dz_mm, 0.35 / dtheta_mm
+    )
+    wall_db += (
+        0.5
+        * oct_.patchiness_db
+        * smooth_field(generator(seed, Stage.PATCHES, 1), (n_z, n_theta), 0.06 / dz_mm, 0.06 / dtheta_mm)
+    )
     glint_db = np.full((n_z, n_theta), -60, np.float32)
-    spots = rng.integers(0, n_z, oct_.n_glints), rng.integers(0, n_theta, oct_.n_glints)
-    glint_db[spots] = oct_.wall_db + rng.uniform(4, 16, oct_.n_glints)
+    z, theta, brighter = generator(seed, Stage.GLINTS).random((oct_.n_glints, 3)).T
+    glint_db[(z * n_z).astype(np.intp), (theta * n_theta).astype(np.intp)] = oct_.wall_db + 4 + 12 * brighter
     return Appearance(dz_mm, wall_db, np.asarray(cv2.dilate(glint_db, np.ones((2, 3))), np.float32))

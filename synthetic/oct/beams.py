@@ -35,7 +35,8 @@ class Echoes:
     ``wall_radius_mm``: where that solid surface is, in the bore frame (θ of the beam and NaN where there is none).
     ``wall_cosine``: of the incidence on it. ``fluid_cosine``: on the fluid. ``cell`` int32: 1 + index of the cell it
     belongs to, 0 on the bore's own wall. ``dust`` bool: it is bone dust. ``shadow_db``: light lost to dirt on the
-    capillary, there and back.
+    capillary, there and back. ``crossing_rad``: θ where a beam crosses the bore's nominal radius; ``slant_rad``: by how
+    much its direction is turned there from the radius; ``beyond_mm``: the way from there to the solid surface.
     """
 
     alpha_rad: Coordinates
@@ -55,6 +56,9 @@ class Echoes:
     cell: NDArray[np.int32]
     dust: Mask
     shadow_db: Coordinates
+    crossing_rad: Coordinates
+    slant_rad: Coordinates
+    beyond_mm: Coordinates
 
     @property
     def surface_path_mm(self) -> Coordinates:
@@ -198,6 +202,12 @@ def _echoes(sample: Sample, beams: _Leaving, met: Crossings) -> Echoes:
     wall_path = beams.outer_path_mm + met.entry_mm + (FLUID_INDEX - 1) * wet_mm
     exit_path = wall_path + BONE_INDEX * (met.exit_mm - met.entry_mm)
     z_mm = beams.origin_mm[:, 2]
+    across = beams.origin_mm[:, :2]
+    outward = np.sum(across * beams.direction[:, :2], axis=1)
+    inside = (sample.bore.diameter_mm / 2) ** 2 - np.sum(across**2, axis=1)
+    crossing_mm = np.sqrt(outward**2 + inside) - outward
+    crossing = across + crossing_mm[:, None] * beams.direction[:, :2]
+    crossing_rad = np.arctan2(crossing[:, 1], crossing[:, 0])
     return Echoes(
         alpha_rad=beams.alpha_rad,
         inner_path_mm=beams.glass.inner_mm,
@@ -216,6 +226,9 @@ def _echoes(sample: Sample, beams: _Leaving, met: Crossings) -> Echoes:
         cell=met.cell,
         dust=met.dust,
         shadow_db=_shadow_db(sample.oct, z_mm, beams.face_rad),
+        crossing_rad=np.mod(crossing_rad, 2 * np.pi),
+        slant_rad=wrap_rad(np.arctan2(beams.direction[:, 1], beams.direction[:, 0]) - crossing_rad),
+        beyond_mm=met.entry_mm - crossing_mm,
     )
 
 

@@ -78,7 +78,7 @@ def noise_free(sample: Sample, wall: Wall, appearance: Appearance, slice_index: 
 
 def _dark(sample: Sample) -> Coordinates:
     size = PRESETS[sample.preset]
-    return dark_counts(generator(sample.seed, Stage.OCT, 1 + size.n_slices), 2 * size.n_depth)
+    return dark_counts(generator(sample.seed, Stage.DARK), sample.oct, 2 * size.n_depth)
 
 
 def artificial(
@@ -162,8 +162,8 @@ def _slices(sample: Sample, wall: Wall, appearance: Appearance, slices: Sequence
     """Yield slices, ready to be recorded."""
     every = PRESETS[sample.preset].ascans_per_column
     for i, (sweep, position) in zip(slices, sweeps(sample, wall, appearance, slices), strict=True):
-        rng = generator(sample.seed, Stage.OCT, 1 + i)
-        light = scattered(sweep, rng)
+        rng = generator(sample.seed, Stage.DETECTOR, i)
+        light = scattered(sweep)
         yield _Slice(sample, sweep.spectrometer, light, rng, position, every, -sweep.turn.first)
 
 

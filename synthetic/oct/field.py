@@ -13,10 +13,12 @@ from scipy import fft
 
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.oct.reflectors import reflectors
+from endoct.synthetic.oct.sheath import add_sheath
 from endoct.synthetic.oct.speckle import speckle
 from endoct.synthetic.oct.spectrometer import roll_off
 from endoct.synthetic.oct.sweep import Sweep
 from endoct.synthetic.oct.turn import around
+from endoct.synthetic.sample.randomness import Stage, generator
 
 Field = NDArray[np.complex64]
 COLUMNS = 128  # worked on at a time
@@ -26,6 +28,7 @@ STRIDE = 32  # samples of a spectrum that follow from one phasor
 PHASE_RAD, PHASE_TURNS = 12.0, 0.01
 # the detector's line has a weaker companion; real ones are some ten rows wide
 LINES = ((0.0, 0.0), (6.0, -9.0))
+LINE = 1000  # its stream of phases, beyond those of reflectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +59,24 @@ class Scattered:
             yield columns, field
 
 
-def scattered(sweep: Sweep, rng: Generator) -> Scattered:
+def scattered(sweep: Sweep) -> Scattered:
     """Return what the beams of a turn return."""
     oct_, turn, n = sweep.oct_, sweep.turn, sweep.spectrometer.window.size
-    bone = speckle(sweep, rng)
-    paths, levels = reflectors(sweep, rng)
+    bone = speckle(sweep)
+    add_sheath(sweep, bone)
+    paths, levels = reflectors(sweep)
     delay = (np.array(paths) - oct_.first_sample_mm) / oct_.axial_pixel_mm
     met = np.isfinite(delay)
     delay[~met] = 0
     amplitude = np.where(met, 10 ** (np.array(levels) / 20), 0) * roll_off(oct_, delay, n)
-    phase = np.array([PHASE_RAD * around(rng, turn, PHASE_TURNS) for _ in paths])
+
+    def of(what: int) -> Generator:
+        return generator(sweep.seed, Stage.PHASES, sweep.slice_index, what)
+
+    phase = np.array([PHASE_RAD * around(of(k), turn, PHASE_TURNS) for k in range(len(paths))])
 
     # the line's phase runs through a few turns, so that the mean over A-scans does not hold it
+    rng = of(LINE)
     drift = rng.uniform(1, 3) * np.linspace(0, 2 * np.pi, turn.n) + 3.0 * around(rng, turn, 0.05)
     line = np.array([np.full(turn.n, oct_.detector_line_px + apart) for apart, _ in LINES])
     level = np.array([oct_.detector_line_db + db + np.zeros(turn.n) for _, db in LINES])

@@ -1,53 +1,87 @@
-"""Everything thin that the beam meets: the capillary's faces, the sheath, glints, the surface of a fluid.
+"""Everything thin that the beam meets: the capillary's faces and their ghosts, the sheath, glints, a fluid's surface.
 
 Each lies at its exact path, and returns light of a level in dB.
 """
 
 import numpy as np
-from numpy.random import Generator
 
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.oct.sweep import Sweep
 from endoct.synthetic.oct.turn import around
+from endoct.synthetic.sample.randomness import Stage, generator
 
-FLARE_RAD = 0.01  # incidence within which a face flares
 FLUID_DB = -2.4  # Fresnel: 2 % of a fluid's surface against 3.5 % of glass
 NO_GLINT_DB = -20.0
+INNER, OUTER, EXIT, SHEATH = 0, 1, 2, 3  # streams of their levels
+N_FACES, N_GHOSTS = 2, 3
 
 
-def reflectors(sweep: Sweep, rng: Generator) -> tuple[list[Coordinates], list[Coordinates]]:
-    """Return optical path, mm, and level in dB, before roll-off, of everything thin; each a value a column."""
+def reflectors(sweep: Sweep) -> tuple[list[Coordinates], list[Coordinates]]:
+    """Return optical path, mm, and level in dB, before roll-off, of everything thin; each a value a column.
+
+    First both faces, the sheath's lines and the catheter's exit, then the ghosts, glints and a fluid's surface.
+    """
     oct_, echoes, turn = sweep.oct_, sweep.echoes, sweep.turn
     light_db = -echoes.shadow_db
+
+    def course(what: int, rms_db: float, sigma_turns: float) -> Coordinates:
+        rng = generator(sweep.seed, Stage.LEVELS, sweep.slice_index, what)
+        return rms_db * around(rng, turn, sigma_turns)
 
     def glossy(incidence_rad: Coordinates) -> Coordinates:
         return np.maximum(-8.7 * (incidence_rad / oct_.glint_rad) ** 2, oct_.matt_db)
 
-    flares = rng.random() < oct_.flare_share
-    flaring, side = int(rng.integers(2)), rng.choice([-1, 1])
-    paths, levels = [], []
-    for face, (path, incidence, level) in enumerate(
-        (
-            (echoes.inner_path_mm, echoes.inner_incidence_rad, oct_.inner_face_db),
-            (echoes.outer_path_mm, echoes.outer_incidence_rad, oct_.outer_face_db),
-        )
-    ):
-        level_db = level + glossy(incidence) + 2.0 * around(rng, turn, 0.05)
-        if flares and face == flaring:
-            # square on the near or on the far side of an off-axis catheter
-            there = side * (path - np.median(path)) > 0
-            level_db = level_db + there * oct_.flare_db * np.exp(-((incidence / FLARE_RAD) ** 2))
+    # a beam that leans along the bore meets no face squarely
+    lean_rad = np.real(sweep.lean * np.exp(-1j * echoes.alpha_rad))
+
+    def square_db(incidence_rad: Coordinates) -> Coordinates:
+        flare: Coordinates = oct_.flare_db * np.exp(-(incidence_rad**2 + lean_rad**2) / oct_.flare_rad**2)
+        return flare
+
+    faces = (
+        (echoes.inner_path_mm, echoes.inner_incidence_rad, oct_.inner_face_db, INNER),
+        (echoes.outer_path_mm, echoes.outer_incidence_rad, oct_.outer_face_db, OUTER),
+    )
+    paths, levels, ghosts = [], [], []
+    glass_mm = echoes.outer_path_mm - echoes.inner_path_mm
+    outermost_mm = max((sheath.radius_mm for sheath in oct_.sheath), default=0.0)
+    for path, incidence, level, what in faces:
+        own_db = level + course(what, 2.0, 0.05)
+        paths.append(path)
+        levels.append(own_db + glossy(incidence) + square_db(incidence))
+        # twice to the face and back, turned around by the sheath: it must be met squarely twice
+        again_db = own_db + oct_.double_pass_db + glossy(2 * incidence) + square_db(incidence)
+        ghosts.append((2 * path - outermost_mm, again_db))
+        if what == OUTER:
+            thrice_db = own_db + oct_.ghost_db + glossy(3 * incidence) + square_db(incidence)
+            ghosts.append((path + glass_mm, thrice_db))
+    for k, sheath in enumerate(oct_.sheath):
+        paths.append(sheath_path_mm(sweep, k))
+        levels.append(sheath.level_db + fading_db(sweep, k))
+    paths.append(np.zeros(turn.n))
+    levels.append(oct_.catheter_face_db + course(EXIT, 1.0, 0.08))
+
+    for path, level_db in ghosts:
         paths.append(path)
         levels.append(level_db)
-    for sheath in oct_.sheath:
-        paths.append(sheath.radius_mm + sheath.wobble_mm * np.sin(echoes.alpha_rad + sheath.phase_rad))
-        levels.append(sheath.level_db + 1.5 * around(rng, turn, 0.08))
-    paths.append(np.zeros(turn.n))
-    levels.append(oct_.catheter_face_db + 1.0 * around(rng, turn, 0.08))
-
     paths.append(echoes.wall_path_mm)
     levels.append(np.where(sweep.glint_db > NO_GLINT_DB, sweep.glint_db + light_db, -np.inf))
     if np.any(np.isfinite(echoes.fluid_path_mm)):
         paths.append(echoes.fluid_path_mm)
         levels.append(oct_.outer_face_db + FLUID_DB + glossy(np.arccos(echoes.fluid_cosine)) + light_db)
     return paths, levels
+
+
+def sheath_path_mm(sweep: Sweep, line: int) -> Coordinates:
+    """Return the path to one of the sheath's lines, at every column."""
+    sheath = sweep.oct_.sheath[line]
+    path: Coordinates = sheath.radius_mm + sheath.wobble_mm * np.sin(sweep.echoes.alpha_rad + sheath.phase_rad)
+    return path
+
+
+def fading_db(sweep: Sweep, line: int) -> Coordinates:
+    """Return by how much a line of the sheath, and the polymer behind it, fade around the turn; ≤ 0 in the mean."""
+    rng = generator(sweep.seed, Stage.LEVELS, sweep.slice_index, SHEATH + line)
+    course = around(rng, sweep.turn, 0.08)
+    fading: Coordinates = sweep.oct_.sheath_fade_db * np.minimum(course, 0.3)
+    return fading

@@ -1,48 +1,50 @@
-"""What bone returns: white, circular Gaussian scatterers, one for each axial pixel and column.
+"""What bone returns: the scatterers of its lattice, weakened with depth, and summed across the beam.
 
-Summed over the width of the beam, they are fully developed speckle. Arrays are (column, sample).
+So they are fully developed speckle that belongs to the bone. Arrays are (column, sample).
 """
 
-import cv2
+import math
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy import sparse
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.oct.beams import BONE_INDEX, Echoes
-from endoct.synthetic.oct.spectrometer import roll_off
-from endoct.synthetic.oct.sweep import Sweep
-from endoct.synthetic.oct.turn import lateral_taps
+from endoct.synthetic.oct.focus import coupling, spot_sigma_mm
+from endoct.synthetic.oct.lattice import Lattice, lattice
+from endoct.synthetic.oct.scatterers import Nodes, along_beams, nodes, unwrapped_rad
+from endoct.synthetic.oct.spectrometer import centred, roll_off
+from endoct.synthetic.oct.sweep import REACH, Sweep
 from endoct.synthetic.sample.parameters import Oct
-from endoct.synthetic.sample.randomness import bell
 
-COLUMNS = 128  # worked on at a time
-DUST_DB = 2.0  # dust scatters more than bone, and its surface is rougher (chosen)
-DUST_ROUGHNESS_MM = 0.008
-DIVERGENCE_DB_MM = 6.0  # lost for each mm that the wall is beyond the nominal one, where the focus is (chosen)
+NODES = 128  # worked on at a time
 NEGLIGIBLE_DB = -20.0  # what bone returns below this is left out
 TABLE_PER_PX = 32
 
 
-def speckle(sweep: Sweep, rng: Generator) -> NDArray[np.complex64]:
+def speckle(sweep: Sweep) -> NDArray[np.complex64]:
     """Return the scatterers that every column's beam gathers, complex64 (column, n), of relative amplitude."""
-    oct_, one, turn, echoes = sweep.oct_, sweep.spectrometer, sweep.turn, sweep.echoes
+    oct_, one, echoes = sweep.oct_, sweep.spectrometer, sweep.echoes
     n, pixel = one.window.size, oct_.axial_pixel_mm
-    level_db = oct_.wall_db + sweep.wall_db
-    level_db -= DIVERGENCE_DB_MM * np.clip(np.nan_to_num(echoes.wall_radius_mm) - sweep.radius_mm, 0, None)
-    level_db += DUST_DB * echoes.dust - echoes.shadow_db
-    # a steep wall returns little
-    level = 10 ** (level_db / 10) * (0.06 + 0.94 * np.nan_to_num(echoes.wall_cosine) ** 1.5)
-    rough_mm = np.where(echoes.dust, DUST_ROUGHNESS_MM, 0) * turn(bell(rng, turn.n_ring))
-    entry_px = (echoes.wall_path_mm + rough_mm - oct_.first_sample_mm) / pixel
-    bone = np.zeros((turn.n, n), np.complex64)
-    if not np.any(np.isfinite(entry_px)):
+    bone = np.zeros((sweep.turn.n, n), np.complex64)
+    if not np.any(np.isfinite(echoes.wall_path_mm)):
         return bone
+    places = lattice(sweep.bore_seed, sweep.radius_mm, oct_)
+    passed = nodes(sweep, places)
+    near, dust = passed.near, echoes.dust[passed.near]
+    level_db = oct_.wall_db + sweep.wall_db[near] + oct_.dust_db * dust - echoes.shadow_db[near]
+    # a steep wall returns little
+    level = 10 ** (level_db / 10) * (0.06 + 0.94 * np.nan_to_num(echoes.wall_cosine[near]) ** 1.5)
+    level *= coupling(oct_, np.nan_to_num(passed.path_mm))
+    layer = places.roughness(round(float(np.mean(passed.z_mm)) / places.layer_mm))
+    rough_mm = np.where(dust, oct_.dust_roughness_mm * layer[np.mod(passed.number, places.n_nodes)], 0)
+    entry_px = (passed.path_mm + rough_mm - oct_.first_sample_mm) / pixel
     first = int(np.clip(np.nanmin(entry_px) - 1, 0, n - 1))
     last = _negligible_from(oct_, float(level.max()), first, n)
 
-    # all columns show one profile, shifted: they are windows of it, tabulated for every 1/32 pixel of shift, and
+    # all nodes show one profile, shifted: they are windows of it, tabulated for every 1/32 pixel of shift, and
     # everything twice in a row, for the real and the imaginary part
     bins = np.arange(first, last)
     below = np.arange(-TABLE_PER_PX, (last - first + 2) * TABLE_PER_PX) / TABLE_PER_PX
@@ -52,30 +54,50 @@ def speckle(sweep: Sweep, rng: Generator) -> NDArray[np.complex64]:
     place = TABLE_PER_PX * (first + 1) - np.rint(np.nan_to_num(entry_px, nan=2.0 * n) * TABLE_PER_PX).astype(np.intp)
     start = np.clip(place // TABLE_PER_PX + bins.size, 0, table.shape[1] // 2 - bins.size)
     windows = sliding_window_view(table, 2 * bins.size, axis=1)
-    gain = np.sqrt(0.5 * one.bone_unit2 * level).astype(np.float32)[:, None]
-    rolled = np.repeat(roll_off(oct_, bins.astype(np.float64), n), 2).astype(np.float32)
-    scatterers = bell(rng, turn.n_ring * 2 * bins.size).reshape(turn.n_ring, -1)
-    amplitude, on_ring = np.empty((turn.n, 2 * bins.size), np.float32), turn.place
-    for a_block in range(0, turn.n, COLUMNS):
-        columns = slice(a_block, min(turn.n, a_block + COLUMNS))
-        part = windows[place[columns] % TABLE_PER_PX, 2 * start[columns]]
-        for column in np.flatnonzero(np.isfinite(echoes.exit_path_mm[columns])):
-            part[column] = np.repeat(_beyond_septum(oct_, echoes, a_block + int(column), entry_px, bins), 2)
-        part *= gain[columns]
+    # as many rings as an axial pixel holds add up in it
+    rings = pixel / BONE_INDEX / places.ring_mm
+    gain = np.sqrt(0.5 * rings * one.bone_unit2 * level).astype(np.float32)[:, None]
+    rolled = np.repeat(roll_off(oct_, bins.astype(np.float64), n) * centred(bins), 2).astype(np.float32)
+    amplitude = along_beams(sweep, places, passed, bins).reshape(near.size, -1)
+    for a_block in range(0, near.size, NODES):
+        some = slice(a_block, min(near.size, a_block + NODES))
+        part = windows[place[some] % TABLE_PER_PX, 2 * start[some]]
+        for node in np.flatnonzero(np.isfinite(echoes.exit_path_mm[near[some]])) + a_block:
+            part[node - a_block] = np.repeat(_beyond_septum(oct_, echoes, int(near[node]), entry_px[node], bins), 2)
+        part *= gain[some]
         part *= rolled
-        np.multiply(part, scatterers.take(on_ring[columns], axis=0), out=amplitude[columns])
-    taps = lateral_taps(oct_, sweep.radius_mm, turn.n_ring)
-    bone[:, first:last] = _summed(amplitude, taps).view(np.complex64)
+        amplitude[some] *= part
+    bone[:, first:last] = (_spots(sweep, places, passed) @ amplitude).view(np.complex64)
     return bone
 
 
-def _beyond_septum(
-    oct_: Oct, echoes: Echoes, column: int, entry_px: Coordinates, bins: NDArray[np.intp]
-) -> Coordinates:
+def _spots(sweep: Sweep, places: Lattice, passed: Nodes) -> sparse.csr_array:
+    """Return how much of every node's light each column gathers, (column, node): a Gaussian of unit power."""
+    echoes, theta = sweep.echoes, unwrapped_rad(sweep)
+    path_mm = np.where(np.isfinite(echoes.wall_path_mm), echoes.wall_path_mm, np.nanmedian(echoes.wall_path_mm))
+    sigma_mm = spot_sigma_mm(sweep.oct_, path_mm)
+    # across the beam, where the wall is: beams diverge as they turn
+    diverging = 1 + np.gradient(echoes.slant_rad, theta)
+    mm_per_rad = sweep.radius_mm * np.cos(echoes.slant_rad) + np.nan_to_num(echoes.beyond_mm) * diverging
+    at = theta / places.node_rad - passed.number[0]
+    half = math.ceil(float(np.max(REACH * sigma_mm / (mm_per_rad * places.node_rad))))
+    node = np.rint(at).astype(np.intp)[:, None] + np.arange(-half, half + 1)
+    apart = (node - at[:, None]) * (places.node_rad * mm_per_rad / sigma_mm)[:, None]
+    known = (node >= 0) & (node < passed.number.size)
+    weight = np.where(known & (np.abs(apart) <= REACH), np.exp(-0.5 * apart**2), 0)
+    weight /= np.sqrt(np.sum(weight**2, axis=1, keepdims=True))
+    n_columns, n_taps = node.shape
+    ends = n_taps * np.arange(n_columns + 1)
+    chosen = np.clip(node, 0, passed.number.size - 1).ravel()
+    shape = n_columns, passed.number.size
+    return sparse.csr_array((weight.astype(np.float32).ravel(), chosen, ends), shape=shape)
+
+
+def _beyond_septum(oct_: Oct, echoes: Echoes, column: int, entry_px: float, bins: NDArray[np.intp]) -> Coordinates:
     """Return the amplitude from axial pixels ``bins`` of a beam that leaves bone and may meet it again."""
     ends = [echoes.exit_path_mm[column], echoes.reentry_path_mm[column]]
     out, back = (np.nan_to_num(np.array(ends), nan=np.inf) - oct_.first_sample_mm) / oct_.axial_pixel_mm
-    inside, beyond = bins - entry_px[column], np.minimum(bins, back) - out
+    inside, beyond = bins - entry_px, np.minimum(bins, back) - out
     gap = np.clip(bins + 0.5 - out, 0, 1) - np.clip(bins + 0.5 - back, 0, 1)
     share = np.clip(inside + 0.5, 0, 1)
     left: Coordinates = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
@@ -98,9 +120,3 @@ def _negligible_from(oct_: Oct, most: float, first: int, n: int) -> int:
     left = _profile(oct_, bins - first, np.ones_like(bins))
     bright = np.flatnonzero(most * left * roll_off(oct_, bins, n) ** 2 > 10 ** (NEGLIGIBLE_DB / 10))
     return first + (int(bright[-1]) + 1 if bright.size else 1)
-
-
-def _summed(image: Image, taps: Image) -> Image:
-    """Return ``image`` convolved with ``taps`` along columns; the columns at both ends are a margin."""
-    out = cv2.sepFilter2D(image, cv2.CV_32F, np.ones(1, np.float32), taps, borderType=cv2.BORDER_REFLECT)
-    return np.asarray(out, dtype=np.float32)

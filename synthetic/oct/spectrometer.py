@@ -8,6 +8,7 @@ shows it.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -22,12 +23,12 @@ from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import bell
 
 FULL_SCALE = 4095  # 12 bits
-DARK_COUNTS = 80.0  # of the dark detector, and the rms of its fixed pattern (chosen)
-DARK_PATTERN_COUNTS = 3.0
 # pixel p of the detector records the spectrum at m = CHIRP(p): a fit to the vectors of the rig, see its facts
 CHIRP = np.polynomial.Polynomial([-0.48, 1.25467, -2.017e-4, -4.6e-8])
 # an exponential's mean logarithm is 10·γ/ln 10 dB under the logarithm of its mean
 LOG_BIAS_DB = 2.5068
+# samples after which noise comes again: half a wave over the depth, and two and a half and six and a half of them
+BAND_LAGS = (1, 5, 13)
 BLOCK = 128  # A-scans in the cache
 
 
@@ -38,7 +39,8 @@ class Spectrometer:
     ``sigma``: of the Gaussian spectrum, samples (infinite: flat). ``peak_counts``: of the reference alone.
     ``noise_counts2``: variance of the noise per count of reference, counts². ``unit``: relative amplitude of a
     reflector at 0 dB, the level of the mean noise. ``bone_unit2``: |a|² of white scatterers, one for each axial
-    pixel, that together show at 0 dB.
+    pixel, that together show at 0 dB. ``echoes``: of the noise in itself, a share for each of ``BAND_LAGS`` samples
+    later, which make bands over depth of it.
     """
 
     window: Coordinates
@@ -47,6 +49,7 @@ class Spectrometer:
     noise_counts2: float
     unit: float
     bone_unit2: float
+    echoes: tuple[float, ...] = ()
 
     def reference(self, m: Coordinates) -> Coordinates:
         """Return the counts of the reference alone at samples ``m``."""
@@ -87,7 +90,29 @@ def spectrometer(oct_: Oct, n: int) -> Spectrometer:
         noise_counts2=excess,
         unit=float(np.sqrt(noise)) / coherent,
         bone_unit2=noise / (n * float(np.sum((reference * window) ** 2))),
+        echoes=_echoes(oct_.floor_bands_db, oct_.floor_bands, n),
     )
+
+
+def floor(echoes: Sequence[float], depth_px: Coordinates, n: int) -> Coordinates:
+    """Return the level of the noise at ``depth_px``, as a power, 1 in the mean."""
+    turned = 2 * np.pi / n * np.multiply.outer(depth_px, BAND_LAGS[: len(echoes)])
+    share = np.array(echoes)
+    power: Coordinates = np.abs(1 + np.exp(1j * turned) @ share) ** 2 / (1 + np.sum(share**2))
+    return power
+
+
+@lru_cache(maxsize=16)
+def _echoes(bands_db: float, weights: tuple[float, ...], n: int) -> tuple[float, ...]:
+    """Return the shares of echoes, as their weights are to each other, that make so large a difference over depth."""
+    if not bands_db or not any(weights):
+        return ()
+    depth_px, low, high = np.arange(n / 2), 0.0, 1 / sum(map(abs, weights))
+    for _ in range(30):
+        scale = (low + high) / 2
+        power = floor([scale * weight for weight in weights], depth_px, n)
+        low, high = (scale, high) if 10 * np.log10(power.max() / power.min()) < bands_db else (low, scale)
+    return tuple(low * weight for weight in weights)
 
 
 @lru_cache(maxsize=16)
@@ -117,6 +142,15 @@ def roll_off(oct_: Oct, delay_px: Coordinates, n: int) -> Coordinates:
     return amplitude
 
 
+def centred(bins: NDArray[np.intp]) -> Coordinates:
+    """Return the signs that make scatterers in axial pixels ``bins`` refer to the middle of the spectrum.
+
+    There they must vary smoothly with place, so that they can be interpolated, and not at its first sample.
+    """
+    sign: Coordinates = np.where(bins % 2, -1.0, 1.0)
+    return sign
+
+
 def chirp(n: int) -> Coordinates:
     """Return m of every pixel of the detector: pixel p records the spectrum at sample m = chirp(n)[p].
 
@@ -127,9 +161,9 @@ def chirp(n: int) -> Coordinates:
     return m
 
 
-def dark_counts(rng: Generator, n: int) -> Coordinates:
+def dark_counts(rng: Generator, oct_: Oct, n: int) -> Coordinates:
     """Return what each of ``n`` pixels counts in the dark: an offset and a fixed pattern."""
-    return DARK_COUNTS + DARK_PATTERN_COUNTS * rng.standard_normal(n)
+    return oct_.dark_counts + oct_.dark_pattern_counts * rng.standard_normal(n)
 
 
 def counts(one: Spectrometer, m: Coordinates, field: NDArray[np.complex64]) -> Image:
@@ -151,11 +185,25 @@ def digitised(
     """
     sigma = np.sqrt(one.noise_counts2 * one.reference(m)).astype(np.float32)
     noisy = bell(rng, mean_counts.size).reshape(mean_counts.shape)
+    noisy = _banded(noisy, one.echoes)
     noisy *= sigma
     noisy += mean_counts
     noisy += dark.astype(np.float32) + np.float32(0.5)  # rounds
     np.clip(noisy, 0, FULL_SCALE, out=noisy)
     return noisy.astype(np.uint16)
+
+
+def _banded(noise: Image, echoes: Sequence[float]) -> Image:
+    """Return white ``noise`` (A-scan, n) with its echoes, of the same power."""
+    if not echoes:
+        return noise
+    power = 1 + sum(share**2 for share in echoes)
+    banded: Image = noise * np.float32(power**-0.5)
+    for lag, share in zip(BAND_LAGS, echoes, strict=False):
+        part = share * power**-0.5
+        for late, early in ((banded[:, lag:], noise[:, :-lag]), (banded[:, :lag], noise[:, -lag:])):
+            cv2.scaleAdd(early, part, late, late)
+    return banded
 
 
 def reconstruct(oct_: Oct, one: Spectrometer, spectra: NDArray[np.uint16]) -> NDArray[np.uint8]:

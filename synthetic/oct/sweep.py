@@ -1,5 +1,6 @@
 """One turn of the beam over the wall: the columns of a slice, and what their beams meet."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -9,12 +10,14 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
-from endoct.synthetic.oct.beams import Echoes, stream_position, trace_slices
+from endoct.synthetic.oct.beams import Echoes, capillary_axis_mm, stream_position, trace_slices
+from endoct.synthetic.oct.focus import spot_sigma_mm
 from endoct.synthetic.oct.spectrometer import Spectrometer, spectrometer
-from endoct.synthetic.oct.turn import Turn, lateral_taps
+from endoct.synthetic.oct.turn import Turn
 from endoct.synthetic.sample.parameters import Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 
+REACH = 3.0  # sigmas of the spot across which scatterers are summed
 BEYOND = 3  # columns beyond those recorded that the interpolation between columns reads
 
 
@@ -23,7 +26,9 @@ class Sweep:
     """The instrument, the columns of one slice, and what their beams meet; arrays have one value a column.
 
     ``echoes``: surfaces. ``wall_db`` and ``glint_db``: how brightly the wall and its specular spots scatter there, see
-    :class:`endoct.synthetic.oct.appearance.Appearance`. ``radius_mm``: of the bore, on which the beam is focused.
+    :class:`endoct.synthetic.oct.appearance.Appearance`. ``radius_mm``: of the bore. ``catheter_mm``: off the bore's
+    axis, x + iy; ``lean``: by how much it moves off the capillary's axis for each mm along it, the same way.
+    ``seed`` and ``bore_seed`` key what is random of the recording and of the bone.
     """
 
     oct_: Oct
@@ -33,6 +38,11 @@ class Sweep:
     wall_db: Coordinates
     glint_db: Coordinates
     radius_mm: float
+    catheter_mm: complex
+    lean: complex
+    seed: int
+    bore_seed: int
+    slice_index: int
 
 
 def sweeps(
@@ -47,14 +57,17 @@ def sweeps(
     every, one = size.ascans_per_column, spectrometer(oct_, 2 * size.n_depth)
     taken = [stream_position(oct_, i, size.n_ascans) for i in slices]
     rings = [round(size.n_ascans / every / oct_.turn_length[i]) for i in slices]
-    margins = [lateral_taps(oct_, wall.radius_mm, n_ring).size // 2 + BEYOND for n_ring in rings]
+    widest_mm = REACH * float(spot_sigma_mm(oct_, np.array([2 * wall.radius_mm]))[0])
+    margins = [math.ceil(widest_mm / (2 * np.pi * wall.radius_mm / n_ring)) + BEYOND for n_ring in rings]
     columns = [
         np.arange(-margin, -(-int(position[-1] + 1) // every) + margin, dtype=np.float64)
         for position, margin in zip(taken, margins, strict=True)
     ]
     # a column stands for the middle of its A-scans
     traced = trace_slices(sample, wall.scene, slices, [(k + 0.5) * every - 0.5 for k in columns])
-    for position, n_ring, margin, echoes in zip(taken, rings, margins, traced, strict=True):
+    offset_mm = np.array(oct_.offset_mm) * np.exp(1j * np.array(oct_.offset_direction_rad))
+    lean = _slope(offset_mm, np.array(oct_.z_mm))
+    for i, position, n_ring, margin, echoes in zip(slices, taken, rings, margins, traced, strict=True):
         n = echoes.alpha_rad.size
         # one turn on, a helical scan is a pitch away
         turn = Turn(n if oct_.scan == "helical" else n_ring, -margin, n)
@@ -62,4 +75,29 @@ def sweeps(
             appearance.at(image, echoes.wall_z_mm, echoes.wall_theta_rad)
             for image in (appearance.wall_db, appearance.glint_db)
         )
-        yield Sweep(oct_, one, turn, echoes, wall_db, glint_db, wall.radius_mm), position
+        axis_x, axis_y = capillary_axis_mm(sample.bore, np.array([oct_.z_mm[i]]))
+        yield (
+            Sweep(
+                oct_=oct_,
+                spectrometer=one,
+                turn=turn,
+                echoes=echoes,
+                wall_db=wall_db,
+                glint_db=glint_db,
+                radius_mm=wall.radius_mm,
+                catheter_mm=complex(axis_x[0], axis_y[0]) + complex(offset_mm[i]),
+                lean=complex(lean[i]),
+                seed=sample.seed,
+                bore_seed=sample.bore_seed,
+                slice_index=i,
+            ),
+            position,
+        )
+
+
+def _slope(values: NDArray[np.complex128], z_mm: Coordinates) -> NDArray[np.complex128]:
+    """Return how ``values`` change with ``z_mm``, 0 where that stands still."""
+    if values.size < 2:
+        return np.zeros_like(values)
+    rise, run = np.gradient(values), np.gradient(z_mm)
+    return np.divide(rise, run, out=np.zeros_like(values), where=np.abs(run) > 1e-6)

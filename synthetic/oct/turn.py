@@ -1,18 +1,14 @@
-"""The columns of one slice on the ring they were taken on: how wide the beam is there, and what changes around it."""
+"""The columns of one slice on the ring they were taken on, and what changes smoothly around it."""
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy import fft
 
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.synthetic.sample.parameters import Oct
 
-FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
 AROUND = 1024  # places around a turn at which what changes smoothly is drawn
 
 
@@ -27,23 +23,6 @@ class Turn:
     n_ring: int
     first: int
     n: int
-
-    def __call__(self, ring: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return values of a ring, shape (n_ring, …), at every column."""
-        return ring[self.place]
-
-    @property
-    def place(self) -> NDArray[np.intp]:
-        """Place of every column on the ring, (n,)."""
-        return np.mod(self.first + np.arange(self.n), self.n_ring)
-
-
-def lateral_taps(oct_: Oct, radius_mm: float, n_ring: int) -> Image:
-    """Return the beam's field across the columns of a turn, of unit power; √2 wider than its intensity."""
-    sigma = math.sqrt(2) * oct_.lateral_resolution_mm / FWHM / (2 * np.pi * radius_mm / n_ring)
-    reach = math.ceil(3.5 * sigma)
-    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    return np.asarray(taps / np.sqrt(np.sum(taps**2)), dtype=np.float32)
 
 
 def around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:

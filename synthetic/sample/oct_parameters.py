@@ -8,6 +8,7 @@ from endoct.synthetic.sample.parameter_fields import (
     MOST_HARMONICS,
     MOST_LISTED,
     Angle,
+    Factor,
     Harmonic,
     Parameters,
     Place,
@@ -18,6 +19,7 @@ from endoct.synthetic.sample.parameter_fields import (
     drawn,
 )
 
+N_BANDS = 3
 Length = Annotated[float, Field(ge=0.5, le=2)]
 Error = Annotated[tuple[Harmonic, ...], Field(max_length=MOST_HARMONICS)]
 Offset = Annotated[float, Field(ge=0, le=0.5)]
@@ -29,7 +31,9 @@ class SheathLine(Parameters):
     radius_mm: float = between(0.10, 0.44, "mm (Dragonfly: 0.45 outside)")
     wobble_mm: float = between(0.0147, 0.0255, "sine amplitude: the core turns 3–5 px off its axis (rig), mm")
     phase_rad: float = between(0, 6.2832, "of that sine, rad")
-    level_db: float = drawn(22, 38, "dB (chosen)", (0, 60))
+    level_db: float = between(-20, 80, "where it does not fade, dB")
+    thickness_mm: float = drawn(0.025, 0.06, "of the polymer behind it, mm (chosen; Dragonfly: 0.05)", (0, 0.2))
+    band_db: float = between(-40, 80, "what that polymer scatters, where it does not fade, dB")
 
 
 class Shadow(Parameters):
@@ -73,7 +77,16 @@ class Oct(Parameters):
     axial_resolution_mm: float = drawn(
         0.0075, 0.0120, "full width at half maximum in air, mm (rig: 6.5–15 µm)", (0.0075, 0.03)
     )
-    lateral_resolution_mm: float = drawn(0.020, 0.030, "full width at half maximum, mm (Ilumien class)", (0.005, 0.1))
+    lateral_resolution_mm: float = drawn(
+        0.020, 0.030, "full width at half maximum at the focus, mm (Ilumien class)", (0.005, 0.1)
+    )
+    focus_mm: float = drawn(
+        1.0, 1.5, "optical path from the catheter to the focus, mm (chosen: about the wall)", (0.2, 5)
+    )
+    wavelength_mm: float = drawn(0.001284, 0.001284, "centre of the spectrum, 1200–1368 nm, mm (rig)", (0.0005, 0.003))
+    diffuse_rayleigh: float = drawn(
+        2, 2, "apparent Rayleigh length of a diffuse wall over the beam's (van Leeuwen 2003; 1 by Kübler 2021)", (1, 4)
+    )
     roll_off_db: float = drawn(6, 10, "loss at full depth, sinc² × Gauss, dB (rig)", (4, 30))
     reference_counts: float = drawn(
         1400, 2200, "of the reference light at the spectrum's peak, of 4095 (chosen)", (100, 4000)
@@ -81,6 +94,14 @@ class Oct(Parameters):
     electrons_per_count: float = drawn(540, 540, "of the spectrometer's converter (rig)", (1, 5000))
     excess_noise_db: float = drawn(
         8, 16, "noise over shot noise; the more, the stronger the autocorrelation (chosen)", (0, 30)
+    )
+    dark_counts: float = drawn(80, 80, "of the dark detector (chosen)", (0, 1000))
+    dark_pattern_counts: float = drawn(3, 3, "rms of its fixed pattern (chosen)", (0, 100))
+    floor_bands_db: float = drawn(
+        2.2, 3.0, "difference of the noise floor between depths (a swept-source file: 2.6), dB", (0, 6)
+    )
+    floor_bands: tuple[Factor, ...] = Field(
+        max_length=N_BANDS, description="relative weights of the waves over depth that make up that difference"
     )
     # signal; 0 dB is the noise floor before roll-off
     wall_db: float = drawn(
@@ -91,10 +112,25 @@ class Oct(Parameters):
     catheter_face_db: float = drawn(
         20, 34, "the catheter's own exit, at a path of 0; often mirrored, dB (chosen)", (0, 60)
     )
-    flare_db: float = drawn(
-        15, 32, "extra, of a face within a few A-scans of square, in flare slices, dB (chosen)", (0, 50)
+    flare_db: float = drawn(15, 32, "extra, of a face that the beam meets squarely, twice a turn, dB (chosen)", (0, 50))
+    flare_rad: float = drawn(0.01, 0.01, "incidence at which that has fallen to 1/e, rad (chosen)", (0.001, 0.1))
+    ghost_db: float = drawn(
+        -29.5,
+        -28.5,
+        "of light that went once more through the glass, against the outer face (Fresnel: 3.5 % twice)",
+        (-80, 0),
     )
-    flare_share: float = drawn(0.0, 0.3, "of slices in which such a flare occurs (chosen)", (0, 1))
+    double_pass_db: float = drawn(
+        -40,
+        -32,
+        "of light that the sheath sent out again, against the face; Fresnel and a round sheath (chosen)",
+        (-80, 0),
+    )
+    sheath_db: float = drawn(26, 34, "of the sheath's lines, each within 4 dB of it, dB (chosen)", (-20, 60))
+    sheath_band_db: float = drawn(
+        -20, -12, "what the sheath's polymer scatters, against its lines, dB (chosen)", (-60, 0)
+    )
+    sheath_fade_db: float = drawn(3, 7, "rms by which the sheath fades in and out over a turn, dB (chosen)", (0, 30))
     glint_rad: float = drawn(0.10, 0.20, "incidence at which a face has lost 8.7 dB, rad (chosen)", (0.02, 1))
     matt_db: float = drawn(-22, -16, "what a face returns obliquely, against normal incidence, dB (chosen)", (-40, 0))
     detector_line_px: float = drawn(130, 330, "depth row of the detector's fixed line (rig: 218–227)", (5, 500))
@@ -102,6 +138,8 @@ class Oct(Parameters):
     attenuation_mm: float = drawn(
         0.10, 0.25, "depth in bone at which the intensity falls to 1/e, mm (chosen)", (0.01, 2)
     )
+    dust_db: float = drawn(2, 2, "scattering of bone dust over that of bone, dB (chosen)", (-20, 20))
+    dust_roughness_mm: float = drawn(0.008, 0.008, "rms of the surface of dust, mm (chosen)", (0, 0.05))
     tail_db: float = drawn(-18, -12, "multiple scattering against the wall's surface, dB (chosen)", (-60, 0))
     tail_mm: float = drawn(0.4, 0.9, "decay of that tail, mm (chosen)", (0.01, 3))
     patchiness_db: float = drawn(1.5, 3.0, "rms of the wall's slow changes of brightness, dB (chosen)", (0, 10))
@@ -140,6 +178,9 @@ class Oct(Parameters):
     )
     rotation_error_peak_rad: float = drawn(
         0.0087, 0.0436, "largest over the scan, 0.5–2.5° (a few degrees, 10° at bends), rad", (0, 0.2)
+    )
+    stick_slip: float = drawn(
+        0.15, 0.4, "share of that peak by which the catheter sticks and slips, a few times a turn (chosen)", (0, 1)
     )
     rotation_error_rad: tuple[Error, ...] = Field(
         max_length=MOST_LISTED, description="every slice, harmonics 1, 2, … of the turn, rad"

@@ -27,9 +27,7 @@ RADIUS_MM = 1.25
 
 @pytest.fixture(scope="module")
 def sample() -> Sample:
-    drawn = draw(
-        "learning", 4, ranges={"oct.flare_share": (0.0, 0.0), "bore.bone": ("phantom",), "oct.scan": ("step",)}
-    )
+    drawn = draw("learning", 4, ranges={"oct.flare_db": (0.0, 0.0), "bore.bone": ("phantom",), "oct.scan": ("step",)})
     return drawn.model_copy(update={"oct": drawn.oct.model_copy(update={"lost_ascans": ()})})
 
 
@@ -56,6 +54,8 @@ def _even(sample: Sample) -> Oct:
             "axial_pixel_mm": 0.005,
             "axial_resolution_mm": 0.0095,
             "lateral_resolution_mm": 0.025,
+            "focus_mm": 1.0,
+            "floor_bands_db": 0.0,
             "inner_face_db": -60.0,
             "outer_face_db": -60.0,
             "catheter_face_db": -60.0,
@@ -85,14 +85,20 @@ def _flat(n: int, path_mm: float) -> Echoes:
         cell=np.zeros(n, np.int32),
         dust=np.zeros(n, np.bool_),
         shadow_db=np.zeros(n),
+        crossing_rad=np.mod(2 * np.pi / N_RING * np.arange(n), 2 * np.pi),
+        slant_rad=np.zeros(n),
+        beyond_mm=np.zeros(n),
     )
 
 
 def _seen(oct_: Oct, one: Spectrometer, echoes: Echoes, seed: int = 0) -> NDArray[np.complex128]:
     """Return the field in depth, (column, 512), 0 dB a magnitude of 1."""
     n = echoes.alpha_rad.size
-    sweep = Sweep(oct_, one, Turn(N_RING, 0, n), echoes, np.zeros(n), np.full(n, -60.0), RADIUS_MM)
-    light = scattered(sweep, np.random.default_rng(seed))
+    sweep = Sweep(
+        oct_, one, Turn(N_RING, 0, n), echoes, np.zeros(n), np.full(n, -60.0), RADIUS_MM,
+        catheter_mm=0, lean=0, seed=seed, bore_seed=seed, slice_index=0,
+    )  # fmt: skip
+    light = scattered(sweep)
     m = np.arange(N, dtype=np.float64)
     reference = one.reference(m)
     field = np.concatenate([part for _, part in light.field(0, 1, N, with_line=False)]).real * 2 * reference

@@ -30,7 +30,9 @@ DARK = np.full(N, 80.0)
 @pytest.fixture(scope="module")
 def oct_() -> Oct:
     drawn = draw("learning", 1).oct
-    return drawn.model_copy(update={"db_per_count": 0.3, "floor_count": 60.0, "excess_noise_db": 12.0})
+    return drawn.model_copy(
+        update={"db_per_count": 0.3, "floor_count": 60.0, "excess_noise_db": 12.0, "floor_bands_db": 0.0}
+    )
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,148 @@
+"""The scatterers of the bone that the beams of one turn light, before they are summed across the beam.
+
+A node stands for the beam that crosses the bore's nominal radius at that node of the lattice. How far a scatterer is
+from the catheter does not depend on where the beam points: so a node's path, surface and phase are one and the same for
+all columns that see it, and a column is a sum over nodes.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.synthetic.oct.beams import BONE_INDEX
+from endoct.synthetic.oct.focus import spot_sigma_mm
+from endoct.synthetic.oct.lattice import Lattice
+from endoct.synthetic.oct.sweep import REACH, Sweep
+
+ONE_SURFACE_MM = 0.02  # between neighbouring columns: more is a step from one surface to another
+MARGIN_RINGS = 3  # for the interpolation between rings
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """The nodes that a sweep passes, in the order of θ, (node,).
+
+    ``number``: in the lattice, counted on beyond a turn; ``near``: the column that is nearest to each. Interpolated
+    between columns: ``z_mm``, ``path_mm`` and ``beyond_mm`` of the solid surface, see
+    :class:`endoct.synthetic.oct.beams.Echoes`, ``slant_rad``.
+    """
+
+    number: NDArray[np.intp]
+    near: NDArray[np.intp]
+    z_mm: Coordinates
+    path_mm: Coordinates
+    beyond_mm: Coordinates
+    slant_rad: Coordinates
+
+
+def unwrapped_rad(sweep: Sweep) -> Coordinates:
+    """Return θ at which every column crosses the bore's nominal radius, counted on beyond a turn."""
+    return np.unwrap(sweep.echoes.crossing_rad)
+
+
+def nodes(sweep: Sweep, places: Lattice) -> Nodes:
+    """Return the nodes that the spots of all columns reach."""
+    echoes, theta = sweep.echoes, unwrapped_rad(sweep)
+    reach_rad = REACH * float(np.nanmax(spot_sigma_mm(sweep.oct_, echoes.wall_path_mm))) / sweep.radius_mm
+    low, high = (theta.min() - reach_rad) / places.node_rad, (theta.max() + reach_rad) / places.node_rad
+    number = np.arange(math.floor(low) - 1, math.ceil(high) + 2)
+    columns = np.arange(theta.size, dtype=np.float64)
+    sense = 1 if theta[-1] > theta[0] else -1
+    column = np.interp(sense * number * places.node_rad, *_rising(sense * theta, columns))
+    before = np.minimum(column.astype(np.intp), theta.size - 2)
+    near, part = np.rint(column).astype(np.intp), column - before
+
+    def between(values: Coordinates) -> Coordinates:
+        first, second = values[before], values[before + 1]
+        joined = np.abs(second - first) < ONE_SURFACE_MM
+        return np.where(joined, first + part * (second - first), values[near])
+
+    return Nodes(
+        number=number,
+        near=near,
+        z_mm=np.interp(column, columns, echoes.wall_z_mm),
+        path_mm=between(echoes.wall_path_mm),
+        beyond_mm=between(echoes.beyond_mm),
+        slant_rad=np.interp(column, columns, echoes.slant_rad),
+    )
+
+
+def _rising(theta: Coordinates, columns: Coordinates) -> tuple[Coordinates, Coordinates]:
+    """Return the columns at which the catheter had got farther than ever before."""
+    new = np.flatnonzero(theta >= np.maximum.accumulate(theta))
+    return theta[new], columns[new]
+
+
+def along_beams(sweep: Sweep, places: Lattice, passed: Nodes, bins: NDArray[np.intp]) -> Image:
+    """Return the scatterer in each of the axial pixels ``bins`` of every node's beam, float32 (node, bin, 2).
+
+    Real and imaginary part, variance 1 each. Meaningless before bone begins.
+    """
+    oct_, echoes, n = sweep.oct_, sweep.echoes, passed.number.size
+    way = oct_.first_sample_mm + oct_.axial_pixel_mm * bins - passed.path_mm[:, None]
+    out_mm, back_mm = (path[passed.near] for path in (echoes.exit_path_mm, echoes.reentry_path_mm))
+    for node in np.flatnonzero(np.isfinite(out_mm)):
+        # light is faster in the gap behind a septum
+        path = way[node] + passed.path_mm[node]
+        way[node] += (BONE_INDEX - 1) * np.clip(np.minimum(path, back_mm[node]) - out_mm[node], 0, None)
+    way /= BONE_INDEX
+    way = np.nan_to_num(np.maximum(way, 0) + passed.beyond_mm[:, None]).astype(np.float32)
+    outward = sweep.radius_mm + way * np.cos(passed.slant_rad).astype(np.float32)[:, None]
+    aside = way * np.sin(passed.slant_rad).astype(np.float32)[:, None]
+    ring = np.sqrt(outward * outward + aside * aside)
+    ring *= np.float32(1 / places.ring_mm)
+    shift = np.rint(aside / (outward * np.float32(places.node_rad)))
+    rings = range(max(0, int(ring.min()) - MARGIN_RINGS), int(ring.max()) + MARGIN_RINGS + 2)
+    least = int(shift.min())
+    wider = np.arange(passed.number[0] + least, passed.number[-1] + int(shift.max()) + 1)
+    z_mm = np.interp(wider, passed.number, passed.z_mm)
+    stack = _across_layers(places, wider, z_mm, _sigma_across_mm(sweep), rings)
+    stack *= _carrier(sweep, places, wider)
+    image = np.ascontiguousarray(stack.T).view(np.float32).reshape(wider.size, len(rings), 2)
+    ring -= rings.start
+    shift += np.arange(n, dtype=np.float32)[:, None] - np.float32(least)
+    return np.asarray(cv2.remap(image, ring, shift, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.float32)
+
+
+def _sigma_across_mm(sweep: Sweep) -> float:
+    """Return how wide the spot is across the turn; as wide as where most of the wall is."""
+    usual = np.nanmedian(sweep.echoes.wall_path_mm, keepdims=True)
+    return float(spot_sigma_mm(sweep.oct_, usual)[0])
+
+
+def _carrier(sweep: Sweep, places: Lattice, number: NDArray[np.intp]) -> NDArray[np.complex64]:
+    """Return exp(2i·k₀·path) at every node of the nominal wall: how its scatterers add up from where the catheter is.
+
+    What is common to all scatterers in a spot shows in no magnitude; how their phases differ across it does, and that
+    the path over the nominal wall says, as a distance in air.
+    """
+    wall = sweep.radius_mm * np.exp(1j * places.node_rad * number)
+    path_mm = np.abs(wall - sweep.catheter_mm)
+    turned = 4j * math.pi / sweep.oct_.wavelength_mm * path_mm
+    return np.asarray(np.exp(turned), dtype=np.complex64)
+
+
+def _across_layers(
+    places: Lattice, number: NDArray[np.intp], z_mm: Coordinates, sigma_mm: float, rings: range
+) -> NDArray[np.complex64]:
+    """Return the scatterers of all layers that a spot at ``z_mm`` (node,) reaches, summed: complex64 (ring, node)."""
+    first = math.ceil((z_mm.min() - REACH * sigma_mm) / places.layer_mm)
+    last = math.floor((z_mm.max() + REACH * sigma_mm) / places.layer_mm)
+    apart = np.arange(first, last + 1)[:, None] * places.layer_mm - z_mm
+    weight = np.where(np.abs(apart) <= REACH * sigma_mm, np.exp(-0.5 * (apart / sigma_mm) ** 2), 0)
+    weight /= np.sqrt(np.sum(weight**2, axis=0))
+    total = np.zeros((len(rings), 2 * number.size), np.float32)
+    # as many nodes at a time as lie side by side in the lattice
+    starts = [0, *(np.flatnonzero(np.mod(number[1:], places.n_nodes) == 0) + 1).tolist(), number.size]
+    for index, share in enumerate(np.repeat(weight, 2, axis=1).astype(np.float32), first):
+        layer = places.layer(index, rings)
+        for begin, end in pairwise(starts):
+            part, at = slice(2 * begin, 2 * end), 2 * int(number[begin] % places.n_nodes)
+            if np.any(share[part]):
+                total[:, part] += layer[:, at : at + 2 * (end - begin)] * share[part]
+    return total.view(np.complex64)
