@@ -30,6 +30,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame
+from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.sidecars import endoscope_sidecar as simulated_sidecar
 from endoct.workbench import unroll
 
@@ -63,7 +64,8 @@ def _simulated(name: str, seed: int) -> tuple[list[NDArray[np.uint8]], dict[str,
     preset, ranges = ("quick", DARK) if name == "dark" else (name, {})
     sample = draw(preset, seed, ranges=ranges)  # type: ignore[arg-type]
     camera, maps = sample.endoscope, build_wall(sample).maps()
-    frames = [render_frame(sample, maps, k) for k in range(len(camera.z_mm))]
+    lighting = lighting_of(sample, maps)
+    frames = [render_frame(sample, maps, lighting, k) for k in range(len(camera.z_mm))]
     outer = np.array(camera.centre_px)
     truth: dict[str, object] = {
         "inner": camera.inner_px,

@@ -169,14 +169,16 @@ def _sheath(one: Drawer, drawn: Mapping[str, float]) -> tuple[SheathLine, ...]:
 def _endoscope(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, bore: Bore) -> Endoscope:
     n, rng = z_mm.size, one.rng
     width, height = size.image_px[int(rng.integers(len(size.image_px)))]
-    outer = float(rng.uniform(0.42, 0.46)) * height
-    inner, focal = _fitting_annulus(drawn, float(rng.uniform(0.18, 0.35)), outer, bore.diameter_mm / 2)
+    outer = drawn["outer_share"] * height
+    inner, focal = _fitting_annulus(drawn, drawn["inner_share"], outer, bore.diameter_mm / 2)
     wander = drawn["centre_wander_px"] * np.stack([drift(rng, n), drift(rng, n)], axis=1)
     centre = np.array([width / 2, height / 2]) + rng.uniform(-0.015, 0.015, 2) * height + wander
-    centre += 0.3 * rng.normal(size=(n, 2))
+    centre += drawn["centre_jitter_px"] * rng.normal(size=(n, 2))
     roll = rng.uniform(0, 2 * np.pi) + drawn["roll_wander_rad"] * drift(rng, n)
     roll += drawn["roll_jitter_rad"] * rng.normal(size=n)
-    probe = 0.02 * np.stack([drift(rng, n), drift(rng, n)], axis=1) + rng.uniform(-0.03, 0.03, 2)
+    probe = drawn["probe_drift_mm"] * np.stack([drift(rng, n), drift(rng, n)], axis=1)
+    aside = rng.uniform(0, 2 * np.pi)
+    probe += drawn["probe_offset_mm"] * np.array([math.cos(aside), math.sin(aside)])
     travel: Travel = "in" if one.word("endoscope.travel", {"in": 0.75, "out": 0.25}) == "in" else "out"
     scale = height / 480  # the drawn sizes of dirt are those of an image of 480 rows
 

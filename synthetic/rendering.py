@@ -37,11 +37,11 @@ def rendering(model: Model, processes: Sequence[WorkerProcess]) -> Iterator[tupl
 
     def render_here() -> None:
         bscans.work(render_group)
-        frames.work(partial(stored_frame, model.sample, model.wall))
+        frames.work(partial(stored_frame, model.sample, model.wall, model.lighting))
 
     def render_in(process: WorkerProcess) -> None:
-        sample, wall = process.store(model.sample), process.store(model.wall.maps())
-        frames.work(lambda index: process.call(stored_frame, sample, wall, index).result())
+        sample, wall, lighting = (process.store(one) for one in (model.sample, model.wall.maps(), model.lighting))
+        frames.work(lambda index: process.call(stored_frame, sample, wall, lighting, index).result())
         bscans.work(render_group)
 
     with ThreadPoolExecutor(1 + len(processes)) as pool:

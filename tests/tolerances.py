@@ -82,6 +82,11 @@ ATTENUATION_DB = 0.1
 # Rings of pixels of 8 bits, out of 150, averaged: half a count of gamma 1.8.
 LIGHT_OF_FRAME_REL = 0.006
 
+# The simulated endoscope's light against traced photons: what is asked of direct light, and of floors of cells with
+# the light that other bone throws on them. On the floors some 10 000 photons are counted.
+DIRECT_LIGHT_REL = 0.02
+ALL_LIGHT_REL = 0.10
+
 # Skew of clipped logarithms of real speckle, whose processing is not known.
 REAL_SKEW = 0.35
 

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from benchmarks.light.report import cells
 from benchmarks.physics import instrument_plots, plots, realism
 
 
@@ -32,6 +33,7 @@ def main() -> int:
         instrument_plots.reflections,
         plots.cone,
         plots.light,
+        cells,
     )
     lines = [
         line for figure in (*figures, plots.motion_of_oct, plots.motion_of_endoscope) for line in _told(figure(folder))

@@ -13,6 +13,7 @@ from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame
+from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
 from endoct.synthetic.sample.parameters import Sample
@@ -145,7 +146,8 @@ def frames(sample: Sample, wall: Wall, indices: Sequence[int]) -> Frames:
         json.loads(sample.model_dump_json())["endoscope"],
         truths["bore_radius_mm"],
     )
-    images = [render_frame(sample, wall, i) for i in indices]
+    lighting = lighting_of(sample, wall)
+    images = [render_frame(sample, wall, lighting, i) for i in indices]
     strips = probe.evened(
         [
             probe.strip(image, truth["centre_px"][i], optics, radius, truth["apex_to_band_centre_mm"])

@@ -13,16 +13,20 @@ from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import noise_free, pixel_maps
 from endoct.synthetic.endoscope.cone import band_centre_mm, focal_length_px
+from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.sample.parameters import Sample
-from endoct.synthetic.sample.presets import PRESETS
+from endoct.synthetic.sample.presets import PRESETS, PresetName
 
 APEX_MM = 2.0
 GAMMA = 1.8  # of the display, undone
 
 
-def endoscope(half_angle_deg: float = 45.0, **camera: Any) -> tuple[Sample, Wall]:
-    """Return a clean, grey endoscope with its apex 2 mm within a plain cylinder; ``camera`` as wanted."""
-    drawn = draw("learning", 1000, ranges={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})
+def endoscope(half_angle_deg: float = 45.0, preset: PresetName = "learning", **camera: Any) -> tuple[Sample, Wall]:
+    """Return a clean, grey endoscope with its apex 2 mm within a plain cylinder; ``camera`` as wanted.
+
+    Its source is in the pinhole, and the wall throws no light on.
+    """
+    drawn = draw(preset, 1000, ranges={"bore.cell_fraction": (0.0, 0.0), "bore.bone": ("phantom",)})
     bore = {
         "cells": (), "taper_mm": 0.0, "tilt_rad": 0.0, "wander_mm": 0.0, "roughness_mm": 0.0,
         "drill_mark_depth_mm": 0.0, "texture": 0.0, "smear": 0.0, "diameter_mm": 2.5,
@@ -34,11 +38,13 @@ def endoscope(half_angle_deg: float = 45.0, **camera: Any) -> tuple[Sample, Wall
     }  # fmt: skip
     clean = {
         "width_px": 640, "height_px": 480, "colour": False, "inner_shift_px": (0.0, 0.0), "defocus_px": 0.0,
-        "defocus_slope_px": 0.0, "exposure": 0.4, "bright_side": 0.0, "vignetting": 0.0, "stray": 0.0, "gloss": 0.0,
+        "defocus_slope_px": 0.0, "exposure": 0.8, "saturated": 0.0, "fibre_ring_mm": 0.0, "bone_albedo": 0.0,
+        "bright_side": 0.0, "vignetting": 0.0, "gloss": 0.0,
         "ring_gain": 0.0, "dirt": (), "droplets": (), "debris": (), "roll_rad": (0.0,) * n, "probe_tilt_rad": 0.0,
         "centre_px": ((321.3, 238.6),) * n, "offset_mm": ((0.0, 0.0),) * n,
-        "focal_px": focal_length_px(optics, optics["inner_px"], optics["outer_px"], 1.25),
     }  # fmt: skip
+    optics |= {name: value for name, value in camera.items() if name in optics}
+    clean["focal_px"] = focal_length_px(optics, optics["inner_px"], optics["outer_px"], 1.25)
     sample = drawn.model_copy(
         update={
             "bore": drawn.bore.model_copy(update=bore),
@@ -112,7 +118,7 @@ def ring_centres(
 def _linear(sample: Sample, wall: Wall) -> Coordinates:
     """Return the light of a frame, less that of one in the dark."""
     dark = sample.model_copy(update={"endoscope": sample.endoscope.model_copy(update={"exposure": 0.0})})
-    lit, unlit = ((noise_free(one, wall, 0) / 255.0) ** GAMMA for one in (sample, dark))
+    lit, unlit = ((noise_free(one, wall, lighting_of(one, wall), 0) / 255.0) ** GAMMA for one in (sample, dark))
     return np.asarray(lit - unlit)
 
 

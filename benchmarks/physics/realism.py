@@ -9,6 +9,7 @@ from benchmarks.physics.drawing import save
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame
+from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import ascan_echoes, render_bscan
 
@@ -54,7 +55,8 @@ def hard_bscan(path: Path, slice_index: int = 20) -> None:
 def paper_frame(path: Path, frame_index: int = 60) -> None:
     """Draw one frame of `paper`."""
     sample = draw("paper", SEED)
-    frame = render_frame(sample, build_wall(sample), frame_index)
+    wall = build_wall(sample)
+    frame = render_frame(sample, wall, lighting_of(sample, wall), frame_index)
     figure, axes = plt.subplots(figsize=(4.2, 3.4))
     axes.imshow(frame, cmap="gray")
     axes.set_axis_off()

@@ -16,7 +16,7 @@ import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean, label
+from endoct.fusion.segmentation.regions import clean, close_gaps, label, remove_small
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import masked_gaussian, pad_circle
 
@@ -100,8 +100,14 @@ def _highest(image: Image, behind: Evidence) -> Image:
 
 
 def _cleaned(mask: Mask, behind: Evidence, parameters: SegmentParameters) -> Mask:
-    """Return ``mask`` cleaned, and with what its regions enclose."""
-    return clean(mask, behind.dz_mm, behind.column_mm, parameters, largest_hole_mm2=LARGEST_FLOOR_MM2)
+    """Return ``mask`` cleaned, and with what its regions enclose.
+
+    That is taken in first: the side of a shallow cell is a thin dark line around a floor as bright as the wall, and
+    would be opened away.
+    """
+    closed = close_gaps(mask, behind.dz_mm, behind.column_mm, parameters)
+    filled = ~remove_small(~closed, LARGEST_FLOOR_MM2 / (behind.dz_mm * behind.column_mm))
+    return clean(filled, behind.dz_mm, behind.column_mm, parameters, largest_hole_mm2=LARGEST_FLOOR_MM2)
 
 
 def _eroded(mask: Mask) -> Mask:

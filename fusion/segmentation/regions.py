@@ -72,6 +72,11 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
     return np.asarray(keep[labels])
 
 
+def close_gaps(mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParameters) -> Mask:
+    """Return ``mask`` with the gaps in cells closed that are narrower than twice ``close_mm``."""
+    return morphology(mask, "close", parameters.close_mm / dz_mm, parameters.close_mm / column_mm)
+
+
 def clean(
     mask: Mask,
     dz_mm: float,
@@ -86,7 +91,7 @@ def clean(
     """
     p = parameters
     mask = morphology(mask, "open", p.open_mm / dz_mm, p.open_mm / column_mm)
-    mask = morphology(mask, "close", p.close_mm / dz_mm, p.close_mm / column_mm)
+    mask = close_gaps(mask, dz_mm, column_mm, p)
     sample_mm2 = dz_mm * column_mm
     hole_mm2 = p.smallest_mm2 if largest_hole_mm2 is None else largest_hole_mm2
     mask = remove_small(mask, p.smallest_mm2 / sample_mm2)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.endoscope.cone import band_centre_mm
-from endoct.synthetic.endoscope.light import light, obscured, surface
+from endoct.synthetic.endoscope.light import light, obscured
+from endoct.synthetic.endoscope.lighting import Lighting, lit_frame
 from endoct.synthetic.endoscope.png import png
 from endoct.synthetic.endoscope.sensor import compressed, displayed, noisy
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible
@@ -45,26 +46,26 @@ class PixelMaps:
     valid: Mask
 
 
-def render_frame(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np.uint8]:
+def render_frame(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> NDArray[np.uint8]:
     """Return frame ``frame_index``, u8 (row, column) or (row, column, RGB)."""
     camera = sample.endoscope
     rng = generator(sample.seed, Stage.ENDOSCOPE, 1 + frame_index)
-    signal = _signal(sample, wall, frame_index)
+    signal = _signal(sample, wall, lighting, frame_index)
     frame = np.empty(signal.shape, np.uint8)
     for rows in bands(camera):
-        frame[rows] = displayed(noisy(camera, signal[rows], rng))
+        frame[rows] = displayed(noisy(camera, signal[rows], rng), camera.gamma)
     return compressed(camera, frame)
 
 
-def stored_frame(sample: Sample, wall: WallMaps, frame_index: int) -> StoredFrame:
+def stored_frame(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> StoredFrame:
     """Return :func:`render_frame` as it is stored."""
-    frame = render_frame(sample, wall, frame_index)
+    frame = render_frame(sample, wall, lighting, frame_index)
     return frame if sample.endoscope.storage == "video" else png(frame)
 
 
-def noise_free(sample: Sample, wall: WallMaps, frame_index: int) -> NDArray[np.uint8]:
+def noise_free(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> NDArray[np.uint8]:
     """Return the twin of a frame without noise and compression, u8 as :func:`render_frame`."""
-    return displayed(_signal(sample, wall, frame_index))
+    return displayed(_signal(sample, wall, lighting, frame_index), sample.endoscope.gamma)
 
 
 def pixel_maps(sample: Sample, wall: WallMaps, frame_index: int) -> PixelMaps:
@@ -90,18 +91,19 @@ def pixel_maps(sample: Sample, wall: WallMaps, frame_index: int) -> PixelMaps:
     return PixelMaps(z_mm, theta_rad, depth_mm, cell, hidden, valid)
 
 
-def _signal(sample: Sample, wall: WallMaps, frame_index: int) -> Image:
+def _signal(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> Image:
     """Return the light on the sensor, float32 (row, column) or (row, column, RGB), 1 is saturation."""
     camera = sample.endoscope
-    reached = visible(wall, camera, frame_index)
-    lit, around = surface(camera, wall, reached), _Surround(sample, frame_index)
+    reached, lit = lit_frame(sample, wall, lighting, frame_index)
+    around = _Surround(sample, frame_index)
     colours = 3 if camera.colour else 1
     image = np.empty((camera.height_px, camera.width_px, colours), np.float32)
     for rows in bands(camera):
         pixels = view(camera, frame_index, rows)
         planes = np.repeat(around.light(rows)[None], colours, axis=0)
         if pixels.pixel.size:
-            arrived = light(sample, lit, pixels, follow(reached, camera, frame_index, pixels))
+            arrived = light(sample, frame_index, lit, pixels, follow(reached, camera, frame_index, pixels))
+            arrived *= np.float32(lighting.gain)
             for plane, colour in zip(planes, arrived, strict=True):
                 plane.ravel()[pixels.place] += colour
         image[rows] = cv2.merge(list(planes)).reshape(image[rows].shape)

@@ -1,10 +1,8 @@
 """How much light comes back from what the endoscope's pixels see.
 
-The source sits at the pinhole, so light reaches the wall along the rays that the camera sees: there are no shadows,
-and the glossy part is brightest where the wall faces the ray. A cone mirror spreads light as a plane one does along the
-bore, but around the bore it spreads it over the whole circle: a bundle of rays at ψ from the axis is, after a path
-L and at ρ from the axis, L·dψ wide and ρ·dθ, so that the irradiance falls as cos i·sin ψ/(L·ρ). Before a plane
-mirror ρ would be L·sin ψ, and this the inverse square of the path.
+It arrives straight from the source (:mod:`endoct.synthetic.endoscope.source`) and by way of other bone
+(:mod:`endoct.synthetic.endoscope.bounces`). Bone sends it on evenly, as a matt surface does; what is glossy shines in
+addition where it faces the ray, as source and lens lie together.
 """
 
 from dataclasses import dataclass
@@ -15,8 +13,10 @@ import numpy as np
 from endoct.stitching.arrays import Image, Mask
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.elementary import exp
-from endoct.synthetic.endoscope.cone import cone_of
-from endoct.synthetic.endoscope.sight import Hits, View, Visible, lookup
+from endoct.synthetic.endoscope.bounces import Bounced
+from endoct.synthetic.endoscope.shade import EVERY_COLUMN
+from endoct.synthetic.endoscope.sight import Hits, View, Visible, lookup, lookup_all
+from endoct.synthetic.endoscope.source import Places, direct
 from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample
 
 BONE_RGB = (1.0, 0.88, 0.72)
@@ -24,8 +24,6 @@ LINING_RGB = (1.0, 0.70, 0.60)
 STEEPEST_SLOPE = 8.0
 LINED_MM = 0.1
 """Depth below the nominal wall from which a cell's inside has the colour of its lining."""
-FLUID_LOSS = 0.35
-FLUID_GLOSS = 0.6
 RING_SIGMA_PX = 1.5
 CONTACT_SHADE = 0.5
 CONTACT_REACH = 1.3
@@ -37,56 +35,68 @@ OBSCURED = 0.2
 class Surface:
     """What the light of one frame falls on.
 
-    ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are pixels, crumbs included;
-    ``wet`` (row, column), None where all is dry; ``irradiance`` of the nominal wall in the middle of the annulus, up
-    to the source's strength; ``radius_mm`` of the bore.
+    ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are seen, crumbs included;
+    ``shade`` (row, column / 2, 2) of the same rows; ``wet`` (row, column), None where all is dry; ``bounced``: the
+    light that comes by way of other bone; ``first_row``, ``dz_mm``, ``dtheta_rad``: where the maps lie;
+    ``apex_mm``: z of the mirror's apex; ``radius_mm`` of the bore.
     """
 
     maps: Image
+    shade: Image
     wet: Image | None
-    irradiance: float
+    bounced: Bounced
+    first_row: int
+    dz_mm: float
+    dtheta_rad: float
+    apex_mm: float
     radius_mm: float
 
 
-def surface(camera: Endoscope, wall: WallMaps, reached: Visible) -> Surface:
-    """Return what the light falls on in a frame that sees these rows of the wall."""
+def surface(camera: Endoscope, wall: WallMaps, shade: Image, bounces: Bounced, reached: Visible) -> Surface:
+    """Return what the light falls on in a frame that sees these rows of the wall; ``shade`` is that of all rows."""
     rows = slice(reached.first_row, reached.first_row + reached.relief_mm.shape[0])
     slopes = [np.clip(slope[rows], -STEEPEST_SLOPE, STEEPEST_SLOPE) for slope in (wall.slope_z, wall.slope_theta)]
     maps = np.asarray(cv2.merge([wall.albedo[rows], wall.rim[rows], *slopes]), dtype=np.float32)
     for crumb in camera.debris:
         _put(crumb, maps, wall, reached.first_row)
     wet = wall.wet[rows]
-    return Surface(maps, wet if wet.any() else None, _reference(camera, wall.radius_mm), wall.radius_mm)
+    return Surface(
+        maps=maps,
+        shade=shade[rows],
+        wet=wet if wet.any() else None,
+        bounced=bounces,
+        first_row=reached.first_row,
+        dz_mm=wall.dz_mm,
+        dtheta_rad=wall.dtheta_rad,
+        apex_mm=(reached.first_row + reached.apex_row) * wall.dz_mm,
+        radius_mm=wall.radius_mm,
+    )
 
 
-def light(sample: Sample, lit: Surface, pixels: View, hits: Hits) -> Image:
-    """Return the light that arrives at each pixel of a view, float32 (1 or 3, n), 1 is saturation.
+def light(sample: Sample, frame_index: int, lit: Surface, pixels: View, hits: Hits) -> Image:
+    """Return the light that arrives at each pixel of a view, float32 (1 or 3, n).
 
-    Bone at normal incidence to a probe on the bore's axis has ``exposure`` in the middle of the annulus.
+    1 is bone at normal incidence, lit directly, in the middle of the annulus of a probe on the bore's axis.
     """
     camera = sample.endoscope
-    albedo, rim, slope_z, slope_theta = (
-        np.asarray(one).ravel() for one in cv2.split(lookup(lit.maps, hits.row, hits.column)[None])
-    )
+    albedo, rim, slope_z, slope_theta = lookup_all(lit.maps, hits.row, hits.column)
+    shades = lookup_all(lit.shade, hits.row, hits.column * np.float32(1 / EVERY_COLUMN))
     wet = None if lit.wet is None else lookup(lit.wet, hits.row, hits.column)
     deep_mm = np.maximum(hits.radius_mm - np.float32(lit.radius_mm), 0)
-    arriving = hits.sine / (hits.path_mm * hits.rho_mm)
-    arriving *= exp(deep_mm * np.float32(-1 / camera.fall_off_mm))
-    arriving *= np.float32(1 / lit.irradiance)
+    z_mm = (hits.row + lit.first_row) * np.float32(lit.dz_mm)
+    theta_rad = hits.column * np.float32(lit.dtheta_rad)
+    at = Places(z_mm - np.float32(lit.apex_mm), theta_rad, hits.radius_mm, slope_z, slope_theta, *shades)
+    diffuse, arriving = direct(camera, frame_index, at, lit.radius_mm)
+    diffuse += lit.bounced.at(z_mm, theta_rad, hits.radius_mm)
+    diffuse *= albedo
     leaning = slope_theta * hits.around
     leaning += slope_z * hits.inward
     steepness = slope_z * slope_z
     steepness += slope_theta * slope_theta
-    cosine = np.maximum(hits.outward - leaning, 0)
-    cosine /= np.sqrt(1 + steepness)
-    diffuse = (1 - camera.stray) * arriving
-    diffuse *= cosine
-    diffuse += camera.stray
-    diffuse *= albedo
     gloss: float | Image = camera.gloss
     if wet is not None:
-        diffuse *= 1 - FLUID_LOSS * wet
-        gloss = gloss + FLUID_GLOSS * wet
+        diffuse *= 1 - camera.fluid_loss * wet
+        gloss = gloss + camera.fluid_gloss * wet
         # a fluid's surface is smooth: what lies below it does not tilt it
         leaning *= 1 - wet
         steepness *= 1 - wet
@@ -99,7 +109,7 @@ def light(sample: Sample, lit: Surface, pixels: View, hits: Hits) -> Image:
     lobe *= np.float32(0.5 / camera.gloss_rad**2)
     glossy = gloss * arriving * exp(lobe)
 
-    through = camera.exposure * _probe_light(camera, pixels)
+    through = _vignetting(camera, pixels)
     from_ring = (pixels.r_px - np.float32(camera.ring_px)) * np.float32(1 / RING_SIGMA_PX)
     added = np.float32(camera.ring_gain) * exp(np.float32(-0.5) * from_ring * from_ring)
     added += _droplet_shine(camera, pixels)
@@ -138,20 +148,10 @@ def transmission(camera: Endoscope, pixels: View) -> Image:
     return kept.ravel().take(pixels.place)
 
 
-def _reference(camera: Endoscope, radius_mm: float) -> float:
-    """Return the irradiance, up to the source's strength, of the nominal wall in the middle of the annulus."""
-    rays = cone_of(camera).rays(np.array([(camera.inner_px + camera.outer_px) / 2]))
-    path_mm = rays.path_mm + (radius_mm - rays.rho_mm) / rays.outward
-    return float((rays.sine / (path_mm * radius_mm))[0])
-
-
-def _probe_light(camera: Endoscope, pixels: View) -> Image:
-    """Return vignetting and the light's first harmonic around the probe."""
-    middle, half = (camera.inner_px + camera.outer_px) / 2, (camera.outer_px - camera.inner_px) / 2
-    vignette = 1 - camera.vignetting * ((pixels.r_px - middle) / half) ** 2
-    cos, sin = np.cos(camera.bright_side_rad), np.sin(camera.bright_side_rad)
-    along = (pixels.x_px * np.float32(cos) + pixels.y_px * np.float32(sin)) / pixels.r_px
-    return np.asarray(vignette * (1 + camera.bright_side * along), dtype=np.float32)
+def _vignetting(camera: Endoscope, pixels: View) -> Image:
+    """Return what the lens lets through: all in the middle of the image, least at the annulus' outer rim."""
+    outwards = pixels.r_px * np.float32(1 / camera.outer_px)
+    return 1 - np.float32(camera.vignetting) * outwards * outwards
 
 
 def _droplet_shine(camera: Endoscope, pixels: View) -> Image:

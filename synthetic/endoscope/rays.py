@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image
 from endoct.synthetic.elementary import azimuth
-from endoct.synthetic.endoscope.cone import ConeRays, cone_of
+from endoct.synthetic.endoscope.cone import cone_of
 from endoct.synthetic.sample.parameters import Endoscope
 
 
@@ -42,7 +42,7 @@ class Rays:
         return np.asarray((np.sqrt(np.maximum(b * b - a * c, 0)) - b) / a)
 
 
-def rays_of(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> tuple[Rays, ConeRays]:
+def rays_of(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> Rays:
     """Return the rays of places of the image, counted from the annulus' centre."""
     r_px = np.sqrt(x_px * x_px + y_px * y_px)
     off_cone = cone_of(camera).rays(r_px)
@@ -54,10 +54,10 @@ def rays_of(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> tu
     # within a turn, as looking maps up beyond their edges takes ten times as long
     theta -= np.float32(2 * np.pi) * np.floor(theta * np.float32(0.5 / np.pi))
     cos, sin = _rotated(cos, sin, turn)
-    starts = _leaned(camera, (off_cone.rho_mm * cos, off_cone.rho_mm * sin, off_cone.z_mm))
-    ways = _leaned(camera, (off_cone.outward * cos, off_cone.outward * sin, off_cone.inward))
+    starts = leaned(camera, (off_cone.rho_mm * cos, off_cone.rho_mm * sin, off_cone.z_mm))
+    ways = leaned(camera, (off_cone.outward * cos, off_cone.outward * sin, off_cone.inward))
     x0, y0 = (start + np.float32(offset) for start, offset in zip(starts, camera.offset_mm[frame_index], strict=False))
-    rays = Rays(
+    return Rays(
         theta_rad=theta,
         u0=x0 * cos + y0 * sin,
         u1=ways[0] * cos + ways[1] * sin,
@@ -66,7 +66,6 @@ def rays_of(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> tu
         z0=starts[2],
         z1=ways[2],
     )
-    return rays, off_cone
 
 
 def _rotated(x: Image, y: Image, by_rad: float) -> tuple[Image, Image]:
@@ -74,9 +73,12 @@ def _rotated(x: Image, y: Image, by_rad: float) -> tuple[Image, Image]:
     return x * cos - y * sin, x * sin + y * cos
 
 
-def _leaned(camera: Endoscope, vectors: Sequence[Image]) -> tuple[Image, Image, Image]:
-    """Return vectors of the probe's frame in the bore's, into which the probe leans without turning about itself."""
-    towards, tilt = camera.probe_tilt_direction_rad, camera.probe_tilt_rad
+def leaned(camera: Endoscope, vectors: Sequence[Image], way: int = 1) -> tuple[Image, Image, Image]:
+    """Return vectors of the probe's frame in the bore's, into which the probe leans without turning about itself.
+
+    With ``way`` −1, vectors of the bore's frame in the probe's.
+    """
+    towards, tilt = camera.probe_tilt_direction_rad, way * camera.probe_tilt_rad
     along, across = _rotated(vectors[0], vectors[1], -towards)
     z, along = _rotated(vectors[2], along, tilt)
     x, y = _rotated(along, across, towards)

@@ -1,5 +1,7 @@
 """From light on the sensor to the image that was stored: noise, saturation, gamma, 8 bits, JPEG."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 from numpy.random import Generator
@@ -10,9 +12,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.parameters import Endoscope
 from endoct.synthetic.sample.randomness import bell
 
-GAMMA = 1.8
 LEVELS = 2**16
-_DISPLAY = np.rint(255 * (np.arange(LEVELS) / (LEVELS - 1)) ** (1 / GAMMA)).astype(np.uint8)
 
 
 def noisy(camera: Endoscope, signal: Image, rng: Generator) -> Image:
@@ -28,11 +28,16 @@ def noisy(camera: Endoscope, signal: Image, rng: Generator) -> Image:
     return sigma
 
 
-def displayed(signal: Image) -> NDArray[np.uint8]:
-    """Return ``signal`` clipped at saturation, with a display gamma of 1/1.8, in 8 bits."""
+def displayed(signal: Image, gamma: float = 1.8) -> NDArray[np.uint8]:
+    """Return ``signal`` clipped at saturation, to the power of 1/``gamma``, in 8 bits."""
     counts = signal * np.float32(LEVELS - 1)
     np.clip(counts, 0, LEVELS - 1, out=counts)
-    return np.asarray(cv2.LUT(counts.astype(np.uint16), _DISPLAY), dtype=np.uint8).reshape(signal.shape)
+    return np.asarray(cv2.LUT(counts.astype(np.uint16), _display(gamma)), dtype=np.uint8).reshape(signal.shape)
+
+
+@cache
+def _display(gamma: float) -> NDArray[np.uint8]:
+    return np.rint(255 * (np.arange(LEVELS) / (LEVELS - 1)) ** (1 / gamma)).astype(np.uint8)
 
 
 def compressed(camera: Endoscope, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -67,8 +67,6 @@ class Hits:
 
     ``row``, ``column``: on the wall's maps, fractional, rows counted from ``first_row``. ``radius_mm`` from the
     bore's axis. The ray's unit direction there: ``outward``, ``around`` (with θ) and ``inward`` (along z).
-    ``path_mm``: from the pinhole over the mirror; ``rho_mm``: from the probe's axis; ``sine`` of the ray's angle at
-    the pinhole.
     """
 
     first_row: int
@@ -78,9 +76,6 @@ class Hits:
     outward: Image
     around: Image
     inward: Image
-    path_mm: Image
-    rho_mm: Image
-    sine: Image
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +146,12 @@ def lookup(maps: Image, row: Image, column: Image) -> Image:
     return values
 
 
+def lookup_all(maps: Image, row: Image, column: Image) -> list[Image]:
+    """Return what :func:`lookup` finds in each of the maps (row, column, 2–4)."""
+    found = cv2.split(lookup(maps, row, column)[None])
+    return [np.asarray(one, dtype=np.float32).ravel() for one in found]
+
+
 def bands(camera: Endoscope) -> Iterator[slice]:
     """Yield the rows of an image, band by band."""
     rows = max(1, BAND_PX // camera.width_px)
@@ -162,9 +163,9 @@ def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View
     """Return the pixels between the annulus' boundaries, of which the inner has a centre of its own, in some rows."""
     cx, cy = camera.centre_px[frame_index]
     shift_x, shift_y = camera.inner_shift_px
-    top = rows.indices(camera.height_px)[0]
     across = (np.arange(camera.width_px) - cx).astype(np.float32)
-    down = (np.arange(camera.height_px)[rows] - cy).astype(np.float32)
+    image_rows = np.arange(camera.height_px)[rows]
+    down = (image_rows - cy).astype(np.float32)
     square = down[:, None] ** 2 + across**2
     inside = (down[:, None] - np.float32(shift_y)) ** 2 + (across - np.float32(shift_x)) ** 2 >= camera.inner_px**2
     inside &= square <= camera.outer_px**2
@@ -172,7 +173,7 @@ def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View
     row, column = np.divmod(place, camera.width_px)
     x, y = across[column], down[row]
     r = np.sqrt(square.ravel()[place])
-    pixels = View(place + top * camera.width_px, place, across, down, x, y, r, x.copy(), y.copy())
+    pixels = View(image_rows[row] * camera.width_px + column, place, across, down, x, y, r, x.copy(), y.copy())
     for drop in camera.droplets:
         near = pixels.near(drop.x_px, drop.y_px, drop.radius_px)
         dx, dy = x[near] - np.float32(drop.x_px), y[near] - np.float32(drop.y_px)
@@ -195,7 +196,7 @@ def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
     around = np.arange(RIM_PLACES) * (2 * np.pi / RIM_PLACES)
     rims = np.array([[inner_px], [camera.outer_px + bend_px]])
     x, y = ((rims * turned).astype(np.float32).ravel() for turned in (np.cos(around), np.sin(around)))
-    rays, _ = rays_of(camera, frame_index, x, y)
+    rays = rays_of(camera, frame_index, x, y)
     ends = [rays.z0 + rays.to_radius_mm(wall.radius_mm + relief) * rays.z1 for relief in (least - CLEARANCE_MM, most)]
     apex_mm = camera.z_mm[frame_index] - band_centre_mm(camera, wall.radius_mm)
     apex_row, last = apex_mm / wall.dz_mm, wall.relief_mm.shape[0] - 1
@@ -216,7 +217,7 @@ def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
 
 def follow(wall: Visible, camera: Endoscope, frame_index: int, pixels: View) -> Hits:
     """Return where the pixels' rays meet the wall."""
-    rays, off_cone = rays_of(camera, frame_index, pixels.look_x_px, pixels.look_y_px)
+    rays = rays_of(camera, frame_index, pixels.look_x_px, pixels.look_y_px)
     t = _march(wall, rays)
     radius, row, column = wall.place(rays, t)
     u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1
@@ -228,9 +229,6 @@ def follow(wall: Visible, camera: Endoscope, frame_index: int, pixels: View) -> 
         outward=np.asarray((u * rays.u1 + v * rays.v1) / radius, dtype=np.float32),
         around=np.asarray((u * rays.v1 - v * rays.u1) / radius, dtype=np.float32),
         inward=rays.z1,
-        path_mm=np.asarray(off_cone.path_mm, dtype=np.float32) + t,
-        rho_mm=np.asarray(off_cone.rho_mm + t * off_cone.outward, dtype=np.float32),
-        sine=np.asarray(off_cone.sine, dtype=np.float32),
     )
 
 

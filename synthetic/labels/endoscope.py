@@ -58,7 +58,7 @@ def write_endoscope_labels(
         radius_mm = wall.radius_mm + view.depth_mm[view.valid]
         same = nearest_places(cartesian_mm(view.z_mm[view.valid], view.theta_rad[view.valid], radius_mm), places)
         pixels[:, mine] = np.where(same >= 0, np.stack([np.full(same.size, i), row[same], column[same]]), -1)
-        return view, slice_, ascan, noise_free(sample, wall, i)
+        return view, slice_, ascan, noise_free(sample, wall, model.lighting, i)
 
     for i, (view, slice_, ascan, twin) in enumerate(thread_map(look, range(n_frames), workers)):
         values = {

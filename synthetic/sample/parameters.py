@@ -91,6 +91,13 @@ class Endoscope(Parameters):
     visible_length_mm: float = drawn(
         0.75, 0.90, "of the nominal bore in the annulus, mm; so that the mirror fits (typical: 1.0)", (0.2, 5)
     )
+    outer_share: float = drawn(0.42, 0.46, "outer radius of the annulus over the image's height (chosen)", (0.2, 0.5))
+    inner_share: float = drawn(
+        0.18,
+        0.35,
+        "inner radius over the outer; less where only a smaller mirror passes the bore (chosen)",
+        (0.08, 0.7),
+    )
     inner_px: float = Field(gt=0, le=1e4, description="inner radius of the annulus, pixels")
     outer_px: float = Field(gt=0, le=1e4, description="outer radius of the annulus, pixels")
     inner_shift_px: tuple[Pixel, Pixel] = Field(description="centre of the inner boundary off the annulus', pixels")
@@ -99,13 +106,28 @@ class Endoscope(Parameters):
         0.0, 0.6, "added to σ at the rim that is farther from focus, pixels (chosen)", (0, 10)
     )
     focus_at_outer: bool = Field(description="whether the outer rim of the annulus is in focus, or the inner")
-    # light, as a fraction of saturation
-    exposure: float = drawn(0.6, 0.9, "of bone at normal incidence (chosen)", (0.02, 3))
+    # light; what is added counts from bone in the middle of the annulus
+    fibre_ring_mm: float = drawn(
+        0.10,
+        0.25,
+        "radius of the ring of fibres about the lens, mm; an endoscope of 1 mm has room for it (chosen)",
+        (0, 0.3),
+    )
+    bone_albedo: float = drawn(
+        0.5, 0.7, "share of the light that bone of mean brightness sends on, for light that bounces (chosen)", (0, 0.9)
+    )
+    saturated: float = drawn(
+        0.002,
+        0.02,
+        "share of the annulus that saturates where a person sets the gain, on the first frames (chosen)",
+        (0, 0.5),
+    )
+    exposure: float = drawn(1.0, 1.0, "gain of the camera over the one that a person would set (chosen)", (0.02, 5))
     bright_side: float = drawn(0.15, 0.4, "first harmonic of the light around the probe, relative (required)", (0, 0.9))
     bright_side_rad: float = drawn(0, 6.2832, "where it is brightest, image angle, rad")
-    vignetting: float = drawn(0.2, 0.5, "loss from the middle of the annulus to its rims (required)", (0, 1))
-    fall_off_mm: float = drawn(0.25, 0.5, "depth in a cell at which the light falls to 1/e, mm (chosen)", (0.05, 10))
-    stray: float = drawn(0.02, 0.05, "light scattered into dark places (chosen)", (0, 0.5))
+    vignetting: float = drawn(
+        0.2, 0.5, "loss from the middle of the image to the outer rim, as the radius squared (required)", (0, 1)
+    )
     gloss: float = drawn(0.0, 0.25, "specular light of the wet wall, against the diffuse (chosen)", (0, 3))
     gloss_rad: float = drawn(0.10, 0.25, "width of the specular lobe, rad (chosen)", (0.01, 1))
     ring_px: float = Field(gt=0, le=1e4, description="radius of the probe's specular ring, pixels")
@@ -113,8 +135,11 @@ class Endoscope(Parameters):
     dirt: tuple[Speck, ...] = Field(max_length=MOST_LISTED, description="8–25 specks on the optics")
     droplets: tuple[Droplet, ...] = Field(max_length=MOST_LISTED, description="0–3 on the mirror")
     debris: tuple[Debris, ...] = Field(max_length=MOST_LISTED, description="on the wall, one for each 1 mm of bore")
+    fluid_loss: float = drawn(0.35, 0.35, "of the matt light under fluid, relative (chosen)", (0, 1))
+    fluid_gloss: float = drawn(0.6, 0.6, "gloss that a fluid's surface adds (chosen)", (0, 3))
     full_well: float = drawn(4000, 12000, "electrons at saturation, for shot noise (chosen)", (100, 100000))
     read_noise: float = drawn(8, 25, "electrons rms (chosen)", (0, 500))
+    gamma: float = drawn(1.8, 1.8, "of the display, its inverse on the light; sRGB is about 2.2 (chosen)", (1, 3))
     jpeg_quality: float = drawn(80, 98, "of the compression the frames have been through, of 100 (chosen)", (5, 100))
     storage: Literal["png", "video"] = Field(description="a folder of PNG, or one video")
     # motion
@@ -126,6 +151,13 @@ class Endoscope(Parameters):
     )
     roll_jitter_rad: float = drawn(0.0122, 0.0122, "rms of the roll from frame to frame, 0.7°, rad (chosen)", (0, 0.5))
     centre_wander_px: float = drawn(1, 5, "of the annulus over the scan, pixels (chosen)", (0, 50))
+    centre_jitter_px: float = drawn(0.3, 0.3, "rms of the annulus' centre from frame to frame, pixels (chosen)", (0, 5))
+    probe_offset_mm: float = drawn(
+        0.0, 0.035, "of the cone's apex off the bore's axis, mean of the scan, mm (chosen)", (0, 0.2)
+    )
+    probe_drift_mm: float = drawn(
+        0.02, 0.02, "largest departure from that along x and along y over the scan, mm (chosen)", (0, 0.1)
+    )
     z_mm: tuple[Place, ...] = Field(
         max_length=MOST_LISTED, description="of the visible band's centre in every frame, mm from the mouth"
     )

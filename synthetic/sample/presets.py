@@ -54,7 +54,7 @@ HARD_RANGES: Ranges = {
     "oct.rotation_error_peak_rad": (0.035, 0.087),
     "oct.turn_jitter": (0.003, 0.010),
     "oct.lost_blocks": (0.0, 4.0),
-    "endoscope.exposure": (0.35, 0.60),
+    "endoscope.exposure": (0.5, 0.7),
     "endoscope.full_well": (2000.0, 5000.0),
     "endoscope.defocus_px": (0.9, 1.6),
     "endoscope.jpeg_quality": (70.0, 85.0),

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tolerances import (
+    ALL_LIGHT_REL,
     ATTENUATION_DB,
+    DIRECT_LIGHT_REL,
     LIGHT_OF_FRAME_REL,
     POINT_SPREAD_REL,
     RAY_MM,
@@ -16,6 +18,7 @@ from tolerances import (
     SPECKLE_SKEW,
 )
 
+from benchmarks.light import cell
 from benchmarks.physics import bscans, mirror
 from benchmarks.physics import recordings as real
 
@@ -74,6 +77,19 @@ def test_frames_are_as_bright_as_rays_are_dense_on_the_wall() -> None:
     _, found, expected = mirror.light_around()
     assert np.ptp(expected) > 0.2
     np.testing.assert_allclose(found, expected, rtol=LIGHT_OF_FRAME_REL)
+
+
+def test_a_cell_is_as_bright_as_traced_photons_say() -> None:
+    """Direct light on wall and floor, and the light that other bone throws on them."""
+    sample, wall = cell.bore(0.5)
+    rendered, traced = cell.rendered(sample, wall), cell.traced(sample, 1_000_000)
+    counted = 0.02  # one standard error of the photons on the floor
+    direct, all_ = cell.rendered_over_traced(rendered, traced, floor=False)
+    assert direct == pytest.approx(1, abs=DIRECT_LIGHT_REL)
+    assert all_ == pytest.approx(1, abs=ALL_LIGHT_REL / 3)
+    direct, all_ = cell.rendered_over_traced(rendered, traced, floor=True)
+    assert direct == pytest.approx(1, abs=DIRECT_LIGHT_REL + counted)
+    assert all_ == pytest.approx(1, abs=ALL_LIGHT_REL)
 
 
 def test_real_speckle_is_a_logarithm_cut_at_zero(recordings: Path) -> None:

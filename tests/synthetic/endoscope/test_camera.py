@@ -11,18 +11,21 @@ from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import noise_free, pixel_maps, render_frame
 from endoct.synthetic.endoscope.cone import cone_of, focal_length_px
-from endoct.synthetic.endoscope.light import light, surface
+from endoct.synthetic.endoscope.light import light
+from endoct.synthetic.endoscope.lighting import lighting_of, lit_frame
 from endoct.synthetic.endoscope.sensor import compressed, displayed, noisy
-from endoct.synthetic.endoscope.sight import View, follow, view, visible
+from endoct.synthetic.endoscope.sight import View, follow, view
 from endoct.synthetic.sample.parameters import Debris, Droplet, Sample, Speck
 
 RADIUS_MM, CENTRE, INNER_PX, OUTER_PX = 1.25, (159.7, 120.4), 50.0, 105.0
 MIDDLE_PX = (INNER_PX + OUTER_PX) / 2
 EVEN = {
-    "exposure": 0.5,
+    "exposure": 1.0,
+    "saturated": 0.0,
+    "fibre_ring_mm": 0.0,
+    "bone_albedo": 0.0,
     "vignetting": 0.0,
     "bright_side": 0.0,
-    "stray": 0.0,
     "gloss": 0.0,
     "ring_gain": 0.0,
     "inner_shift_px": (0.0, 0.0),
@@ -72,8 +75,9 @@ def wall_of(relief_mm: float = 0.0, wet: float = 0.0, slope_z: float = 0.0) -> W
 
 def seen_light(sample: Sample, wall: Wall) -> tuple[View, Image]:
     camera = sample.endoscope
-    seen, reached = view(camera, 0), visible(wall, camera, 0)
-    return seen, light(sample, surface(camera, wall, reached), seen, follow(reached, camera, 0, seen)).T
+    seen = view(camera, 0)
+    reached, lit = lit_frame(sample, wall, lighting_of(sample, wall), 0)
+    return seen, light(sample, 0, lit, seen, follow(reached, camera, 0, seen)).T
 
 
 def tan_psi(sample: Sample, r_px: Coordinates) -> Coordinates:
@@ -93,7 +97,7 @@ def test_the_wall_is_as_bright_as_rays_of_light_are_dense_on_it(half_angle_deg: 
     z = [cone_of(sample.endoscope).wall_z_mm(r + k * step, RADIUS_MM) for k in (-1, 1)]
     density = np.sin(psi[1]) * (psi[2] - psi[0]) / (z[1] - z[0])
     outward = cone_of(sample.endoscope).rays(np.array([MIDDLE_PX])).outward[0]
-    expected = 0.5 * outward * density[1:] / density[0]
+    expected = outward * density[1:] / density[0]
     order = np.argsort(seen.r_px)
     rendered = np.interp(r[1:], seen.r_px[order], found[order, 0])
     np.testing.assert_allclose(rendered, expected, rtol=LIGHT_REL)
@@ -101,7 +105,7 @@ def test_the_wall_is_as_bright_as_rays_of_light_are_dense_on_it(half_angle_deg: 
 
 @pytest.mark.parametrize("half_angle_deg", [30.0, 45.0, 60.0])
 def test_light_falls_with_the_cosine_and_the_unfolded_path(half_angle_deg: float) -> None:
-    sample = sample_of(half_angle_deg, fall_off_mm=1e9)
+    sample = sample_of(half_angle_deg)
     a, d = math.radians(half_angle_deg), sample.endoscope.mirror_distance_mm
     for relief in (0.0, 0.2):
         seen, found = seen_light(sample, wall_of(relief))
@@ -110,7 +114,7 @@ def test_light_falls_with_the_cosine_and_the_unfolded_path(half_angle_deg: float
         radius = np.append(np.full(seen.r_px.size, RADIUS_MM + relief), RADIUS_MM)
         path = (radius + d * math.sin(2 * a)) / np.sin(2 * a - psi)
         irradiance = np.sin(psi) / (path * radius)
-        expected = 0.5 * np.sin(2 * a - psi) * irradiance / irradiance[-1]
+        expected = np.sin(2 * a - psi) * irradiance / irradiance[-1]
         np.testing.assert_allclose(found[:, 0], expected[:-1], rtol=LIGHT_REL)
 
 
@@ -121,14 +125,6 @@ def test_a_wall_that_leans_is_lit_by_its_own_cosine() -> None:
     incidence = np.pi / 2 - (2 * np.pi / 3 - np.arctan(tan_psi(sample, seen.r_px.astype(float))))
     expected = np.cos(incidence - math.atan(-0.3)) / np.cos(incidence)
     np.testing.assert_allclose((leaning / plain)[:, 0], expected, rtol=LIGHT_REL)
-
-
-def test_what_is_deep_in_a_cell_is_darker_and_stray_light_fills_it() -> None:
-    deep = seen_light(sample_of(fall_off_mm=0.3), wall_of(0.3))[1]
-    clear = seen_light(sample_of(fall_off_mm=1e9), wall_of(0.3))[1]
-    np.testing.assert_allclose(deep, clear * math.exp(-1), rtol=LIGHT_REL)
-    filled = seen_light(sample_of(fall_off_mm=0.3, stray=0.1), wall_of(0.3))[1]
-    np.testing.assert_allclose(filled, 0.9 * deep + 0.1 * 0.5, rtol=LIGHT_REL)
 
 
 def test_a_glossy_wall_shines_where_it_faces_the_ray_and_most_where_it_is_wet() -> None:
@@ -147,21 +143,20 @@ def test_a_glossy_wall_shines_where_it_faces_the_ray_and_most_where_it_is_wet() 
     )
 
 
-def test_bone_seen_squarely_in_the_middle_of_the_annulus_has_the_exposure() -> None:
+def test_bone_seen_squarely_in_the_middle_of_the_annulus_has_a_light_of_one() -> None:
     # 2a − ψ = 90° in the middle of the annulus
     sample = sample_of(48.0)
     psi = math.degrees(math.atan(float(tan_psi(sample, np.array([MIDDLE_PX]))[0])))
     sample = sample_of(45 + psi / 2)
     seen, found = seen_light(sample, wall_of())
-    assert found[np.abs(seen.r_px - MIDDLE_PX) < 0.5].mean() == pytest.approx(0.5, rel=0.005)
+    assert found[np.abs(seen.r_px - MIDDLE_PX) < 0.5].mean() == pytest.approx(1.0, rel=0.005)
 
 
-def test_the_probe_lights_one_side_more_and_the_rims_less() -> None:
+def test_the_probe_lights_one_side_more_and_the_lens_shows_the_middle_of_the_image_best() -> None:
     seen, even = seen_light(sample_of(), wall_of())
     uneven = seen_light(sample_of(bright_side=0.3, bright_side_rad=1.0, vignetting=0.4), wall_of())[1]
     angle = np.arctan2(seen.y_px, seen.x_px)
-    from_middle = (seen.r_px - MIDDLE_PX) / (OUTER_PX - MIDDLE_PX)
-    expected = (1 + 0.3 * np.cos(angle - 1.0)) * (1 - 0.4 * from_middle**2)
+    expected = (1 + 0.3 * np.cos(angle - 1.0)) * (1 - 0.4 * (seen.r_px / OUTER_PX) ** 2)
     np.testing.assert_allclose((uneven / even)[:, 0], expected, rtol=LIGHT_REL)
 
 
@@ -223,11 +218,12 @@ def test_compression_keeps_colours_apart_and_costs_what_its_quality_says() -> No
 def test_a_frame_and_its_twin_without_noise(colour: bool) -> None:
     sample = sample_of(colour=colour, full_well=1e5, read_noise=0.0, jpeg_quality=100.0)
     wall = wall_of()
-    frame, twin = render_frame(sample, wall, 3), noise_free(sample, wall, 3)
+    lighting = lighting_of(sample, wall)
+    frame, twin = (one(sample, wall, lighting, 3) for one in (render_frame, noise_free))
     assert frame.shape == twin.shape == ((240, 320, 3) if colour else (240, 320))
     assert frame.dtype == twin.dtype == np.uint8
-    np.testing.assert_array_equal(frame, render_frame(sample, wall, 3))
-    assert (frame != render_frame(sample, wall, 4)).any(), "every frame has noise of its own"
+    np.testing.assert_array_equal(frame, render_frame(sample, wall, lighting, 3))
+    assert (frame != render_frame(sample, wall, lighting, 4)).any(), "every frame has noise of its own"
     seen = pixel_maps(sample, wall, 3)
     # even at its best, JPEG halves the resolution of colour
     assert np.abs(frame[seen.valid].astype(int) - twin[seen.valid]).mean() < 2
@@ -237,11 +233,12 @@ def test_a_frame_and_its_twin_without_noise(colour: bool) -> None:
 
 def test_the_rim_out_of_focus_is_blurred_more() -> None:
     sample = sample_of(defocus_px=0.6, defocus_slope_px=3.0, focus_at_outer=True)
-    image = noise_free(sample, wall_of(), 0).astype(float)
+    lighting = lighting_of(sample, wall_of())
+    image = noise_free(sample, wall_of(), lighting, 0).astype(float)
     row = image[round(CENTRE[1])]
     # width over which the profile rises, by the steepest slope over the step
     inner, outer = (row[round(CENTRE[0] + r) - 12 : round(CENTRE[0] + r) + 13] for r in (INNER_PX, OUTER_PX))
     sharpness = [np.abs(np.diff(edge)).max() / np.ptp(edge) for edge in (inner, outer)]
     assert sharpness[1] > 2 * sharpness[0]
     swapped = sample_of(defocus_px=0.6, defocus_slope_px=3.0, focus_at_outer=False)
-    assert np.abs(noise_free(swapped, wall_of(), 0).astype(float) - image).max() > 20
+    assert np.abs(noise_free(swapped, wall_of(), lighting, 0).astype(float) - image).max() > 20

@@ -1,0 +1,1 @@
+"""A path tracer of a bore with one cell, to hold the simulated endoscope's light against."""

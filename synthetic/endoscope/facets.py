@@ -1,0 +1,134 @@
+"""The wall in facets that exchange light: what each of them sees of the others, followed once for all frames.
+
+The relief is sampled on a coarse grid (z, θ). Every sample is a facet; where the relief between it and its neighbours
+is steep, as on the side of a cell, it has more of them, one for each ``LEVEL_MM`` of depth. From each, rays go out by
+the cosine law and are followed to the facet that they meet. The probe, which moves, is left out: it takes some of that
+light and sends back about as much.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Image
+from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.endoscope.facet_grid import LEVEL_MM, FacetGrid, Indices, facet_grid, neighbours
+from endoct.synthetic.endoscope.facet_rays import seen_facets
+from endoct.synthetic.endoscope.sight import lookup
+
+WAYS = (-1, 0), (1, 0), (0, -1), (0, 1)
+"""To the neighbours of a sample, in z and in θ."""
+LOOKS = 8
+"""At the wall between two samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """The facets of a wall, (n,) each, float32, on their ``grid``, and what they see.
+
+    ``z_mm`` from the mouth, ``theta_rad``, ``radius_mm``; the surface's slopes; ``albedo``, relative. ``seen``:
+    (n, RAYS), the facet that each ray meets, n where it leaves the bore.
+    """
+
+    grid: FacetGrid
+    z_mm: Image
+    theta_rad: Image
+    radius_mm: Image
+    slope_z: Image
+    slope_theta: Image
+    albedo: Image
+    seen: Indices
+
+
+def facets_of(wall: WallMaps) -> Facets:
+    """Return the facets of a wall."""
+    grid = facet_grid(wall)
+    row, column, level = _listed(grid)
+    relief = grid.relief_mm[row, column]
+    before, behind, left, right = (one[row, column] - relief for one in neighbours(grid.relief_mm))
+    dtheta_mm = grid.dtheta_rad * grid.radius_mm
+    # a sample's own facet lies as the flatter of its sides does
+    slope_z = _flatter(-before, behind) / np.float32(grid.dz_mm)
+    slope_theta = _flatter(-left, right) / np.float32(dtheta_mm)
+    z_mm = (grid.first_mm + grid.dz_mm * row).astype(np.float32)
+    theta_rad = (grid.first_rad + grid.dtheta_rad * column).astype(np.float32)
+    aside = np.flatnonzero(level >= 0)
+    # others lie, in the middle of what there is of their level, on the way to the neighbour that leads there fastest
+    low = (level[aside] - np.float32(0.5)) * np.float32(LEVEL_MM)
+    limits = (limit[row[aside], column[aside]] for limit in (grid.least_mm, grid.most_mm))
+    ends = [np.clip(limit, low, low + np.float32(LEVEL_MM)) for limit in limits]
+    to_level = ((ends[0] + ends[1]) / 2 - relief[aside]).astype(np.float32)
+    ahead = np.stack([one[aside] for one in (before, behind, left, right)]) * np.sign(to_level)
+    towards = ahead.argmax(axis=0)
+    step_z, step_theta = (np.array(WAYS) * (grid.dz_mm, grid.dtheta_rad)).astype(np.float32)[towards].T
+    share, steepness = _crossing(wall, z_mm[aside], theta_rad[aside], step_z, step_theta, to_level + relief[aside])
+    # rays start where the relief is level between samples: they are followed over that
+    even = np.clip(np.abs(to_level) / np.maximum(ahead.max(axis=0), np.float32(1e-6)), 0, 1)
+    starts = [_moved(one, aside, even * step) for one, step in ((z_mm, step_z), (theta_rad, step_theta))]
+    z_mm[aside] += share * step_z
+    theta_rad[aside] += share * step_theta
+    full = [
+        (two[aside] - one[aside]) / np.float32(2 * step)
+        for one, two, step in ((before, behind, grid.dz_mm), (left, right, dtheta_mm))
+    ]
+    scale = steepness / np.maximum(np.hypot(*full), np.float32(1e-6))
+    slope_z[aside], slope_theta[aside] = scale * full[0], scale * full[1]
+    relief[aside] += to_level
+    radius = relief + np.float32(grid.radius_mm)
+    return Facets(
+        grid=grid,
+        z_mm=z_mm,
+        theta_rad=theta_rad,
+        radius_mm=radius,
+        slope_z=slope_z,
+        slope_theta=slope_theta,
+        albedo=_albedo(wall, grid)[row, column],
+        seen=seen_facets(grid, (*starts, radius), (slope_z, slope_theta)),
+    )
+
+
+def _moved(values: Image, which: NDArray[np.intp], by: Image) -> Image:
+    moved = values.copy()
+    moved[which] += by
+    return moved
+
+
+def _crossing(
+    wall: WallMaps, z_mm: Image, theta_rad: Image, step_z: Image, step_theta: Image, relief_mm: Image
+) -> tuple[Image, Image]:
+    """Return which share of a step along the wall it takes to where that has ``relief_mm``, and its slope there."""
+    shares = np.linspace(0, 1, LOOKS + 1, dtype=np.float32)
+    row = (z_mm[:, None] + shares * step_z[:, None]) / np.float32(wall.dz_mm)
+    column = (theta_rad[:, None] + shares * step_theta[:, None]) / np.float32(wall.dtheta_rad)
+    row = np.clip(row, 0, wall.relief_mm.shape[0] - 1)
+    places = [np.asarray(one, dtype=np.float32).ravel() for one in (row, column)]
+    there = lookup(wall.relief_mm, *places).reshape(row.shape) - relief_mm[:, None]
+    part = np.arange(there.shape[0])
+    at = (there[:, :-1] * there[:, 1:] <= 0).argmax(axis=1)
+    first, rise = there[part, at], there[part, at + 1] - there[part, at]
+    way_mm = np.hypot(step_z, step_theta * np.float32(wall.radius_mm)) / LOOKS
+    within = np.clip(-first / np.where(rise == 0, 1, rise), 0, 1)
+    return (at + within) / LOOKS, np.abs(rise) / way_mm
+
+
+def _flatter(first: Image, second: Image) -> Image:
+    """Return the smaller of two steps, 0 where one goes up and the other down."""
+    smaller = np.where(np.abs(first) < np.abs(second), first, second)
+    return np.where(first * second > 0, smaller, 0)
+
+
+def _listed(grid: FacetGrid) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Return row, column and level of all facets; −1 is a sample's own."""
+    first = grid.first.ravel()
+    sample = np.repeat(np.arange(first.size), np.diff(first, append=len(grid)))
+    rank = np.arange(sample.size) - first[sample]
+    row, column = np.divmod(sample, grid.relief_mm.shape[1])
+    return row, column, np.where(rank > 0, rank - 1 + grid.lowest.ravel()[sample], -1)
+
+
+def _albedo(wall: WallMaps, grid: FacetGrid) -> Image:
+    """Return the mean albedo about each sample."""
+    n_z, n_theta = grid.relief_mm.shape
+    return np.asarray(cv2.resize(wall.albedo, (n_theta, n_z), interpolation=cv2.INTER_AREA), dtype=np.float32)
