@@ -27,11 +27,13 @@ Where a number comes from stands in brackets:
 """
 PARTS: dict[str, type[BaseModel]] = {
     "bore": parameters.Bore,
+    "network": parameters.Network,
+    "ct": parameters.Ct,
     "oct": parameters.Oct,
     "endoscope": parameters.Endoscope,
 }
-LISTED = (parameters.Cell, parameters.SheathLine, parameters.Shadow, parameters.LostAscans, parameters.Speck,
-          parameters.Droplet, parameters.Debris)  # fmt: skip
+LISTED = (parameters.Cell, parameters.Volume, parameters.SheathLine, parameters.Shadow, parameters.LostAscans,
+          parameters.Speck, parameters.Droplet, parameters.Debris)  # fmt: skip
 
 
 def table() -> str:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import cast
 
 import numpy as np
 from numpy.random import Generator
@@ -15,30 +16,49 @@ from endoct.synthetic.sample.oct_parameters import N_BANDS
 from endoct.synthetic.sample.parameter_fields import Stated
 from endoct.synthetic.sample.parameters import (
     Bore,
+    Ct,
     Debris,
     Droplet,
     Endoscope,
+    Network,
     Oct,
     Sample,
     Shadow,
     SheathLine,
     Speck,
     Travel,
+    Volume,
 )
-from endoct.synthetic.sample.presets import PRESETS, Preset, PresetName
+from endoct.synthetic.sample.presets import PRESETS, Bone, Preset, PresetName
 from endoct.synthetic.sample.randomness import Stage, drift, generator
 from endoct.synthetic.sample.ranges import NO_RANGES, Drawer, Range, check_ranges, default_ranges
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06
+NETWORK_STREAM, CT_STREAM = 2, 4  # of the bore's generators: what a phantom draws does not depend on it
 CLEARANCE_MM = 0.10  # of the mirror from the wall
 LEAST_INNER_SHARE = 0.08
+CONE_BEAM_RANGES: Mapping[str, Range] = {
+    "ct.voxel_mm": (0.125, 0.2),
+    "ct.psf_mm": (0.25, 0.4),
+    "ct.noise_hu": (80.0, 200.0),
+}
+ROOM_MM = 0.5  # beyond a recording of nominal length, whose steps vary
+MOST_LENGTH_MM = 99.0
 
 
 def draw(
-    preset: PresetName, seed: int, *, bore_seed: int | None = None, ranges: Mapping[str, Range] = NO_RANGES
+    preset: PresetName,
+    seed: int,
+    *,
+    bore_seed: int | None = None,
+    ranges: Mapping[str, Range] = NO_RANGES,
+    volume: Volume | None = None,
+    ct: bool = False,
+    ct_slice_mm: float | None = None,
+    cone_beam: bool = False,
 ) -> Sample:
-    """Return the sample of ``seed``.
+    """Return the sample of ``seed``, drilled into ``volume`` where one is given.
 
     The bore depends on ``bore_seed`` alone (by default on ``seed``), so that several specimens can be recordings
     of one bore. ``ranges``, "part.name" → (low, high) or words, replace what the preset draws from. Raises
@@ -48,12 +68,25 @@ def draw(
     size = PRESETS[preset]
     ranges = {**size.ranges, **ranges}
     bore_seed = seed if bore_seed is None else bore_seed
-    bore = _bore(Drawer(generator(bore_seed, Stage.BORE), ranges), size)
+    bore = _bore(
+        Drawer(generator(bore_seed, Stage.BORE), ranges),
+        Drawer(generator(bore_seed, Stage.BORE, NETWORK_STREAM), ranges),
+        size,
+        volume,
+    )
     one = Drawer(generator(seed, Stage.DRAW), ranges)
     visible_mm = one.number(Endoscope, "visible_length_mm")
     oct_, camera = one.numbers(Oct), one.numbers(Endoscope) | {"visible_length_mm": visible_mm}
     oct_z, frame_z = _positions(one.rng, size, bore.length_mm, oct_, camera)
+    if (ct or cone_beam) and bore.bone not in ("network", "volume"):
+        raise EndoctError(
+            "there is a CT of bone in three dimensions only",
+            found=f"bone '{bore.bone}'",
+            remedy="simulate with --preset mastoid, or with --bone",
+        )
     return Sample(
+        ct=_ct(bore_seed, ranges, CT_STREAM).model_copy(update={"slice_mm": ct_slice_mm}) if ct else None,
+        cone_beam=_ct(bore_seed, CONE_BEAM_RANGES, CT_STREAM + 1) if cone_beam else None,
         preset=preset,
         seed=seed,
         bore_seed=bore_seed,
@@ -71,15 +104,46 @@ def _pairs(values: Coordinates) -> tuple[tuple[float, float], ...]:
     return tuple((float(first), float(second)) for first, second in values)
 
 
-def _bore(one: Drawer, size: Preset) -> Bore:
+def _bore(one: Drawer, aside: Drawer, size: Preset, volume: Volume | None) -> Bore:
     drawn = one.numbers(Bore)
     recorded_mm = size.pitch_mm * max(size.n_slices, size.n_frames)
     # room for two recordings that share 60 % of their length, with a visible band of up to 1.1 mm
     length_mm = 2 * MARGIN_MM + 1.4 * recorded_mm + 1.1 + one.rng.uniform(0, 0.5)
-    bone = one.word("bore.bone", dict.fromkeys(size.bone, 1.0))
     drawn["diameter_mm"] = round(drawn["diameter_mm"], 2)
-    bore = Bore(**drawn, bone="mastoid" if bone == "mastoid" else "phantom", cells=(), length_mm=length_mm)
+    if volume is not None:
+        length_mm = _length_mm(volume, recorded_mm)
+        return Bore.model_validate({**drawn, "bone": "volume", "length_mm": length_mm, "volume": volume})
+    bone = cast(Bone, one.word("bore.bone", dict.fromkeys(size.bone, 1.0)))
+    network = _network(aside) if bone == "network" else None
+    bore = Bore.model_validate({**drawn, "bone": bone, "length_mm": length_mm, "network": network})
     return bore.model_copy(update={"cells": draw_cells(one.rng, bore)})
+
+
+def _ct(bore_seed: int, ranges: Mapping[str, Range], stream: int) -> Ct:
+    return Ct(**Drawer(generator(bore_seed, Stage.BORE, stream), ranges).numbers(Ct))
+
+
+def _network(one: Drawer) -> Network:
+    """Draw a mastoid, and how the bore lies in the patient: inward, to the front, and about level."""
+    side = 1.0 if one.rng.random() < 0.5 else -1.0  # to the left of the patient, or to the right
+    entry = side * one.rng.uniform(45, 60), one.rng.uniform(0, 25), one.rng.uniform(-10, 25)
+    inward = np.array([-side, -one.rng.uniform(0.3, 0.8), one.rng.uniform(-0.3, 0.3)])
+    x, y, z = (float(value) for value in inward / np.linalg.norm(inward))
+    drawn = one.numbers(Network)
+    return Network(**drawn, entry_mm=entry, inward=(x, y, z))
+
+
+def _length_mm(volume: Volume, recorded_mm: float) -> float:
+    """Return the length of the bore through a volume; both recordings have to lie within it."""
+    length, least = volume.length_mm, recorded_mm + 2 * MARGIN_MM + ROOM_MM
+    if not least <= length < MOST_LENGTH_MM:
+        raise EndoctError(
+            "entry and target do not lie as far apart as the recordings are long",
+            found=f"{length:.1f} mm",
+            expected=f"{least:.1f} to {MOST_LENGTH_MM:g} mm",
+            remedy="move entry or target along the trajectory, or choose another preset",
+        )
+    return length
 
 
 def _positions(

@@ -15,7 +15,7 @@ from endoct.stitching.errors import EndoctError, cause_of
 from endoct.stitching.worker_process import WorkerProcess, worker_process
 from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
-from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.parameters import Sample, Volume
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import NO_RANGES, Range
 
@@ -29,6 +29,10 @@ def simulate(
     seed: int = 0,
     bore_seed: int | None = None,
     ranges: Mapping[str, Range] = NO_RANGES,
+    volume: Volume | None = None,
+    ct: bool = False,
+    ct_slice_mm: float | None = None,
+    cone_beam: bool = False,
     sample: Mapping[str, object] | None = None,
     labels: bool = False,
     spectra: bool = False,
@@ -40,9 +44,12 @@ def simulate(
     Files: ``oct/pullback.tif`` u8 (slice, depth, A-scan) and ``endoscope/frame_0000.png`` … (or ``frames.mkv``), each
     with its ``acquisition.toml``; ``truth/wall.zarr``, ``truth/recording.json`` (see
     :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``ranges`` are those of
-    :func:`endoct.synthetic.draw.draw`. ``sample``, the content of such a ``sample.json``, replays it; preset, seeds
-    and ranges do not matter then. ``labels`` adds ``truth/labels`` (:mod:`endoct.synthetic.labels`), ``spectra`` adds
-    ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`). ``on_progress(stage, fraction)`` is called from this thread.
+    :func:`endoct.synthetic.draw.draw`. ``volume`` is the user's bone to drill into
+    (:func:`endoct.synthetic.bone.patient.stated_volume`). ``ct`` adds ``truth/ct.nii.gz`` with labels and cells,
+    ``cone_beam`` ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct`). ``sample``, the content of such a
+    ``sample.json``, replays it; what is drawn from does not matter then. ``labels`` adds ``truth/labels``
+    (:mod:`endoct.synthetic.labels`), ``spectra`` ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`).
+    ``on_progress(stage, fraction)`` is called from this thread.
     ``workers`` processors render (default: all, at most four): a thread of this process, and worker processes that
     trace parts of the wall and render frames.
 
@@ -59,7 +66,16 @@ def simulate(
         # what is imported from here on takes a while to load: meanwhile the processes get ready, and then trace
         from endoct.synthetic.draw import draw
 
-        drawn = replayed or draw(preset, seed, bore_seed=bore_seed, ranges=ranges)
+        drawn = replayed or draw(
+            preset,
+            seed,
+            bore_seed=bore_seed,
+            ranges=ranges,
+            volume=volume,
+            ct=ct,
+            ct_slice_mm=ct_slice_mm,
+            cone_beam=cone_beam,
+        )
         write_specimen(folder, drawn, processes, progress, labels=labels, spectra=spectra)
 
 
@@ -93,6 +109,12 @@ def write_specimen(
         truth = pool.submit(write_its_truth)
         write_recordings(folder, model, processes, progress)
         truth.result()
+    if sample.ct or sample.cone_beam:
+        from endoct.synthetic.ct.writing import write_ct
+
+        progress("ct", 0.0)
+        write_ct(folder / "truth", sample)
+        progress("ct", 1.0)
     workers = 1 + len(processes)
     if spectra:
         from endoct.synthetic.oct.raw import write_spectra

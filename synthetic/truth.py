@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.modalities.ct_volume import SIGNS, Convention
 from endoct.stitching.zarr_store import Named, write_arrays
+from endoct.synthetic.bone.anatomy import target_mm
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.endoscope.camera import band_centre_mm
 from endoct.synthetic.sample.parameters import Sample
@@ -48,6 +50,7 @@ def recording(sample: Sample) -> dict[str, object]:
     shared = min(oct_span[1], image_span[1]) - max(oct_span[0], image_span[0])
     return {
         "bore_radius_mm": sample.bore.diameter_mm / 2,
+        **({"world": world(sample)} if sample.bore.volume or sample.bore.network else {}),
         "overlap_mm": shared,
         "overlap_fraction_of_shorter": shared / min(oct_span[1] - oct_span[0], image_span[1] - image_span[0]),
         "oct": {
@@ -91,11 +94,34 @@ def recording(sample: Sample) -> dict[str, object]:
     }
 
 
+def world(sample: Sample) -> dict[str, object]:
+    """Return where the bore lies in the patient, and so in a CT of him.
+
+    ``coordinates``: what x, y and z of the world mean, mm: "ras", to the right, the front and the head, as in
+    ``ct.nii.gz``, or "lps". ``bore_to_world``: rows of a matrix (4, 4), world = matrix · (x, y, z, 1) of the bore
+    frame. ``entry_mm`` is the mouth; ``target_mm`` what the drill aims at: the basal turn of a simulated cochlea, or
+    what the user stated.
+    """
+    from endoct.synthetic.bone.grown import world_of  # takes a while to load what only this bone needs
+
+    volume = sample.bore.volume
+    coordinates: Convention = "ras" if volume is None else volume.coordinates
+    to_world = np.diag([*SIGNS[coordinates], 1.0]) @ world_of(sample)
+    target = to_world[:3, :3] @ target_mm(sample.bore) + to_world[:3, 3]
+    return {
+        "coordinates": coordinates,
+        "formula": "(x, y, z, 1) of the world in mm = bore_to_world . (x, y, z, 1) of the bore frame",
+        "bore_to_world": to_world.tolist(),
+        "entry_mm": to_world[:3, 3].tolist(),
+        "target_mm": target.tolist(),
+    }
+
+
 def _write_wall(path: Path, wall: Wall) -> None:
     surface = ("z", "theta")
     n_z, n_theta = wall.relief_mm.shape
     whole = (n_z, n_theta)
-    ids = "1 + the cell's index in sample.json, 0 where there is none"
+    ids = "the cell, as in ct_cells.nii.gz; of planted ones 1 + the index in sample.json; 0 where there is none"
     arrays = {
         "relief_mm": Named(
             surface, wall.relief_mm, {"units": "mm", "long_name": "wall radius minus bore radius"}, whole

@@ -1,7 +1,6 @@
 """How light or dark the bone of a wall is: mottled, smeared, lined in some cells and bright along some rims."""
 
 import math
-from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -9,13 +8,21 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image
 from endoct.stitching.circle import pad_circle
+from endoct.synthetic.bone.contents import Contents
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, textures
-from endoct.synthetic.sample.parameters import Cell, Sample
+from endoct.synthetic.sample.parameters import Sample
 
 RIM_MM = 0.02
 
 
-def albedo_of(sample: Sample, grid: WallGrid, relief: BoreRelief, cell_id: NDArray[np.int32], workers: int) -> Image:
+def albedo_of(
+    sample: Sample,
+    grid: WallGrid,
+    relief: BoreRelief,
+    contents: Contents,
+    cell_id: NDArray[np.int32],
+    workers: int,
+) -> Image:
     """Return mottled bone, darkened by smears and in the cells by their lining."""
     bore = sample.bore
     albedo, finer, smears = textures(sample, grid, 4, (0.15, 0.04, 0.25), workers)
@@ -28,17 +35,15 @@ def albedo_of(sample: Sample, grid: WallGrid, relief: BoreRelief, cell_id: NDArr
     albedo += 1
     np.clip(albedo, 0.3, 1.6, out=albedo)
     albedo *= 1 - np.float32(bore.smear) * np.clip((smears - 1.4) / 0.4, 0, 1)
-    lining = np.array([1.0] + [cell.lining for cell in bore.cells], np.float32)
-    albedo *= lining[cell_id]
+    albedo *= contents.lining[cell_id]
     return albedo
 
 
-def rim_light(cells: Sequence[Cell], grid: WallGrid, cell_id: NDArray[np.int32]) -> Image:
+def rim_light(contents: Contents, grid: WallGrid, cell_id: NDArray[np.int32]) -> Image:
     """Return the light added along the outlines of the openings of cells with bright rims."""
-    gain = np.array([0.0] + [cell.rim_gain for cell in cells], np.float32)
-    if not gain.any():
+    if not contents.rim_gain.any():
         return np.zeros(cell_id.shape, np.float32)
-    bright = gain[cell_id]
+    bright = contents.rim_gain[cell_id]
     sigma_z, sigma_theta = RIM_MM / grid.dz_mm, RIM_MM / grid.dtheta_mm
     pad = math.ceil(4 * sigma_theta)
     wide = pad_circle(bright, pad)

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.parallel import thread_map
 from endoct.synthetic.bone.cavity import Indices, Near, air_mm, covers
+from endoct.synthetic.bone.field_baking import DEEPEST_MM, OPEN_MM, blocks_of_wall, traced_in_field
 from endoct.synthetic.bone.opening import fan, patch, radial
 from endoct.synthetic.bone.scene import Scene, build_scene
 from endoct.synthetic.bone.tracing import BLOCK, first_fluid, first_solid
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Cell, Sample
 
-DEEPEST_MM = 2.5
-OPEN_MM = 0.01  # a cell is open where the first surface lies this much beyond the bore's own wall
 SHARE_ELSEWHERE = 2  # of the jobs, for each that this process does: it has more to load and other work besides
 
 Job = tuple[NDArray[np.intp], NDArray[np.int64]]
@@ -73,6 +72,8 @@ def _part(jobs: list[Job], part: int, parts: int) -> list[Job]:
 
 def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[Job]:
     """Return all nodes to trace."""
+    if scene.field is not None:
+        return [(nodes, np.zeros((1, 0), np.int64)) for nodes in blocks_of_wall(scene.grid)]
     reached = list(thread_map(partial(_reached, scene, cells), range(len(cells)), workers))
     count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
     for nodes in reached:
@@ -126,6 +127,8 @@ class _AlongRadius:
 
 
 def _traced(scene: Scene, job: Job) -> Traced:
+    if scene.field is not None:
+        return traced_in_field(scene, scene.field, job[0])
     nodes, here = job
     grid = scene.grid
     row, column = np.divmod(nodes, grid.n_theta)

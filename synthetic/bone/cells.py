@@ -8,8 +8,10 @@ from endoct.synthetic.sample.parameters import Bore, Cell
 
 
 def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
-    """Draw cells until ``bore.cell_fraction`` of the wall is cut away, at most 0.02 more, and never more than 0.295.
+    """Draw planted cells until ``bore.cell_fraction`` of the wall is cut away, or at most 0.02 more, never over 0.295.
 
-    Raises :class:`EndoctError` where there is no room for so many.
+    Bone in three dimensions has none. Raises :class:`EndoctError` where there is no room for so many.
     """
-    return draw_network(rng, bore) if bore.bone == "mastoid" else draw_holes(rng, bore)
+    if bore.bone == "phantom":
+        return draw_holes(rng, bore)
+    return draw_network(rng, bore) if bore.bone == "mastoid" else ()

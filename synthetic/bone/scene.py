@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.cavities import Cavities, cavities
 from endoct.synthetic.bone.cavity import OWN_SIDE, Indices, Near, clearance, near
+from endoct.synthetic.bone.contents import Contents, contents_of_field, contents_of_planted
+from endoct.synthetic.bone.field import STEEPEST, Field, joined_with_bore
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, bore_relief, wall_grid
 from endoct.synthetic.bone.tracing import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
 from endoct.synthetic.elementary import Numbers, azimuth
@@ -27,14 +29,17 @@ NORMAL_MM = 0.002
 class Scene:
     """The bone of one sample.
 
-    ``relief``: of the bore without cells, on ``grid``; ``cells``: the cavities; ``displacement`` (n_z, n_theta + 2):
-    that relief its first columns once more at the end; ``steepest``: the largest of its slopes;
+    ``relief``: of the bore without cells, on ``grid``; ``cells``: the cavities planted on its wall; ``field``: the
+    air of three-dimensional bone, where it is that; ``contents``: what is in either's cells. ``displacement``
+    (n_z, n_theta + 2): that relief its first columns once more at the end; ``steepest``: the largest of its slopes;
     ``least_mm``: the least of its values.
     """
 
     grid: WallGrid
     relief: BoreRelief
     cells: Cavities
+    field: Field | None
+    contents: Contents
     displacement: Image
     steepest: float
     least_mm: float
@@ -47,7 +52,8 @@ class Crossings:
     ``entry_mm``: the first solid surface, bone or dust; ``exit_mm``, ``reentry_mm``: where a septum thinner than
     0.4 mm is left and bone met again; ``fluid_mm``: where the ray enters fluid before the entry; ``cell`` int32: 1 +
     index of the cavity whose surface the entry is on, 0 on the bore's own wall; ``dust``: the entry is on bone dust;
-    ``normal`` (n, 3): unit, from bone into air at the entry.
+    ``normal`` (n, 3): unit, from bone into air at the entry; ``fluid_normal`` (n, 3): of the fluid in that cell, into
+    the fluid, 0 on the bore's own wall.
     """
 
     entry_mm: Coordinates
@@ -57,6 +63,7 @@ class Crossings:
     cell: NDArray[np.int32]
     dust: Mask
     normal: Coordinates
+    fluid_normal: Coordinates
 
 
 def build_scene(sample: Sample, workers: int = 1) -> Scene:
@@ -64,10 +71,17 @@ def build_scene(sample: Sample, workers: int = 1) -> Scene:
     grid, relief = wall_grid(sample), bore_relief(sample, workers)
     along = np.abs(np.diff(relief.displacement_mm, axis=0)).max(initial=0) / grid.dz_mm
     around = np.abs(np.diff(relief.displacement_mm, axis=1)).max(initial=0) / grid.dtheta_mm
+    field = None
+    if sample.bore.network is not None or sample.bore.volume is not None:
+        from endoct.synthetic.bone.grown import build_field  # takes a while to load what only this bone needs
+
+        field = build_field(sample)
     return Scene(
         grid=grid,
         relief=relief,
         cells=cavities(sample.bore.cells, grid.radius_mm),
+        field=field,
+        contents=contents_of_planted(sample.bore.cells) if field is None else contents_of_field(sample, field),
         displacement=np.pad(relief.displacement_mm, ((0, 0), (0, 2)), mode="wrap"),
         steepest=float(np.hypot(along, around)),
         least_mm=float(relief.displacement_mm.min()),
@@ -85,7 +99,7 @@ def crossings(
     cell, count = _candidates(scene, origin_mm, direction)
     entry, leaves, again, wet = (np.full(start_mm.shape, math.nan) for _ in range(4))
     owner, dust = np.zeros(start_mm.shape, np.int32), np.zeros(start_mm.shape, np.bool_)
-    normal = np.full(origin_mm.shape, math.nan)
+    normal, level = np.full(origin_mm.shape, math.nan), np.zeros(origin_mm.shape)
     # within the least radius of the bore there is only air
     inmost = _at_radius(scene.grid.radius_mm + scene.least_mm, origin_mm, direction)
     start, reach = np.maximum(start_mm, inmost).astype(np.float32), reach_mm.astype(np.float32)
@@ -96,16 +110,20 @@ def crossings(
         met = np.flatnonzero(np.isfinite(hit))
         which, hit, rays, bore = block[met], hit[met], rays.of(met), bore.of(met)
         entry[which] = hit
-        owner[which], dust[which] = owner_of(scene.cells, rays, bore, hit)
+        owner[which], dust[which] = bore.owner(hit) if scene.field else owner_of(scene.cells, rays, bore, hit)
         normal[which] = _normal(scene, rays, bore, hit)
-        if k:
+        level[which] = scene.contents.down[owner[which]]
+        if k or scene.field:
             limit = reach[which]
-            wet[which] = first_fluid(scene.cells, rays, start[which], hit)
+            if scene.field:
+                wet[which] = bore.fluid(owner[which], hit)
+            else:
+                wet[which] = first_fluid(scene.cells, rays, start[which], hit)
             out = first_air(scene.cells, rays, bore, hit, np.minimum(hit + np.float32(SEPTUM_MM), limit))
             back = first_solid(scene.cells, rays, bore, out + np.float32(STEP_MM / 2), limit)
             leaves[which] = np.where(np.isfinite(back), out, math.nan)
             again[which] = back
-    return Crossings(entry, leaves, again, wet, owner, dust, normal)
+    return Crossings(entry, leaves, again, wet, owner, dust, normal, level)
 
 
 def _candidates(scene: Scene, origin: Numbers, heading: Numbers) -> tuple[Indices, Indices]:
@@ -173,12 +191,40 @@ class _BoreAlong:
         return _BoreAlong(self.scene, *(values.take(which) for values in parts))
 
     def at(self, t: Numbers) -> tuple[Numbers, Numbers]:
-        x, y, z = self.x + t * self.dx, self.y + t * self.dy, self.z + t * self.dz
+        x, y, z = self._places(t)
         r = np.maximum(np.sqrt(x * x + y * y), 1e-9)
         outwards = (x * self.dx + y * self.dy) / r
         aside = np.sqrt(np.maximum(1 - outwards * outwards, 0))
         clear = _displacement(self.scene, z, azimuth(x / r, y / r)) + (self.scene.grid.radius_mm - r)
-        return clear, 1 + self.scene.steepest * aside
+        falls = 1 + self.scene.steepest * aside
+        if self.scene.field is None:
+            return clear, falls
+        return joined_with_bore(clear, self.scene.field.clear_mm(x, y, z)), np.maximum(falls, STEEPEST)
+
+    def owner(self, t: Numbers) -> tuple[NDArray[np.int32], Mask]:
+        """Return the cell of the field whose surface is at ``t`` (n,), 0 for the bore's, and whether it is dust."""
+        field = self._field
+        x, y, z = self._places(t)
+        clear = field.clear_mm(x, y, z)
+        r = np.maximum(np.sqrt(x * x + y * y), 1e-9)
+        of_cell = clear > _displacement(self.scene, z, azimuth(x / r, y / r)) + (self.scene.grid.radius_mm - r)
+        number = np.where(of_cell, field.cell_at(x, y, z), 0).astype(np.int32)
+        if not field.dusty:
+            return number, np.zeros(t.shape, np.bool_)
+        return number, (number > 0) & (field.above_dust_mm(x, y, z) < field.air_mm(x, y, z))
+
+    def fluid(self, cell: NDArray[np.int32], t: Numbers) -> Numbers:
+        """Return where rays that end at ``t`` (n,) in ``cell`` (n,) enter its fluid, NaN where they do not."""
+        return self._field.fluid_mm(cell, self._places(np.zeros_like(t)), (self.dx, self.dy, self.dz), t)
+
+    @property
+    def _field(self) -> Field:
+        if self.scene.field is None:
+            raise TypeError("this bone has no field")
+        return self.scene.field
+
+    def _places(self, t: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+        return self.x + t * self.dx, self.y + t * self.dy, self.z + t * self.dz
 
     def shifted(self, axis: int, way_mm: float) -> "_BoreAlong":
         name = "xyz"[axis]

@@ -36,18 +36,16 @@ def write_cells(path: Path, model: Model, pullback: Pullback, pixels: NDArray[np
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(COLUMNS)
-        for number, cell in enumerate(sample.bore.cells, 1):
+        for number in np.unique(wall.cell_id[wall.cell_id > 0]):
             row, column = np.nonzero(wall.cell_id == number)
-            if not row.size:
-                continue
             centre = mean_angle_rad(column * wall.dtheta_rad) % (2 * np.pi)
             opening = row.size * wall.dz_mm * wall.dtheta_rad * wall.radius_mm
             oct_covered, endoscope_covered = (float(near[row].mean()) for near in covered)
             depth = float(wall.relief_mm[row, column].max())
             numbers = (z_mm[row].mean(), centre, opening, depth)
             table.writerow(
-                [number, *(f"{value:.4f}" for value in numbers), cell.filling, ascans[number], f"{oct_covered:.3f}",
-                 pixels[number], f"{endoscope_covered:.3f}"]
+                [number, *(f"{value:.4f}" for value in numbers), wall.scene.contents.filling[number],
+                 ascans[number], f"{oct_covered:.3f}", pixels[number], f"{endoscope_covered:.3f}"]
             )  # fmt: skip
 
 

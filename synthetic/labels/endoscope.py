@@ -44,7 +44,7 @@ def write_endoscope_labels(
     twins = folder / "endoscope_clean"
     twins.mkdir()
     pixels = np.full((3, *pullback.z_mm.shape), -1, np.int32)
-    per_cell = np.zeros(len(sample.bore.cells) + 1, np.intp)
+    per_cell = np.zeros(wall.scene.contents.lining.size, np.intp)
     squarest = _squarest_frame(np.asarray(camera.z_mm), camera.visible_length_mm, pullback.z_mm)
 
     def look(i: int) -> tuple[PixelMaps, Image, Image, NDArray[np.uint8]]:

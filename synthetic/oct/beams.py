@@ -222,7 +222,7 @@ def _echoes(sample: Sample, beams: _Leaving, met: Crossings) -> Echoes:
         wall_theta_rad=np.mod(np.where(hit, np.arctan2(ends[:, 1], ends[:, 0]), onward), 2 * np.pi),
         wall_radius_mm=np.hypot(ends[:, 0], ends[:, 1]),
         wall_cosine=np.clip(-np.sum(beams.direction * met.normal, axis=1), 0, 1),
-        fluid_cosine=_fluid_cosine(sample.bore, met.cell, beams.direction),
+        fluid_cosine=np.clip(np.sum(met.fluid_normal * beams.direction, axis=1), 0, 1),
         cell=met.cell,
         dust=met.dust,
         shadow_db=_shadow_db(sample.oct, z_mm, beams.face_rad),
@@ -240,15 +240,3 @@ def _shadow_db(oct_: Oct, z_mm: Coordinates, face_rad: Coordinates) -> Coordinat
         around = wrap_rad(face_rad - dirt.theta_rad) / dirt.sigma_theta_rad
         loss += dirt.loss_db * np.exp(-((0.5 * (along**2 + around**2)) ** 2))
     return loss
-
-
-def _fluid_cosine(bore: Bore, cell: NDArray[np.int32], direction: Coordinates) -> Coordinates:
-    """Return the cosine between every beam and the axis of the cell it ends in: fluid stands level across that axis."""
-    axes = np.zeros((len(bore.cells) + 1, 3))
-    for number, one in enumerate(bore.cells, 1):
-        radial = np.array([np.cos(one.theta_rad), np.sin(one.theta_rad), 0.0])
-        around = np.array([-radial[1], radial[0], 0.0])
-        sideways = np.sin(one.lean_direction_rad) * around + np.array([0, 0, np.cos(one.lean_direction_rad)])
-        axes[number] = np.cos(one.lean_rad) * radial + np.sin(one.lean_rad) * sideways
-    cosine: Coordinates = np.clip(np.sum(axes[cell] * direction, axis=1), 0, 1)
-    return cosine

@@ -1,12 +1,15 @@
 """Parameters of the bone: the bore and its cells; see :mod:`endoct.synthetic.sample.parameters`."""
 
-from typing import Literal
+import math
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from endoct.synthetic.sample.parameter_fields import (
     MOST_HARMONICS,
     MOST_LISTED,
+    STATED_ONLY,
+    Factor,
     Harmonic,
     Parameters,
     Place,
@@ -16,6 +19,8 @@ from endoct.synthetic.sample.parameter_fields import (
 from endoct.synthetic.sample.presets import Bone
 
 Filling = Literal["air", "dust", "fluid"]
+Millimetres = Annotated[float, Field(ge=-1e5, le=1e5)]
+Point = tuple[Millimetres, Millimetres, Millimetres]
 
 
 class Cell(Parameters):
@@ -50,10 +55,62 @@ class Cell(Parameters):
     fill_mm: float = between(0, 1.5, "of the surface of the filling below the nominal wall, along the axis, mm")
 
 
+class Volume(Parameters):
+    """A CT of the user's, or a segmentation of one, that the bore is drilled into."""
+
+    path: str = Field(max_length=4096, description="of the file or the folder of DICOM")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the file, or over names and sha256 of a folder's")
+    coordinates: Literal["ras", "lps"] = Field(description="what x, y and z of entry and target mean")
+    entry_mm: Point = Field(description="where the drill's axis enters the bone, mm")
+    target_mm: Point = Field(description="where it ends, mm")
+    bone_hu: float | None = Field(ge=-2000, le=10000, description="the least Hounsfield unit of bone; null for labels")
+    bone_label: int | None = Field(ge=1, le=65535, description="the label of bone; null for every one but 0")
+    detail_mm: float = Field(ge=0, le=0.05, description="rms of what is added finer than the voxels, mm; 0 for nothing")
+
+    @property
+    def length_mm(self) -> float:
+        """Distance from entry to target."""
+        return math.dist(self.entry_mm, self.target_mm)
+
+
+class Network(Parameters):
+    """A mastoid in three dimensions: a network of air cells, with what the drill must miss in it."""
+
+    pneumatised: float = drawn(0.4, 0.95, "share of the network that is cells with their septa (chosen)", (0, 1))
+    patchiness: float = drawn(0.5, 0.9, "how much pneumatisation differs between regions, 0 to 1 (chosen)", (0, 1))
+    cell_mm: float = drawn(1.3, 2.6, "median diameter of the log-normal cells, mm (Cros 2016)", (0.4, 4))
+    cell_spread: float = drawn(0.3, 0.5, "σ of its logarithm (chosen)", (0, 0.7))
+    septum_mm: float = drawn(0.10, 0.25, "median thickness of septa, mm (chosen)", (0.02, 0.8))
+    septum_spread: float = drawn(0.5, 0.5, "σ of its logarithm (chosen)", (0, 1))
+    communicating: float = drawn(0.2, 0.5, "share of septa with a hole in them (chosen)", (0, 1))
+    unevenness_mm: float = drawn(0.04, 0.09, "rms of the walls' unevenness over 0.2 mm, mm (chosen)", (0, 0.12))
+    detail_mm: float = drawn(0.003, 0.006, "rms of roughness on the walls of cells, mm (chosen)", (0, 0.05))
+    cortex_mm: float = drawn(0.5, 2.0, "bone without cells at the mouth, mm (chosen)", (0, 10))
+    nerve_mm: float = drawn(0.5, 1.3, "bone between bore and facial nerve, mm (typical: 0.5 at least)", (0.1, 5))
+    chorda_mm: float = drawn(0.3, 1.0, "bone between bore and chorda tympani, mm (typical)", (0.05, 5))
+    cochlea_mm: float = drawn(4.0, 7.0, "from the end of the bore to the basal turn, mm (chosen)", (0.5, 20))
+    entry_mm: Point = Field(description="mouth of the bore in the patient, LPS, mm; x > 0 is the left ear")
+    inward: tuple[Factor, Factor, Factor] = Field(description="direction of the bore in the patient, LPS, unit vector")
+
+
+class Ct(Parameters):
+    """A CT of the bone: a clinical one before drilling, or one by a cone-beam scanner after it."""
+
+    voxel_mm: float = drawn(0.15, 0.3, "of the voxels, mm (typical)", (0.1, 1))
+    psf_mm: float = drawn(0.35, 0.6, "full width at half maximum of the point spread, mm (typical)", (0.05, 2))
+    noise_hu: float = drawn(30, 100, "rms of the noise, HU (typical)", (0, 1000))
+    bone_hu: float = drawn(1300, 1900, "of dense bone, HU (typical)", (300, 3000))
+    slice_mm: float | None = Field(default=None, ge=0.1, le=2, description="of the slices; null for voxel_mm")
+
+
 class Bore(Parameters):
     """The drill hole and its cells."""
 
-    bone: Bone = Field(description="drilled bone substitute, or a pneumatised mastoid")
+    bone: Bone = Field(
+        description="phantom: drilled bone substitute; mastoid: air cells planted on the wall; network: a "
+        "three-dimensional mastoid; volume: the user's CT",
+        json_schema_extra={STATED_ONLY: ["volume"]},
+    )
     diameter_mm: float = drawn(2.4, 2.6, "nominal, stands in both sidecars, mm (paper: 2.5)", (1.6, 4.0))
     length_mm: float = Field(ge=0.1, lt=100, description="of the simulated wall, from the mouth, mm")
     taper_mm: float = drawn(-0.015, 0.015, "change of radius from mouth to end, mm (chosen)", (-0.2, 0.2))
@@ -73,4 +130,6 @@ class Bore(Parameters):
     lining: float = drawn(0.0, 0.1, "share of cells under a lining that hides the edge (chosen)", (0, 1))
     dust: float = drawn(0.0, 0.0, "share of cells with bone dust on their floor (chosen)", (0, 1))
     fluid: float = drawn(0.0, 0.0, "share of cells with fluid on their floor (chosen)", (0, 1))
-    cells: tuple[Cell, ...] = Field(default=(), max_length=MOST_LISTED)
+    cells: tuple[Cell, ...] = Field(default=(), max_length=MOST_LISTED, description="of phantom and mastoid only")
+    volume: Volume | None = Field(default=None, description="of volume only")
+    network: Network | None = Field(default=None, description="of network only")

@@ -21,6 +21,8 @@ MOST_LISTED = 5000
 """Of anything of which a sample lists several."""
 MOST_HARMONICS = 64
 LARGEST_SEED = 2**64
+STATED_ONLY = "stated only"
+"""Of a field's schema: words that follow from what the user states and cannot be drawn."""
 
 
 def drawn(low: float, high: float, about: str, allowed: tuple[float, float] | None = None) -> float:

@@ -11,7 +11,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from endoct.synthetic.sample.bone_parameters import Bore, Cell
+from endoct.synthetic.sample.bone_parameters import Bore, Cell, Ct, Network, Volume
 from endoct.synthetic.sample.oct_parameters import LostAscans, Oct, Shadow, SheathLine
 from endoct.synthetic.sample.parameter_fields import (
     LARGEST_SEED,
@@ -31,17 +31,20 @@ from endoct.synthetic.sample.presets import PRESETS, PresetName
 __all__ = [
     "Bore",
     "Cell",
+    "Ct",
     "Debris",
     "Droplet",
     "Endoscope",
     "Harmonic",
     "LostAscans",
+    "Network",
     "Oct",
     "Sample",
     "Shadow",
     "SheathLine",
     "Speck",
     "Travel",
+    "Volume",
 ]
 
 
@@ -184,7 +187,8 @@ class Endoscope(Parameters):
 class Sample(Parameters):
     """Everything drawn for one specimen. ``seed`` also keys the noise of every slice and frame.
 
-    ``bore_seed`` keys the wall's texture, so that two specimens can show one and the same bore.
+    ``bore_seed`` keys the wall's texture, so that two specimens can show one and the same bore. ``ct``: taken before
+    drilling, ``cone_beam``: after it, where asked for.
     """
 
     preset: PresetName
@@ -193,9 +197,18 @@ class Sample(Parameters):
     bore: Bore
     oct: Oct
     endoscope: Endoscope
+    ct: Ct | None = None
+    cone_beam: Ct | None = None
 
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
+        if (self.ct or self.cone_beam) and self.bore.bone not in ("volume", "network"):
+            raise ValueError("a CT of bone in three dimensions only")
+        if self.bore.cells and self.bore.bone in ("volume", "network"):
+            raise ValueError("planted cells in the bone 'phantom' or 'mastoid' only")
+        for kind in ("volume", "network"):
+            if (getattr(self.bore, kind) is not None) != (self.bore.bone == kind):
+                raise ValueError(f"a {kind} with the bone '{kind}', and with no other")
         size = PRESETS[self.preset]
         every_slice = (
             "z_mm",

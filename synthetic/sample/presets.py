@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 PresetName = Literal["quick", "paper", "mastoid", "hard", "learning"]
-Bone = Literal["phantom", "mastoid"]
+Bone = Literal["phantom", "mastoid", "network", "volume"]
 Ranges = Mapping[str, tuple[float, float]]
 
 
@@ -65,13 +65,13 @@ PRESETS: Mapping[PresetName, Preset] = {
     "quick": Preset(n_slices=40, n_ascans=2000, n_frames=40),
     # 30 mm of pullback, 390 turns a minute at 91 000 A-scans a second (Laves 2019, Methods)
     "paper": Preset(n_slices=150, n_ascans=14000, n_frames=150, ascans_per_column=7),
-    "mastoid": Preset(n_slices=40, n_ascans=2000, n_frames=40, bone=("mastoid",), ranges=MASTOID_RANGES),
+    "mastoid": Preset(n_slices=40, n_ascans=2000, n_frames=40, bone=("network",), ranges=MASTOID_RANGES),
     "hard": Preset(n_slices=40, n_ascans=2000, n_frames=40, ranges=HARD_RANGES),
     "learning": Preset(
         n_slices=16,
         n_ascans=512,
         n_frames=16,
-        bone=("phantom", "mastoid"),
+        bone=("phantom", "network"),
         image_px=((320, 240),),
         wall_dz_mm=0.02,
         wall_n_theta=1024,

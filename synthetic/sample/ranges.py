@@ -4,15 +4,16 @@ import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal, get_args, get_origin
+from typing import Literal, cast, get_args, get_origin
 
 from numpy.random import Generator
 from pydantic import BaseModel
 
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct
+from endoct.synthetic.sample.parameter_fields import STATED_ONLY
+from endoct.synthetic.sample.parameters import Bore, Ct, Endoscope, Network, Oct
 
-PARTS: Mapping[str, type[BaseModel]] = {"bore": Bore, "oct": Oct, "endoscope": Endoscope}
+PARTS: Mapping[str, type[BaseModel]] = {"bore": Bore, "network": Network, "ct": Ct, "oct": Oct, "endoscope": Endoscope}
 Range = tuple[float, float] | tuple[str, ...]
 """What a parameter is drawn from: (low, high), uniformly, or one of some words."""
 NO_RANGES: Mapping[str, Range] = {}
@@ -40,7 +41,9 @@ def choices(model: type[BaseModel]) -> dict[str, tuple[str, ...]]:
         if get_origin(field.annotation) is Literal and all(
             isinstance(word, str) for word in get_args(field.annotation)
         ):
-            by_name[name] = get_args(field.annotation)
+            extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+            stated = cast(list[str], extra.get(STATED_ONLY, []))
+            by_name[name] = tuple(word for word in get_args(field.annotation) if word not in stated)
         elif field.annotation is bool:
             by_name[name] = ("true", "false")
     return by_name

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from endoct.modalities.ct_volume import Convention
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
 from endoct.stitching.output import new_output
@@ -16,6 +17,7 @@ from endoct.workbench.running.kinds import SPECIMEN
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.threads import one_blas_thread
 
+Point = tuple[float, float, float]
 MOST_SAMPLE_BYTES = 16_000_000
 """Of a sample.json; usual ones have under 1 MB, and what is read takes many times its size."""
 
@@ -28,6 +30,16 @@ def simulate(
     seed: int = 0,
     replay: Path | str | None = None,
     vary: Mapping[str, Range] | None = None,
+    bone: Path | str | None = None,
+    entry_mm: Point | None = None,
+    target_mm: Point | None = None,
+    coordinates: Convention | None = None,
+    bone_hu: float | None = None,
+    bone_label: int | None = None,
+    detail_mm: float = 0.0,
+    ct: bool = False,
+    ct_slice_mm: float | None = None,
+    cone_beam: bool = False,
     labels: bool = False,
     spectra: bool = False,
     overwrite: bool = False,
@@ -36,10 +48,14 @@ def simulate(
     """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
 
     ``replay`` is the ``truth/sample.json`` of an earlier specimen, made again to the byte. ``vary`` says what
-    parameters are drawn from, "part.name" → (low, high) or words, where not by the preset. ``labels`` adds
-    truth/labels, for training networks; ``spectra`` the spectrometer's raw data; ``progress=False`` displays none.
-    Raises :class:`EndoctError` for a parameter that there is not or a range that cannot be, and where ``output``
-    exists and ``overwrite`` is not set.
+    parameters are drawn from, "part.name" → (low, high) or words, where not by the preset. ``bone`` is a CT or a
+    segmentation of one to drill into, from ``entry_mm`` to ``target_mm``, whose ``coordinates`` are what the file says
+    unless stated, where ``bone_hu`` or more is bone, or ``bone_label``, with ``detail_mm`` rms added that is finer than
+    its voxels (:func:`endoct.synthetic.bone.patient.stated_volume`). ``ct`` adds a CT of that bone before drilling, or
+    of the simulated mastoid, with slices of ``ct_slice_mm``; ``cone_beam`` one after it. ``labels`` adds truth/labels,
+    for training networks; ``spectra`` the spectrometer's raw data; ``progress=False`` displays none. Raises
+    :class:`EndoctError` for a parameter that there is not or a range that cannot be, for a bone that cannot be drilled
+    so, and where ``output`` exists and ``overwrite`` is not set.
 
     >>> from endoct.workbench import simulate
     >>> simulate("specimen", preset="learning", seed=7, vary={"oct.wall_db": (12.0, 14.0)})
@@ -49,7 +65,26 @@ def simulate(
     """
     stages = stages_for(progress)
     sample = _read_json(Path(replay)) if replay is not None else None
-    inputs = [] if replay is None else [Path(replay)]
+    inputs = [Path(path) for path in (replay, bone) if path is not None]
+    volume = None
+    if bone is not None:
+        if entry_mm is None or target_mm is None:
+            raise EndoctError("it is not said where to drill", expected="--entry=x,y,z and --target=x,y,z, mm")
+        if replay is not None:
+            raise EndoctError("a sample that is replayed has its bone already", remedy="leave out --bone or --replay")
+        from endoct.synthetic.bone.patient import stated_volume
+
+        volume = stated_volume(
+            Path(bone),
+            entry_mm,
+            target_mm,
+            coordinates=coordinates,
+            bone_hu=bone_hu,
+            bone_label=bone_label,
+            detail_mm=detail_mm,
+        )
+    elif any(option is not None for option in (entry_mm, target_mm, coordinates, bone_hu, bone_label)) or detail_mm:
+        raise EndoctError("it is not said what to drill into", expected="--bone with the path of a CT")
     with (
         new_output(Path(output), SPECIMEN, overwrite=overwrite, inputs=inputs) as scratch,
         stages.stage(f"simulate {preset}") as advance,
@@ -59,6 +94,10 @@ def simulate(
             preset=preset,
             seed=seed,
             ranges=vary or NO_RANGES,
+            volume=volume,
+            ct=ct or ct_slice_mm is not None,
+            ct_slice_mm=ct_slice_mm,
+            cone_beam=cone_beam,
             sample=sample,
             labels=labels,
             spectra=spectra,

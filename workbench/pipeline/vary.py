@@ -3,6 +3,7 @@
 The grammar, of every command: ``name=low..high``, ``name=number`` or ``name=word|word``.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 from endoct.stitching.errors import EndoctError
@@ -62,3 +63,16 @@ def range_text(range_: Range) -> str:
 def ranges_text(ranges: Mapping[str, Range]) -> str:
     """Return ranges by name as the user would state them, in the order of their names."""
     return " ".join(f"{name}={range_text(ranges[name])}" for name in sorted(ranges)) or "nothing"
+
+
+def parse_place(name: str, text: str | None) -> tuple[float, float, float] | None:
+    """Return the three numbers of ``text`` as "12.5,-40,7"; None for none. Raises :class:`EndoctError` for another."""
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(math.isfinite(value) for value in (x, y, z)):
+        raise EndoctError(f"--{name} is no place", found=f"'{text}'", expected=f"three numbers, as --{name}=12.5,-40,7")
+    return x, y, z

@@ -54,7 +54,8 @@ def simulated(
         if CELL_MM in difficulties:
             drawn = draw(cast(PresetName, preset), of, ranges=ranges)
             cells = uniform_cells(rng_of(seed, index, CELL_MM), drawn.bore, float(difficulties[CELL_MM]))
-            bore = drawn.bore.model_copy(update={"cells": cells})
+            bone = "phantom" if drawn.bore.bone == "network" else drawn.bore.bone  # in which cells are planted
+            bore = drawn.bore.model_copy(update={"cells": cells, "bone": bone, "network": None})
             sample = drawn.model_copy(update={"bore": bore}).model_dump()
         specimen = Path(folder.name) / "specimen"
         simulate(specimen, preset=cast(PresetName, preset), seed=of, ranges=ranges, sample=sample)

@@ -1,0 +1,221 @@
+"""The user's own bone: a CT or a segmentation of it, and where the bore lies in it.
+
+World coordinates are LPS in here, as :mod:`endoct.modalities.ct_volume` reads them.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from endoct.modalities.ct_volume import SIGNS, Convention, CtVolume, read_ct
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import sha256_of
+from endoct.synthetic.bone.distance import chambers, signed_distance
+from endoct.synthetic.bone.lattice import Lattice
+from endoct.synthetic.sample.parameters import Volume
+
+BONE_HU = 300.0
+"""Half way from air (−1000) to dense cortical bone (1600), where a blurred surface between them lies."""
+AIR_HU = -500.0
+"""A volume that holds less than that has Hounsfield units."""
+MOST_LABELS = 64
+LABEL_SIGMA_VOXELS = 0.6
+"""Blur of a segmentation: takes its steps, leaves septa of one voxel."""
+MARGIN_MM = 1.5
+"""Of bone beyond what is asked for, so that distances there are right."""
+CHAMBER_MM = 1.2
+LEAST_BONE = 0.3
+"""Of the bore's wall."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bone:
+    """Air around a bore on the voxels of a volume.
+
+    ``lattice`` (k, j, i) in LPS; ``distance_mm``: to the nearest surface, > 0 in air.
+    """
+
+    lattice: Lattice
+    distance_mm: Image
+
+
+def volume_digest(path: Path) -> str:
+    """Return the sha256 of a file, or that over the lines "name sha256" of the files in a folder."""
+    if not path.is_dir():
+        return sha256_of(path)
+    files = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
+    lines = "".join(f"{file.name} {sha256_of(file)}\n" for file in files)
+    return hashlib.sha256(lines.encode("utf-8", "backslashreplace")).hexdigest()
+
+
+def stated_volume(
+    path: Path,
+    entry_mm: tuple[float, float, float],
+    target_mm: tuple[float, float, float],
+    *,
+    coordinates: Convention | None = None,
+    bone_hu: float | None = None,
+    bone_label: int | None = None,
+    detail_mm: float = 0.0,
+) -> Volume:
+    """Return the volume to drill into, once it is clear that this can be done.
+
+    ``coordinates``: what the numbers of ``entry_mm`` and ``target_mm`` mean, as the file says where not stated.
+    ``bone_hu``, ``bone_label``: what is bone; where neither is stated, from 300 HU on, or every label but 0. Raises
+    :class:`EndoctError` where the volume cannot be read, does not say what its numbers mean, holds neither, or where
+    the trajectory lies outside it or in no bone.
+    """
+    ct = read_ct(path, coordinates)
+    meaning = coordinates or ct.coordinates
+    if meaning is None:
+        raise EndoctError(
+            f"{path} does not say whether its coordinates are RAS or LPS",
+            expected="a 'space' of right-anterior-superior or left-posterior-superior",
+            remedy="state --coordinates ras or --coordinates lps",
+        )
+    if bone_hu is None and bone_label is None and not _are_labels(ct, path):
+        bone_hu = BONE_HU
+    volume = Volume(
+        path=str(path.resolve()),
+        sha256=volume_digest(path),
+        coordinates=meaning,
+        entry_mm=entry_mm,
+        target_mm=target_mm,
+        bone_hu=bone_hu,
+        bone_label=bone_label,
+        detail_mm=detail_mm,
+    )
+    _check_trajectory(ct, volume)
+    return volume
+
+
+def _are_labels(ct: CtVolume, path: Path) -> bool:
+    least = float(ct.voxels.min())
+    if least < AIR_HU:
+        return False
+    if least >= 0 and np.issubdtype(ct.voxels.dtype, np.integer) and len(np.unique(ct.voxels)) <= MOST_LABELS:
+        return True
+    raise EndoctError(
+        f"{path} may hold Hounsfield units, or labels",
+        found=f"values from {least:g} to {float(ct.voxels.max()):g}",
+        remedy=f"state what is bone: --bone-hu {BONE_HU:g}, or --bone-label 1",
+    )
+
+
+def _check_trajectory(ct: CtVolume, volume: Volume) -> None:
+    to_world = bore_to_lps(volume)
+    voxels = Lattice(ct.origin_mm, ct.steps_mm, _shape(ct))
+    length = volume.length_mm
+    if length < 1:
+        raise EndoctError("entry and target are the same place", found=f"{length:.3g} mm apart")
+    for name, z in (("entry", 0.0), ("target", length)):
+        index = voxels.index_of(to_world[:3, :3] @ np.array([0, 0, z]) + to_world[:3, 3])
+        if np.any(index < -0.5) or np.any(index > np.array(voxels.shape) - 0.5):
+            corners = np.array([voxels.at(np.zeros(3)), voxels.at(np.array(voxels.shape) - 1.0)])
+            corners = np.sort(corners * SIGNS[volume.coordinates], axis=0)
+            extent = ", ".join(f"{low:.1f} … {high:.1f}" for low, high in corners.T)
+            point = volume.entry_mm if name == "entry" else volume.target_mm
+            raise EndoctError(
+                f"the {name} lies outside the volume",
+                found=", ".join(f"{value:g}" for value in point),
+                expected=f"within {extent} mm ({volume.coordinates.upper()})",
+                remedy="check the numbers, and --coordinates",
+            )
+    if not np.any(_is_bone(ct.voxels, volume)):
+        raise EndoctError(f"there is no bone in {volume.path}", found=_bone_words(volume), remedy="check what is bone")
+
+
+def check_bone_share(share: float, volume: Volume) -> None:
+    """Raise :class:`EndoctError` where ``share`` of the bore's wall is bone and that is too little."""
+    if share < LEAST_BONE:
+        raise EndoctError(
+            "the trajectory does not run through bone",
+            found=f"bone ({_bone_words(volume)}) on {share:.0%} of its wall",
+            expected=f"{LEAST_BONE:.0%} at least",
+            remedy="check entry, target, --coordinates and what is bone",
+        )
+
+
+def _bone_words(volume: Volume) -> str:
+    if volume.bone_hu is not None:
+        return f"{volume.bone_hu:g} HU or more"
+    return "labels other than 0" if volume.bone_label is None else f"label {volume.bone_label}"
+
+
+def _is_bone(voxels: NDArray[Any], volume: Volume) -> NDArray[np.bool_]:
+    if volume.bone_hu is not None:
+        return np.asarray(voxels >= volume.bone_hu)
+    return np.asarray(voxels != 0 if volume.bone_label is None else voxels == volume.bone_label)
+
+
+def bore_to_lps(volume: Volume) -> Coordinates:
+    """Return the transform (4, 4) of the bore frame to LPS: z from entry to target, θ = 0 towards the head.
+
+    Where the bore runs within 10° of that, θ = 0 is to the front.
+    """
+    signs = np.array(SIGNS[volume.coordinates])
+    entry, target = signs * volume.entry_mm, signs * volume.target_mm
+    return axes_at(entry, target - entry)
+
+
+def axes_at(origin_mm: Coordinates, inward: Coordinates) -> Coordinates:
+    """Return the transform (4, 4) of a bore frame at ``origin_mm`` whose z runs ``inward``, in LPS."""
+    z = inward / max(float(np.linalg.norm(inward)), 1e-12)
+    towards = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < np.cos(np.radians(10)) else np.array([0.0, -1.0, 0.0])
+    x = towards - (towards @ z) * z
+    x /= np.linalg.norm(x)
+    to_world = np.eye(4)
+    to_world[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    to_world[:3, 3] = origin_mm
+    return to_world
+
+
+@lru_cache(maxsize=2)
+def bone_around(volume: Volume, reach_mm: float) -> Bone:
+    """Return the bone within ``reach_mm`` of the bore's axis. Raises where the volume is not the one stated."""
+    path = Path(volume.path)
+    ct = read_ct(path, volume.coordinates)
+    if volume_digest(path) != volume.sha256:
+        raise EndoctError(
+            f"{path} is not the volume that was drilled into",
+            found="another sha256",
+            expected=volume.sha256[:12] + "…",
+            remedy="replay with that very file",
+        )
+    whole = Lattice(ct.origin_mm, ct.steps_mm, _shape(ct))
+    to_world, length = bore_to_lps(volume), volume.length_mm
+    ends = to_world[:3, 3] + np.array([[0.0], [length]]) * to_world[:3, 2]
+    boxes = [whole.box(end, reach_mm + MARGIN_MM) for end in ends]
+    box = tuple(slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*boxes, strict=True))
+    part = whole.part((box[0], box[1], box[2]))
+    voxels = ct.voxels[box]
+    if volume.bone_hu is not None:
+        level = np.asarray(volume.bone_hu - voxels.astype(np.float32))
+    else:
+        blurred = ndimage.gaussian_filter(_is_bone(voxels, volume).astype(np.float32), LABEL_SIGMA_VOXELS)
+        level = np.asarray(0.5 - blurred, dtype=np.float32)
+    return Bone(part, signed_distance(level, part.spacing_mm))
+
+
+@lru_cache(maxsize=1)
+def cells_around(volume: Volume, reach_mm: float) -> NDArray[np.int32]:
+    """Return the chamber of every voxel of :func:`bone_around`, 1, 2, … in air and in the bone near by, int32."""
+    bone = bone_around(volume, reach_mm)
+    of = chambers(bone.distance_mm, bone.lattice.spacing_mm, CHAMBER_MM)
+    if not of.any():
+        return of
+    spacing = bone.lattice.spacing_mm
+    nearest = ndimage.distance_transform_edt(of == 0, spacing, return_distances=False, return_indices=True)
+    return np.asarray(of[tuple(nearest)])
+
+
+def _shape(ct: CtVolume) -> tuple[int, int, int]:
+    k, j, i = ct.voxels.shape
+    return int(k), int(j), int(i)

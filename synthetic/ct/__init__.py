@@ -1,0 +1,1 @@
+"""The CT of a simulated bone."""

@@ -1,0 +1,140 @@
+"""What a CT shows of three-dimensional bone: partial volume, blur, noise, Hounsfield units."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.synthetic.bone.anatomy import COCHLEA, structures
+from endoct.synthetic.bone.grown import air_in_bone, world_of
+from endoct.synthetic.bone.lattice import Lattice
+from endoct.synthetic.elementary import Numbers
+from endoct.synthetic.sample.parameters import Ct, Sample
+from endoct.synthetic.sample.randomness import Stage, generator
+
+AIR_HU, TISSUE_HU, FLUID_HU, CAPSULE_HU = -1000.0, 40.0, 15.0, 600.0
+"""Air; soft tissue and nerves; the cochlea's fluid; what the otic capsule has more than other bone."""
+CAPSULE_MM = 1.0
+ASIDE_MM, BEYOND_MM = 9.0, 9.0  # of bone around the bore in the picture, and at either end
+FINER = 2  # places a voxel along each axis, at least
+NOISE_SIGMA_VOXELS = 0.6
+SLAB = 24  # slices worked on at a time
+FWHM = 2.3548  # over σ of a Gaussian
+NOISE_STREAM = 110  # of the wall's generators; one more for each scan
+BONE, OUTSIDE_Z_MM = 1, 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Voxels (k, j, i) of a CT.
+
+    ``lattice``: where they lie, LPS. ``hu`` int16; ``label`` uint8: 0 air, 1 bone, 2 facial nerve, 3 chorda tympani,
+    4 cochlea, at the middle of each voxel; ``cell`` int32: the cell there, as in the recordings, 0 for none.
+    """
+
+    lattice: Lattice
+    hu: NDArray[np.int16]
+    label: NDArray[np.uint8]
+    cell: NDArray[np.int32]
+
+
+def scan(sample: Sample, ct: Ct, *, drilled: bool) -> Scan:
+    """Return the CT of the bone of ``sample``, before drilling or with the bore in it."""
+    lattice = field_of_view(sample, ct)
+    to_bore = np.asarray(np.linalg.inv(world_of(sample)), np.float64)
+    hu = np.empty(lattice.shape, np.float32)
+    label, cell = np.empty(lattice.shape, np.uint8), np.empty(lattice.shape, np.int32)
+    for rows, part in _slabs(lattice):
+        middle = part.moved(to_bore)
+        clearance, of = air_in_bone(sample, middle, ASIDE_MM + BEYOND_MM)
+        label[rows], cell[rows] = _labels(sample, middle, clearance), np.where(clearance > 0, of, 0)
+        hu[rows] = _sharp(sample, ct, part, to_bore, drilled=drilled)
+    rng = generator(sample.seed, Stage.WALL, NOISE_STREAM + int(drilled))
+    noise = ndimage.gaussian_filter(rng.standard_normal(lattice.shape, dtype=np.float32), NOISE_SIGMA_VOXELS)
+    hu += np.float32(ct.noise_hu) * noise / noise.std()
+    return Scan(lattice, np.clip(np.rint(hu), -1024, 3071).astype(np.int16), label, cell)
+
+
+def field_of_view(sample: Sample, ct: Ct) -> Lattice:
+    """Return the voxels of a picture along the patient's axes that holds the bore and what is around it."""
+    to_world = world_of(sample)
+    ends = to_world[:3, 3] + np.array([[0.0], [sample.bore.length_mm]]) * to_world[:3, 2]
+    low, high = ends.min(axis=0) - max(ASIDE_MM, BEYOND_MM), ends.max(axis=0) + max(ASIDE_MM, BEYOND_MM)
+    steps = np.array([ct.slice_mm or ct.voxel_mm, ct.voxel_mm, ct.voxel_mm])
+    n = np.ceil((high - low)[::-1] / steps).astype(int)
+    return Lattice(low, np.diag(steps)[:, ::-1], (int(n[0]), int(n[1]), int(n[2])))
+
+
+def _slabs(lattice: Lattice) -> Iterator[tuple[slice, Lattice]]:
+    for first in range(0, lattice.shape[0], SLAB):
+        rows = slice(first, min(first + SLAB, lattice.shape[0]))
+        yield rows, lattice.part((rows, slice(0, lattice.shape[1]), slice(0, lattice.shape[2])))
+
+
+def _sharp(sample: Sample, ct: Ct, part: Lattice, to_bore: Coordinates, *, drilled: bool) -> Image:
+    """Return Hounsfield units of the voxels of ``part`` without noise: of finer places, blurred, and their mean."""
+    n_k = max(FINER, int(np.rint(FINER * part.spacing_mm[0] / ct.voxel_mm)))
+    each = np.array([n_k, FINER, FINER])
+    steps = part.steps_mm / each[:, None]
+    sigma = ct.psf_mm / FWHM / np.linalg.norm(steps, axis=1)
+    margin = (-(-np.ceil(3 * sigma) // each) * each).astype(int)
+    first = part.origin_mm - (0.5 * part.steps_mm.sum(axis=0) - 0.5 * steps.sum(axis=0)) - margin @ steps
+    shape = tuple(int(n) for n in np.array(part.shape) * each + 2 * margin)
+    fine = Lattice(first, steps, (shape[0], shape[1], shape[2])).moved(to_bore)
+    hu = _tissues(sample, ct, fine, drilled=drilled)
+    hu = ndimage.gaussian_filter(hu, sigma, truncate=3.0, mode="nearest")
+    k, j, i = (slice(m, n - m) for m, n in zip(margin, shape, strict=True))
+    blocks = hu[k, j, i].reshape(part.shape[0], n_k, part.shape[1], FINER, part.shape[2], FINER)
+    return np.asarray(blocks.mean(axis=(1, 3, 5)), dtype=np.float32)
+
+
+def _tissues(sample: Sample, ct: Ct, places: Lattice, *, drilled: bool) -> Image:
+    """Return Hounsfield units at places of the bore frame; a place that a surface runs through has a share of both."""
+    clearance, _ = air_in_bone(sample, places, ASIDE_MM + BEYOND_MM)
+    step = float(places.spacing_mm.mean())
+    x, y, z = places.places()
+    bone = np.full(places.shape, ct.bone_hu, np.float32)
+    for structure in structures(sample.bore):
+        box = _around(structure.points_mm, float(structure.radius_mm.max()) + CAPSULE_MM + step, places)
+        away = structure.distance_mm(x[box], y[box], z[box])
+        if structure.label == COCHLEA:
+            bone[box] += np.float32(CAPSULE_HU) * _share(CAPSULE_MM - away, step)
+        inside = _share(-away, step)
+        bone[box] += inside * (np.float32(FLUID_HU if structure.label == COCHLEA else TISSUE_HU) - bone[box])
+    hu = bone + _share(clearance, step) * (np.float32(AIR_HU) - bone)
+    if sample.bore.network is not None:
+        hu += _share(OUTSIDE_Z_MM - z, step) * (np.float32(TISSUE_HU) - hu)
+    if drilled:
+        within = np.minimum(
+            np.minimum(z, np.float32(sample.bore.length_mm) - z), sample.bore.diameter_mm / 2 - np.hypot(x, y)
+        )
+        hu += _share(within, step) * (np.float32(AIR_HU) - hu)
+    return hu
+
+
+def _around(points: Coordinates, reach_mm: float, places: Lattice) -> tuple[slice, slice, slice]:
+    boxes = [places.box(point, reach_mm) for point in points]
+    k, j, i = (
+        slice(min(one.start for one in axis), max(one.stop for one in axis)) for axis in zip(*boxes, strict=True)
+    )
+    return k, j, i
+
+
+def _share(inside_mm: Numbers, step_mm: float) -> Image:
+    """Return which part of a place of that size lies inside a plane surface that is ``inside_mm`` away."""
+    share = np.asarray(inside_mm, np.float32) / np.float32(step_mm) + np.float32(0.5)
+    return np.asarray(np.clip(share, 0, 1), dtype=np.float32)
+
+
+def _labels(sample: Sample, places: Lattice, clearance: Image) -> NDArray[np.uint8]:
+    label = np.where(clearance > 0, 0, BONE).astype(np.uint8)
+    x, y, z = places.places()
+    if sample.bore.network is not None:
+        label[z < OUTSIDE_Z_MM] = 0
+    for structure in structures(sample.bore):
+        box = _around(structure.points_mm, float(structure.radius_mm.max()), places)
+        label[box][structure.distance_mm(x[box], y[box], z[box]) < 0] = structure.label
+    return label

@@ -1,0 +1,80 @@
+"""From a volume of the user's to both recordings and back: options, replaying, and one line for what cannot be."""
+
+import json
+from pathlib import Path
+
+import pytest
+from bone_volumes import ENTRY, RAS, TARGET, block, point
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench import simulate
+from endoct.workbench.cli import main
+from endoct.workbench.pipeline.vary import parse_place
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and path.name != "endoct-output.json"
+    }
+
+
+def text(place: tuple[float, float, float]) -> str:
+    return ",".join(f"{value!r}" for value in place)
+
+
+def test_a_bore_in_a_volume_is_replayed_to_the_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    volume = block(tmp_path / "block.nii.gz")
+    entry, target = text(point(RAS * ENTRY)), text(point(RAS * TARGET))
+    words = ["simulate", "-o", str(tmp_path / "one"), "--preset", "learning", "--seed", "3", "--bone", str(volume)]
+    monkeypatch.setattr("sys.argv", ["endoct", *words, f"--entry={entry}", f"--target={target}", "--detail", "0.004"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    simulate(tmp_path / "two", replay=tmp_path / "one/truth/sample.json", progress=False)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+    world = json.loads((tmp_path / "one/truth/recording.json").read_text(encoding="utf-8"))["world"]
+    assert world["coordinates"] == "ras"
+    assert world["entry_mm"] == pytest.approx(point(RAS * ENTRY))
+    assert world["target_mm"] == pytest.approx(point(RAS * TARGET))
+    stated = json.loads((tmp_path / "one/truth/sample.json").read_text(encoding="utf-8"))["bore"]["volume"]
+    assert (stated["bone_hu"], stated["bone_label"], stated["detail_mm"]) == (300.0, None, 0.004)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--bone", "{}"], "not said where to drill"),
+        (["--entry=1,2,3", "--target=1,2,30"], "not said what to drill into"),
+        (["--bone", "{}", "--entry=1,2", "--target=1,2,3"], "--entry is no place"),
+        (["--bone", "missing.nrrd", "--entry=1,2,3", "--target=1,2,30"], "no such file"),
+        (["--bone", "{}", "--entry=1,2,3", "--target=1,2,30"], "the entry lies outside the volume"),
+        (["--ct", "--preset", "quick"], "three dimensions only"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line_and_leaves_nothing(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    message: str,
+) -> None:
+    volume = block(tmp_path / "block.nrrd")
+    words = [option.format(volume) for option in options]
+    monkeypatch.setattr("sys.argv", ["endoct", "simulate", "-o", str(tmp_path / "out"), *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("endoct:")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_places_are_three_numbers() -> None:
+    assert parse_place("entry", "-1.5, 2,3e1") == (-1.5, 2.0, 30.0)
+    assert parse_place("entry", None) is None
+    for wrong in ("", "1,2", "1,2,3,4", "1,2,x", "1,2,nan"):
+        with pytest.raises(EndoctError, match="no place"):
+            parse_place("target", wrong)
