@@ -1,8 +1,8 @@
 """Kills commands at random moments and looks at what is left: ``python benchmarks/kills.py --kills 50 --seed 0``.
 
-Each of `unroll --overwrite`, `compare --overwrite` and `dataset` is killed (SIGKILL, all its processes), where an older
-output stands already; then the same command runs to its end. A kill has lost something where neither the old nor the
-new output stands whole, where a file of the user's next to it has changed, where an output that anybody can see is
+Each of `unroll`, `compare`, `export` with `--overwrite` and `dataset` is killed (SIGKILL, all its processes), where an
+older output stands already; then the same command runs to its end. A kill has lost something where neither the old nor
+the new output stands whole, where a file of the user's next to it has changed, where an output that anybody can see is
 half-written, or where the next run leaves anything hidden behind.
 """
 
@@ -20,7 +20,7 @@ from pathlib import Path
 from endoct.workbench.verifying import verify
 
 ENDOCT = Path(sys.executable).with_name("endoct")
-COMMANDS = ("unroll", "compare", "dataset")
+COMMANDS = ("unroll", "compare", "dataset", "export")
 
 
 def prepare(folder: Path) -> None:
@@ -38,6 +38,7 @@ def arguments(command: str, count: int = 2) -> list[str]:
         "unroll": ["unroll", "specimen/oct", "-o", "out.zarr", "--overwrite"],
         "compare": ["compare", "specimen/endoscope", "specimen/oct", "-o", "result", "--overwrite"],
         "dataset": ["dataset", "-o", "set", "--count", str(count), "--workers", "2"],
+        "export": ["export", "result", "-o", "result.ome.zarr", "--overwrite"],
     }[command]
 
 
@@ -64,7 +65,7 @@ def lost(folder: Path) -> list[str]:
         for place in (folder, folder / "set")
         if not (place / "thesis.tex").is_file() or (place / "thesis.tex").read_text() != "years of work"
     ]
-    for name in ("out.zarr", "result", "specimen"):
+    for name in ("out.zarr", "result", "result.ome.zarr", "specimen"):
         if not (folder / name).exists():
             wrong.append(f"{name} is gone")
         elif not verify(folder / name)[0].intact:

@@ -164,6 +164,25 @@ def _figures(path: Path) -> None:
         report_sections(findings, drawn)
 
 
+def _exports(path: Path) -> None:
+    from endoct.stitching.errors import EndoctError
+    from endoct.workbench.exporting.export import export
+
+    names = "a.ome.zarr", "a.ome.tif", "a.ply", "a.glb", "a.nrrd", "a.tfm", "a.csv"
+    refused = []
+    for name in names:  # not every kind has all of them
+        with tempfile.TemporaryDirectory() as scratch:
+            try:
+                export(path, Path(scratch) / name, progress=False)
+            except EndoctError as error:
+                check_line(str(error))
+                refused.append(error)
+                if any(Path(scratch).iterdir()):
+                    raise RuntimeError(f"{name} was refused and left something: {error}") from error
+    if len(refused) == len(names):
+        raise refused[0]
+
+
 def _describe(path: Path) -> None:
     from endoct.workbench.pipeline.information import describe
 
@@ -277,6 +296,14 @@ _ALL = (
     Reader("comparison", _comparison, _seeds("seed_results", "comparison_store_seeds"), 3),
     Reader("report", _report, _seeds("seed_results", "comparison_seeds"), 3),
     Reader("figures", _figures, _seeds("seed_results", "comparison_seeds"), 0.1, 120.0),
+    Reader(
+        "exports",
+        _exports,
+        _seeds("seed_results", "comparison_store_seeds", "comparison_seeds", "panorama_seeds"),
+        0.5,
+        30.0,
+        needs="endoct.workbench.exporting",
+    ),
     Reader("describe", _describe, _seeds("seed_results", "result_seeds", "panorama_seeds"), 2),
     Reader("summary", _summary, _seeds("seed_results", "summary_seeds"), 2),
     Reader("session", try_session, _seeds("seed_results", "session_seeds"), 2, needs="endoct.fusion.files.session"),

@@ -24,6 +24,10 @@ def write_quality(source: Source, path: Path, options: Options, stages: Stages) 
     del stages
     side = _side(source, options.side)
     outline = read_outline(source.panoramas[side])
+    lengths = {one.values.shape[:1] for one in outline.per_frame.values()}
+    if len(lengths) > 1 or lengths & {(), (0,)}:
+        damaged = f"the numbers per {outline.frame_dim} in {source.panoramas[side]} are damaged"
+        raise EndoctError(damaged, found=f"{sorted(lengths)} of them", expected="as many of each kind")
     place = f"{outline.frame_dim}_z_mm"
     first = sorted(outline.per_frame, key=lambda name: (name != place, name != f"{outline.frame_dim}_index", name))
     columns = dict(_columns({name: outline.per_frame[name] for name in first}))

@@ -91,10 +91,11 @@ def _panorama(path: Path) -> Source:
     outline, cache = read_panorama(path), ChunkCache()
     grid, rows = even_rows(outline.grid)
     attributes, side = read_attributes(path), outline.modality
-    valid = stored_image(path / "valid", cache)
-    layers = [Layer(f"{side} intensity", side, "intensity", "", stored_image(path / "intensity", cache), valid, rows)]
+    stored = partial(_image, path, outline.grid, cache)
+    valid = stored("valid")
+    layers = [Layer(f"{side} intensity", side, "intensity", "", stored("intensity"), valid, rows)]
     if outline.has_depth:
-        relief = stored_image(path / "depth_mm", cache)
+        relief = stored("depth_mm")
         layers.append(Layer(f"{side} relief", side, "relief", "mm", relief, valid, rows))
     notes = []
     if not attributes.get("handedness_known"):
@@ -124,13 +125,12 @@ def _comparison(path: Path, folder: Path) -> Source:
     grid, rows = even_rows(outline.grid)
     aligned = outline.alignment is not None
     notes = () if aligned else (f"The sides are not aligned: {outline.names[1]} lies in a frame of its own.",)
-    layers, labels = [], []
+    layers, labels, stored = [], [], partial(_image, store, outline.grid, cache)
     for k, side in enumerate(outline.names):
         where = side if aligned or k == 0 else f"{side} (not aligned)"
-        valid, mask = stored_image(store / "valid", cache, (k,)), stored_image(store / "mask", cache, (k,))
-        image = stored_image(store / "intensity", cache, (k,))
+        valid, mask, image = stored("valid", (k,)), stored("mask", (k,)), stored("intensity", (k,))
         layers.append(Layer(f"{where} intensity", side, "intensity", "", image, valid, rows))
-        relief = stored_image(store / "depth_mm", cache, (k,))
+        relief = stored("depth_mm", (k,))
         if _is_somewhere_known(relief):
             layers.append(Layer(f"{where} relief", side, "relief", "mm", relief, valid, rows))
         labels.append(LabelLayer(f"{where} cells", side, partial(_cells, mask)))
@@ -173,6 +173,14 @@ def _truth(path: Path, wall: Path) -> Source:
         labels=(LabelLayer(f"{TRUTH} cells", TRUTH, partial(_whole, ids)),),
         notes=("It lies in the frame of the bore, z from its mouth: not in that of a panorama of it.",),
     )
+
+
+def _image(store: Path, grid: SurfaceGrid, cache: ChunkCache, name: str, index: tuple[int, ...] = ()) -> StoredImage:
+    """Return an image of a store. Raises :class:`EndoctError` where it has another shape than its ``grid``."""
+    image = stored_image(store / name, cache, index)
+    if image.shape != grid.shape:
+        raise EndoctError(f"{store} is damaged", found=f"{name} of {image.shape}", expected=f"(z, theta) {grid.shape}")
+    return image
 
 
 def _is_somewhere_known(image: StoredImage) -> bool:

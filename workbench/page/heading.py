@@ -8,6 +8,7 @@ from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.result import Result
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.store import PanoramaOutline
+from endoct.workbench.page.recorded import path_of_recording
 from endoct.workbench.report.doubts import count_notes
 from endoct.workbench.report.findings import overlaps_of
 from endoct.workbench.report.sections import Section
@@ -66,9 +67,14 @@ def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutl
 def panorama_heading(name: str, facts: Sequence[Fact], outline: PanoramaOutline) -> Heading:
     """Return the heading of the panorama ``name``."""
     frames = outline.per_frame.get(f"{outline.frame_dim}_z_mm")
+    path = path_of_recording(outline)
     return Heading(
-        title=f"{name}: {outline.modality}",
-        facts=(*facts, (f"{outline.frame_dim}s", "0" if frames is None else str(frames.values.size))),
+        title=name if name == outline.modality else f"{name}: {outline.modality}",
+        facts=(
+            *facts,
+            (f"{outline.frame_dim}s", "0" if frames is None else str(frames.values.size)),
+            *([] if path is None else [("recording", "/".join(path.parts[-2:]))]),
+        ),
         verdict=recording_verdict(outline.doubts),
         doubts=outline.doubts,
         scores=(),
@@ -120,7 +126,7 @@ def _scores(result: Result) -> Iterator[Score]:
         if not named.is_detail:
             of = f"cells of {named.of[0]} and {named.of[1]}, {named.where}"
             interval = interval_text(named.overlap.jaccard_interval)
-            said = f"{interval}; {of}" if interval else of
+            said = f"{of}; {interval}" if interval else of
             yield Score("Jaccard index", share_text(named.overlap.jaccard), said)
     if result.aligned:
         yield Score("Dice index", share_text(result.dice), "on the common grid")

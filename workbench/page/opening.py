@@ -34,6 +34,8 @@ from endoct.workbench.report.sections import comparison_sections, panorama_secti
 
 MOST_PANES = 3
 """At first; people open more."""
+CACHE_BYTES = 16_000_000
+"""Of chunks that are kept for the next tile."""
 
 
 def can_be_shown(path: Path) -> bool:
@@ -60,7 +62,7 @@ def open_shown(path: Path) -> Shown:
 def _comparison(folder: Path) -> Shown:
     outline = read_comparison(folder / "comparison.zarr")
     wall = wall_of(outline.grid)
-    described = list(comparison_layers(folder, outline, wall, ChunkCache()))
+    described = list(comparison_layers(folder, outline, wall, ChunkCache(CACHE_BYTES)))
     aligned = outline.alignment is not None
     sides = {name: _side(folder / "panoramas" / f"{name}.zarr", folder / PICTURES) for name in outline.names}
     frames = [
@@ -90,7 +92,7 @@ def _comparison(folder: Path) -> Shown:
 def _panorama(store: Path) -> Shown:
     outline = read_panorama(store)
     wall = wall_of(outline.grid)
-    described = list(panorama_layers(store, outline, wall, ChunkCache()))
+    described = list(panorama_layers(store, outline, wall, ChunkCache(CACHE_BYTES)))
     heading = panorama_heading(_name(store), _facts(store / "zarr.json", wall), outline)
     description = Description(
         title=heading.title,

@@ -16,7 +16,7 @@ from endoct.workbench.page.wall import TILE_PX, Pixels, Wall
 MOST_OVERVIEW_SAMPLES = 1_500_000
 """Of the overview that coarse tiles are cut from, so that none of them reads the whole image."""
 SAMPLES_AT_ONCE = 500_000
-"""Read at a time while an overview is made."""
+"""Read at a time for an overview or a tile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +109,14 @@ class Plane:
         return Overview(down, across, Averaged(np.concatenate(values), np.concatenate(observed)))
 
     def _from_store(self, rows: Spans, columns: Spans) -> Averaged:
+        """Return means over samples that are read in parts: a coarse tile covers millions of them."""
         top, bottom = int(rows.start.min()), int(max(rows.stop.max(), rows.start.min() + 1))
         left, right = int(columns.start.min()), int(columns.stop.max())
+        n_parts = min(rows.start.size, max(1, (bottom - top) * (right - left) // SAMPLES_AT_ONCE))
+        if n_parts > 1:
+            starts, stops = (np.array_split(of, n_parts) for of in (rows.start, rows.stop))
+            parts = [self._from_store(Spans(*of), columns) for of in zip(starts, stops, strict=True)]
+            return Averaged(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("values", "observed")))
         read = self._read(slice(top, bottom), slice(left, right))
         return _means(read, Spans(rows.start - top, rows.stop - top), Spans(columns.start - left, columns.stop - left))
 

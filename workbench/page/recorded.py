@@ -1,7 +1,9 @@
 """A recording that is still at hand, read again for pictures of single frames. It is only read."""
 
+import os
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -33,14 +35,23 @@ def recording_of(outline: PanoramaOutline) -> Recording | None:
     """Return the recording that a panorama was made from; None where it is not there, or the panorama does not say."""
     found = outline.provenance
     inputs, acquisition, parameters = (found.get(key) for key in ("inputs", "acquisition", "parameters"))
-    if not (inputs and isinstance(acquisition, dict) and isinstance(parameters, dict)):
+    path = path_of_recording(outline)
+    if path is None or not path.exists():
         return None
-    names = [name for name in inputs if not name.endswith(".toml")]
-    if not names:
+    if not (isinstance(inputs, dict) and isinstance(acquisition, dict) and isinstance(parameters, dict)):
         return None
-    first = Path(names[0])
-    path = first.parent if first.name == "*" else first
-    return Recording(path, outline.modality, dict(inputs), acquisition, parameters) if path.exists() else None
+    return Recording(path, outline.modality, dict(inputs), acquisition, parameters)
+
+
+def path_of_recording(outline: PanoramaOutline) -> Path | None:
+    """Return where the recording lay that a panorama was made from; None where the panorama does not say."""
+    inputs = outline.provenance.get("inputs")
+    names = [Path(name) for name in inputs] if isinstance(inputs, dict) else []
+    if len(names) == 1 and names[0].name != "*":
+        return names[0]
+    with suppress(ValueError):  # of paths that have nothing in common
+        return Path(os.path.commonpath([name.parent for name in names]))  # all that lay in one folder
+    return None
 
 
 class _Counted:

@@ -34,7 +34,7 @@ MOST_DIGITS = 9
 """Of a number in an address: what is longer names nothing here."""
 KEPT = "private, max-age=3600"
 """How long a browser may keep a tile: addresses of tiles have a part that is new with every server."""
-MOST_THREADS = 4
+MOST_THREADS = 2
 """That cut tiles: more take memory and save no time."""
 FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 

@@ -22,7 +22,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_drawings, write_mask
 from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
-from endoct.workbench.pipeline.sample_frames import save_sample_frames
+from endoct.workbench.pipeline.sample_frames import copy_sample_frames, save_sample_frames
 from endoct.workbench.pipeline.sources import Source, open_both, read_sides, unroll_sources
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled
@@ -71,10 +71,12 @@ def compare_sources(
                 if against.consensus is not None:
                     write_mask(against.consensus, comparison.grid, folder / "consensus.png")
                 write_drawings(against, comparison.grid, folder)
-                for side, one in zip(sides, made, strict=True):
+                for source, side, one in zip(sources, sides, made, strict=True):
                     save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
                     if isinstance(one, Unrolled):
                         save_sample_frames(one, folder, side.name)
+                    elif isinstance(one, Panorama) and source.path is not None:
+                        copy_sample_frames(source.path, folder, side.name)
         of_sides = tuple(_inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
         doubted = comparison.result
         if comparison.alignment is not None and (doubt := doubt_of_inputs(*of_sides)):

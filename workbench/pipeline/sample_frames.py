@@ -6,7 +6,7 @@ import numpy as np
 
 from endoct.modalities.illustrating import illustrated
 from endoct.workbench.pipeline.unrolling import Unrolled
-from endoct.workbench.report.pictures import PICTURES, save_pictures
+from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 
 PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Where along the recording frames are shown."""
@@ -18,3 +18,13 @@ def save_sample_frames(made: Unrolled, folder: Path, name: str) -> None:
     for place in sorted({round(share * (len(order) - 1)) for share in PLACES}):
         pictures = illustrated(made.manifest.load(), made.stream[int(order[place])], made.calibration)
         save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)
+
+
+def copy_sample_frames(store: Path, folder: Path, name: str) -> None:
+    """Write the pictures that lie in the ``store`` of a panorama into ``folder``, as those of the side ``name``.
+
+    Raises :class:`EndoctError` where one of them cannot be read.
+    """
+    for of_side in load_pictures(store / PICTURES).values():
+        for place, pictures in of_side.items():
+            save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)

@@ -104,7 +104,7 @@ def test_each_has_its_page_under_an_address_of_its_own(served: Served):
     assert status == 200
     assert "default-src 'none'" in headers["content-security-policy"]
     assert table.decode().count("<tr data-kind=") == 6
-    for name, title in (("first/bore-2", "bore-2: endoscope and oct"), ("oct.zarr", "oct: oct")):
+    for name, title in (("first/bore-2", "bore-2: endoscope and oct"), ("oct.zarr", "oct")):
         status, page, _ = served.get(f"/at/{name}/")
         assert status == 200
         assert f"<title>endoct: {title}</title>" in page.decode()

@@ -23,7 +23,7 @@ from endoct.workbench.page.frames import frames_part
 from endoct.workbench.page.frozen import frozen_data
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.picturing import picture_json, ring_of
-from endoct.workbench.page.recorded import Reader, recording_of
+from endoct.workbench.page.recorded import Reader, path_of_recording, recording_of
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +95,23 @@ def test_a_recording_is_read_again_for_every_frame(endoscope: Path):
     assert (frame["axis"], strip["axis"]) == ("ring", "theta")
     with pytest.raises(EndoctError, match="no such frame"):
         shown.pictures("endoscope", 1000)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "path"),
+    [
+        (["bore/scan.tif"], "bore/scan.tif"),
+        (["bore/LICENSE", "bore/acquisition.toml", "bore/pullback.tif"], "bore"),
+        (["bore/acquisition.toml", "bore/deep/a.png", "bore/deep/b.png"], "bore"),
+        (["bore/*"], "bore"),
+        (["bore/a.png", "/elsewhere/b.png"], None),
+        ([], None),
+    ],
+)
+def test_a_recording_is_the_file_or_the_folder_that_was_read(endoscope: Path, inputs: list[str], path: str | None):
+    outline = read_outline(endoscope)
+    made = replace(outline, provenance={**outline.provenance, "inputs": dict.fromkeys(inputs, "0" * 64)})
+    assert path_of_recording(made) == (None if path is None else Path(path))
 
 
 def test_the_offline_file_neither_offers_nor_names_the_recording(endoscope: Path):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mock_comparison import Kind, write_comparison
+from mock_comparison import GRID, Kind, write_comparison
 from page_browser import Watched, opened
 from workbench_page import serving, written
 
@@ -107,6 +107,40 @@ def test_a_pair_is_placed_undone_saved_and_loaded(page: Watched, folder: Path):
     assert page.page.locator(".landmarks tbody input").first.input_value() == HTML
     assert page.page.locator("img").count() == 0
     assert page.page.title().startswith("endoct: specimen-9")
+
+
+def press(watched: Watched, *keys: str) -> None:
+    for key in keys:
+        watched.page.keyboard.press(key)
+
+
+def test_a_pair_is_placed_and_undone_by_keys_alone(page: Watched):
+    mm_per_px = page.panes()[0]["mmPerPx"]
+    press(page, "m", "c", "ArrowRight", "ArrowRight", "ArrowUp", "Enter")
+    assert "pane of oct" in page.page.locator(".landmarks .hint").inner_text()
+    press(page, "c", "ArrowRight", "ArrowRight", *["Shift+ArrowDown"] * 6, "Enter")
+    assert rows(page) == 1
+    assert distances(page, 3) == pytest.approx([16 * mm_per_px], rel=0.03)
+    press(page, "Control+z")
+    assert rows(page) == 0
+    press(page, "Enter", "Control+z")  # one end, taken back
+    assert "and on the same place" in page.page.locator(".landmarks .hint").inner_text()
+    press(page, "Escape")
+    assert page.page.evaluate("document.activeElement === document.body")
+
+
+def test_the_cursor_by_keys_stays_in_view_and_marks_a_place(page: Watched):
+    before = page.panes()[0]
+    press(page, "c", *["ArrowLeft"] * 40)
+    page.settle()
+    after = page.panes()[0]
+    width_px = page.page.locator(".view").first.evaluate("e => e.clientWidth")
+    moved_px = 400 - round(width_px / 2)
+    assert moved_px > 0
+    radius_mm = (before["mmPerPx"] * moved_px) / np.deg2rad((before["thetaDeg"] - after["thetaDeg"]) % 360)
+    assert radius_mm == pytest.approx(GRID.radius_mm, rel=0.02)
+    press(page, "Enter")
+    page.page.wait_for_selector(".drawer:not([hidden])")
 
 
 def test_a_pair_is_deleted_and_that_is_undone(page: Watched):

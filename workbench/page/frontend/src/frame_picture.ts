@@ -136,13 +136,14 @@ function drawAxes(drawing: CanvasRenderingContext2D, picture: FramePicture, ink:
   drawing.font = "10px system-ui, sans-serif";
   const isAngle = picture.x_label.endsWith("(rad)");
   const xs = isAngle ? [0, 90, 180, 270] : [0, 0.5, 1].map((share) => lerp(picture.x_extent, share));
-  drawing.textAlign = "center";
   drawing.textBaseline = "top";
   for (const value of xs) {
     const x = isAngle ? (value * Math.PI) / 180 : value;
     const at = LEFT + ((x - picture.x_extent[0]) / (picture.x_extent[1] - picture.x_extent[0] || 1)) * wide;
-    drawing.fillText(isAngle ? `${value}°` : text(value), Math.max(at, LEFT + 6), TOP + tall + 2);
+    drawing.textAlign = at < LEFT + 6 ? "left" : at > LEFT + wide - 12 ? "right" : "center"; // within the picture's width
+    drawing.fillText(isAngle ? `${value}°` : text(value), at, TOP + tall + 2);
   }
+  drawing.textAlign = "center";
   drawing.fillText(isAngle ? picture.x_label.replace("(rad)", "(°)") : picture.x_label, LEFT + wide / 2, TOP + tall + 14);
   drawing.textAlign = "right";
   drawing.textBaseline = "middle";

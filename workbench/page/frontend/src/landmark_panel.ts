@@ -96,7 +96,7 @@ export class LandmarkPanel {
     if (landmarks.pending) {
       return `Now click on the same place in a pane of ${landmarks.pending.side === a ? b : a}. Escape forgets the first.`;
     }
-    return `Click on a place in a pane of ${a}, and on the same place in one of ${b}.`;
+    return `Click on a place in a pane of ${a}, and on the same place in one of ${b}. By keys: C, arrow keys, Enter.`;
   }
 
   private row(pair: Pair, k: number): HTMLTableRowElement {

@@ -4,7 +4,8 @@ import type { Pane } from "./pane";
 import type { State } from "./state";
 import type { View, Wall } from "./wall";
 
-const SAME = 1e-7;
+/** Above what rounding makes of a view that goes through a viewer, below the last step of an animation. */
+const SAME = 1e-9;
 
 export class Link {
   constructor(
@@ -42,6 +43,6 @@ function isSame(one: View, other: View): boolean {
   return (
     near(one.theta_rad, other.theta_rad) &&
     near(one.z_mm, other.z_mm) &&
-    Math.abs(one.mm_per_px / other.mm_per_px - 1) < 1e-6
+    Math.abs(one.mm_per_px / other.mm_per_px - 1) < SAME
   );
 }

@@ -187,6 +187,7 @@ function drawAxes(sheet: Sheet): void {
   const step_mm = roundBelow((2.2 * LEAST_LABEL_PX * view.mm_per_px));
   const decimals = Math.max(0, -Math.floor(Math.log10(step_mm)));
   drawing.textAlign = "left";
+  label(drawing, "mm", 4, 7); // of z, below
   drawing.textBaseline = "middle";
   const half = (height / 2) * view.mm_per_px;
   for (let k = Math.ceil((view.z_mm - half) / step_mm); k * step_mm <= view.z_mm + half; k += 1) {

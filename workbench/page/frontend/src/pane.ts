@@ -20,7 +20,7 @@ export interface PaneEvents {
 
 export class Pane {
   readonly element = element("section", { class: "pane" });
-  private readonly view_ = element("div", { class: "view" });
+  private readonly view_ = element("div", { class: "view", tabindex: "-1" }); // focused while keys move its cursor
   private readonly marks = element("canvas", { class: "marks", "aria-hidden": "true" });
   private readonly handle = element("div", { class: "handle" });
   private readonly head = element("header");
@@ -50,7 +50,7 @@ export class Pane {
     this.under = new LayerViewer(below, source, wall);
     this.under.viewer.addHandler("viewport-change", () => this.follow());
     this.under.viewer.addHandler("canvas-click", (event) => {
-      if (event.quick) this.events.clicked(this.placeAt(event.position.x, event.position.y), this.sideAt(event.position.x));
+      if (event.quick) this.clickAt(event.position.x, event.position.y);
     });
     this.view_.addEventListener("pointermove", (event) => this.point(event));
     this.view_.addEventListener("pointerleave", () => this.events.pointed(null));
@@ -124,6 +124,39 @@ export class Pane {
       this.drawing = 0;
       this.draw();
     });
+  }
+
+  get width(): number {
+    return this.view_.clientWidth;
+  }
+
+  get height(): number {
+    return this.view_.clientHeight;
+  }
+
+  get isFocused(): boolean {
+    return document.activeElement === this.view_;
+  }
+
+  focus(): void {
+    this.view_.focus({ preventScroll: true });
+  }
+
+  /** The cursor is at a pixel of the view. */
+  pointAt(x: number, y: number): void {
+    this.pointer = { x, y };
+    this.events.pointed(this.placeAt(x, y));
+    if (this.shown.mode === "lens") this.bringTogether();
+  }
+
+  clickAt(x: number, y: number): void {
+    this.events.clicked(this.placeAt(x, y), this.sideAt(x));
+  }
+
+  /** The cursor is not in this pane any more. */
+  leave(): void {
+    this.view_.blur();
+    this.events.pointed(null);
   }
 
   /** What it shows now, for a figure. */
@@ -235,12 +268,10 @@ export class Pane {
 
   private point(event: PointerEvent): void {
     const frame = this.view_.getBoundingClientRect();
-    this.pointer = { x: event.clientX - frame.left, y: event.clientY - frame.top };
-    this.events.pointed(this.placeAt(this.pointer.x, this.pointer.y));
-    if (this.shown.mode === "lens") this.bringTogether();
+    this.pointAt(event.clientX - frame.left, event.clientY - frame.top);
   }
 
-  private placeAt(x: number, y: number): Spot {
+  placeAt(x: number, y: number): Spot {
     const view = this.view();
     const { clientWidth, clientHeight } = this.view_;
     return {

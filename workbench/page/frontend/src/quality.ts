@@ -20,7 +20,7 @@ export function doubted(series: SeriesPart): number[] {
 
 export function plotQuality(more: HTMLElement, state: State, go: (z_mm: number) => void): void {
   for (const frames of state.description.frames) {
-    if (!frames.quality.length || frames.z_mm.length < 2) continue;
+    if (!frames.quality.length || !frames.z_mm.length) continue;
     const bad = new Set(frames.quality.flatMap(doubted));
     const said = bad.size ? `${bad.size} of ${frames.z_mm.length} ${frames.frame_dim}s beyond a limit` : "nothing beyond a limit";
     const plots = frames.quality.map((series) => plot(state, frames, series, go));
@@ -56,7 +56,8 @@ function range(frames: FramesPart): [number, number] {
 
 function placeOf(canvas: HTMLCanvasElement, frames: FramesPart, z_mm: number): number {
   const [first, last] = range(frames);
-  return LEFT + ((z_mm - first) / (last - first || 1)) * (canvas.clientWidth - LEFT - RIGHT);
+  const share = last > first ? (z_mm - first) / (last - first) : 0.5; // of a single frame in the middle
+  return LEFT + share * (canvas.clientWidth - LEFT - RIGHT);
 }
 
 function drawSeries(canvas: HTMLCanvasElement, state: State, frames: FramesPart, series: SeriesPart, bad: number[]): void {
@@ -104,9 +105,10 @@ function drawSeries(canvas: HTMLCanvasElement, state: State, frames: FramesPart,
     drawing.fillText(series.is_flag ? (value ? "yes" : "no") : text(value), LEFT - 5, toY(value));
   }
   drawing.textBaseline = "top";
-  drawing.textAlign = "center";
   const [first, last] = range(frames);
-  for (const z_mm of [first, (first + last) / 2, last]) {
+  const ends = last > first ? ([[first, "left"], [(first + last) / 2, "center"], [last, "right"]] as const) : ([[first, "center"]] as const);
+  for (const [z_mm, align] of ends) {
+    drawing.textAlign = align;
     drawing.fillText(`${z_mm.toFixed(1).replace("-", "−")} mm`, placeOf(canvas, frames, z_mm), TOP + tall + 3);
   }
 }

@@ -159,7 +159,7 @@ async function codeAt(url: string, x: number, y: number): Promise<number | null>
   await picture.decode();
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 1;
-  const drawing = canvas.getContext("2d");
+  const drawing = canvas.getContext("2d", { willReadFrequently: true }); // graphics memory is slow to read
   drawing?.drawImage(picture, -x, -y);
   const found = drawing?.getImageData(0, 0, 1, 1).data;
   return found && found[3] === 255 ? (found[0] ?? null) : null;

@@ -15,6 +15,7 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["drag, wheel, pinch", "move and zoom; panes that are linked go along"],
   ["click", "mark a place, and see the B-scan and the frame there"],
   ["arrow keys", "step the marked place by a frame and by a degree; without one, move the view"],
+  ["C", "a cursor in the first pane, then in the next: arrow keys move it, by a pixel with Shift; Enter clicks there, Escape ends it"],
   ["+ −", "zoom"],
   ["0", "the whole wall"],
   ["L", "link and unlink the panes"],

@@ -1,5 +1,6 @@
 /** The panes with all that goes with them. */
 
+import { Aim } from "./aim";
 import { CellTable } from "./cells";
 import { CylinderView } from "./cylinder_view";
 import { Filters } from "./colouring";
@@ -34,6 +35,7 @@ export class Workspace {
   private readonly drawer: FrameDrawer;
   private readonly landmarks: LandmarkPanel;
   private readonly placer: Placer;
+  private readonly aim: Aim;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
   private cylinder: CylinderView | null = null;
@@ -54,6 +56,7 @@ export class Workspace {
     this.drawer = new FrameDrawer(this.state, source, (z_mm) => this.go(z_mm));
     this.landmarks = new LandmarkPanel(this.state, source, (pair) => this.show(pair));
     this.placer = new Placer(this.state);
+    this.aim = new Aim(() => this.panes, (pane, view) => (this.state.linked ? this.link.show(view) : pane.setView(view)));
     const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save() };
     const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
     side.append(this.landmarks.element);
@@ -225,6 +228,10 @@ export class Workspace {
     if (this.placer.key(event)) return;
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (target instanceof HTMLInputElement || target instanceof HTMLSelectElement) return;
+    if (this.aim.key(event)) {
+      event.preventDefault();
+      return;
+    }
     const acts: Record<string, () => void> = {
       "0": () => this.home(),
       l: () => {
