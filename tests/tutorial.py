@@ -36,9 +36,8 @@ def run_page(page: Path, folder: Path) -> int:
 
 def _run_bash(example: Example) -> None:
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", example.parsed], env=environment, capture_output=True, text=True, check=False
-    )
+    bash = ["bash", "-euo", "pipefail", "-c", example.parsed]
+    done = subprocess.run(bash, env=environment, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, f"{_place(example)}: exit status {done.returncode}\n{example.parsed}\n{done.stderr}"
     example.namespace["_printed"] = done.stdout
 

@@ -184,7 +184,7 @@ def axial_spread(resolution_mm: float) -> tuple[Coordinates, Coordinates, float]
     return middle, mean / np.exp(peak), 2 * float(np.sqrt(np.log(2) / -curvature))
 
 
-def knife_edge(slices: int = 6) -> tuple[Coordinates, Coordinates, float, float]:
+def knife_edge(slices: int = 12) -> tuple[Coordinates, Coordinates, float, float]:
     """Return place (mm along the wall) and mean intensity over an edge of bone, its FWHM and that asked for, in mm.
 
     Half of the wall is black, in 36 sectors; the intensity across their edges is the integral of the lateral point

@@ -25,7 +25,7 @@ from endoct.synthetic.sample.parameters import Sample
 
 @pytest.fixture(scope="module")
 def rendered() -> tuple[Sample, Wall]:
-    return specimen("learning", 1000, TURNING)
+    return specimen("learning", 1001, TURNING)
 
 
 @pytest.fixture(scope="module")
