@@ -15,7 +15,8 @@ export function tileSource(source: Source, wall: Wall, layer: string): OpenSeadr
     maxLevel: finest,
   } as OpenSeadragon.TileSourceOptions);
   made.getTileUrl = (level: number, x: number, y: number) => source.tileUrl(layer, level, x, y);
-  made.hasTransparency = () => true;
+  // Said to be opaque, or each would be cleared before it is drawn, with its neighbour's rim: a hairline at every seam.
+  made.hasTransparency = () => false;
   made.getTileBounds = (level: number, x: number, y: number, isSource?: boolean) => {
     const height = wall.heightPx(level);
     const top = Math.max(y * TILE_PX - OVERLAP_PX, 0);
