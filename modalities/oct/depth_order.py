@@ -10,15 +10,19 @@ SECTORS = 128
 WINDOW = 0.05
 """Of the depth: wider than the lines of sheath and capillary, narrower than what is seen of the tissue."""
 UPSIDE_DOWN = 0.4
-"""Where fewer of the sectors brighten so, in the mean of several B-scans, depth runs the wrong way; noise has 0.5."""
+"""Where fewer of the sectors brighten so, in the mean of several B-scans, depth runs the wrong way."""
+STEADY = 0.1
+"""What nine in ten sectors reach at a depth is no tissue: the sheath fades with depth as tissue does, and the noise has
+bands."""
 
 
 def share_brightening(bscan: Image) -> float:
     """Return in which share of its sectors a B-scan (A-scan, depth) brightens with depth faster than it darkens.
 
-    Thin lines are left out, since they do both.
+    Thin lines are left out, since they do both, and what is there all around.
     """
     sectors = reduce_theta(bscan, min(SECTORS, bscan.shape[0]))
+    sectors = (sectors - np.quantile(sectors, STEADY, axis=0)).astype(np.float32)
     size = max(3, round(WINDOW * sectors.shape[1]))
     smooth = uniform_filter1d(grey_opening(sectors, size=(1, size | 1)), size, axis=1)
     rise = smooth[:, size:] - smooth[:, :-size]
