@@ -1,5 +1,6 @@
 """A volume that can be worked out by hand: a block of bone with one round air cell, in any file and orientation."""
 
+import locale
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,7 @@ def dicom(folder: Path) -> Path:
     folder.mkdir()
     writer = sitk.ImageFileWriter()
     writer.KeepOriginalImageUIDOn()
+    before = locale.setlocale(locale.LC_ALL)
     for k in range(SIZE):
         slice_ = image[:, :, k]
         place = image.TransformIndexToPhysicalPoint((0, 0, k))
@@ -67,6 +69,7 @@ def dicom(folder: Path) -> Path:
             slice_.SetMetaData(tag, text)
         writer.SetFileName(str(folder / f"{(37 * k) % SIZE:03d}.dcm"))
         writer.Execute(slice_)
+    locale.setlocale(locale.LC_ALL, before)  # writing DICOM leaves the process with "C"
     return folder
 
 
