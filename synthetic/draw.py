@@ -107,8 +107,8 @@ def _pairs(values: Coordinates) -> tuple[tuple[float, float], ...]:
 def _bore(one: Drawer, aside: Drawer, size: Preset, volume: Volume | None) -> Bore:
     drawn = one.numbers(Bore)
     recorded_mm = size.pitch_mm * max(size.n_slices, size.n_frames)
-    # room for two recordings that share 60 % of their length, with a visible band of up to 1.1 mm
-    length_mm = 2 * MARGIN_MM + 1.4 * recorded_mm + 1.1 + one.rng.uniform(0, 0.5)
+    # room for two recordings that share no more than they must, with a visible band of up to 1.1 mm
+    length_mm = 2 * MARGIN_MM + (2 - size.shared) * recorded_mm + 1.1 + one.rng.uniform(0, 0.5)
     drawn["diameter_mm"] = round(drawn["diameter_mm"], 2)
     if volume is not None:
         length_mm = _length_mm(volume, recorded_mm)
@@ -149,7 +149,7 @@ def _length_mm(volume: Volume, recorded_mm: float) -> float:
 def _positions(
     rng: Generator, size: Preset, length_mm: float, oct_: Mapping[str, float], camera: Mapping[str, float]
 ) -> tuple[Coordinates, Coordinates]:
-    """Return z of slices and of frames, ascending, so that 60–100 % of the shorter recording is in both."""
+    """Return z of slices and of frames, ascending, so that ``size.shared`` of the shorter recording at least is in both."""
     oct_z = size.pitch_mm * np.arange(size.n_slices) + oct_["pullback_jitter_mm"] * rng.normal(size=size.n_slices)
     oct_z = np.sort(oct_z - oct_z.min())
     feed = size.pitch_mm * (1 + camera["feed_jitter"] * np.clip(rng.normal(size=size.n_frames - 1), -2.5, 2.5))
@@ -159,7 +159,7 @@ def _positions(
     oct_span = float(oct_z[-1]) + size.pitch_mm  # a helical pullback goes on to the end of its last turn
     frame_span = min(float(frame_z[-1]) + visible_mm, room_mm)
     frame_z *= min(1.0, (frame_span - visible_mm) / float(frame_z[-1]))
-    least = max(0.6 * min(oct_span, frame_span), oct_span + frame_span - room_mm)
+    least = max(size.shared * min(oct_span, frame_span), oct_span + frame_span - room_mm)
     shared = rng.uniform(least, min(oct_span, frame_span))
     start = oct_span - shared if rng.random() < 0.5 else shared - frame_span
     mouth = min(0.0, start) - MARGIN_MM - rng.uniform(0, 1) * (room_mm - (oct_span + frame_span - shared))

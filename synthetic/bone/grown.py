@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from endoct.modalities.trajectory import axes_at
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.bone.field import Field
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.bone.network import air_on
-from endoct.synthetic.bone.patient import Bone, axes_at, bone_around, bore_to_lps, cells_around, check_bone_share
+from endoct.synthetic.bone.patient import Bone, bone_around, bore_to_lps, cells_around, check_bone_share
 from endoct.synthetic.sample.parameters import Sample, Volume
 from endoct.synthetic.sample.randomness import Stage, generator
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from endoct.modalities.ct_volume import SIGNS, Convention, CtVolume, read_ct
+from endoct.modalities.trajectory import axes_at
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import sha256_of
@@ -163,18 +164,6 @@ def bore_to_lps(volume: Volume) -> Coordinates:
     signs = np.array(SIGNS[volume.coordinates])
     entry, target = signs * volume.entry_mm, signs * volume.target_mm
     return axes_at(entry, target - entry)
-
-
-def axes_at(origin_mm: Coordinates, inward: Coordinates) -> Coordinates:
-    """Return the transform (4, 4) of a bore frame at ``origin_mm`` whose z runs ``inward``, in LPS."""
-    z = inward / max(float(np.linalg.norm(inward)), 1e-12)
-    towards = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < np.cos(np.radians(10)) else np.array([0.0, -1.0, 0.0])
-    x = towards - (towards @ z) * z
-    x /= np.linalg.norm(x)
-    to_world = np.eye(4)
-    to_world[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-    to_world[:3, 3] = origin_mm
-    return to_world
 
 
 @lru_cache(maxsize=2)

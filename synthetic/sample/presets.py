@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-PresetName = Literal["quick", "paper", "mastoid", "hard", "learning"]
+PresetName = Literal["quick", "paper", "mastoid", "patient", "hard", "learning"]
 Bone = Literal["phantom", "mastoid", "network", "volume"]
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -19,7 +19,8 @@ class Preset:
     ``image_px``, width and height of the endoscope's images, drawn from; ``n_depth`` samples an A-scan, half as
     many as the spectrometer's; ``pitch_mm``, nominal, of both instruments (Laves 2019, Methods: 0.2 mm);
     ``wall_dz_mm`` and ``wall_n_theta``, the grid of the wall and of the truth; ``helical``, the share of
-    pullbacks without a stop; ``ranges``, "part.name" → (low, high), what is drawn otherwise than
+    pullbacks without a stop; ``shared``, the least share of the shorter recording that is in both, which the bore has
+    room for; ``ranges``, "part.name" → (low, high), what is drawn otherwise than
     :mod:`endoct.synthetic.sample.parameters` says.
     """
 
@@ -34,6 +35,7 @@ class Preset:
     wall_dz_mm: float = 0.01
     wall_n_theta: int = 2048
     helical: float = 0.0
+    shared: float = 0.6
     ranges: Ranges = field(default_factory=dict)
 
 
@@ -66,6 +68,8 @@ PRESETS: Mapping[PresetName, Preset] = {
     # 30 mm of pullback, 390 turns a minute at 91 000 A-scans a second (Laves 2019, Methods)
     "paper": Preset(n_slices=150, n_ascans=14000, n_frames=150, ascans_per_column=7),
     "mastoid": Preset(n_slices=40, n_ascans=2000, n_frames=40, bone=("network",), ranges=MASTOID_RANGES),
+    # 26 mm seen of a bore of 31 mm, as long as the way to the cochlea
+    "patient": Preset(n_slices=130, n_ascans=2000, n_frames=130, bone=("network",), shared=0.9, ranges=MASTOID_RANGES),
     "hard": Preset(n_slices=40, n_ascans=2000, n_frames=40, ranges=HARD_RANGES),
     "learning": Preset(
         n_slices=16,

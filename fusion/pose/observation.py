@@ -1,0 +1,98 @@
+"""What a recording says of air on and behind the wall: the layers that a CT is compared with."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from endoct.fusion.evidence.evidence import Evidence, on_grid
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.segment import segment
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.circle import masked_gaussian
+
+ROWS_MM, COLUMNS = 0.2, 64
+BLUR_MM = 0.2
+"""σ that makes the sharp edges of a recording about as soft as those of a clinical CT."""
+LAYERS_MM = (0.1, 0.3, 0.5, 0.8)
+"""Behind the wall, where depth says whether there is air."""
+HIDDEN_MM = 0.25
+"""Farther behind the surface nothing is known."""
+LEAST_KNOWN = 0.3
+EVEN_STEPS = 0.03
+"""Relative spread of the steps between frames below which a drive made them, not a stitching."""
+DRIVEN_STRETCH_MM, STITCHED_STRETCH_MM = 0.02, 0.12
+"""How far places along the bore may lie off, the scale of the whole aside."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Air on a cylinder ``behind_mm`` the wall: ``air`` 0 to 1 and ``weight`` 0 to 1, both (n_z, n_theta) float32."""
+
+    behind_mm: float
+    air: Image
+    weight: Image
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What one side shows of the air around the bore, columns from θ = 0 on.
+
+    ``stretch_mm``: how far its places along the bore may be off, smoothly; ``handed`` and ``directed`` say whether the
+    sense of θ and the direction of z are known.
+    """
+
+    name: str
+    z_mm: Coordinates
+    radius_mm: float
+    layers: tuple[Layer, ...]
+    stretch_mm: float
+    handed: bool
+    directed: bool
+
+    @property
+    def middle_mm(self) -> float:
+        """Of its rows."""
+        return float(self.z_mm[[0, -1]].mean())
+
+    @property
+    def length_mm(self) -> float:
+        """From its first to its last row."""
+        return float(np.ptp(self.z_mm))
+
+
+def observe(side: Side) -> Observation:
+    """Return what ``side`` shows: where it has depth, the air at some depths, else the cells in its intensity."""
+    panorama = side.panorama
+    rows = np.arange(panorama.z_mm[0], panorama.z_mm[-1] + 1e-9, ROWS_MM)
+    evidence = side.evidence
+    if evidence.kind == "relief":
+        layers = tuple(_layer_at(evidence, behind, rows) for behind in LAYERS_MM)
+    else:
+        cells = segment(side, SegmentParameters())
+        layers = (_layer(evidence, cells.astype(np.float32), evidence.valid.astype(np.float32), rows, 0.0),)
+    places = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
+    steps = np.diff(places)
+    driven = steps.size > 1 and float(np.std(steps)) < EVEN_STEPS * float(np.mean(steps))
+    return Observation(
+        name=side.name,
+        z_mm=rows,
+        radius_mm=panorama.grid.radius_mm,
+        layers=layers,
+        stretch_mm=DRIVEN_STRETCH_MM if driven else STITCHED_STRETCH_MM,
+        handed=panorama.handedness_known,
+        directed=panorama.travel_known,
+    )
+
+
+def _layer_at(relief: Evidence, behind_mm: float, rows: Coordinates) -> Layer:
+    known = relief.valid & (relief.values > behind_mm - HIDDEN_MM)
+    return _layer(relief, (relief.values > behind_mm).astype(np.float32), known.astype(np.float32), rows, behind_mm)
+
+
+def _layer(on: Evidence, air: Image, known: Image, rows: Coordinates, behind_mm: float) -> Layer:
+    values = on_grid(replace(on, values=air * known, valid=known > 0), rows, COLUMNS)
+    share = on_grid(replace(on, values=known, valid=np.ones(known.shape, np.bool_)), rows, COLUMNS)
+    weight = np.where(values.valid, share.values, np.float32(0))
+    sigmas = BLUR_MM / ROWS_MM, BLUR_MM / values.column_mm
+    return Layer(behind_mm, masked_gaussian(values.values, weight > LEAST_KNOWN, *sigmas), weight)

@@ -1,0 +1,164 @@
+"""Where to begin: the wall that the CT predicts along many axes, correlated with what a side shows.
+
+For every axis around the plan the CT is unrolled once. A correlation over (θ, z) by Fourier transforms then tries every
+turn and every depth at one go.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy import ndimage
+
+from endoct.fusion.pose.air import AirAround
+from endoct.fusion.pose.observation import Observation
+from endoct.fusion.pose.wall import Sense
+from endoct.stitching.arrays import Coordinates, Image
+
+ASIDE_MM, TILT_RAD, DEPTH_MM = 2.0, float(np.radians(4.0)), 2.0
+"""How far off the plan a bore is looked for: its axis at the middle of its length, its tilt, and its ends."""
+AXES_MM = 0.5
+"""Between two axes, at their middle and at their ends."""
+ROWS_MM, COLUMNS = 0.3, 48
+AXES_AT_A_TIME = 64
+LEAST_VARIANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A place to begin at: ``axis`` (x, y in mm; tilt about x, y in rad), depth and turn of the side, its senses."""
+
+    score: float
+    axis: tuple[float, float, float, float]
+    depth_mm: float
+    turn_rad: float
+    sense: Sense
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Air on the wall of one side in one sense, on the grid of the search: ``air`` of mean 0, and ``weight``."""
+
+    air: torch.Tensor
+    weight: torch.Tensor
+    sense: Sense
+
+
+def senses_of(side: Observation) -> tuple[Sense, ...]:
+    """Return the senses in which a side may run."""
+    return tuple(
+        Sense(turning, inward)
+        for turning in ((1,) if side.handed else (1, -1))
+        for inward in ((1,) if side.directed else (1, -1))
+    )
+
+
+def pattern_of(side: Observation, sense: Sense, device: str = "cpu") -> Pattern:
+    """Return the outermost layer of ``side`` for the search."""
+    layer = side.layers[0]
+    n_from = layer.air.shape[1]
+    step = float(side.z_mm[1] - side.z_mm[0])
+    blur = 0.6 * ROWS_MM / step, 0.6 * n_from / COLUMNS
+    rows, columns = np.arange(0, side.length_mm + 1e-9, ROWS_MM) / step, np.arange(COLUMNS) * n_from / COLUMNS
+    at = np.meshgrid(rows, columns, indexing="ij")
+
+    def coarse(values: Image) -> Image:
+        blurred = ndimage.gaussian_filter(values, blur, mode=("nearest", "wrap"))
+        return np.asarray(ndimage.map_coordinates(blurred, at, order=1, mode="grid-wrap"), dtype=np.float32)
+
+    weight = coarse(layer.weight)
+    air = coarse(layer.air * layer.weight) / np.maximum(weight, 1e-3)
+    if sense.turning < 0:
+        back = -np.arange(COLUMNS) % COLUMNS
+        air, weight = air[:, back], weight[:, back]
+    if sense.inward < 0:
+        air, weight = air[::-1], weight[::-1]
+    air = np.asarray(air - (weight * air).sum() / weight.sum(), dtype=np.float32)
+    return Pattern(torch.tensor(air.copy(), device=device), torch.tensor(weight.copy(), device=device), sense)
+
+
+def axes_around(length_mm: float) -> Coordinates:
+    """Return the axes to look along, (n, 4): x, y at the middle in mm, tilt about x and y in rad."""
+    aside = _disc(ASIDE_MM, AXES_MM)
+    tilts = _disc(TILT_RAD, AXES_MM / (length_mm / 2))
+    return np.concatenate([np.repeat(aside, len(tilts), axis=0), np.tile(tilts, (len(aside), 1))], axis=1)
+
+
+def best_candidates(
+    air: AirAround, side: Observation, patterns: Sequence[Pattern], count: int
+) -> list[list[Candidate]]:
+    """Return for every pattern of ``side`` its ``count`` best candidates, best first, each with another axis."""
+    axes = axes_around(air.length_mm)
+    rows = np.arange(-DEPTH_MM, air.length_mm + DEPTH_MM + ROWS_MM / 2, ROWS_MM)
+    spare = patterns[0].air.shape[0] - rows.size
+    if spare >= 0:  # a side as long as the plan or longer may reach beyond both its ends
+        rows = np.concatenate([rows, rows[-1] + ROWS_MM * np.arange(1, spare + 2)]) - ROWS_MM * (spare + 1) / 2
+    scores = np.empty((len(patterns), len(axes)))
+    places = np.empty((len(patterns), len(axes)), dtype=np.intp)
+    for first in range(0, len(axes), AXES_AT_A_TIME):
+        some = slice(first, first + AXES_AT_A_TIME)
+        wall = _unrolled(air, axes[some], rows, side.radius_mm + side.layers[0].behind_mm)
+        for number, pattern in enumerate(patterns):
+            best = correlations(wall, pattern).flatten(1).max(dim=1)
+            scores[number, some], places[number, some] = best.values.cpu().numpy(), best.indices.cpu().numpy()
+    found = []
+    for number, pattern in enumerate(patterns):
+        order = np.argsort(-scores[number], kind="stable")[:count]
+        found.append(
+            [
+                Candidate(
+                    float(scores[number, index]),
+                    (float(axes[index, 0]), float(axes[index, 1]), float(axes[index, 2]), float(axes[index, 3])),
+                    float(rows[places[number, index] // COLUMNS] + side.length_mm / 2),
+                    float(places[number, index] % COLUMNS * 2 * np.pi / COLUMNS),
+                    pattern.sense,
+                )
+                for index in order
+            ]
+        )
+    return found
+
+
+def correlations(wall: torch.Tensor, pattern: Pattern) -> torch.Tensor:
+    """Return how a pattern correlates with walls (n, n_z, n_theta) at every depth and turn, (n, depths, n_theta)."""
+    n_z, n_theta = wall.shape[1:]
+    depths = n_z - pattern.air.shape[0] + 1
+    wall = wall - wall.mean(dim=(1, 2), keepdim=True)
+
+    def spectrum(image: torch.Tensor) -> torch.Tensor:
+        found: torch.Tensor = torch.fft.rfft2(image, s=(n_z, n_theta))
+        return found
+
+    def at_every_place(product: torch.Tensor) -> torch.Tensor:
+        found: torch.Tensor = torch.fft.irfft2(product, s=(n_z, n_theta))[:, :depths]
+        return found
+
+    weight = spectrum(pattern.weight).conj()
+    of_wall = spectrum(wall)
+    total = pattern.weight.sum()
+    common = at_every_place(of_wall * spectrum(pattern.weight * pattern.air).conj())
+    mean, square = at_every_place(of_wall * weight), at_every_place(spectrum(wall * wall) * weight)
+    # a wall that is all bone, or all air, is like nothing
+    of_walls = (square - mean * mean / total).clamp_min(LEAST_VARIANCE * float(total))
+    return common / torch.sqrt(of_walls * (pattern.weight * pattern.air**2).sum().clamp_min(1e-9))
+
+
+def _unrolled(air: AirAround, axes: Coordinates, rows: Coordinates, radius_mm: float) -> torch.Tensor:
+    """Return the share of air on cylinders about ``axes``, (n, n_z, n_theta)."""
+    x, y, about_x, about_y = air.values.new_tensor(axes).T[..., None]
+    from_pivot = air.values.new_tensor(rows - air.length_mm / 2)
+    theta = air.values.new_tensor(2 * np.pi / COLUMNS * np.arange(COLUMNS))
+    # tilts are small here: second order is 0.03 mm at the ends, less than the grid
+    depth = (from_pivot + air.length_mm / 2).expand(len(axes), -1)
+    middle = torch.stack([x + about_y * from_pivot, y - about_x * from_pivot, depth], dim=-1)
+    ring = radius_mm * torch.stack([torch.cos(theta), torch.sin(theta), torch.zeros_like(theta)], dim=-1)
+    return air.share(middle[:, :, None] + ring)
+
+
+def _disc(radius: float, step: float) -> Coordinates:
+    """Return the points (n, 2) of a square grid within a disc about the origin, and a little beyond."""
+    line = step * np.arange(-int(radius / step) - 1, int(radius / step) + 2)
+    first, second = np.meshgrid(line, line)
+    inside = np.hypot(first, second) <= radius + 0.3 * step
+    return np.stack([first[inside], second[inside]], axis=1)

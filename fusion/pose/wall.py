@@ -1,0 +1,109 @@
+"""Where the wall of a bore lies for the parameters of its pose, and how each of them moves it.
+
+Parameters, float64. Shared by all sides: x and y in mm of the bore's axis at the middle of the plan's length, and its
+tilt against the plan as a rotation vector about x and y, rad. Of each side: depth of its middle row along the axis from
+the plan's entry, mm; turn about the axis, rad; relative change of its scale along z; change of the radius, mm; by
+how much the edges of its cells lie outward of those in the CT, mm; TWISTS
+coefficients of a slow error of θ along z, rad; STRETCHES of a slow error of z, mm.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from kornia.geometry.liegroup import So3
+
+from endoct.fusion.pose.observation import Observation
+
+SHARED = 4
+TWISTS, STRETCHES = 6, 5
+DEPTH, TURN, SCALE, RADIUS, EDGE, FIRST_TWIST = 0, 1, 2, 3, 4, 5
+FIRST_STRETCH = FIRST_TWIST + TWISTS
+OF_SIDE = FIRST_STRETCH + STRETCHES
+FREE = 100.0
+"""Standard deviation of what is not known beforehand."""
+SCALE_PRIOR, RADIUS_PRIOR_MM, EDGE_PRIOR_MM, TWIST_PRIOR_RAD = 0.015, 0.02, 0.1, float(np.radians(2.0))
+
+
+@dataclass(frozen=True)
+class Sense:
+    """How a side runs: ``turning`` −1 where its θ runs against the bore's, ``inward`` −1 where its z does."""
+
+    turning: int = 1
+    inward: int = 1
+
+
+def prior_deviations(sides: tuple[Observation, ...]) -> torch.Tensor:
+    """Return the standard deviation of every parameter before anything was looked at, (n,)."""
+    deviations = [FREE] * SHARED
+    for side in sides:
+        deviations += [FREE, FREE, SCALE_PRIOR, RADIUS_PRIOR_MM, EDGE_PRIOR_MM]
+        deviations += [TWIST_PRIOR_RAD / k for k in range(1, TWISTS + 1)]
+        deviations += [side.stretch_mm / k for k in range(1, STRETCHES + 1)]
+    return torch.tensor(deviations, dtype=torch.float64)
+
+
+def directions(tilt_rad: torch.Tensor) -> torch.Tensor:
+    """Return x, y and z of the bore as columns (3, 3) in the plan's frame for a rotation vector (2,)."""
+    axes: torch.Tensor = So3.exp(torch.cat([tilt_rad, tilt_rad.new_zeros(1)])[None]).matrix()[0]
+    return axes
+
+
+def along_axis(side: Observation, sense: Sense, of_side: torch.Tensor, z_mm: torch.Tensor) -> torch.Tensor:
+    """Return where rows at ``z_mm`` of a side lie along the axis, mm from the plan's entry."""
+    from_middle = sense.inward * (z_mm - side.middle_mm)
+    return (
+        of_side[DEPTH]
+        + (1 + of_side[SCALE]) * from_middle
+        + _waves(side, z_mm, range(2, STRETCHES + 2)) @ of_side[FIRST_STRETCH:]
+    )
+
+
+def twist_along(side: Observation, of_side: torch.Tensor, z_mm: torch.Tensor) -> torch.Tensor:
+    """Return by how much θ of rows at ``z_mm`` of a side is to be turned on, rad."""
+    return _waves(side, z_mm, range(1, TWISTS + 1)) @ of_side[FIRST_TWIST:FIRST_STRETCH]
+
+
+def wall_places(
+    side: Observation, sense: Sense, pivot_mm: float, parameters: torch.Tensor, behind_mm: float
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return the places of a side's samples ``behind_mm`` the wall and their derivatives.
+
+    ``parameters`` (SHARED + OF_SIDE,): those shared, then the side's. ``pivot_mm``: half the plan's length.
+    Returns float64 (n_z, n_theta, 3) in the plan's bore frame, and (n_z, n_theta, 3, SHARED + OF_SIDE).
+    """
+    shared, of_side = parameters[:SHARED], parameters[SHARED:]
+    n_theta = side.layers[0].air.shape[1]
+    z = parameters.new_tensor(side.z_mm)
+    theta = parameters.new_tensor(2 * np.pi / n_theta * np.arange(n_theta))
+    twists = _waves(side, z, range(1, TWISTS + 1))
+    angle = (sense.turning * theta + of_side[TURN] + twist_along(side, of_side, z)[:, None])[..., None]
+    radius = side.radius_mm + of_side[RADIUS] + behind_mm
+    from_pivot = (along_axis(side, sense, of_side, z) - pivot_mm)[:, None, None].expand(-1, n_theta, 1)
+    local = torch.cat([radius * torch.cos(angle), radius * torch.sin(angle), from_pivot], dim=-1)
+    axes = directions(shared[2:])
+    across = torch.cat([torch.cos(angle), torch.sin(angle)], dim=-1) @ axes[:, :2].T
+    around = torch.cat([-torch.sin(angle), torch.cos(angle)], dim=-1) @ axes[:, :2].T * radius
+    pivot = torch.stack([shared[0], shared[1], shared.new_tensor(pivot_mm)])
+    places = pivot + local @ axes.T
+
+    moved = places.new_zeros(*places.shape, SHARED + OF_SIDE)
+    moved[..., 0, 0] = 1
+    moved[..., 1, 1] = 1
+    by_tilt = torch.func.jacfwd(directions)(shared[2:])
+    moved[..., 2:4] = torch.einsum("ztj,ijk->ztik", local, by_tilt)
+    own = moved[..., SHARED:]
+    own[..., DEPTH] = axes[:, 2]
+    own[..., TURN] = around
+    own[..., SCALE] = (sense.inward * (z - side.middle_mm))[:, None, None] * axes[:, 2]
+    own[..., RADIUS] = across
+    own[..., FIRST_TWIST:FIRST_STRETCH] = around[..., None] * twists[:, None, None]
+    stretches = _waves(side, z, range(2, STRETCHES + 2))
+    own[..., FIRST_STRETCH:] = axes[:, 2][:, None] * stretches[:, None, None]
+    return places, moved
+
+
+def _waves(side: Observation, z_mm: torch.Tensor, orders: range) -> torch.Tensor:
+    """Return cosines over the length of a side, (n_z, len(orders)): the first ones of any slow course."""
+    share = (z_mm - side.middle_mm) / max(side.length_mm, 1e-9) + 0.5
+    return torch.stack([torch.cos(np.pi * order * share) for order in orders], dim=-1)
