@@ -149,7 +149,7 @@ def _length_mm(volume: Volume, recorded_mm: float) -> float:
 def _positions(
     rng: Generator, size: Preset, length_mm: float, oct_: Mapping[str, float], camera: Mapping[str, float]
 ) -> tuple[Coordinates, Coordinates]:
-    """Return z of slices and of frames, ascending, so that ``size.shared`` of the shorter recording at least is in both."""
+    """Return z of slices and of frames, ascending; ``size.shared`` of the shorter recording or more is in both."""
     oct_z = size.pitch_mm * np.arange(size.n_slices) + oct_["pullback_jitter_mm"] * rng.normal(size=size.n_slices)
     oct_z = np.sort(oct_z - oct_z.min())
     feed = size.pitch_mm * (1 + camera["feed_jitter"] * np.clip(rng.normal(size=size.n_frames - 1), -2.5, 2.5))
