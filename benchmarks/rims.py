@@ -2,9 +2,10 @@
 
     python -m benchmarks.rims --set dark --count 24 [--seed 0] [--keep DIR] [--workers 2]
 
-Sets of the simulator are its presets, and `dark`: `quick` at an exposure of 0.05 to 0.45. Sets of the independent
-generator are its own, and its faults on its set of mirrors; `far_end` is the last three frames of `far_rim`, in which
-the end of the bore moves through the ring, `still` one frame over and over, `single` one. No sidecar states the ring.
+Sets of the simulator are its presets, and `dark`: `quick` at 0.07 to 0.6 of the exposure that a person would set. Sets
+of the independent generator are its own, and its faults on its set of mirrors; `far_end` is the last three frames of
+`far_rim`, in which the end of the bore moves through the ring, `still` one frame over and over, `single` one. No
+sidecar states the ring.
 Errors are parts of the outer rim's radius, which counts rows. With --keep recordings stay there and are used again.
 """
 
@@ -35,7 +36,7 @@ from endoct.synthetic.sidecars import endoscope_sidecar as simulated_sidecar
 from endoct.workbench import unroll
 
 PRESETS = ("quick", "hard", "mastoid", "learning", "dark")
-DARK = {"endoscope.exposure": (0.05, 0.45)}
+DARK = {"endoscope.exposure": (0.07, 0.6)}
 INDEPENDENT = ("mirrors", "few", "dim", "sound", "many")
 PARTS = {"far_end": slice(-3, None), "still": [10] * 12, "single": [10]}
 """Which frames of a recording to take."""

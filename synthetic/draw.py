@@ -18,6 +18,7 @@ from endoct.synthetic.sample.parameters import (
     Bore,
     Ct,
     Debris,
+    Density,
     Droplet,
     Endoscope,
     Network,
@@ -35,7 +36,11 @@ from endoct.synthetic.sample.ranges import NO_RANGES, Drawer, Range, check_range
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06
-NETWORK_STREAM, CT_STREAM = 2, 4  # of the bore's generators: what a phantom draws does not depend on it
+NETWORK_STREAM, CT_STREAM, DENSITY_STREAM = (
+    2,
+    4,
+    7,
+)  # of the bore's generators: what a phantom draws does not depend on it
 CLEARANCE_MM = 0.10  # of the mirror from the wall
 LEAST_INNER_SHARE = 0.08
 CONE_BEAM_RANGES: Mapping[str, Range] = {
@@ -71,6 +76,7 @@ def draw(
     bore = _bore(
         Drawer(generator(bore_seed, Stage.BORE), ranges),
         Drawer(generator(bore_seed, Stage.BORE, NETWORK_STREAM), ranges),
+        Drawer(generator(bore_seed, Stage.BORE, DENSITY_STREAM), ranges),
         size,
         volume,
     )
@@ -104,7 +110,7 @@ def _pairs(values: Coordinates) -> tuple[tuple[float, float], ...]:
     return tuple((float(first), float(second)) for first, second in values)
 
 
-def _bore(one: Drawer, aside: Drawer, size: Preset, volume: Volume | None) -> Bore:
+def _bore(one: Drawer, of_network: Drawer, of_density: Drawer, size: Preset, volume: Volume | None) -> Bore:
     drawn = one.numbers(Bore)
     recorded_mm = size.pitch_mm * max(size.n_slices, size.n_frames)
     # room for two recordings that share no more than they must, with a visible band of up to 1.1 mm
@@ -112,10 +118,13 @@ def _bore(one: Drawer, aside: Drawer, size: Preset, volume: Volume | None) -> Bo
     drawn["diameter_mm"] = round(drawn["diameter_mm"], 2)
     if volume is not None:
         length_mm = _length_mm(volume, recorded_mm)
-        return Bore.model_validate({**drawn, "bone": "volume", "length_mm": length_mm, "volume": volume})
+        known = {"bone": "volume", "length_mm": length_mm, "volume": volume}
+        return Bore.model_validate({**drawn, **known, "density": Density(**of_density.numbers(Density))})
     bone = cast(Bone, one.word("bore.bone", dict.fromkeys(size.bone, 1.0)))
-    network = _network(aside) if bone == "network" else None
-    bore = Bore.model_validate({**drawn, "bone": bone, "length_mm": length_mm, "network": network})
+    network = _network(of_network) if bone == "network" else None
+    density = Density(**of_density.numbers(Density)) if bone == "network" else None
+    known = {"bone": bone, "length_mm": length_mm, "network": network, "density": density}
+    bore = Bore.model_validate({**drawn, **known})
     return bore.model_copy(update={"cells": draw_cells(one.rng, bore)})
 
 

@@ -28,6 +28,7 @@ def main() -> int:
         plots.roll_off,
         plots.point_spread,
         plots.attenuation,
+        plots.density,
         instrument_plots.speckle_of_bone,
         instrument_plots.focus,
         instrument_plots.reflections,
@@ -44,6 +45,7 @@ def main() -> int:
     held = sum(not math.isnan(line.expected) for line in lines)
     realism.hard_bscan(folder / "hard_bscan.png")
     realism.paper_frame(folder / "paper_frame.png")
+    realism.mastoid(folder / "mastoid.png")
     print(f"{held - failed} of {held} within their tolerance")
     return 1 if failed else 0
 

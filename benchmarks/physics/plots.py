@@ -1,5 +1,6 @@
 """One function a figure: it measures, draws, and returns what it measured next to what theory or truth says."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from benchmarks.physics import bscans, mirror
 from benchmarks.physics import recordings as real
 from benchmarks.physics.drawing import Curve, Panel, save_panels
 from benchmarks.physics.estimates import PAINTED, TURNING, Z_SHIFTS_MM, frames, slices, specimen
+from benchmarks.physics.inside import inside
 from endoct.stitching.arrays import Coordinates
 from tests import tolerances as within
 
@@ -119,6 +121,16 @@ def attenuation(folder: Path) -> Iterator[Line]:
         yield Line(f"attenuation, 1/e in {length:g} mm", slope, expected, 0.05 * abs(expected), "dB/mm")
     panel = Panel("Attenuation, with the roll-off", "depth in bone (µm)", "level (dB)", "rest (dB)", curves)
     save_panels(folder / "attenuation.png", [panel])
+
+
+def density(_folder: Path) -> Iterator[Line]:
+    """How dense bone is inside, in a CT and in B-scans of one bore."""
+    for scale in (0.6, 0.9):
+        found, what = inside(scale), f"density over {scale:g} mm"
+        yield Line(f"{what}, OCT against CT, slope", found.slope, 1.0, within.DENSITY_SLOPE)
+        yield Line(f"{what}, correlation of both", found.correlation, math.nan, math.nan)
+        tolerance = within.DENSITY_LENGTH_REL * found.expected_mm
+        yield Line(f"{what}, its length in the CT", found.length_mm, found.expected_mm, tolerance, "mm")
 
 
 def cone(folder: Path) -> Iterator[Line]:

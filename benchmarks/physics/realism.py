@@ -1,4 +1,4 @@
-"""Pictures to compare with real ones by eye: a B-scan of `hard` and an endoscope frame of `paper`."""
+"""Pictures to compare with real ones by eye: a B-scan of `hard`, a frame of `paper`, and all three of a `mastoid`."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.physics.drawing import save
 from endoct.synthetic.bone.wall import build_wall
+from endoct.synthetic.ct.scanning import scan
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame
 from endoct.synthetic.endoscope.lighting import lighting_of
@@ -61,5 +62,26 @@ def paper_frame(path: Path, frame_index: int = 60) -> None:
     axes.imshow(frame, cmap="gray")
     axes.set_axis_off()
     axes.set_title(f"preset paper, seed {SEED}, frame {frame_index}", fontsize=10)
+    figure.tight_layout()
+    save(figure, path, 256)
+
+
+def mastoid(path: Path, seed: int = 100, index: int = 20) -> None:
+    """Draw a cut through the CT of a `mastoid`, a B-scan and a frame."""
+    sample = draw("mastoid", seed, ranges={"ct.voxel_mm": (0.15, 0.15)}, ct=True)
+    if sample.ct is None:
+        raise RuntimeError("no CT was drawn")
+    picture, wall = scan(sample, sample.ct, drilled=False), build_wall(sample)
+    bscan = render_bscan(sample, wall, build_appearance(sample, wall), index)
+    frame = render_frame(sample, wall, lighting_of(sample, wall), index)
+    figure, axes = plt.subplots(1, 3, figsize=(11, 3.6), width_ratios=(1.0, 1.35, 1.1))
+    axes[0].imshow(picture.hu[picture.hu.shape[0] // 2], cmap="gray", vmin=-1000, vmax=2200)
+    axes[0].set_title("CT before drilling", fontsize=10)
+    axes[1].imshow(bscan[:, ::4], cmap="gray", aspect="auto", vmin=20, vmax=200)
+    axes[1].set_title(f"B-scan, slice {index}", fontsize=10)
+    axes[2].imshow(frame, cmap="gray")
+    axes[2].set_title(f"frame {index}", fontsize=10)
+    for one in axes:
+        one.set_axis_off()
     figure.tight_layout()
     save(figure, path, 256)

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Image
 from endoct.stitching.circle import pad_circle
 from endoct.synthetic.bone.contents import Contents
+from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, textures
 from endoct.synthetic.sample.parameters import Sample
 
 RIM_MM = 0.02
+COARSER = 4  # of θ and z: 0.04 mm, less than a channel is wide
 
 
 def albedo_of(
@@ -20,10 +22,11 @@ def albedo_of(
     grid: WallGrid,
     relief: BoreRelief,
     contents: Contents,
+    relief_mm: Image,
     cell_id: NDArray[np.int32],
     workers: int,
 ) -> Image:
-    """Return mottled bone, darkened by smears and in the cells by their lining."""
+    """Return mottled bone, darker where it is less dense, under smears, and in the cells by their lining."""
     bore = sample.bore
     albedo, finer, smears = textures(sample, grid, 4, (0.15, 0.04, 0.25), workers)
     albedo *= 0.6
@@ -36,7 +39,26 @@ def albedo_of(
     np.clip(albedo, 0.3, 1.6, out=albedo)
     albedo *= 1 - np.float32(bore.smear) * np.clip((smears - 1.4) / 0.4, 0, 1)
     albedo *= contents.lining[cell_id]
+    density = density_of(sample)
+    if density is not None:
+        albedo *= _albedo_of_density(density, grid, relief_mm)
     return albedo
+
+
+def _albedo_of_density(density: BoneDensity, grid: WallGrid, relief_mm: Image) -> Image:
+    """Return what density does to the albedo where the wall lies, looked up on a grid ``COARSER`` times coarser."""
+    rows, columns = (-(-n // COARSER) for n in (grid.n_z, grid.n_theta))
+    z = ((np.arange(rows) + 0.5) * (grid.n_z / rows) - 0.5).astype(np.float32)[:, None]
+    theta = ((np.arange(columns) + 0.5) * (grid.n_theta / columns) - 0.5).astype(np.float32)
+    radius = grid.radius_mm + relief_mm[np.rint(z[:, 0]).astype(np.intp)][:, np.rint(theta).astype(np.intp)]
+    theta *= np.float32(2 * math.pi / grid.n_theta)
+    coarse = density.albedo(
+        radius * np.cos(theta), radius * np.sin(theta), np.broadcast_to(z * grid.dz_mm, radius.shape)
+    )
+    wide = pad_circle(coarse, 1)
+    every = grid.n_theta // columns
+    large = cv2.resize(wide, (wide.shape[1] * every, grid.n_z), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(large[:, every:-every], np.float32)
 
 
 def rim_light(contents: Contents, grid: WallGrid, cell_id: NDArray[np.int32]) -> Image:

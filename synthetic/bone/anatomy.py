@@ -1,7 +1,8 @@
-"""What the drill must miss or reach in a simulated mastoid: facial nerve, chorda tympani, cochlea.
+"""What a surgeon looks for in the CT of a mastoid: facial nerve, chorda, cochlea, sigmoid sinus, antrum.
 
 All in the bore frame, mm. The head lies towards θ = 0, so that the nerve runs along x; it passes beside the bore two
-millimetres before its end, the chorda on the other side; the cochlea's basal turn lies beyond the end.
+millimetres before its end, the chorda on the other side; the cochlea's basal turn lies beyond the end. The sinus runs
+down behind the bore, near the mouth; the antrum lies above it, deeper. Neither comes as near as the OCT can look.
 """
 
 from dataclasses import dataclass
@@ -9,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates
+from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Bore
 
-FACIAL_NERVE, CHORDA, COCHLEA = 2, 3, 4
+FACIAL_NERVE, CHORDA, COCHLEA, SINUS, ANTRUM = 2, 3, 4, 5, 6
 """Labels in truth/ct_labels.nii.gz; 0 is air, 1 bone."""
 NERVE_RADIUS_MM, CHORDA_RADIUS_MM = 0.75, 0.25
 BEFORE_END_MM = 2.0
@@ -21,6 +23,10 @@ COCHLEA_RADIUS_MM, COCHLEA_HEIGHT_MM = (3.3, 0.8), 3.6
 DUCT_RADIUS_MM = (0.9, 0.45)
 COVER_MM = 0.5  # of bone around each, at least
 RECESS_HALF_MM = 9.0
+# sizes are typical, and no method reads them
+SINUS_RADIUS_MM, SINUS_Z_MM, SINUS_SLOPE = 4.0, 6.0, 0.15
+ANTRUM_RADIUS_MM, ANTRUM_LENGTH_MM = 3.5, 4.0
+ANTRUM_BEFORE_END_MM, ANTRUM_LEAST_Z_MM = 8.0, 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +36,14 @@ class Structure:
     label: int
     points_mm: Coordinates
     radius_mm: Coordinates
+
+    def box(self, places: Lattice, margin_mm: float = 0.0) -> tuple[slice, slice, slice]:
+        """Return the indices of all places of ``places`` in it or within ``margin_mm`` of it, and of some more."""
+        boxes = [places.box(point, float(self.radius_mm.max()) + margin_mm) for point in self.points_mm]
+        k, j, i = (
+            slice(min(one.start for one in axis), max(one.stop for one in axis)) for axis in zip(*boxes, strict=True)
+        )
+        return k, j, i
 
     def distance_mm(self, x: Numbers, y: Numbers, z: Numbers) -> Numbers:
         """Return the distance of places (any shape) to its surface, < 0 inside."""
@@ -70,6 +84,25 @@ def structures(bore: Bore) -> tuple[Structure, ...]:
         Structure(FACIAL_NERVE, nerve, np.full(9, NERVE_RADIUS_MM)),
         Structure(CHORDA, chorda, np.full(len(chorda), CHORDA_RADIUS_MM)),
         Structure(COCHLEA, cochlea, np.linspace(*DUCT_RADIUS_MM, COCHLEA_PLACES)),
+    )
+
+
+def sinus_and_antrum(bore: Bore) -> tuple[Structure, ...]:
+    """Return the sigmoid sinus, which holds blood, and the antrum, which holds air, of a simulated mastoid."""
+    network = bore.network
+    if network is None:
+        return ()
+    radius, side = bore.diameter_mm / 2, 1.0 if network.entry_mm[0] > 0 else -1.0
+    along = np.linspace(-2 * RECESS_HALF_MM, 2 * RECESS_HALF_MM, 9)
+    behind = side * (radius + network.sinus_mm + SINUS_RADIUS_MM)
+    sinus = np.stack([along, np.full(9, behind), SINUS_Z_MM - SINUS_SLOPE * along], axis=1)
+    deep = max(bore.length_mm - ANTRUM_BEFORE_END_MM, ANTRUM_LEAST_Z_MM)
+    above = radius + network.antrum_mm + ANTRUM_RADIUS_MM
+    half = ANTRUM_LENGTH_MM / 2
+    antrum = np.array([[above, side * half, deep], [above, -side * half, deep]])
+    return (
+        Structure(SINUS, sinus, np.full(9, SINUS_RADIUS_MM)),
+        Structure(ANTRUM, antrum, np.full(2, ANTRUM_RADIUS_MM)),
     )
 
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
-from endoct.synthetic.bone.anatomy import COVER_MM, structures
+from endoct.synthetic.bone.anatomy import COVER_MM, sinus_and_antrum, structures
 from endoct.synthetic.bone.lattice import Lattice, trilinear
 from endoct.synthetic.sample.parameters import Bore, Network, Sample
 from endoct.synthetic.sample.randomness import Stage, generator
@@ -172,8 +172,29 @@ def air_on(sample: Sample, lattice: Lattice) -> tuple[Image, NDArray[np.int32]]:
         better = air > known
         np.copyto(known, air, where=better)
         np.copyto(number, np.int32(site + 1), where=better)
+    _with_sinus_and_antrum(sample.bore, len(every.air) + 1, lattice, clearance, cell)
     _roughen(sample, lattice, clearance)
     return clearance, cell
+
+
+def _with_sinus_and_antrum(
+    bore: Bore, number: int, lattice: Lattice, clearance: Image, cell: NDArray[np.int32]
+) -> None:
+    """Add the antrum, which is cell ``number``, and stop cells before the sinus."""
+    sinus, antrum = sinus_and_antrum(bore)
+    box = antrum.box(lattice, BEYOND_MM)
+    if clearance[box].size:
+        x, y, z = lattice.part(box).places()
+        air = -antrum.distance_mm(x, y, z)
+        for structure in structures(bore):
+            np.minimum(air, structure.distance_mm(x, y, z) - np.float32(COVER_MM), out=air)
+        better = air > clearance[box]
+        np.copyto(clearance[box], air, where=better)
+        np.copyto(cell[box], np.int32(number), where=better)
+    box = sinus.box(lattice, COVER_MM + BEYOND_MM)
+    if clearance[box].size:
+        away = sinus.distance_mm(*lattice.part(box).places()) - np.float32(COVER_MM)
+        np.minimum(clearance[box], np.maximum(away, -BEYOND_MM), out=clearance[box])
 
 
 def _roughen(sample: Sample, lattice: Lattice, clearance: Image) -> None:

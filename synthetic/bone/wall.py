@@ -37,7 +37,7 @@ def build_wall(sample: Sample, workers: int = 1, elsewhere: TracedElsewhere = ()
         relief_mm=baked.relief_mm,
         cell=baked.cell,
         cell_id=baked.cell_id,
-        albedo=albedo_of(sample, grid, scene.relief, scene.contents, baked.cell_id, workers),
+        albedo=albedo_of(sample, grid, scene.relief, scene.contents, baked.relief_mm, baked.cell_id, workers),
         rim=rim_light(scene.contents, grid, baked.cell_id),
         slope_z=np.gradient(baked.relief_mm, np.float32(grid.dz_mm), axis=0).astype(np.float32, copy=False),
         slope_theta=_slope_theta(baked.relief_mm, grid.dtheta_mm),

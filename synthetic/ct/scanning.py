@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.synthetic.bone.anatomy import COCHLEA, structures
+from endoct.synthetic.bone.anatomy import ANTRUM, COCHLEA, sinus_and_antrum, structures
+from endoct.synthetic.bone.density import density_of
 from endoct.synthetic.bone.grown import air_in_bone, world_of
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.elementary import Numbers
@@ -32,7 +33,8 @@ class Scan:
     """Voxels (k, j, i) of a CT.
 
     ``lattice``: where they lie, LPS. ``hu`` int16; ``label`` uint8: 0 air, 1 bone, 2 facial nerve, 3 chorda tympani,
-    4 cochlea, at the middle of each voxel; ``cell`` int32: the cell there, as in the recordings, 0 for none.
+    4 cochlea, 5 sigmoid sinus, 6 antrum, at the middle of each voxel; ``cell`` int32: the cell there, as in the
+    recordings, 0 for none.
     """
 
     lattice: Lattice
@@ -97,8 +99,13 @@ def _tissues(sample: Sample, ct: Ct, places: Lattice, *, drilled: bool) -> Image
     step = float(places.spacing_mm.mean())
     x, y, z = places.places()
     bone = np.full(places.shape, ct.bone_hu, np.float32)
-    for structure in structures(sample.bore):
-        box = _around(structure.points_mm, float(structure.radius_mm.max()) + CAPSULE_MM + step, places)
+    if density := density_of(sample):
+        # what bone has more than soft tissue is its mineral; a channel holds soft tissue
+        bone = np.float32(TISSUE_HU) + np.float32(ct.bone_hu - TISSUE_HU) * density.on(places)
+    for structure in (*structures(sample.bore), *sinus_and_antrum(sample.bore)):
+        if structure.label == ANTRUM:
+            continue
+        box = structure.box(places, CAPSULE_MM + step)
         away = structure.distance_mm(x[box], y[box], z[box])
         if structure.label == COCHLEA:
             bone[box] += np.float32(CAPSULE_HU) * _share(CAPSULE_MM - away, step)
@@ -115,14 +122,6 @@ def _tissues(sample: Sample, ct: Ct, places: Lattice, *, drilled: bool) -> Image
     return hu
 
 
-def _around(points: Coordinates, reach_mm: float, places: Lattice) -> tuple[slice, slice, slice]:
-    boxes = [places.box(point, reach_mm) for point in points]
-    k, j, i = (
-        slice(min(one.start for one in axis), max(one.stop for one in axis)) for axis in zip(*boxes, strict=True)
-    )
-    return k, j, i
-
-
 def _share(inside_mm: Numbers, step_mm: float) -> Image:
     """Return which part of a place of that size lies inside a plane surface that is ``inside_mm`` away."""
     share = np.asarray(inside_mm, np.float32) / np.float32(step_mm) + np.float32(0.5)
@@ -134,7 +133,10 @@ def _labels(sample: Sample, places: Lattice, clearance: Image) -> NDArray[np.uin
     x, y, z = places.places()
     if sample.bore.network is not None:
         label[z < OUTSIDE_Z_MM] = 0
-    for structure in structures(sample.bore):
-        box = _around(structure.points_mm, float(structure.radius_mm.max()), places)
-        label[box][structure.distance_mm(x[box], y[box], z[box]) < 0] = structure.label
+    for structure in (*sinus_and_antrum(sample.bore), *structures(sample.bore)):
+        box = structure.box(places)
+        inside = structure.distance_mm(x[box], y[box], z[box]) < 0
+        if structure.label == ANTRUM:
+            inside &= clearance[box] > 0
+        label[box][inside] = structure.label
     return label

@@ -20,7 +20,12 @@ def write_ct(folder: Path, sample: Sample) -> None:
     if sample.ct is not None:
         before = scan(sample, sample.ct, drilled=False)
         _write(folder / "ct.nii.gz", before.hu, before.lattice, "HU before drilling")
-        _write(folder / "ct_labels.nii.gz", before.label, before.lattice, "1 bone 2 facial nerve 3 chorda 4 cochlea")
+        _write(
+            folder / "ct_labels.nii.gz",
+            before.label,
+            before.lattice,
+            "1 bone 2 nerve 3 chorda 4 cochlea 5 sinus 6 antrum",
+        )
         _write(folder / "ct_cells.nii.gz", before.cell, before.lattice, "cell_id as in wall.zarr")
     if sample.cone_beam is not None:
         after = scan(sample, sample.cone_beam, drilled=True)

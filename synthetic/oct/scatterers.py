@@ -14,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.synthetic.bone.density import BoneDensity
+from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.oct.beams import BONE_INDEX
 from endoct.synthetic.oct.focus import spot_sigma_mm
 from endoct.synthetic.oct.lattice import Lattice
 from endoct.synthetic.oct.sweep import REACH, Sweep
 
 ONE_SURFACE_MM = 0.02  # between neighbouring columns: more is a step from one surface to another
+DENSITY_BINS = 16  # axial pixels for which density is looked up once: 0.05 mm of bone
 MARGIN_RINGS = 3  # for the interpolation between rings
 
 
@@ -81,7 +84,7 @@ def _rising(theta: Coordinates, columns: Coordinates) -> tuple[Coordinates, Coor
 def along_beams(sweep: Sweep, places: Lattice, passed: Nodes, bins: NDArray[np.intp]) -> Image:
     """Return the scatterer in each of the axial pixels ``bins`` of every node's beam, float32 (node, bin, 2).
 
-    Real and imaginary part, variance 1 each. Meaningless before bone begins.
+    Real and imaginary part, variance 1 each in bone of mean density. Meaningless before bone begins.
     """
     oct_, echoes, n = sweep.oct_, sweep.echoes, passed.number.size
     way = oct_.first_sample_mm + oct_.axial_pixel_mm * bins - passed.path_mm[:, None]
@@ -106,7 +109,27 @@ def along_beams(sweep: Sweep, places: Lattice, passed: Nodes, bins: NDArray[np.i
     image = np.ascontiguousarray(stack.T).view(np.float32).reshape(wider.size, len(rings), 2)
     ring -= rings.start
     shift += np.arange(n, dtype=np.float32)[:, None] - np.float32(least)
-    return np.asarray(cv2.remap(image, ring, shift, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.float32)
+    seen = np.asarray(cv2.remap(image, ring, shift, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.float32)
+    if sweep.density is not None:
+        seen *= _amplitude(sweep.density, places, passed, outward, aside)[:, :, None]
+    return seen
+
+
+def _amplitude(density: BoneDensity, places: Lattice, passed: Nodes, outward: Numbers, aside: Numbers) -> Image:
+    """Return the rms of scatterers where the bone is as dense as it is, float32 (node, bin): there are as many more.
+
+    Their places are ``outward`` and ``aside`` (node, bin) of every node's radius.
+    """
+    n = outward.shape[1]
+    n_known = math.ceil(n / DENSITY_BINS)
+    known = ((np.arange(n_known) + 0.5) * (n / n_known)).astype(np.intp)
+    outward, aside = outward[:, known], aside[:, known]
+    theta = (places.node_rad * passed.number).astype(np.float32)[:, None]
+    x = outward * np.cos(theta) - aside * np.sin(theta)
+    y = outward * np.sin(theta) + aside * np.cos(theta)
+    z = np.broadcast_to(passed.z_mm.astype(np.float32)[:, None], x.shape)
+    amplitude = np.sqrt(density.backscatter(x, y, z))
+    return np.asarray(cv2.resize(amplitude, (n, amplitude.shape[0]), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _sigma_across_mm(sweep: Sweep) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates
+from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.beams import Echoes, capillary_axis_mm, stream_position, trace_slices
@@ -28,6 +29,7 @@ class Sweep:
     ``echoes``: surfaces. ``wall_db`` and ``glint_db``: how brightly the wall and its specular spots scatter there, see
     :class:`endoct.synthetic.oct.appearance.Appearance`. ``radius_mm``: of the bore. ``catheter_mm``: off the bore's
     axis, x + iy; ``lean``: by how much it moves off the capillary's axis for each mm along it, the same way.
+    ``density``: of the bone, None where it is even.
     ``seed`` and ``bore_seed`` key what is random of the recording and of the bone.
     """
 
@@ -40,6 +42,7 @@ class Sweep:
     radius_mm: float
     catheter_mm: complex
     lean: complex
+    density: BoneDensity | None
     seed: int
     bore_seed: int
     slice_index: int
@@ -87,6 +90,7 @@ def sweeps(
                 radius_mm=wall.radius_mm,
                 catheter_mm=complex(axis_x[0], axis_y[0]) + complex(offset_mm[i]),
                 lean=complex(lean[i]),
+                density=density_of(sample),
                 seed=sample.seed,
                 bore_seed=sample.bore_seed,
                 slice_index=i,

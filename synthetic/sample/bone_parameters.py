@@ -76,9 +76,9 @@ class Volume(Parameters):
 class Network(Parameters):
     """A mastoid in three dimensions: a network of air cells, with what the drill must miss in it."""
 
-    pneumatised: float = drawn(0.4, 0.95, "share of the network that is cells with their septa (chosen)", (0, 1))
+    pneumatised: float = drawn(0.45, 1.0, "share of the network that is cells with their septa (chosen)", (0, 1))
     patchiness: float = drawn(0.5, 0.9, "how much pneumatisation differs between regions, 0 to 1 (chosen)", (0, 1))
-    cell_mm: float = drawn(1.3, 2.6, "median diameter of the log-normal cells, mm (Cros 2016)", (0.4, 4))
+    cell_mm: float = drawn(1.0, 3.6, "median diameter of the log-normal cells, mm (Cros 2016; LT143)", (0.4, 4))
     cell_spread: float = drawn(0.3, 0.5, "σ of its logarithm (chosen)", (0, 0.7))
     septum_mm: float = drawn(0.10, 0.25, "median thickness of septa, mm (chosen)", (0.02, 0.8))
     septum_spread: float = drawn(0.5, 0.5, "σ of its logarithm (chosen)", (0, 1))
@@ -89,8 +89,28 @@ class Network(Parameters):
     nerve_mm: float = drawn(0.5, 1.3, "bone between bore and facial nerve, mm (typical: 0.5 at least)", (0.1, 5))
     chorda_mm: float = drawn(0.3, 1.0, "bone between bore and chorda tympani, mm (typical)", (0.05, 5))
     cochlea_mm: float = drawn(4.0, 7.0, "from the end of the bore to the basal turn, mm (chosen)", (0.5, 20))
+    antrum_mm: float = drawn(3.6, 6.0, "bone and cells between bore and antrum, mm (chosen)", (3.6, 12))
+    sinus_mm: float = drawn(4.0, 7.0, "bone and cells between bore and sigmoid sinus, mm (chosen)", (4.0, 12))
     entry_mm: Point = Field(description="mouth of the bore in the patient, LPS, mm; x > 0 is the left ear")
     inward: tuple[Factor, Factor, Factor] = Field(description="direction of the bore in the patient, LPS, unit vector")
+
+
+class Density(Parameters):
+    """How dense the bone is from place to place, in three dimensions; CT, OCT and endoscope all show it.
+
+    ``scale_mm`` lies between the thickness of trabeculae and the distance of their middles in dense jaw bone, 0.30 and
+    0.30 + 0.59 mm (Lee 2017, J Periodontal Implant Sci 47:20), as no figure was found of the mastoid. Micro-CT shows
+    micro-channels in it (Cros 2013, doi 10.1016/j.heares.2013.03.002), whose width was not found either: ``channel_mm``
+    lies between canals of compact bone, too small to see, and the emissary canal, 1.3 mm wide (Özen 2019, doi
+    10.5505/vtd.2019.69077), which a bore seldom meets.
+    """
+
+    contrast: float = drawn(0.08, 0.2, "rms of the density over its mean (chosen)", (0, 0.3))
+    scale_mm: float = drawn(0.3, 0.9, "over which its correlation falls to 1/e, mm (Lee 2017, of jaws)", (0.3, 2))
+    channel_mm: float = drawn(0.1, 0.4, "median diameter of channels of vessels, mm; 0 for none (chosen)", (0, 1))
+    channels_per_mm2: float = drawn(0.03, 0.1, "channels that cross a mm² of any plane (chosen)", (0.03, 0.3))
+    marrow_db: float = drawn(-15, -6, "scattering of what channels hold against bone, dB (chosen)", (-40, 0))
+    albedo: float = drawn(0.2, 0.5, "share of a change of density that the albedo changes by (chosen)", (0, 1))
 
 
 class Ct(Parameters):
@@ -133,3 +153,4 @@ class Bore(Parameters):
     cells: tuple[Cell, ...] = Field(default=(), max_length=MOST_LISTED, description="of phantom and mastoid only")
     volume: Volume | None = Field(default=None, description="of volume only")
     network: Network | None = Field(default=None, description="of network only")
+    density: Density | None = Field(default=None, description="of network and volume; null for even bone")

@@ -11,7 +11,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from endoct.synthetic.sample.bone_parameters import Bore, Cell, Ct, Network, Volume
+from endoct.synthetic.sample.bone_parameters import Bore, Cell, Ct, Density, Network, Volume
 from endoct.synthetic.sample.oct_parameters import LostAscans, Oct, Shadow, SheathLine
 from endoct.synthetic.sample.parameter_fields import (
     LARGEST_SEED,
@@ -33,6 +33,7 @@ __all__ = [
     "Cell",
     "Ct",
     "Debris",
+    "Density",
     "Droplet",
     "Endoscope",
     "Harmonic",
@@ -209,6 +210,8 @@ class Sample(Parameters):
         for kind in ("volume", "network"):
             if (getattr(self.bore, kind) is not None) != (self.bore.bone == kind):
                 raise ValueError(f"a {kind} with the bone '{kind}', and with no other")
+        if self.bore.density and self.bore.bone not in ("volume", "network"):
+            raise ValueError("a density of bone in three dimensions only")
         size = PRESETS[self.preset]
         every_slice = (
             "z_mm",

@@ -11,9 +11,16 @@ from pydantic import BaseModel
 
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.parameter_fields import STATED_ONLY
-from endoct.synthetic.sample.parameters import Bore, Ct, Endoscope, Network, Oct
+from endoct.synthetic.sample.parameters import Bore, Ct, Density, Endoscope, Network, Oct
 
-PARTS: Mapping[str, type[BaseModel]] = {"bore": Bore, "network": Network, "ct": Ct, "oct": Oct, "endoscope": Endoscope}
+PARTS: Mapping[str, type[BaseModel]] = {
+    "bore": Bore,
+    "network": Network,
+    "density": Density,
+    "ct": Ct,
+    "oct": Oct,
+    "endoscope": Endoscope,
+}
 Range = tuple[float, float] | tuple[str, ...]
 """What a parameter is drawn from: (low, high), uniformly, or one of some words."""
 NO_RANGES: Mapping[str, Range] = {}

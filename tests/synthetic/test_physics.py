@@ -7,6 +7,8 @@ import pytest
 from tolerances import (
     ALL_LIGHT_REL,
     ATTENUATION_DB,
+    DENSITY_LENGTH_REL,
+    DENSITY_SLOPE,
     DIRECT_LIGHT_REL,
     LIGHT_OF_FRAME_REL,
     POINT_SPREAD_REL,
@@ -21,6 +23,7 @@ from tolerances import (
 from benchmarks.light import cell
 from benchmarks.physics import bscans, mirror
 from benchmarks.physics import recordings as real
+from benchmarks.physics.inside import inside
 
 
 def test_bone_and_noise_are_fully_developed_speckle() -> None:
@@ -59,6 +62,13 @@ def test_light_falls_in_bone_as_beer_and_lambert_say() -> None:
     _, found, theory = bscans.attenuation(0.1)
     assert abs(np.mean(found - theory)) < ATTENUATION_DB
     assert np.sqrt(np.mean((found - theory) ** 2)) < 2 * ATTENUATION_DB
+
+
+def test_oct_and_ct_show_the_same_density_of_bone() -> None:
+    found = inside(every=4)
+    assert found.slope == pytest.approx(1, abs=DENSITY_SLOPE)
+    assert found.correlation > 0.8
+    assert found.length_mm == pytest.approx(found.expected_mm, rel=DENSITY_LENGTH_REL)
 
 
 @pytest.mark.parametrize("half_angle_deg", [42.0, 45.0, 48.0])

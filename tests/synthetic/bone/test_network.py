@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 
 from benchmarks.bone import NAMES, figures, lattice
-from endoct.synthetic.bone.anatomy import CHORDA, COCHLEA, COVER_MM, FACIAL_NERVE, structures
+from endoct.synthetic.bone.anatomy import (
+    ANTRUM,
+    CHORDA,
+    COCHLEA,
+    COVER_MM,
+    FACIAL_NERVE,
+    SINUS,
+    sinus_and_antrum,
+    structures,
+)
+from endoct.synthetic.bone.grown import REACH_MM
+from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.bone.network import air_on, sites
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
@@ -79,3 +90,30 @@ def test_dust_and_fluid_lie_in_some_cells_and_are_said() -> None:
         wet += float(wall.wet.mean())
     assert found == {"air", "dust", "fluid"}
     assert wet > 0
+
+
+def test_sinus_and_antrum_lie_at_their_distance_beyond_what_is_recorded() -> None:
+    for seed in range(4):
+        sample = draw("mastoid", seed)
+        network, radius = sample.bore.network, sample.bore.diameter_mm / 2
+        assert network is not None
+        sinus, antrum = sinus_and_antrum(sample.bore)
+        assert (sinus.label, antrum.label) == (SINUS, ANTRUM)
+        z = np.linspace(-5, sample.bore.length_mm + 5, 400, dtype=np.float32)
+        axis = np.zeros_like(z)
+        assert sinus.distance_mm(axis, axis, z).min() == pytest.approx(radius + network.sinus_mm, abs=0.05)
+        assert antrum.distance_mm(axis, axis, z).min() == pytest.approx(radius + network.antrum_mm, abs=0.05)
+        recorded = Lattice.around_bore(sample.bore.length_mm, REACH_MM, 0.3)
+        assert air_on(sample, recorded)[1].max() <= len(sites(sample).air)
+
+
+def test_the_antrum_is_one_large_cell_and_the_sinus_holds_no_air() -> None:
+    sample = draw("mastoid", 5)
+    places = Lattice.around_bore(sample.bore.length_mm, 14.0, 0.25)
+    clearance, cell = air_on(sample, places)
+    x, y, z = places.places()
+    sinus, antrum = sinus_and_antrum(sample.bore)
+    assert not np.any(clearance[sinus.distance_mm(x, y, z) < COVER_MM / 2] > 0)
+    inside = antrum.distance_mm(x, y, z) < -1.0
+    assert np.mean(clearance[inside] > 0) > 0.95
+    assert np.mean(cell[inside] == len(sites(sample).air) + 1) > 0.9

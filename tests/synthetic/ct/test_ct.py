@@ -77,7 +77,7 @@ def test_hounsfield_units_and_labels_agree(specimen: Path) -> None:
     hu, affine = opened(specimen, "ct.nii.gz")
     labels, _ = opened(specimen, "ct_labels.nii.gz")
     sample = json.loads((specimen / "truth/sample.json").read_text(encoding="utf-8"))
-    assert set(np.unique(labels).tolist()) == {0, 1, 2, 3, 4}
+    assert set(np.unique(labels).tolist()) == {0, 1, 2, 3, 4, 5, 6}
     assert np.linalg.norm(affine[:3, 0]) == pytest.approx(sample["ct"]["voxel_mm"], rel=1e-5)
     deep = ndimage.binary_erosion(labels == 1, iterations=4)
     away = ndimage.distance_transform_edt(labels != 4) > 10

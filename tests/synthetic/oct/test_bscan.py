@@ -96,7 +96,7 @@ def _seen(oct_: Oct, one: Spectrometer, echoes: Echoes, seed: int = 0) -> NDArra
     n = echoes.alpha_rad.size
     sweep = Sweep(
         oct_, one, Turn(N_RING, 0, n), echoes, np.zeros(n), np.full(n, -60.0), RADIUS_MM,
-        catheter_mm=0, lean=0, seed=seed, bore_seed=seed, slice_index=0,
+        catheter_mm=0, lean=0, density=None, seed=seed, bore_seed=seed, slice_index=0,
     )  # fmt: skip
     light = scattered(sweep)
     m = np.arange(N, dtype=np.float64)
