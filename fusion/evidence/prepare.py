@@ -20,8 +20,13 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.robust import SIGMA_PER_MEDIAN
 
-LIGHT_SIGMA_MM = 1.2
-LIGHT_WIDTHS = (1.0, 0.6, 0.4, 0.3, 0.2, 0.15, 0.15)
+LIGHT_AROUND_MM = 1.2
+LIGHT_ROUNDS = ((6.0, 1.0), (6.0, 0.6), (4.0, 0.4), (3.0, 0.3), (2.0, 0.2), (1.5, 0.15), (1.2, 0.15))
+"""σ in mm along z over which the light is smoothed, and how far behind it samples count, in the rounds of the fit.
+
+The light is the probe's: it differs around it, and changes slowly along the bore. So the fit begins wide along z, where
+the floor of a cell as large as the bore is not taken for dim light on the wall.
+"""
 LIGHT_GRID_MM = 0.05
 FAINTEST = 0.02
 """Intensity below this share of the median counts as this: the logarithm of dark noise says nothing."""
@@ -94,10 +99,10 @@ def _light(behind: Evidence) -> Image:
     n_theta = min(n_from, max(64, round(2 * np.pi * behind.radius_mm / LIGHT_GRID_MM)))
     n_rows = 1 + int(np.ptp(behind.z_mm) / max(LIGHT_GRID_MM, behind.dz_mm))
     coarse = on_grid(behind, np.linspace(behind.z_mm[0], behind.z_mm[-1], n_rows), n_theta)
-    sigmas = LIGHT_SIGMA_MM / coarse.dz_mm, LIGHT_SIGMA_MM / coarse.column_mm
     known = coarse.values[coarse.valid]
     level = np.full_like(coarse.values, np.quantile(known, WALL_QUANTILE) if known.size else 0.0)
-    for width in LIGHT_WIDTHS:
+    for sigma_mm, width in LIGHT_ROUNDS:
+        sigmas = sigma_mm / coarse.dz_mm, LIGHT_AROUND_MM / coarse.column_mm
         residual = coarse.values - level
         front = -residual[coarse.valid & (residual < 0)]
         reach = max(2.5 * SIGMA_PER_MEDIAN * float(np.median(front)) if front.size else 0.0, width)
