@@ -62,7 +62,7 @@ class OctParameters(BaseModel):
         default=True, description="take out lines that the detector draws at one depth all around"
     )
     least_signal: float = Field(
-        default=0.2,
+        default=0.12,
         ge=1e-3,
         le=1000,
         description="power above the noise's, in multiples of it, from which a sample counts as wall",

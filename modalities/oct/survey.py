@@ -19,6 +19,7 @@ from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.per_slice import per_slice_values
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_levels
+from endoct.modalities.oct.surface.noise_floor import measure_floor
 from endoct.modalities.oct.turning.correction import correct_starts, correct_uneven_turns, nominal_turns
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import NotSeen
@@ -54,8 +55,9 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         course = measure_course(slices, faces, glass)
         turns = nominal_turns(slices, faces)
         turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
-        turns = correct_starts(turns, acquisition, parameters)
-        background = measure_levels(turns.slices, turns.faces, lines.excess, acquisition)
+        turns = correct_starts(turns, glass, acquisition, parameters)
+        floor = measure_floor(turns.slices, turns.faces, lines.excess > 0, acquisition)
+        background = measure_levels(turns.slices, turns.faces, lines.excess, floor, acquisition)
     recorded = np.argsort(inward, kind="stable")
     faces, rotation = turns.faces.reordered(recorded), turns.rotation.reordered(recorded)
     return OctCalibration(

@@ -45,8 +45,8 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     face = face_depth_mm(calibration, frame.index, angle)
     n_depth = image.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
-    recorded = logarithmic(image, acquisition.intensity)
     background = calibration.background
+    recorded = background.levelled(logarithmic(image, acquisition.intensity))
     if parameters.fixed_lines:
         background = with_lines_of(recorded, background, calibration.capillary.circle(frame.index), mm)
     level, lines = without_lines(recorded, background), background.lines

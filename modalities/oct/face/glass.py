@@ -11,17 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.modalities.oct.face.circle import circle_distance_mm
+from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.points import tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.arrays import Coordinates
 
 GLASS_INDEX = 1.46  # fused silica and borosilicate near 1300 nm
 THICKNESS_MM = (0.04, 0.45)
-SAME_OFFSET_MM = 0.015
+STEP_MM = 0.0025
+WIDTH_MM = 0.008  # of the inner face's line
 LEAST_OFFSET_MM = 0.05  # nearer to the axis a sheath line's own wobble looks the same, and nothing bends
-SAME_DISTANCE_MM = 0.012
-LEAST_PRESENCE = 0.5
+LEAST_SHOWN = 0.07  # of the columns
+LEAST_PRESENCE = 0.5  # of the slices
 
 
 @dataclass(frozen=True)
@@ -68,21 +70,34 @@ def measure_glass(slices: Sequence[SliceFeatures], faces: Faces, medium_index: f
 
 
 def _thickness_mm(slices: Sequence[SliceFeatures], faces: Faces, index: float) -> float:
-    capillary, distances = faces.capillary, []
-    off_axis = np.flatnonzero(~faces.bridged & (capillary.offset_mm > LEAST_OFFSET_MM))
-    for i in map(int, off_axis):
-        lines, face = slices[i].lines, capillary.circle(i)
-        moves_along = np.hypot(lines.x_mm - face.x_mm, lines.y_mm - face.y_mm) < SAME_OFFSET_MM
-        before = (face.axis_depth_mm - lines.axis_depth_mm) / index
-        within = (before > THICKNESS_MM[0]) & (before < THICKNESS_MM[1])
-        distances.append(before[moves_along & within])
-    every = np.concatenate(distances) if distances else np.empty(0)
-    if not every.size:
+    """The thickness at which most points lie where the inner face would be; 0 where too few slices show it there.
+
+    What does not move along with the outer face, as the sheath, is met at one thickness in a few directions only.
+    """
+    capillary = faces.capillary
+    tried_mm = np.arange(*THICKNESS_MM, STEP_MM)
+    shown = [
+        _shown(slices[i], capillary.circle(i), tried_mm, index)
+        for i in map(int, np.flatnonzero(~faces.bridged & (capillary.offset_mm > LEAST_OFFSET_MM)))
+    ]
+    if not shown:
         return 0.0
-    agreeing = np.zeros(every.size, dtype=np.intp)
-    for of_slice in distances:
-        agreeing += np.any(np.abs(of_slice[:, None] - every) < SAME_DISTANCE_MM, axis=0)
-    best = every[int(np.argmax(agreeing))]
-    if agreeing.max() < LEAST_PRESENCE * len(distances):
+    share = np.array(shown)
+    best = int(np.argmax(share.sum(axis=0)))
+    near = slice(max(best - 1, 0), best + 2)
+    if np.mean(share[:, near].max(axis=1) > LEAST_SHOWN) < LEAST_PRESENCE:
         return 0.0
-    return float(np.median(every[np.abs(every - best) < SAME_DISTANCE_MM]))
+    return float(np.average(tried_mm[near], weights=share[:, near].sum(axis=0)))
+
+
+def _shown(features: SliceFeatures, face: Circle, tried_mm: Coordinates, index: float) -> Coordinates:
+    """The share of columns with a point where the inner face would be, for each thickness of the glass."""
+    points = features.points
+    across = face.x_mm * np.sin(points.angle_rad) - face.y_mm * np.cos(points.angle_rad)
+    before_mm = -points.beyond_mm(face)
+    of_points = before_mm > 0
+    before_mm, within = before_mm[of_points], (across[of_points] / GLASS_INDEX) ** 2
+    inner_mm2 = (face.radius_mm - tried_mm[:, None]) ** 2
+    through_mm = np.sqrt(face.radius_mm**2 - within) - np.sqrt(np.maximum(inner_mm2 - within, 1e-6))
+    on = tukey_weight(before_mm - index * through_mm, WIDTH_MM)
+    return np.asarray(np.sum(on * points.strength[of_points], axis=1) / features.n_columns)

@@ -18,6 +18,7 @@ from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.robust import robust_sigma
 
@@ -30,12 +31,9 @@ DARK_SHARE = 0.2
 LINE_AROUND_MM = (0.05, 0.12)
 AROUND_LINE_MM = (0.03, 0.07)  # the same within the gap, which may be narrow
 JUDGED_ASCANS = 512
-POOLED_SLICES = 40  # whose worth of A-scans is enough to judge the lines of a recording
 FACE_MM = 0.06  # behind the outer face, which is still in view there
 WALL_MM = (0.06, 0.25)  # before and behind where the wall is expected
 WALL_SHIFT = 0.3  # of the gap between glass and wall: no farther off than that is the wall looked for
-SECTORS, PARTS = 12, 4  # of a turn and of the pullback
-FEWEST_ASCANS = 6  # of one sector and part
 FEWEST_SECTORS = 3  # a quarter of the turn: hardly a cell, and no side of glass or wall at one depth, reaches so far
 MOST_MISSED = 0.2  # of sectors and parts that must show a line, all but so many do
 HALF = 0.5  # of a line's typical contrast: less does not show it; and of its rows: fewer do not judge it
@@ -69,7 +67,7 @@ def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition:
     A depth is judged behind the outer face, away from where the wall is expected, in A-scans that are dark a little
     deeper: bone interferes with a line and so can make it fainter as well as brighter.
     """
-    pool = _pooled(slices, faces, acquisition)
+    pool = pooled(slices, faces, acquisition)
     mm_per_px = acquisition.mm_per_px
     n, n_depth = pool.ascans.shape
     if not n:
@@ -99,37 +97,7 @@ def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition:
     return FixedLines(lines, undecided & (lines == 0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Pool:
-    """A-scans (n, n_depth) of all slices, with the depths of face and nominal wall (n,), and their ``part`` (n,).
-
-    A part is one sector of the turn in one part of the pullback: sector + ``SECTORS`` · part of the pullback.
-    """
-
-    ascans: Image
-    face_mm: Coordinates
-    wall_mm: Coordinates
-    part: NDArray[np.intp]
-
-
-def _pooled(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition) -> _Pool:
-    """Every n-th of all the A-scans of slices that show the face, ``POOLED_SLICES`` slices' worth."""
-    step = max(1, len(slices) // POOLED_SLICES)
-    ascans, face_mm, wall_mm, part, first = [], [], [], [], 0
-    for i, features in enumerate(slices):
-        chosen = slice(first, None, step)
-        first = (first - len(features.ascans)) % step
-        if faces.bridged[i]:
-            continue
-        angle, circle = features.ascan_angle_rad[chosen], faces.capillary.circle(i)
-        ascans.append(features.ascans[chosen].copy())  # a view would hold them all
-        face_mm.append(circle.depth_mm(angle))
-        wall_mm.append(replace(circle, radius_mm=acquisition.bore_radius_mm).depth_mm(angle))
-        part.append((angle / (2 * np.pi) * SECTORS).astype(np.intp) % SECTORS + SECTORS * (i * PARTS // len(slices)))
-    return _Pool(np.concatenate(ascans), np.concatenate(face_mm), np.concatenate(wall_mm), np.concatenate(part))
-
-
-def _wall_shift_mm(pool: _Pool, mm_per_px: float) -> float:
+def _wall_shift_mm(pool: Pool, mm_per_px: float) -> float:
     """By how much deeper than the nominal bore the wall typically stands: where, from it, A-scans are brightest."""
     gap_mm = float(np.min(pool.wall_mm - pool.face_mm))
     most = max(0, round(WALL_SHIFT * gap_mm / mm_per_px))
@@ -137,7 +105,7 @@ def _wall_shift_mm(pool: _Pool, mm_per_px: float) -> float:
     rows = np.round(pool.wall_mm / mm_per_px).astype(np.intp)[:, None] + reach
     inside = (rows >= 0) & (rows < pool.ascans.shape[1])
     near = np.where(inside, np.take_along_axis(pool.ascans, rows.clip(0, pool.ascans.shape[1] - 1), axis=1), np.nan)
-    level = uniform_filter1d(_medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
+    level = uniform_filter1d(medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
     return float(reach[int(np.argmax(level))]) * mm_per_px
 
 
@@ -158,17 +126,6 @@ def _dark_beyond(ascans: Image, can_stand: Mask, mm_per_px: float) -> Mask:
     return np.asarray(deeper <= np.take_along_axis(left, last[None], axis=0))
 
 
-def _medians(samples: Image) -> Image:
-    """The median of every column without NaN; columns of too few others are interpolated, float32 (n_columns,)."""
-    ordered = np.sort(samples, axis=0)  # NaN last
-    count = np.count_nonzero(np.isfinite(samples), axis=0)
-    middle = np.take_along_axis(ordered, np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
-    known = np.flatnonzero(count >= FEWEST_ASCANS)
-    if not known.size:
-        return np.zeros(samples.shape[1], np.float32)
-    return np.asarray(np.interp(np.arange(count.size), known, middle[known]), dtype=np.float32)
-
-
 def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> Coordinates:
     """By how much every A-scan is brighter at the rows ``line`` than before them, and than behind them, (n,).
 
@@ -186,7 +143,7 @@ def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> 
     return np.asarray(contrast, dtype=np.float64)
 
 
-def _crossing_lines(pool: _Pool, behind_face: Image, sigma: float, mm_per_px: float) -> Image:
+def _crossing_lines(pool: Pool, behind_face: Image, sigma: float, mm_per_px: float) -> Image:
     """Return the excess of lines that are there all round before the face, but too deep to be before it everywhere."""
     before = behind_face < -FACE_MM
     excess = _excess(np.where(before, pool.ascans, np.nan), mm_per_px)
@@ -206,7 +163,7 @@ def _crossing_lines(pool: _Pool, behind_face: Image, sigma: float, mm_per_px: fl
 
 def _excess(samples: Image, mm_per_px: float) -> Image:
     """Return how far the median of every depth of ``samples``, NaN where not judged, stands out of those around."""
-    level = _medians(samples)
+    level = medians(samples)
     around = percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
     return np.asarray(level - around, dtype=np.float32)
 

@@ -22,11 +22,12 @@ SMOOTH_MM = 0.04
 
 
 def measure_levels(
-    slices: Sequence[SliceFeatures], faces: Faces, line_excess: Image, acquisition: OctAcquisition
+    slices: Sequence[SliceFeatures], faces: Faces, line_excess: Image, floor: Image, acquisition: OctAcquisition
 ) -> Background:
     """Return the noise of the dark space behind the outer face, and the wall's level: the brightest depth behind that.
 
-    ``slices`` in the order of ``faces``; ``line_excess``, float32 (n_depth,), of the detector's fixed lines.
+    ``slices`` in the order of ``faces``; ``line_excess``, float32 (n_depth,), of the detector's fixed lines;
+    ``floor``, float32 (n_depth,), of the noise.
     """
     mm_per_px, gap_mm = acquisition.mm_per_px, acquisition.gap_mm
     first, last = round(CLEARANCE_MM / mm_per_px), round((CLEARANCE_MM + max(0.3 * gap_mm, 0.08)) / mm_per_px)
@@ -34,7 +35,7 @@ def measure_levels(
     dark, bright = [], []
     for i in map(int, np.flatnonzero(~faces.bridged)):
         features = slices[i]
-        filled = replace(features, ascans=bridge_rows(features.ascans, line_excess > 0))
+        filled = replace(features, ascans=bridge_rows(features.ascans - floor, line_excess > 0))
         samples = samples_behind(filled, faces.capillary.circle(i), mm_per_px, n_px)
         dark += _darkest(samples[:, first:last])
         samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
@@ -45,7 +46,7 @@ def measure_levels(
     noise = _median_between_counts(noise_samples)
     sigma = SIGMA_PER_MEDIAN * _median_between_counts(np.abs(noise_samples - noise))
     power = np.minimum(relative_power(noise_samples, noise, max(sigma, 1e-6)), MOST_NOISE_POWER)
-    return Background(noise, sigma, float(np.median(bright)), line_excess, float(power.mean()))
+    return Background(noise, sigma, float(np.median(bright)), line_excess, floor, float(power.mean()))
 
 
 def _darkest(band: Image) -> list[Image]:

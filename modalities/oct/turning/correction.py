@@ -59,10 +59,10 @@ def correct_uneven_turns(
     return Turns(slices, refit_faces(slices, faces, parameters), rotation, notes)
 
 
-def correct_starts(turns: Turns, acquisition: OctAcquisition, parameters: OctParameters) -> Turns:
+def correct_starts(turns: Turns, glass: Glass, acquisition: OctAcquisition, parameters: OctParameters) -> Turns:
     """Return ``turns`` with the angles at which they start, where ``parameters`` ask for that."""
     if parameters.correct_start_angle:
-        rotation, note = measure_starts(turns.slices, turns.faces, turns.rotation, acquisition, parameters)
+        rotation, note = measure_starts(turns.slices, turns.faces, glass, turns.rotation, acquisition, parameters)
         return replace(turns, rotation=rotation, notes=(*turns.notes, note) if note else turns.notes)
     if starts_anywhere(turns.faces.observed, parameters.start):
         return replace(turns, notes=(*turns.notes, NOT_CORRECTED))

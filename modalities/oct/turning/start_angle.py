@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.neighbours import starts_anywhere
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
@@ -40,6 +41,7 @@ CONTRADICTED = (
 def measure_starts(
     slices: Sequence[SliceFeatures],
     faces: Faces,
+    glass: Glass,
     rotation: Rotation,
     acquisition: OctAcquisition,
     parameters: OctParameters,
@@ -49,7 +51,9 @@ def measure_starts(
     ``slices`` in the order of z, their angles those of beams. Starts are relative to their mean where turns are
     triggered, to the first slice where they start anywhere.
     """
-    mark = sheath_mark(slices, faces, acquisition.mm_per_px)
+    mark = sheath_mark(slices, faces, glass, acquisition.mm_per_px)
+    if mark is not None:  # it is seen at the angles that the turn's shape gives
+        mark = replace(mark, sigma_rad=np.hypot(mark.sigma_rad, np.nan_to_num(rotation.shape_sigma_rad)))
     if starts_anywhere(faces.observed, parameters.start):
         if mark is not None:
             start, sigma = _from_mark(mark, faces)
@@ -83,9 +87,11 @@ def _triggered(rotation: Rotation, mark: Mark) -> Rotation:
     direction = mark.direction_rad + later
     moved = np.where(seen, wrap_rad(direction - mean_angle_rad(direction[seen])), 0.0)
     steps = np.diff(moved[seen])
-    usual = max(LEAST_START_RAD, robust_sigma(steps) / np.sqrt(2)) if steps.size else 0.0
-    if not usual:
+    if not steps.size:
         return rotation
+    # what the steps scatter by more than the mark is sure of
+    scatter = robust_sigma(steps) ** 2 / 2 - np.median(mark.sigma_rad[seen]) ** 2
+    usual = max(LEAST_START_RAD, float(np.sqrt(max(scatter, 0.0))))
     early, spread = separated(moved, np.where(seen, mark.sigma_rad, np.inf), usual, CREEP_RAD)
     start = early + later
     return replace(

@@ -9,8 +9,8 @@ from endoct.stitching.arrays import Image
 N_THETA, N_DEPTH, PIXEL_MM, COLUMN_MM = 600, 200, 0.005, 0.013
 SPACING = Spacing(PIXEL_MM, COLUMN_MM)
 NO_LINE = np.zeros(N_DEPTH, np.float32)
-BACKGROUND = Background(noise=50.0, noise_sigma=15.0, wall=110.0, line_excess=NO_LINE, noise_power=1.91)
-SPECKLE = Background(noise=-1.59, noise_sigma=4.95, wall=10.0, line_excess=NO_LINE)  # dB over the mean noise
+BACKGROUND = Background(noise=50.0, noise_sigma=15.0, wall=110.0, line_excess=NO_LINE, floor=NO_LINE, noise_power=1.91)
+SPECKLE = Background(noise=-1.59, noise_sigma=4.95, wall=10.0, line_excess=NO_LINE, floor=NO_LINE)
 FIRST_ROW = np.full(N_THETA, 20)
 
 

@@ -21,7 +21,7 @@ def test_a_faint_line_is_taken_out_of_noise_and_wall_alike(level: float) -> None
     # under a line 20 counts above the noise, darkness is seen at 70 and a wall at 110 as it is
     excess = np.zeros(N_DEPTH, np.float32)
     excess[80] = 20
-    background = Background(50.0, 15.0, 110.0, excess)
+    background = Background(50.0, 15.0, 110.0, excess, np.zeros_like(excess))
     image = np.full((4, N_DEPTH), level, np.float32)
     image[:, 80] = max(level, 70)
     np.testing.assert_allclose(without_lines(image, background), level, atol=1e-4)

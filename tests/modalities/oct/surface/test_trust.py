@@ -42,7 +42,7 @@ def test_a_wall_stands_out_by_its_power_in_standard_errors(power: float) -> None
 
 def test_a_wall_stands_out_of_darkness_that_was_cut_off() -> None:
     image = np.where(np.arange(N_DEPTH) < 100, np.zeros((N_THETA, 1)), 60).astype(np.float32)
-    background = Background(noise=0.0, noise_sigma=0.0, wall=60.0, line_excess=NO_LINE)
+    background = Background(noise=0.0, noise_sigma=0.0, wall=60.0, line_excess=NO_LINE, floor=NO_LINE)
     assert wall_sigmas(image, ALL_AROUND, EVERYWHERE, background, SPACING) > 100
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from tolerances import FREE_START_RAD, START_RAD
 
+from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.turning.rotation import Rotation, even_rotation
@@ -27,7 +28,9 @@ def measured_starts(starts: Array, offset: Array, sheaths: int) -> tuple[Rotatio
         drawn_slice(np.zeros(N_COLUMNS), start, at, i, sheaths=sheaths)
         for i, (start, at) in enumerate(zip(starts, offset, strict=True))
     ]
-    return measure_starts(slices, faces_of(slices), even_rotation(len(slices)), ACQUISITION, OctParameters())
+    return measure_starts(
+        slices, faces_of(slices), Glass(RADIUS_MM), even_rotation(len(slices)), ACQUISITION, OctParameters()
+    )
 
 
 def test_free_starts_are_measured_from_the_sheath_though_the_capillary_drifts() -> None:
