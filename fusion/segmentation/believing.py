@@ -38,16 +38,19 @@ class Believability:
     unclaimed: float
 
 
-def believability_of(valid: Mask, smooth: Image, mask: Mask, threshold: float, *, with_outlines: bool) -> Believability:
+def believability_of(
+    valid: Mask, smooth: Image, mask: Mask, threshold: float, *, with_outlines: bool, dark: Mask | None = None
+) -> Believability:
     """Return how far cells are to be believed.
 
     ``smooth``: the evidence that was thresholded, float32 (n_z, n_theta), 0 where it is that of the wall; ``mask`` the
-    cells among the ``valid`` samples.
+    cells among the ``valid`` samples; ``dark`` those known by how they stand out, without what lines enclose.
     """
     observed, cells = smooth[valid], mask[valid]
     behind, before = int(np.count_nonzero(observed > threshold)), int(np.count_nonzero(-observed > threshold))
     unclaimed = int(np.count_nonzero((observed > threshold) & ~cells)) if with_outlines else 0
-    stands_out = float(np.median(observed[cells])) if cells.any() else np.inf
+    known = cells if dark is None else dark[valid]
+    stands_out = float(np.median(observed[known])) if known.any() else np.inf
     return Believability(
         noise=before / max(behind, 1),
         cells=float(cells.mean()),

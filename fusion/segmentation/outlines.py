@@ -11,14 +11,13 @@ logarithm magnifies, has no outline. What is enclosed by a region belongs to it,
 fades, it is cut at half its darkness.
 """
 
-import cv2
 import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean, close_gaps, label, remove_small
+from endoct.fusion.segmentation.regions import clean, eroded, highest_within, label
 from endoct.stitching.arrays import Image, Mask
-from endoct.stitching.circle import masked_gaussian, pad_circle
+from endoct.stitching.circle import masked_gaussian
 
 COARSEST_MM = 0.06
 """With samples farther apart than this an outline cannot be distinguished from a fading."""
@@ -57,12 +56,12 @@ def clearest_regions(behind: Evidence, prepared: Image, threshold: float, parame
     if not typical > 0:
         return None
     steepness = np.minimum(slope / np.float32(typical), np.float32(MOST_SLOPE))
-    observed = _eroded(behind.valid)
+    observed = eroded(behind.valid)
     taken, counted = np.zeros(prepared.shape, np.bool_), np.zeros(prepared.shape, np.float32)
     for level in np.geomspace(parameters.contrast_cap, LOWEST_LEVEL * threshold, N_LEVELS + 1)[1:]:
         region = _cleaned(behind.valid & (prepared > level), behind, parameters)
         labels, n = label(region)
-        outline = region & ~_eroded(region)
+        outline = region & ~eroded(region)
         least = max(LEAST_SLOPE, level / (LONGEST_FADE_MM * typical))
         clearness = np.maximum(steepness - np.float32(least), -MOST_AGAINST)
         count = np.where(outline & observed, clearness * arc_mm, np.float32(0))
@@ -91,29 +90,13 @@ def _within(mask: Mask, behind: Evidence) -> Mask:
 
 
 def _highest(image: Image, behind: Evidence) -> Image:
-    """Return the highest value within ``BLUR_MM``, θ a circle."""
-    up, across = max(1, round(BLUR_MM / behind.dz_mm)), max(1, round(BLUR_MM / behind.column_mm))
-    y, x = np.mgrid[-up : up + 1, -across : across + 1]
-    ellipse = ((y / up) ** 2 + (x / across) ** 2 <= 1).astype(np.uint8)
-    padded = pad_circle(image, across)
-    return np.asarray(cv2.dilate(padded, ellipse)[:, across:-across], dtype=np.float32)
+    """Return the highest value within ``BLUR_MM``."""
+    return highest_within(image, BLUR_MM / behind.dz_mm, BLUR_MM / behind.column_mm)
 
 
 def _cleaned(mask: Mask, behind: Evidence, parameters: SegmentParameters) -> Mask:
-    """Return ``mask`` cleaned, and with what its regions enclose.
-
-    That is taken in first: the side of a shallow cell is a thin dark line around a floor as bright as the wall, and
-    would be opened away.
-    """
-    closed = close_gaps(mask, behind.dz_mm, behind.column_mm, parameters)
-    filled = ~remove_small(~closed, LARGEST_FLOOR_MM2 / (behind.dz_mm * behind.column_mm))
-    return clean(filled, behind.dz_mm, behind.column_mm, parameters, largest_hole_mm2=LARGEST_FLOOR_MM2)
-
-
-def _eroded(mask: Mask) -> Mask:
-    """Return the samples of ``mask`` with all eight neighbours in it; beyond the ends of z it goes on."""
-    padded = np.pad(pad_circle(mask.astype(np.uint8), 1), ((1, 1), (0, 0)), mode="edge")
-    return np.asarray(cv2.erode(padded, np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0)
+    """Return ``mask`` cleaned, and with what its regions enclose."""
+    return clean(mask, behind.dz_mm, behind.column_mm, parameters, largest_hole_mm2=LARGEST_FLOOR_MM2)
 
 
 def _slope(behind: Evidence, cap: float) -> tuple[Image, Image]:

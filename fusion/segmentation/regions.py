@@ -33,6 +33,21 @@ def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, 
     return np.asarray(done[:, pad : pad + mask.shape[1]] > 0)
 
 
+def eroded(mask: Mask) -> Mask:
+    """Return the samples of ``mask`` with all eight neighbours in it; beyond the ends of z it goes on."""
+    padded = np.pad(pad_circle(mask.astype(np.uint8), 1), ((1, 1), (0, 0)), mode="edge")
+    return np.asarray(cv2.erode(padded, np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0)
+
+
+def highest_within(image: Image, rows_px: float, columns_px: float) -> Image:
+    """Return the highest value of ``image`` within an ellipse of these radii, at least 1 px, around each sample."""
+    up, across = max(1, round(rows_px)), max(1, round(columns_px))
+    y, x = np.mgrid[-up : up + 1, -across : across + 1]
+    ellipse = ((y / up) ** 2 + (x / across) ** 2 <= 1).astype(np.uint8)
+    padded = pad_circle(image, across)
+    return np.asarray(cv2.dilate(padded, ellipse)[:, across:-across], dtype=np.float32)
+
+
 def label(mask: Mask) -> tuple[Labels, int]:
     """Return (labels (n_z, n_theta), 0 outside, 1 … n; n) of connected cells, joined over the seam of θ.
 
@@ -72,11 +87,6 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
     return np.asarray(keep[labels])
 
 
-def close_gaps(mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParameters) -> Mask:
-    """Return ``mask`` with the gaps in cells closed that are narrower than twice ``close_mm``."""
-    return morphology(mask, "close", parameters.close_mm / dz_mm, parameters.close_mm / column_mm)
-
-
 def clean(
     mask: Mask,
     dz_mm: float,
@@ -91,7 +101,7 @@ def clean(
     """
     p = parameters
     mask = morphology(mask, "open", p.open_mm / dz_mm, p.open_mm / column_mm)
-    mask = close_gaps(mask, dz_mm, column_mm, p)
+    mask = morphology(mask, "close", p.close_mm / dz_mm, p.close_mm / column_mm)
     sample_mm2 = dz_mm * column_mm
     hole_mm2 = p.smallest_mm2 if largest_hole_mm2 is None else largest_hole_mm2
     mask = remove_small(mask, p.smallest_mm2 / sample_mm2)

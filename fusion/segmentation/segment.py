@@ -7,6 +7,7 @@ import numpy as np
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.believing import Believability, believability_of, doubts_of_cells, spread_of_wall
+from endoct.fusion.segmentation.lines import enclosed_by_lines
 from endoct.fusion.segmentation.outlines import clearest_regions
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
@@ -84,10 +85,13 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
     clear = None
     if p.outlines and evidence.kind == "darkness":
         clear = clearest_regions(evidence, np.clip(smooth, 0, high), threshold, p)
+    dark = mask if clear is None else clear
     if clear is not None:
-        mask = clear
-        of += ", cells up to their clearest outline"
-    believability = believability_of(evidence.valid, smooth, mask, threshold, with_outlines=clear is not None)
+        mask = clear | enclosed_by_lines(evidence, clear, p)
+        of += ", cells up to their clearest outline, and what dark lines enclose"
+    believability = believability_of(
+        evidence.valid, smooth, mask, threshold, dark=dark, with_outlines=clear is not None
+    )
     return Segmentation(mask, threshold, unit, of, polarity, believability)
 
 
