@@ -36,13 +36,15 @@ def test_a_line_of_one_bscan_is_not_the_wall() -> None:
     """A face at its turning point draws a line into every A-scan of its turn, before the wall and across a cell."""
     wall = np.round(110 + 12 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
     wall[400:450] = N_DEPTH
-    image = speckled(np.full(N_THETA, 5.0), wall)
-    image[:, 60:65] = np.maximum(image[:, 60:65], 12)
-    background = with_lines_of(image, SPECKLE, face_of(nearest_row=62), PIXEL_MM)
-    assert np.flatnonzero(background.line_excess).tolist() == [60, 61, 62, 63, 64]
-    row = first_edge(without_lines(image, background), FIRST_ROW, background, SPACING, OctParameters())
-    assert np.mean(np.abs(row - wall)[:390] <= 8) > 0.98
-    assert np.mean(row[402:448] > 130) > 0.95
+    rows = []
+    for seed in range(8):
+        image = speckled(np.full(N_THETA, 5.0), wall, seed)
+        image[:, 60:65] = np.maximum(image[:, 60:65], 12)
+        background = with_lines_of(image, SPECKLE, face_of(nearest_row=62), PIXEL_MM)
+        assert np.flatnonzero(background.line_excess).tolist() == [60, 61, 62, 63, 64]
+        rows.append(first_edge(without_lines(image, background), FIRST_ROW, background, SPACING, OctParameters()))
+    assert np.mean(np.abs(np.stack(rows) - wall)[:, :390] <= 8) > 0.98
+    assert np.mean(np.stack(rows)[:, 402:448] > 130) > 0.97
 
 
 def test_a_wall_all_around_at_one_depth_is_no_line() -> None:
