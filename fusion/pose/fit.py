@@ -13,7 +13,7 @@ from endoct.fusion.pose.search import Candidate
 from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, SHARED, TURN, Sense, prior_deviations, wall_places
 from endoct.stitching.arrays import Coordinates
 
-SOFTNESS = (1.0, 0.6, 0.4, 0.25)
+SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)
 """Residuals in shares of air beyond which samples count less and less (Geman and McClure), in turn."""
 ROUNDS, LEAST_MOVE_MM, MOST_MOVE_MM = 8, 1e-3, 0.3
 GAINS = (0.7, 1.4)
@@ -22,6 +22,12 @@ PATCH_MM = 0.35
 TILE_MM = 2.0
 """Of wall whose errors are about one: a cell."""
 LEAST_VARIANCE = 1e-4
+AWAY_FROM_EDGES = 0.1
+"""Weight of samples far from any edge that a side shows, over that of those at one.
+
+A cell that a side misses, or that lies hidden just behind the wall, pulls over all its area, and says nothing of where
+the bore lies.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +102,8 @@ def _compared(air: AirAround, side: Observation, sense: Sense, at: torch.Tensor,
         slope = gradient.norm(dim=0)
         change[..., SHARED + EDGE] = slope
         has = has + own[SHARED + EDGE] * slope
-        shown, weight = at.new_tensor(layer.air), at.new_tensor(layer.weight)
+        shown = at.new_tensor(layer.air)
+        weight = at.new_tensor(layer.weight) * (AWAY_FROM_EDGES + (1 - AWAY_FROM_EDGES) * 4 * shown * (1 - shown))
         parts.append((shown.flatten(), weight.flatten(), has.flatten(), change.flatten(0, 1)))
     return _Compared(*(torch.cat(one) for one in zip(*parts, strict=True)))
 

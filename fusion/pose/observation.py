@@ -95,4 +95,5 @@ def _layer(on: Evidence, air: Image, known: Image, rows: Coordinates, behind_mm:
     share = on_grid(replace(on, values=known, valid=np.ones(known.shape, np.bool_)), rows, COLUMNS)
     weight = np.where(values.valid, share.values, np.float32(0))
     sigmas = BLUR_MM / ROWS_MM, BLUR_MM / values.column_mm
-    return Layer(behind_mm, masked_gaussian(values.values, weight > LEAST_KNOWN, *sigmas), weight)
+    blurred = np.clip(masked_gaussian(values.values, weight > LEAST_KNOWN, *sigmas), 0, 1)
+    return Layer(behind_mm, blurred, weight)
