@@ -1,8 +1,11 @@
-"""Patterns that cannot be in the bone: pieces of a side, in another order and turned. They tell what chance gives.
+"""Patterns that cannot be in the bone, made of a side's own pieces. They tell what chance gives.
 
-Each control has the cells of the side, their sizes, shapes and share, but not their places. How well the best place of
-such a pattern fits, over the same axes, turns and depths, is what the true one has to beat.
+The best place of such a pattern, over the same axes, turns and depths, is what the true one has to beat. Two kinds:
+*turned* ones have every piece of the bore where it is, but turned about the axis, so that how much air there is along
+the bore stays as it is; *shuffled* ones have the pieces in another order as well.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -10,26 +13,45 @@ import torch
 from endoct.fusion.pose.search import ROWS_MM, Pattern
 
 PIECE_MM = 4.0
-CONTROLS = 24
+OF_EACH_KIND = 10
 SEED = 17
 
 
-def control_patterns(pattern: Pattern, count: int = CONTROLS) -> list[Pattern]:
-    """Return ``count`` scrambled patterns, the same ones for the same pattern."""
+def turned_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
+    """Return ``count`` patterns whose pieces are turned, the same ones for the same pattern."""
     rng = np.random.default_rng(SEED)
-    n_z, n_theta = pattern.air.shape
-    n_pieces = max(2, round(n_z * ROWS_MM / PIECE_MM))
-    return [_scrambled(pattern, n_pieces, n_theta, rng) for _ in range(count)]
+    n_pieces = _n_pieces(pattern)
+    return [_rearranged(pattern, range(n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)]
 
 
-def _scrambled(pattern: Pattern, n_pieces: int, n_theta: int, rng: np.random.Generator) -> Pattern:
-    rows = np.array_split(np.arange(pattern.air.shape[0]), n_pieces)
-    order = rng.permutation(n_pieces)
-    while (np.diff(order) == 1).any() and n_pieces > 3:  # no two pieces stay neighbours
-        order = rng.permutation(n_pieces)
-    turns = rng.integers(n_theta, size=n_pieces)
-    air = [torch.roll(pattern.air[rows[piece]], int(turn), dims=1) for piece, turn in zip(order, turns, strict=True)]
-    weight = [
-        torch.roll(pattern.weight[rows[piece]], int(turn), dims=1) for piece, turn in zip(order, turns, strict=True)
+def shuffled_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
+    """Return ``count`` patterns whose pieces are in another order and turned, the same ones for the same pattern."""
+    rng = np.random.default_rng(SEED)
+    n_pieces = _n_pieces(pattern)
+    return [
+        _rearranged(pattern, _without_neighbours(rng, n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)
     ]
-    return Pattern(torch.cat(air), torch.cat(weight), pattern.sense)
+
+
+def _n_pieces(pattern: Pattern) -> int:
+    return max(2, round(pattern.air.shape[0] * ROWS_MM / PIECE_MM))
+
+
+def _turns(rng: np.random.Generator, pattern: Pattern, n_pieces: int) -> Sequence[int]:
+    return [int(turn) for turn in rng.integers(pattern.air.shape[1], size=n_pieces)]
+
+
+def _without_neighbours(rng: np.random.Generator, n_pieces: int) -> Sequence[int]:
+    order = rng.permutation(n_pieces)
+    while n_pieces > 3 and (np.diff(order) == 1).any():
+        order = rng.permutation(n_pieces)
+    return [int(piece) for piece in order]
+
+
+def _rearranged(pattern: Pattern, order: Sequence[int], turns: Sequence[int]) -> Pattern:
+    rows = np.array_split(np.arange(pattern.air.shape[0]), len(order))
+    air, weight = (
+        torch.cat([torch.roll(image[rows[piece]], turn, dims=1) for piece, turn in zip(order, turns, strict=True)])
+        for image in (pattern.air, pattern.weight)
+    )
+    return Pattern(air, weight, pattern.sense)

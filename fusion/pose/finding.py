@@ -7,38 +7,138 @@ import numpy as np
 import torch
 
 from endoct.fusion.pose.air import AirAround
+from endoct.fusion.pose.answer import PoseAnswer
+from endoct.fusion.pose.controls import shuffled_patterns, turned_patterns
 from endoct.fusion.pose.fit import Fit, fit_pose, start_of
 from endoct.fusion.pose.observation import Observation
-from endoct.fusion.pose.search import best_candidates, pattern_of, senses_of
+from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.search import Candidate, axes_around, candidates_along, pattern_of, senses_of
 from endoct.fusion.pose.wall import SHARED
+from endoct.modalities.trajectory import Trajectory
+from endoct.stitching.circle import wrap_rad
 
 STARTS = 3
-"""Of the best candidates of the search that a fit begins at."""
+"""Places of the search, apart from each other, that a fit begins at."""
+APART_MM, APART_RAD = 0.8, 0.35
+LEAST_STANDING = 3.5
+"""Spreads of the controls' scores by which a pattern has to stand above their mean."""
+CLOSE_AGREEMENT = 0.02
+"""A second pose that fits as well as that, but lies apart, leaves it open which is right."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The best pose of one side, and how far it stands out."""
+    """The best pose of one side; ``second``: how well the best one apart from it agrees, None where all fits met.
+
+    ``standing``: by how many of the controls' spreads the search's score lies above their mean.
+    """
 
     fit: Fit
+    second: float | None
+    standing: float
+
+    @property
+    def reason(self) -> str | None:
+        """Why this side alone cannot tell, None where it can."""
+        if self.standing < LEAST_STANDING:
+            return (
+                f"the {self.fit.sides[0].name}'s pattern fits hardly better than rearranged ones would: "
+                f"{self.standing:.1f} of their spreads above their mean, {LEAST_STANDING:g} at least"
+            )
+        if self.second is not None and self.second > self.fit.agreement[0] - CLOSE_AGREEMENT:
+            return f"the {self.fit.sides[0].name}'s pattern fits as well at another place"
+        return None
+
+
+def find_pose(air: AirAround, plan: Trajectory, sides: Sequence[Observation]) -> PoseAnswer:
+    """Return the pose of the bore that one or two ``sides`` show, in the CT that ``air`` was taken from."""
+    found = [find_alone(air, side) for side in sides]
+    together = found[0].fit if len(found) == 1 else fit_together(air, found)
+    reasons = [one.reason for one in found if one.reason is not None]
+    return PoseAnswer(
+        pose=BorePose(plan, together),
+        alone=tuple(BorePose(plan, one.fit) for one in found),
+        reason=reasons[0] if len(reasons) == len(found) else _contradiction(air, found),
+        standing=tuple(one.standing for one in found),
+    )
 
 
 def find_alone(air: AirAround, side: Observation) -> Found:
     """Return the pose that ``side`` alone has in ``air``."""
     device = str(air.values.device)
-    patterns = [pattern_of(side, sense, device) for sense in senses_of(side)]
-    by_sense = best_candidates(air, side, patterns, STARTS)
-    candidates = sorted((one for some in by_sense for one in some), key=lambda one: -one.score)[:STARTS]
-    fits = [fit_pose(air, [side], [one.sense], start_of(one)) for one in candidates]
-    return Found(max(fits, key=lambda fit: fit.agreement[0]))
+    true = [pattern_of(side, sense, device) for sense in senses_of(side)]
+    turned, shuffled = turned_patterns(true[0]), shuffled_patterns(true[0])
+    by_pattern = candidates_along(air, side, [*true, *turned, *shuffled], axes_around(air.length_mm))
+    best = [some[0].score for some in by_pattern]
+    of_controls = np.split(np.array(best[len(true) :]), 2)
+    standing = min((max(best[: len(true)]) - float(kind.mean())) / float(kind.std(ddof=1)) for kind in of_controls)
+    candidates = sorted((one for some in by_pattern[: len(true)] for one in some), key=lambda one: -one.score)
+    fits = [fit_pose(air, [side], [one.sense], start_of(one)) for one in _apart(candidates, air.length_mm)]
+    fits.sort(key=lambda fit: -fit.agreement[0])
+    others = [fit.agreement[0] for fit in fits[1:] if _differ(_summary(fit), _summary(fits[0]), air.length_mm)]
+    return Found(fits[0], max(others, default=None), standing)
 
 
-def find_together(air: AirAround, found: Sequence[Found]) -> Fit:
-    """Return the pose of sides that were found alone: one axis, each side's own depth and turn."""
-    fits = [one.fit for one in found]
-    weights = np.linalg.inv(np.stack([fit.covariance[:SHARED, :SHARED] for fit in fits]))
-    axes = np.stack([fit.parameters[:SHARED] for fit in fits])
-    axis = np.linalg.solve(weights.sum(axis=0), np.einsum("sij,sj->i", weights, axes))
-    start = np.concatenate([axis, *(fit.of_side(0) for fit in fits)])
-    sides, senses = [fit.sides[0] for fit in fits], [fit.senses[0] for fit in fits]
-    return fit_pose(air, sides, senses, torch.as_tensor(start))
+def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
+    """Return the pose of sides that were found alone: one axis, each side's own depth and turn.
+
+    It begins at the axis of the side that stands out most; the others look along that axis anew.
+    """
+    leader = max(found, key=lambda one: one.standing)
+    axis = leader.fit.parameters[:SHARED]
+    start, senses = [torch.as_tensor(axis)], []
+    for one in found:
+        side = one.fit.sides[0]
+        if one is leader:
+            start.append(torch.as_tensor(one.fit.of_side(0)))
+            senses.append(one.fit.senses[0])
+            continue
+        patterns = [pattern_of(side, sense, str(air.values.device)) for sense in senses_of(side)]
+        along = candidates_along(air, side, patterns, axis[np.newaxis])
+        best = max((some[0] for some in along), key=lambda candidate: candidate.score)
+        start.append(start_of(best)[SHARED:])
+        senses.append(best.sense)
+    sides = [one.fit.sides[0] for one in found]
+    return fit_pose(air, sides, senses, torch.cat(start), [one.fit.dispersion[0] for one in found])
+
+
+def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:
+    """Return how two sides that each can tell contradict each other, None where they do not."""
+    if len(found) < 2 or any(one.reason is not None for one in found):
+        return None
+    one, other = (BorePose(Trajectory((0, 0, 0), (0, 0, air.length_mm)), each.fit) for each in found)
+    for z_mm in (0.0, air.length_mm):
+        apart = (one.axis_lps(np.array([z_mm])) - other.axis_lps(np.array([z_mm])))[0]
+        spread = float(np.trace(one.axis_covariance(z_mm) + other.axis_covariance(z_mm)))
+        if (distance := float(np.linalg.norm(apart))) > APART_MM + 3 * np.sqrt(spread):
+            return f"{one.names[0]} and {other.names[0]} find axes {distance:.2f} mm apart"
+    return None
+
+
+Summary = tuple[tuple[float, float, float, float], float, float]
+"""Axis, depth and turn of a pose."""
+
+
+def _apart(candidates: Sequence[Candidate], length_mm: float) -> list[Candidate]:
+    """Return the best candidates that lie apart from each other."""
+    chosen: list[Candidate] = []
+    for one in candidates:
+        here = (one.axis, one.depth_mm, one.turn_rad)
+        if all(_differ(here, (other.axis, other.depth_mm, other.turn_rad), length_mm) for other in chosen):
+            chosen.append(one)
+        if len(chosen) == STARTS:
+            break
+    return chosen
+
+
+def _summary(fit: Fit) -> Summary:
+    x, y, about_x, about_y = (float(value) for value in fit.parameters[:SHARED])
+    depth, turn = (float(value) for value in fit.of_side(0)[:2])
+    return (x, y, about_x, about_y), depth, turn
+
+
+def _differ(one: Summary, other: Summary, length_mm: float) -> bool:
+    apart = np.abs(np.subtract(one[0], other[0]))
+    ends_mm = float(apart[:2].max() + length_mm / 2 * apart[2:].max())
+    turn = abs(float(wrap_rad(np.array(one[2] - other[2]))))
+    return ends_mm > APART_MM or abs(one[1] - other[1]) > APART_MM or turn > APART_RAD

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from endoct.fusion.pose.air import AirAround
-from endoct.fusion.pose.observation import Observation
+from endoct.fusion.pose.observation import STRETCH_MM, Observation
 from endoct.fusion.pose.search import Candidate
 from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, SHARED, TURN, Sense, prior_deviations, wall_places
 from endoct.stitching.arrays import Coordinates
@@ -34,7 +34,8 @@ the bore lies.
 class Fit:
     """A pose fitted to sides: ``parameters`` (n,) as :mod:`endoct.fusion.pose.wall` says, ``covariance`` (n, n).
 
-    ``agreement``: by side, the correlation of what it shows with what the CT has there.
+    By side, ``agreement``: the correlation of what it shows with what the CT has there; ``dispersion``: the variance of
+    the axis by the scatter of its pulls, over that by its residuals alone.
     """
 
     sides: tuple[Observation, ...]
@@ -42,6 +43,7 @@ class Fit:
     parameters: Coordinates
     covariance: Coordinates
     agreement: tuple[float, ...]
+    dispersion: tuple[float, ...]
 
     def of_side(self, number: int) -> Coordinates:
         """Return the parameters of one side, (OF_SIDE,)."""
@@ -57,28 +59,40 @@ def start_of(candidate: Candidate) -> torch.Tensor:
     return start
 
 
-def fit_pose(air: AirAround, sides: Sequence[Observation], senses: Sequence[Sense], start: torch.Tensor) -> Fit:
-    """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,)."""
-    device = air.values.device
-    at = start.to(device=device, dtype=torch.float64).clone()
-    inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(device) ** -2)
-    levels = [(1.0, 0.0)] * len(sides)
+def fit_pose(
+    air: AirAround,
+    sides: Sequence[Observation],
+    senses: Sequence[Sense],
+    start: torch.Tensor,
+    dispersion: Sequence[float] | None = None,
+) -> Fit:
+    """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
+
+    ``dispersion``, of fits of each alone, says how much less a side counts than its residuals would let it.
+    """
+    at = start.to(device=air.values.device, dtype=torch.float64).clone()
+    inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(at.device) ** -2)
+    levels, dispersion = [(1.0, 0.0)] * len(sides), dispersion or [1.0] * len(sides)
     for softness in SOFTNESS:
         for _ in range(ROUNDS):
             information, gradient = inverse_prior.clone(), -inverse_prior @ at
             for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
                 seen = _compared(air, side, sense, at, number)
-                levels[number], weight, residual = _levelled(seen, levels[number], softness)
-                counts, moved = _counting(side, weight, residual), levels[number][0] * seen.moved
-                part = torch.cat([torch.arange(SHARED), SHARED + OF_SIDE * number + torch.arange(OF_SIDE)]).to(device)
-                information[part[:, None], part] += moved.T @ (moved * (counts * weight)[:, None])
-                gradient[part] += moved.T @ (counts * weight * residual)
+                levels[number], of_side, pulls = _pulls(side, seen, levels[number], softness)
+                part = _part(number)
+                information[part[:, None], part] += of_side / dispersion[number]
+                gradient[part] += pulls.sum(dim=0) / dispersion[number]
             move = torch.linalg.solve(information, gradient)
             ends_mm = float(move[:2].abs().max() + air.length_mm / 2 * move[2:SHARED].abs().max())
             at = at + move * min(1.0, MOST_MOVE_MM / max(ends_mm, 1e-9))
             if ends_mm < LEAST_MOVE_MM:
                 break
-    return _finished(air, sides, senses, at, levels, inverse_prior)
+    return _finished(air, sides, senses, at, levels)
+
+
+def _part(number: int) -> torch.Tensor:
+    """Return which parameters one side depends on."""
+    return torch.cat([torch.arange(SHARED), SHARED + OF_SIDE * number + torch.arange(OF_SIDE)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +142,19 @@ def _robust(weight: torch.Tensor, residual: torch.Tensor, softness: float) -> to
     return robust
 
 
-def _counting(side: Observation, weight: torch.Tensor, residual: torch.Tensor) -> torch.Tensor:
-    """Return by how much a sample counts: independent ones for each, over the variance."""
+def _pulls(
+    side: Observation, seen: _Compared, levels: tuple[float, float], softness: float
+) -> tuple[tuple[float, float], torch.Tensor, torch.Tensor]:
+    """Return the levels anew, the information on the side's parameters (n, n), and every sample's pull on them (m, n).
+
+    A sample counts as its share of an independent one, over the variance of them all.
+    """
+    levels, weight, residual = _levelled(seen, levels, softness)
     variance = ((weight * residual**2).sum() / weight.sum()).clamp_min(LEAST_VARIANCE)
     step, column = float(side.z_mm[1] - side.z_mm[0]), 2 * np.pi * side.radius_mm / side.layers[0].air.shape[1]
-    counts: torch.Tensor = step * column / PATCH_MM**2 / float(np.sqrt(len(side.layers))) / variance
-    return counts
+    counts = weight * (step * column / PATCH_MM**2 / np.sqrt(len(side.layers))) / variance
+    moved = levels[0] * seen.moved
+    return levels, moved.T @ (moved * counts[:, None]), moved * (counts * residual)[:, None]
 
 
 def _finished(
@@ -142,24 +163,52 @@ def _finished(
     senses: Sequence[Sense],
     at: torch.Tensor,
     levels: Sequence[tuple[float, float]],
-    inverse_prior: torch.Tensor,
 ) -> Fit:
-    """Return the fit with its covariance: scatter of the tiles' pulls between the inverses of the information."""
-    information, scatter, agreement = inverse_prior.clone(), inverse_prior.clone(), []
+    """Return the fit with its covariance.
+
+    Of each side alone that is the scatter of the tiles' pulls between the inverses of the information, and what no fit
+    can tell. The axis of all sides together is as good as their weighted mean.
+    """
+    n = at.numel()
+    covariance, precision = np.zeros((n, n)), np.zeros((SHARED, SHARED))
+    agreement, dispersion = [], []
     for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
         seen = _compared(air, side, sense, at, number)
-        _, weight, residual = _levelled(seen, levels[number], SOFTNESS[-1])
-        counts, moved = _counting(side, weight, residual), levels[number][0] * seen.moved
-        part = torch.cat([torch.arange(SHARED), SHARED + OF_SIDE * number + torch.arange(OF_SIDE)]).to(at.device)
-        information[part[:, None], part] += moved.T @ (moved * (counts * weight)[:, None])
-        pulls = moved * (counts * weight * residual)[:, None]
-        tiles = torch.zeros(int(_tiles(side).max()) + 1, pulls.shape[1], dtype=torch.float64, device=at.device)
-        tiles.index_add_(0, torch.as_tensor(_tiles(side), device=at.device).repeat(len(side.layers)), pulls)
-        scatter[part[:, None], part] += tiles.T @ tiles
+        _, information, pulls = _pulls(side, seen, levels[number], SOFTNESS[-1])
+        tile = torch.as_tensor(_tiles(side), device=at.device).repeat(len(side.layers))
+        tiles = pulls.new_zeros(int(tile.max()) + 1, pulls.shape[1]).index_add_(0, tile, pulls)
+        prior = torch.diag(prior_deviations((side,)).to(at.device) ** -2)
+        inverse = torch.linalg.inv(prior + information)
+        own = (inverse @ (prior + tiles.T @ tiles) @ inverse).cpu().numpy()
+        middle_mm = float(at[_part(number)][SHARED + DEPTH]) - air.length_mm / 2
+        own[:SHARED, :SHARED] += _untold(side, middle_mm)
+        own[SHARED + DEPTH, SHARED + DEPTH] += side.along_mm**2
+        precision += np.linalg.inv(own[:SHARED, :SHARED])
+        part = _part(number).numpy()
+        covariance[np.ix_(part[SHARED:], part[SHARED:])] = own[SHARED:, SHARED:]
+        covariance[np.ix_(part, part)] += np.pad(own[:SHARED, SHARED:], ((0, OF_SIDE), (SHARED, 0)))
+        covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
         agreement.append(_correlation(seen))
-    inverse = torch.linalg.inv(information)
-    covariance = inverse @ scatter @ inverse
-    return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance.cpu().numpy(), tuple(agreement))
+        alone = torch.diag(inverse)[:SHARED].cpu().numpy()
+        dispersion.append(float(np.mean(np.diag(own)[:SHARED] / alone)))
+    covariance[:SHARED, :SHARED] = np.linalg.inv(precision)
+    return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement), tuple(dispersion))
+
+
+def _untold(side: Observation, middle_mm: float) -> Coordinates:
+    """Return the covariance (SHARED, SHARED) of an axis through stretches of bore that each lie aside by chance.
+
+    ``middle_mm``: of the side, from the place at which the axis is stated.
+    """
+    stretches = max(1.0, side.length_mm / STRETCH_MM)
+    aside = side.aside_mm**2 / stretches
+    tilt = 12 * aside / max(side.length_mm, STRETCH_MM) ** 2
+    # x grows with the turn about y, y falls with that about x
+    x, y, about_x, about_y = range(SHARED)
+    covariance = np.diag([aside + middle_mm**2 * tilt] * 2 + [tilt] * 2)
+    covariance[x, about_y] = covariance[about_y, x] = -middle_mm * tilt
+    covariance[y, about_x] = covariance[about_x, y] = middle_mm * tilt
+    return covariance
 
 
 def _tiles(side: Observation) -> NDArray[np.int64]:

@@ -23,6 +23,11 @@ EVEN_STEPS = 0.03
 """Relative spread of the steps between frames below which a drive made them, not a stitching."""
 DRIVEN_STRETCH_MM, STITCHED_STRETCH_MM = 0.02, 0.12
 """How far places along the bore may lie off, the scale of the whole aside."""
+ASIDE_BY_DEPTH_MM, ASIDE_BY_CELLS_MM = 0.022, 0.045
+ALONG_BY_DEPTH_MM, ALONG_BY_CELLS_MM = 0.02, 0.075
+"""By how much a stretch of ``STRETCH_MM`` of bore seems to lie aside of where it is, and the whole along the bore, by
+what unrolling and segmentation leave: from twelve simulated bores of the preset 'patient', seeds 100 to 111."""
+STRETCH_MM = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +43,9 @@ class Layer:
 class Observation:
     """What one side shows of the air around the bore, columns from θ = 0 on.
 
-    ``stretch_mm``: how far its places along the bore may be off, smoothly; ``handed`` and ``directed`` say whether the
-    sense of θ and the direction of z are known.
+    ``stretch_mm``: how far its places along the bore may be off, smoothly; ``aside_mm``, ``along_mm``: what its places
+    may be off that no fit can tell, across every few mm of the bore and along all of it; ``handed`` and ``directed`` say
+    whether the sense of θ and the direction of z are known.
     """
 
     name: str
@@ -47,6 +53,8 @@ class Observation:
     radius_mm: float
     layers: tuple[Layer, ...]
     stretch_mm: float
+    aside_mm: float
+    along_mm: float
     handed: bool
     directed: bool
 
@@ -80,6 +88,8 @@ def observe(side: Side) -> Observation:
         radius_mm=panorama.grid.radius_mm,
         layers=layers,
         stretch_mm=DRIVEN_STRETCH_MM if driven else STITCHED_STRETCH_MM,
+        aside_mm=ASIDE_BY_DEPTH_MM if evidence.kind == "relief" else ASIDE_BY_CELLS_MM,
+        along_mm=ALONG_BY_DEPTH_MM if evidence.kind == "relief" else ALONG_BY_CELLS_MM,
         handed=panorama.handedness_known,
         directed=panorama.travel_known,
     )

@@ -4,7 +4,7 @@ For every axis around the plan the CT is unrolled once. A correlation over (θ, 
 turn and every depth at one go.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,11 +85,10 @@ def axes_around(length_mm: float) -> Coordinates:
     return np.concatenate([np.repeat(aside, len(tilts), axis=0), np.tile(tilts, (len(aside), 1))], axis=1)
 
 
-def best_candidates(
-    air: AirAround, side: Observation, patterns: Sequence[Pattern], count: int
+def candidates_along(
+    air: AirAround, side: Observation, patterns: Sequence[Pattern], axes: Coordinates
 ) -> list[list[Candidate]]:
-    """Return for every pattern of ``side`` its ``count`` best candidates, best first, each with another axis."""
-    axes = axes_around(air.length_mm)
+    """Return for every pattern of ``side`` the best candidate along each of ``axes`` (n, 4), best first."""
     rows = np.arange(-DEPTH_MM, air.length_mm + DEPTH_MM + ROWS_MM / 2, ROWS_MM)
     spare = patterns[0].air.shape[0] - rows.size
     if spare >= 0:  # a side as long as the plan or longer may reach beyond both its ends
@@ -99,12 +98,12 @@ def best_candidates(
     for first in range(0, len(axes), AXES_AT_A_TIME):
         some = slice(first, first + AXES_AT_A_TIME)
         wall = _unrolled(air, axes[some], rows, side.radius_mm + side.layers[0].behind_mm)
-        for number, pattern in enumerate(patterns):
-            best = correlations(wall, pattern).flatten(1).max(dim=1)
+        for number, like in enumerate(correlations(wall, patterns)):
+            best = like.flatten(1).max(dim=1)
             scores[number, some], places[number, some] = best.values.cpu().numpy(), best.indices.cpu().numpy()
     found = []
     for number, pattern in enumerate(patterns):
-        order = np.argsort(-scores[number], kind="stable")[:count]
+        order = np.argsort(-scores[number], kind="stable")
         found.append(
             [
                 Candidate(
@@ -120,28 +119,24 @@ def best_candidates(
     return found
 
 
-def correlations(wall: torch.Tensor, pattern: Pattern) -> torch.Tensor:
-    """Return how a pattern correlates with walls (n, n_z, n_theta) at every depth and turn, (n, depths, n_theta)."""
+def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[torch.Tensor]:
+    """Yield how each pattern correlates with walls (n, n_z, n_theta) at every depth and turn, (n, depths, n_theta)."""
     n_z, n_theta = wall.shape[1:]
-    depths = n_z - pattern.air.shape[0] + 1
     wall = wall - wall.mean(dim=(1, 2), keepdim=True)
 
     def spectrum(image: torch.Tensor) -> torch.Tensor:
         found: torch.Tensor = torch.fft.rfft2(image, s=(n_z, n_theta))
         return found
 
-    def at_every_place(product: torch.Tensor) -> torch.Tensor:
-        found: torch.Tensor = torch.fft.irfft2(product, s=(n_z, n_theta))[:, :depths]
-        return found
-
-    weight = spectrum(pattern.weight).conj()
-    of_wall = spectrum(wall)
-    total = pattern.weight.sum()
-    common = at_every_place(of_wall * spectrum(pattern.weight * pattern.air).conj())
-    mean, square = at_every_place(of_wall * weight), at_every_place(spectrum(wall * wall) * weight)
-    # a wall that is all bone, or all air, is like nothing
-    of_walls = (square - mean * mean / total).clamp_min(LEAST_VARIANCE * float(total))
-    return common / torch.sqrt(of_walls * (pattern.weight * pattern.air**2).sum().clamp_min(1e-9))
+    of_wall, of_square = spectrum(wall), spectrum(wall * wall)
+    for pattern in patterns:
+        depths = n_z - pattern.air.shape[0] + 1
+        weight, total = spectrum(pattern.weight).conj(), float(pattern.weight.sum())
+        products = [of_wall * spectrum(pattern.weight * pattern.air).conj(), of_wall * weight, of_square * weight]
+        common, mean, square = (torch.fft.irfft2(one, s=(n_z, n_theta))[:, :depths] for one in products)
+        # a wall that is all bone, or all air, is like nothing
+        of_walls = (square - mean * mean / total).clamp_min(LEAST_VARIANCE * total)
+        yield common / torch.sqrt(of_walls * (pattern.weight * pattern.air**2).sum().clamp_min(1e-9))
 
 
 def _unrolled(air: AirAround, axes: Coordinates, rows: Coordinates, radius_mm: float) -> torch.Tensor:

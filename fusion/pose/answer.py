@@ -1,0 +1,19 @@
+"""What is said of a bore's pose: where it lies, by all sides and by each alone, or why that cannot be told."""
+
+from dataclasses import dataclass
+
+from endoct.fusion.pose.pose import BorePose
+
+
+@dataclass(frozen=True, eq=False)
+class PoseAnswer:
+    """The best ``pose`` there is, of all sides together, and of each ``alone``.
+
+    ``reason``: why it cannot be told, in a full sentence; None where it is told. ``standing``: by side, how far its
+    score lies above that of control patterns, in their spreads.
+    """
+
+    pose: BorePose
+    alone: tuple[BorePose, ...]
+    reason: str | None
+    standing: tuple[float, ...]
