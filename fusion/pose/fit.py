@@ -34,8 +34,8 @@ the bore lies.
 class Fit:
     """A pose fitted to sides: ``parameters`` (n,) as :mod:`endoct.fusion.pose.wall` says, ``covariance`` (n, n).
 
-    By side, ``agreement``: the correlation of what it shows with what the CT has there; ``dispersion``: the variance of
-    the axis by the scatter of its pulls, over that by its residuals alone.
+    By side, ``agreement``: the correlation of what it shows near edges with what the CT has there;
+    ``dispersion``: the variance of the axis by the scatter of its pulls, over that by its residuals alone.
     """
 
     sides: tuple[Observation, ...]
@@ -64,21 +64,23 @@ def fit_pose(
     sides: Sequence[Observation],
     senses: Sequence[Sense],
     start: torch.Tensor,
+    *,
+    softness: Sequence[float] = SOFTNESS,
     dispersion: Sequence[float] | None = None,
 ) -> Fit:
     """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
 
-    ``dispersion``, of fits of each alone, says how much less a side counts than its residuals would let it.
+    ``softness``: residuals, in shares of air, beyond which samples count less and less, in turn. ``dispersion``, of fits of each alone, says how much less a side counts than its residuals would let it.
     """
     at = start.to(device=air.values.device, dtype=torch.float64).clone()
     inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(at.device) ** -2)
     levels, dispersion = [(1.0, 0.0)] * len(sides), dispersion or [1.0] * len(sides)
-    for softness in SOFTNESS:
+    for soft in softness:
         for _ in range(ROUNDS):
             information, gradient = inverse_prior.clone(), -inverse_prior @ at
             for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
                 seen = _compared(air, side, sense, at, number)
-                levels[number], of_side, pulls = _pulls(side, seen, levels[number], softness)
+                levels[number], of_side, pulls = _pulls(side, seen, levels[number], soft)
                 part = _part(number)
                 information[part[:, None], part] += of_side / dispersion[number]
                 gradient[part] += pulls.sum(dim=0) / dispersion[number]
@@ -221,7 +223,9 @@ def _tiles(side: Observation) -> NDArray[np.int64]:
 
 
 def _correlation(seen: _Compared) -> float:
-    weight = seen.weight / seen.weight.sum()
+    """Return the correlation of what is shown with what the CT has, near the edges that are shown."""
+    weight = seen.weight * seen.shown * (1 - seen.shown)
+    weight = weight / weight.sum().clamp_min(1e-12)
     shown, has = seen.shown - (weight * seen.shown).sum(), seen.has - (weight * seen.has).sum()
     spread = torch.sqrt((weight * shown**2).sum() * (weight * has**2).sum()).clamp_min(1e-12)
     return float((weight * shown * has).sum() / spread)

@@ -44,7 +44,7 @@ class Observation:
     """What one side shows of the air around the bore, columns from θ = 0 on.
 
     ``stretch_mm``: how far its places along the bore may be off, smoothly; ``aside_mm``, ``along_mm``: what its places
-    may be off that no fit can tell, across every few mm of the bore and along all of it; ``handed`` and ``directed`` say
+    may be off that no fit can tell, across every few mm of the bore and along all of it; ``handed``, ``directed``:
     whether the sense of θ and the direction of z are known.
     """
 
