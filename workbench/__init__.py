@@ -1,7 +1,7 @@
 """The public Python interface, the command line, the pipeline and the report.
 
-``from endoct.workbench import compare, demo, export, simulate, summarise, unroll, verify``. Each loads on first use,
-so that the command line starts at once.
+``from endoct.workbench import compare, demo, export, pose, simulate, summarise, unroll, verify``. Each loads on first
+use, so that the command line starts at once.
 """
 
 from importlib import import_module
@@ -11,11 +11,12 @@ if TYPE_CHECKING:
     from endoct.workbench.api import compare, demo, summarise, unroll
     from endoct.workbench.exporting.export import export
     from endoct.workbench.pipeline.simulating import simulate
+    from endoct.workbench.posing.pose import pose
     from endoct.workbench.verifying import verify
 
     __version__: str
 
-__all__ = ["compare", "demo", "export", "simulate", "summarise", "unroll", "verify"]
+__all__ = ["compare", "demo", "export", "pose", "simulate", "summarise", "unroll", "verify"]
 
 if not TYPE_CHECKING:  # else every misspelt name would be an object to type checkers
 
@@ -26,7 +27,12 @@ if not TYPE_CHECKING:  # else every misspelt name would be an object to type che
             return version("endoct")
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        elsewhere = {"export": "exporting.export", "simulate": "pipeline.simulating", "verify": "verifying"}
+        elsewhere = {
+            "export": "exporting.export",
+            "pose": "posing.pose",
+            "simulate": "pipeline.simulating",
+            "verify": "verifying",
+        }
         module = elsewhere.get(name, "api")
         return getattr(import_module(f"endoct.workbench.{module}"), name)
 

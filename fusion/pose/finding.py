@@ -59,13 +59,17 @@ class Found:
 
 def find_pose(air: AirAround, plan: Trajectory, sides: Sequence[Observation]) -> PoseAnswer:
     """Return the pose of the bore that one or two ``sides`` show, in the CT that ``air`` was taken from."""
-    found = [find_alone(air, side) for side in sides]
+    return answer(air, plan, [find_alone(air, side) for side in sides])
+
+
+def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnswer:
+    """Return the pose by all sides that were ``found`` alone, or why it cannot be told: where none of them can."""
     together = found[0].fit if len(found) == 1 else fit_together(air, found)
     reasons = [one.reason for one in found if one.reason is not None]
     return PoseAnswer(
         pose=BorePose(plan, together),
         alone=tuple(BorePose(plan, one.fit) for one in found),
-        reason=reasons[0] if len(reasons) == len(found) else _contradiction(air, found),
+        reason="; ".join(reasons) if len(reasons) == len(found) else _contradiction(air, found),
         standing=tuple(one.standing for one in found),
     )
 
@@ -91,14 +95,14 @@ def find_alone(air: AirAround, side: Observation) -> Found:
 def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
     """Return the pose of sides that were found alone: one axis, each side's own depth and turn.
 
-    It begins at the axis of the side that stands out most; the others look along that axis anew.
+    It begins at the axis of the side that stands out most. A side that found another axis looks along that one anew.
     """
     leader = max(found, key=lambda one: one.standing)
     axis = leader.fit.parameters[:SHARED]
     start, senses = [torch.as_tensor(axis)], []
     for one in found:
         side = one.fit.sides[0]
-        if one is leader:
+        if not _differ(_summary(one.fit), (_summary(leader.fit)[0], *_summary(one.fit)[1:]), air.length_mm):
             start.append(torch.as_tensor(one.fit.of_side(0)))
             senses.append(one.fit.senses[0])
             continue

@@ -70,7 +70,8 @@ def fit_pose(
 ) -> Fit:
     """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
 
-    ``softness``: residuals, in shares of air, beyond which samples count less and less, in turn. ``dispersion``, of fits of each alone, says how much less a side counts than its residuals would let it.
+    ``softness``: residuals, in shares of air, beyond which samples count less and less, in turn. ``dispersion``, of
+    fits of each alone, says how much less a side counts than its residuals would let it.
     """
     at = start.to(device=air.values.device, dtype=torch.float64).clone()
     inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(at.device) ** -2)

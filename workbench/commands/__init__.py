@@ -14,6 +14,7 @@ from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
+from endoct.workbench.commands.poses import pose
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import dataset, demo, simulate
@@ -30,6 +31,7 @@ def run(arguments: Sequence[str]) -> int:
         "simulate": simulate,
         "unroll": unroll,
         "compare": compare,
+        "pose": pose,
         "dataset": dataset,
         "bench": bench,
         "report": report,

@@ -1,4 +1,4 @@
-"""The alignment of a comparison as an affine transform in ITK's text format, for ITK, SimpleITK and 3D Slicer."""
+"""An affine transform, as the alignment of a comparison, in ITK's text format, for ITK, SimpleITK and 3D Slicer."""
 
 from pathlib import Path
 
@@ -29,10 +29,16 @@ def write_itk_transform(source: Source, path: Path, options: Options, stages: St
     if options.inverse:
         matrix = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         offset_mm, start, end = -matrix @ offset_mm, a, b
+    save_affine(matrix, offset_mm, f"takes points in the bore frame of {start} to that of {end}, mm", path)
+    return {"from": start, "to": end, "matrix": matrix.tolist(), "offset_mm": offset_mm.tolist()}
+
+
+def save_affine(matrix: Coordinates, offset_mm: Coordinates, what: str, path: Path) -> None:
+    """Write the affine transform that takes a point to matrix (3, 3) @ point + offset (3,); ``what`` it does."""
     lines = [
         "#Insight Transform File V1.0",
         f"# {BLANK}",
-        f"# takes points in the bore frame of {start} to that of {end}, mm",
+        f"# {what}",
         "#Transform 0",
         "Transform: AffineTransform_double_3_3",
         f"Parameters: {' '.join(repr(float(value)) for value in (*matrix.ravel(), *offset_mm))}",
@@ -41,7 +47,6 @@ def write_itk_transform(source: Source, path: Path, options: Options, stages: St
     ]
     path.write_text("\n".join(lines), encoding="utf-8", newline="\n")
     mark(path)
-    return {"from": start, "to": end, "matrix": matrix.tolist(), "offset_mm": offset_mm.tolist()}
 
 
 def affine_of(alignment: Alignment) -> tuple[Coordinates, Coordinates]:

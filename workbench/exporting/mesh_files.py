@@ -25,6 +25,12 @@ _FLOAT, _USHORT, _UINT = 5126, 5123, 5125
 def write_ply(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
     """Write the wall as binary PLY with colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, options, stages, coloured=True)
+    save_ply(mesh, path, "bore frame: right-handed, z inward, x right and y down as seen looking in")
+    return mesh.facts
+
+
+def save_ply(mesh: Mesh, path: Path, frame: str) -> None:
+    """Write a mesh as binary PLY with colours; ``frame`` says what its coordinates are, ASCII."""
     vertices = np.empty(len(mesh.points_mm), [("xyz", "<f4", 3), ("rgb", "u1", 3)])
     vertices["xyz"], vertices["rgb"] = mesh.points_mm, mesh.colours
     faces = np.empty(len(mesh.faces), [("n", "u1"), ("of", "<i4", 3)])
@@ -34,7 +40,7 @@ def write_ply(source: Source, path: Path, options: Options, stages: Stages) -> d
         "format binary_little_endian 1.0",
         f"comment {BLANK}",
         "comment SPACE=LPS",
-        "comment mm; bore frame: right-handed, z inward, x right and y down as seen looking in",
+        f"comment mm; {frame}",
         f"element vertex {len(vertices)}",
         *(f"property float {axis}" for axis in "xyz"),
         *(f"property uchar {colour}" for colour in ("red", "green", "blue")),
@@ -48,12 +54,17 @@ def write_ply(source: Source, path: Path, options: Options, stages: Stages) -> d
         vertices.tofile(file)
         faces.tofile(file)
     mark(path)
-    return mesh.facts
 
 
 def write_stl(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
     """Write the wall as binary STL, without colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, options, stages, coloured=False)
+    save_stl(mesh, path)
+    return mesh.facts
+
+
+def save_stl(mesh: Mesh, path: Path) -> None:
+    """Write a mesh as binary STL, without colours."""
     corners = mesh.points_mm[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -64,7 +75,6 @@ def write_stl(source: Source, path: Path, options: Options, stages: Stages) -> d
         file.write(_STL_HEADER + struct.pack("<I", len(triangles)))
         triangles.tofile(file)
     mark(path)
-    return mesh.facts
 
 
 def write_glb(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:

@@ -1,14 +1,12 @@
 """Two sides to one comparison, and to its folder."""
 
 import time
-from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.cell_table import write_cells
 from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
 from endoct.fusion.files.masks import mask_on, read_mask
@@ -23,7 +21,7 @@ from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_drawings, write_mask
 from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
 from endoct.workbench.pipeline.sample_frames import copy_sample_frames, save_sample_frames
-from endoct.workbench.pipeline.sources import Source, open_both, read_sides, unroll_sources
+from endoct.workbench.pipeline.sources import Source, inputs_of, open_both, read_sides, unroll_sources
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled
 from endoct.workbench.running.progress import Stages
@@ -77,7 +75,7 @@ def compare_sources(
                         save_sample_frames(one, folder, side.name)
                     elif isinstance(one, Panorama) and source.path is not None:
                         copy_sample_frames(source.path, folder, side.name)
-        of_sides = tuple(_inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
+        of_sides = tuple(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
         doubted = comparison.result
         if comparison.alignment is not None and (doubt := doubt_of_inputs(*of_sides)):
             doubted = doubted.model_copy(update={"doubts": (doubt, *doubted.doubts)})
@@ -127,9 +125,3 @@ def _check_truth(path: Path) -> None:
     simulated = (path / "recording.json").is_file()
     if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
         read_drawing(path, None)
-
-
-def _inputs_of(source: Source, side: Side) -> Mapping[str, str]:
-    """Return the digests of the files that a side was made from, by path."""
-    made_from: Mapping[str, str] | None = side.panorama.provenance.get("inputs")
-    return made_from or (digests(source.path) if source.path else {})

@@ -14,6 +14,7 @@ from endoct.fusion.files.masks import read_mask, stored_mask
 from endoct.fusion.geometry.placement import check_same_bore
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
+from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
@@ -57,9 +58,9 @@ def open_both(sources: tuple[Source, Source]) -> tuple[Ready, Ready]:
     """
     _check_two(*sources)
     with _arguments_of("a"):
-        a = _open(sources[0])
+        a = open_source(sources[0])
     with _arguments_of("b"):
-        b = _open(sources[1])
+        b = open_source(sources[1])
     opened = a, b
     radii_mm = [radius for radius in map(_radius_mm, opened) if radius is not None]
     if len(radii_mm) == 2:
@@ -122,7 +123,8 @@ def _arguments_of(side: str) -> Iterator[None]:
         raise type(error)(error.what, found=error.found, expected=error.expected, remedy=remedy) from error
 
 
-def _open(source: Source) -> Ready:
+def open_source(source: Source) -> Ready:
+    """Open one source. Raises :class:`EndoctError` where it cannot be used."""
     path = source.path
     unrolled, mask = path is None or is_panorama(path), path is not None and is_mask_image(path)
     given = [f"modality {source.modality}"] * (source.modality is not None) + list(source.settings)
@@ -165,3 +167,9 @@ def _panorama(made: Made) -> Panorama | None:
     if isinstance(made, MaskFile):
         return None
     return made if isinstance(made, Panorama) else made.panorama
+
+
+def inputs_of(source: Source, side: Side) -> Mapping[str, str]:
+    """Return the digests of the files that a side was made from, by path."""
+    made_from: Mapping[str, str] | None = side.panorama.provenance.get("inputs")
+    return made_from or (digests(source.path) if source.path else {})

@@ -1,0 +1,68 @@
+"""All that is said of a pose in clinical words, in one place: for the file, the console and the page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from endoct.fusion.pose.answer import PoseAnswer
+from endoct.fusion.pose.clinical import (
+    BEYOND_MM,
+    Difference,
+    Estimate,
+    Offset,
+    angle_of,
+    difference,
+    ends_of,
+    offset_at,
+)
+from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.structures import FACIAL_NERVE, Clearance, Structure, clearance, depth_beside
+
+SEED = 1986
+
+
+@dataclass(frozen=True)
+class PoseSummary:
+    """A pose against its plan.
+
+    Attributes
+    ----------
+    at_entry, at_target: offset of the axis from the plan at the depths of the plan's entry and target.
+    beyond: the same, 5 mm beyond the target; ``recess``: where the bore passes the facial nerve, if that is labelled.
+    angle_deg: between the axis and the plan.
+    ends_mm: by side, the depth along the bore of its first and its last row.
+    clearances: from each labelled structure.
+    difference: of the two sides' own axes; None for one side.
+    """
+
+    at_entry: Offset
+    at_target: Offset
+    beyond: Offset
+    recess: Offset | None
+    angle_deg: Estimate
+    ends_mm: dict[str, tuple[Estimate, Estimate]]
+    clearances: tuple[Clearance, ...]
+    difference: Difference | None
+
+
+def summary_of(answer: PoseAnswer, structures: Sequence[Structure]) -> PoseSummary:
+    """Return what is said of the pose of all sides, and of the ``structures`` near it."""
+    pose, length = answer.pose, answer.pose.plan.length_mm
+    nerve = next((one for one in structures if one.label == FACIAL_NERVE), None)
+    radius = radius_of(pose)
+    return PoseSummary(
+        at_entry=offset_at(pose, 0.0),
+        at_target=offset_at(pose, length),
+        beyond=offset_at(pose, length + BEYOND_MM),
+        recess=None if nerve is None else offset_at(pose, depth_beside(pose, nerve)),
+        angle_deg=angle_of(pose),
+        ends_mm={name: ends_of(pose, name) for name in pose.names},
+        clearances=tuple(clearance(pose, one, radius, np.random.default_rng([SEED, one.label])) for one in structures),
+        difference=difference(*answer.alone) if len(answer.alone) == 2 else None,
+    )
+
+
+def radius_of(pose: BorePose) -> float:
+    """Return the radius of the bore's envelope: the largest that a side's panorama states."""
+    return max(side.radius_mm for side in pose.fit.sides)

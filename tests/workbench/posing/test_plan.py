@@ -1,0 +1,113 @@
+"""The CT and its plan in one world, whatever the convention of either file."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import SimpleITK as sitk
+from pose_case import PoseCase
+
+from endoct.modalities.markups import read_line, write_line
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.posing.plan import Planned, read_plan
+
+SIGNS = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
+
+
+def in_lps(planned: Planned) -> tuple[np.ndarray, np.ndarray]:
+    """Return the world places of the corner voxels and of the plan, whatever the order of voxels."""
+    shape, ct = np.array(planned.ct.voxels.shape) - 1, planned.ct
+    corners = np.array([np.array(corner) * shape for corner in np.ndindex(2, 2, 2)]) @ ct.steps_mm + ct.origin_mm
+    return np.sort(corners, axis=0), np.array([planned.plan.entry_mm, planned.plan.target_mm])
+
+
+def markups(path: Path, case: PoseCase, system: str, **markup: Any) -> Path:
+    points = [
+        {"id": "1", "label": "F-1", "position": (SIGNS[system] * case.plan.entry_mm).tolist()},
+        {"id": "2", "label": "F-2", "position": (SIGNS[system] * case.plan.target_mm).tolist()},
+    ]
+    usual = {"type": "Line", "coordinateSystem": system, "controlPoints": points}
+    path.write_text(json.dumps({"markups": [usual | markup]}), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", ["ct.nii.gz", "ct.mha", "ct.nrrd", "turned.nii.gz", "turned.nrrd", "ras.nrrd"])
+@pytest.mark.parametrize("system", ["LPS", "RAS"])
+def test_every_way_of_saying_it_is_the_same_world(case: PoseCase, tmp_path: Path, name: str, system: str) -> None:
+    path = tmp_path / name
+    case.write_ct(path, turned=name.startswith("turned"))
+    if name == "ras.nrrd":
+        in_ras(path)
+    expected = read_plan(case.write_ct(tmp_path / "plain.mha"), case.plan.entry_mm, case.plan.target_mm, None, None)
+    planned = read_plan(path, None, None, markups(tmp_path / "plan.mrk.json", case, system), None)
+    assert planned.coordinates == system.lower()
+    for one, other in zip(in_lps(planned), in_lps(expected), strict=True):
+        assert np.abs(one - other).max() < 1e-4
+
+
+def in_ras(path: Path) -> None:
+    """Have an NRRD say its own numbers in RAS: another space, and the first two numbers of every vector negated."""
+    header, _, data = path.read_bytes().partition(b"\n\n")
+    lines = []
+    for line in header.decode("ascii").split("\n"):
+        field, _, value = line.partition(": ")
+        if field == "space":
+            value = "right-anterior-superior"
+        elif field in ("space directions", "space origin"):
+            vectors = [np.array(one.strip("()").split(","), float) for one in value.split()]
+            value = " ".join(f"({','.join(repr(float(v)) for v in SIGNS['RAS'] * one)})" for one in vectors)
+        lines.append(f"{field}: {value}" if value else line)
+    path.write_bytes("\n".join(lines).encode("ascii") + b"\n\n" + data)
+
+
+def test_a_ras_nrrd_is_read_as_simpleitk_has_it(case: PoseCase, tmp_path: Path) -> None:
+    path = case.write_ct(tmp_path / "ct.nrrd")
+    before = np.array(sitk.ReadImage(str(path)).GetOrigin())
+    in_ras(path)
+    assert np.allclose(sitk.ReadImage(str(path)).GetOrigin(), before)
+
+
+def test_a_line_comes_back(case: PoseCase, tmp_path: Path) -> None:
+    write_line(case.plan, "plan", tmp_path / "plan.mrk.json")
+    assert read_line(tmp_path / "plan.mrk.json") == (case.plan, "lps")
+
+
+def test_two_points_named_the_other_way_round_are_put_right(case: PoseCase, tmp_path: Path) -> None:
+    path = markups(tmp_path / "plan.mrk.json", case, "LPS", type="Fiducial")
+    assert read_line(path)[0] == case.plan
+    document = json.loads(path.read_text(encoding="utf-8"))
+    points = document["markups"][0]["controlPoints"]
+    points[0]["label"], points[1]["label"] = "Target", " entry"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert read_line(path)[0].entry_mm == case.plan.target_mm
+
+
+@pytest.mark.parametrize(
+    ("markup", "message"),
+    [
+        ({"coordinateSystem": "IJK"}, "RAS or LPS"),
+        ({"coordinateSystem": None}, "RAS or LPS"),
+        ({"coordinateSystem": ["LPS"]}, "RAS or LPS"),
+        ({"type": "Plane"}, "holds no trajectory"),
+        ({"controlPoints": []}, "holds no trajectory"),
+        ({"controlPoints": 3}, "expected a list"),
+        ({"controlPoints": [{"position": [1, 2, 3]}, {"position": [1, 2]}]}, "has no place"),
+        ({"controlPoints": [{"position": [1, 2, 3]}, {"position": [1, 2, float("nan")]}]}, "has no place"),
+        ({"controlPoints": [{"position": [1, 2, 3]}, {"position": [1, 2, "x"]}]}, "has no place"),
+        ({"controlPoints": [{"position": [1, 2, 3]}, {"position": [1, 2, 3]}]}, "the same place"),
+        ({"coordinateUnits": ["mm", "mm", "s"]}, "not in mm"),
+    ],
+)
+def test_what_is_no_line_is_refused(case: PoseCase, tmp_path: Path, markup: dict[str, Any], message: str) -> None:
+    with pytest.raises(EndoctError, match=message):
+        read_line(markups(tmp_path / "plan.mrk.json", case, "LPS", **markup))
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"markups": 1}', '{"markups": []}', '{"markups": [1]}'])
+def test_what_are_no_markups_is_refused(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "plan.mrk.json"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(EndoctError):
+        read_line(path)

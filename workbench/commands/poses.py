@@ -1,0 +1,95 @@
+"""The command that finds where a bore lies in the patient's CT."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tyro.conf import Positional
+
+from endoct.workbench.commands.console import command_stages, print_json, print_line
+from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
+from endoct.workbench.running.status import DONE, UNTOLD
+
+if TYPE_CHECKING:
+    from endoct.workbench.posing.result import PoseResult
+
+
+def pose(
+    sides: Positional[tuple[Path, ...]],
+    output: Output,
+    ct: Path,
+    entry: Place = None,
+    target: Place = None,
+    plan: Path | None = None,
+    coordinates: Literal["ras", "lps"] | None = None,
+    labels: Path | None = None,
+    modality_a: ModalityName = None,
+    modality_b: ModalityName = None,
+    set_a: Settings = (),
+    set_b: Settings = (),
+    device: Literal["cpu", "cuda"] = "cpu",
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Find where a bore lies in the patient's CT (see docs/how-to/pose.md). Research software.
+
+    Args:
+        sides: one or two of one bore: a recording, a panorama, or one side of a comparison as DIR:SIDE
+        output: folder to write to
+        ct: CT from before drilling: a file .nrrd, .nii.gz, .mha, or a folder of DICOM
+        entry: where the bore was planned to begin, mm, as --entry=12.5,-40,7
+        target: where it was planned to end, mm
+        plan: instead of these two, a line of 3D Slicer (.mrk.json)
+        coordinates: what x, y and z of these two mean; default: as the file says (NIfTI RAS, NRRD its space, else LPS)
+        labels: segmentation in the world of the CT: 2 facial nerve, 3 chorda tympani, 4 cochlea; 0 and 1 are no
+            structures
+        modality_a: plug-in to read the first side with
+        modality_b: plug-in to read the second side with
+        set_a: a key of the first side's sidecar or a parameter of its processing
+        set_b: a key of the second side's sidecar or a parameter of its processing
+        device: where to compute
+        overwrite: replace the output if it exists
+        json: print the result as JSON
+    """
+    from endoct.workbench.pipeline.settings import parse
+    from endoct.workbench.pipeline.vary import parse_place
+    from endoct.workbench.posing.pose import pose as find_pose
+
+    result = find_pose(
+        sides,
+        ct,
+        output,
+        entry_mm=parse_place("entry", entry),
+        target_mm=parse_place("target", target),
+        plan=plan,
+        coordinates=coordinates,
+        labels=labels,
+        modality_a=modality_a,
+        modality_b=modality_b,
+        settings_a=parse(set_a),
+        settings_b=parse(set_b),
+        device=device,
+        overwrite=overwrite,
+        progress=command_stages(json),
+    )
+    if json:
+        print_json(result.to_json())
+    else:
+        _print(result)
+        print_line(f"report: {output / 'report.html'}")
+    return DONE if result.told else UNTOLD
+
+
+def _print(result: "PoseResult") -> None:
+    from endoct.workbench.posing.result import NOTICE, estimate_text
+
+    if not result.told:
+        print_line(f"cannot be told: {result.answer.reason}")
+        return
+    summary = result.summary
+    print_line(
+        f"offset from the plan (mm): entry {estimate_text(summary.at_entry.distance_mm)}, target "
+        f"{estimate_text(summary.at_target.distance_mm)}; angle {estimate_text(summary.angle_deg)}°"
+    )
+    for one in summary.clearances:
+        print_line(f"{one.name}: {estimate_text(one.distance_mm)} mm from the bore")
+    print_line(f"In brackets: 95 % intervals. {NOTICE}")

@@ -1,0 +1,195 @@
+"""Figures of a pose: the CT cut along the bore, and each side's wall beside what the CT predicts of it."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
+from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.structures import NO_STRUCTURES, name_of
+from endoct.fusion.pose.summary import radius_of
+from endoct.modalities.ct_volume import CtVolume
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.posing.prediction import COLUMNS, ROWS_MM
+from endoct.workbench.report.figures.drawing import (
+    BLUE,
+    DEPTH_COLOURS,
+    GREEN,
+    INTENSITY_COLOURS,
+    ORANGE,
+    PAGE_WIDTH_IN,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Drawn,
+    journal_style,
+    new_figure,
+    place,
+    robust_limits,
+    save,
+)
+from endoct.workbench.report.figures.wall_panels import (
+    colour_bar,
+    panel_figure,
+    scale_text,
+    show_surface,
+    thinned,
+    wall_panel,
+)
+
+BEFORE_MM, AFTER_MM, ASIDE_MM, STEP_MM = 4.0, 9.0, 7.0, 0.1
+"""Of the CT around the bore that a cut shows."""
+WINDOW_HU = (-1000.0, 2000.0)
+DEEPEST_MM = 1.0
+STRUCTURE_COLOURS = {2: VERMILION, 3: PURPLE, 4: GREEN}
+"""By label."""
+LEAST_SHARE = 0.5
+
+
+def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool, folder: Path) -> Drawn:
+    """Draw the CT cut along the bore in two planes at right angles, with the plan, the bore and the structures."""
+    z = np.arange(-BEFORE_MM, pose.plan.length_mm + AFTER_MM, STEP_MM)
+    aside = np.arange(-ASIDE_MM, ASIDE_MM + STEP_MM / 2, STEP_MM)
+    extent = (z[0] - STEP_MM / 2, z[-1] + STEP_MM / 2, aside[-1] + STEP_MM / 2, aside[0] - STEP_MM / 2)
+    width_in = PAGE_WIDTH_IN - 0.6
+    height_in = width_in * np.ptp(aside) / np.ptp(z)
+    low, high = _window(ct)
+    names: dict[str, str] = {}
+    with journal_style():
+        figure = new_figure(PAGE_WIDTH_IN, 2 * height_in + 1.0)
+        for k, (axis, title) in enumerate(zip((0, 1), ("θ = 0° up", "θ = 90° up"), strict=True)):
+            axes = place(figure, 0.4, k * (height_in + 0.35), width_in, height_in)
+            shown = _cut(ct, pose, z, aside, axis)
+            axes.imshow(shown, cmap="gray", vmin=low, vmax=high, extent=extent, aspect="equal")
+            if labels is not None:
+                names |= _outline_structures(axes, labels, pose, z, aside, axis)
+            _draw_bore(axes, pose, axis, told)
+            axes.set_title(f"({'ab'[k]}) {title}", pad=3)
+            axes.set_ylabel("from the axis (mm)")
+            axes.set_xlim(z[0], z[-1])
+            axes.set_ylim(-ASIDE_MM, ASIDE_MM)
+        axes.set_xlabel("along the bore from the planned entry (mm)")
+        handles = [
+            Line2D([], [], color=ORANGE, linestyle="-" if told else ":", label="bore" if told else "best, not told"),
+            Line2D([], [], color=SKY, linestyle="--", label="plan"),
+            *(Line2D([], [], color=colour, label=name) for name, colour in names.items()),
+        ]
+        axes.legend(
+            handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=3.6, ncols=5, frameon=False,
+            handlelength=1.6,
+        )  # fmt: skip
+        saved = save(figure, folder / "cut.png")
+    caption = (
+        "Two planes through the found axis, at right angles, drawn to scale; the CT is from before drilling. "
+        "Solid: the bore's envelope and axis, between thin lines that hold the wall in 95 % of cases. Dashed: the "
+        "plan, projected onto the plane."
+    )
+    return Drawn(saved, "cut", "The CT along the bore", caption)
+
+
+def draw_wall(side: Side, prediction: Panorama, folder: Path) -> Drawn:
+    """Draw what a side shows of the wall beside what the CT predicts of it at the pose."""
+    own, of_ct = Sampling(side.grid, IN_PLACE), Sampling(prediction.grid, IN_PLACE)
+    grid = common_grid(own, of_ct, dz_mm=ROWS_MM, n_theta=COLUMNS)
+    evidence, by_depth = side.evidence, side.relief is not None
+    shown = evidence.values if by_depth else side.panorama.intensity
+    valid = evidence.valid if by_depth else side.panorama.valid
+    measured, observed = own.onto(grid).image(shown, valid)
+    bone, there = of_ct.onto(grid).image(prediction.intensity, prediction.valid)
+    images = np.where(observed, measured, np.nan), np.where(there, bone, np.nan)
+    coarse, thin, thin_bone, known = thinned(grid, *images, observed)
+    with journal_style():
+        figure, axes = panel_figure(grid, 3)
+        colours = DEPTH_COLOURS if by_depth else INTENSITY_COLOURS
+        limits = (0.0, DEEPEST_MM) if by_depth else robust_limits(thin, known)
+        unit = "behind the wall (mm)" if by_depth else "intensity (a.u.)"
+        for k, (title, outlined) in enumerate(((f"(a) {side.name}", False), (f"(b) {side.name}, CT outlined", True))):
+            wall_panel(axes[k], grid, title, first=k == 0)
+            image = show_surface(axes[k], coarse, thin, known & np.isfinite(thin), colours, *limits)
+            colour_bar(axes[k], image, unit)
+            if outlined:
+                _outline(axes[k], coarse, thin_bone)
+        wall_panel(axes[2], grid, "(c) predicted by the CT", first=False)
+        image = show_surface(axes[2], coarse, thin_bone, np.isfinite(thin_bone), INTENSITY_COLOURS, 0.0, 1.0)
+        colour_bar(axes[2], image, "share of bone")
+        saved = save(figure, folder / f"wall-{side.name}.png")
+    caption = (
+        f"In the frame of {side.name}, {scale_text(grid)}. (b) with outlines of what the CT has as air, half or more. "
+        "Hatched: not observed. Where the pose is right, dark places of (a) and (c) are the same."
+    )
+    return Drawn(saved, f"wall-{side.name}", f"The wall by {side.name}, and by the CT at the pose", caption)
+
+
+def _cut(volume: CtVolume, pose: BorePose, z: Coordinates, aside: Coordinates, axis: int) -> Image:
+    """Return a volume in a plane of the bore frame, (aside, z), NaN outside of it."""
+    part, index = _around(volume, pose, z, aside, axis)
+    cut = ndimage.map_coordinates(part.astype(np.float32), index, order=1, cval=np.nan)
+    return np.asarray(cut, dtype=np.float32)
+
+
+def _around(
+    volume: CtVolume, pose: BorePose, z: Coordinates, aside: Coordinates, axis: int
+) -> tuple[NDArray[np.generic], Coordinates]:
+    """Return the part of a volume around a plane of the bore frame, and the plane's indices in it, (3, aside, z)."""
+    local = np.zeros((aside.size, z.size, 3))
+    local[..., axis], local[..., 2] = aside[:, None], z
+    to_lps = pose.bore_to_lps
+    index = (local @ to_lps[:3, :3].T + to_lps[:3, 3] - volume.origin_mm) @ np.linalg.inv(volume.steps_mm)
+    ends = index.reshape(-1, 3)
+    first = np.clip(np.floor(ends.min(axis=0)).astype(int), 0, np.array(volume.voxels.shape) - 1)
+    last = np.clip(np.ceil(ends.max(axis=0)).astype(int) + 2, first + 1, volume.voxels.shape)
+    part = volume.voxels[tuple(slice(a, b) for a, b in zip(first, last, strict=True))]
+    return part, np.moveaxis(index - first, -1, 0)
+
+
+def _window(ct: CtVolume) -> tuple[float, float]:
+    """Return the values shown black and white: those of Hounsfield units, or of labels 0 and 1."""
+    return WINDOW_HU if float(ct.voxels.min()) < -500 else (0.0, 1.0)
+
+
+def _draw_bore(axes: Axes, pose: BorePose, axis: int, told: bool) -> None:
+    radius, length, style = radius_of(pose), pose.plan.length_mm, "-" if told else ":"
+    z = np.linspace(0, length, 33)
+    reach = [1.96 * float(np.sqrt(pose.axis_covariance(float(depth))[axis, axis])) for depth in z]
+    for sign in (-1, 1):
+        axes.plot([0, length], [sign * radius, sign * radius], color=ORANGE, linewidth=1.2, linestyle=style)
+        for by in (-1, 1):
+            axes.plot(z, sign * radius + by * np.array(reach), color=ORANGE, linewidth=0.4, linestyle=style)
+    for end in (0, length):
+        axes.plot([end, end], [-radius, radius], color=ORANGE, linewidth=1.2, linestyle=style)
+    axes.plot([0, length], [0, 0], color=ORANGE, linewidth=0.6, linestyle=style)
+    ends = np.array([pose.plan.entry_mm, pose.plan.target_mm])
+    to_lps = pose.bore_to_lps
+    local = (ends - to_lps[:3, 3]) @ to_lps[:3, :3]
+    axes.plot(local[:, 2], local[:, axis], color=SKY, linewidth=1.2, linestyle="--")
+
+
+def _outline_structures(
+    axes: Axes, labels: CtVolume, pose: BorePose, z: Coordinates, aside: Coordinates, axis: int
+) -> dict[str, str]:
+    """Outline the structures in a plane; return their colours by name."""
+    part, index = _around(labels, pose, z, aside, axis)
+    found = {}
+    for label in np.unique(part).astype(int).tolist():
+        inside = ndimage.map_coordinates((part == label).astype(np.float32), index, order=1, cval=0.0)
+        if label in NO_STRUCTURES or not inside.max() > LEAST_SHARE:
+            continue
+        colour = STRUCTURE_COLOURS.get(label, BLUE)
+        axes.contour(z, aside, inside, levels=[LEAST_SHARE], colors=[colour], linewidths=1.0)
+        found[name_of(label)] = colour
+    return found
+
+
+def _outline(axes: Axes, grid: SurfaceGrid, bone: NDArray[np.floating]) -> None:
+    # one column more on either side, so that outlines run on over the seam
+    degrees = np.degrees(grid.theta0_rad + grid.dtheta_rad * np.arange(-1, grid.n_theta + 1))
+    padded = np.pad(np.nan_to_num(bone, nan=1.0), ((0, 0), (1, 1)), mode="wrap")
+    if padded.max() > 0.5 > padded.min():
+        axes.contour(degrees, grid.z_mm, padded, levels=[0.5], colors=[ORANGE], linewidths=0.7)

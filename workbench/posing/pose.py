@@ -1,0 +1,149 @@
+"""`endoct pose` as a function: from sides, a CT and a plan to where the bore lies, and to a folder of it."""
+
+import time
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from endoct.modalities.ct_volume import Convention, read_ct
+from endoct.modalities.markups import Point
+from endoct.stitching.digests import digests
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import check_unchanged, state_of
+from endoct.stitching.output import new_output
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.pipeline.sources import Source, inputs_of
+from endoct.workbench.posing.plan import Planned, read_plan
+from endoct.workbench.posing.sides import make_sides, open_sides, side_of_comparison
+from endoct.workbench.running.display import stages_for
+from endoct.workbench.running.kinds import POSE
+from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.threads import one_blas_thread
+
+if TYPE_CHECKING:
+    from endoct.workbench.posing.result import PoseResult
+
+Device = Literal["cpu", "cuda"]
+NEEDED = ("torch", "kornia", "SimpleITK")
+
+
+@one_blas_thread()
+def pose(
+    sides: Sequence[Panorama | Path | str],
+    ct: Path | str,
+    output: Path | str | None = None,
+    *,
+    entry_mm: Point | None = None,
+    target_mm: Point | None = None,
+    plan: Path | str | None = None,
+    coordinates: Convention | None = None,
+    labels: Path | str | None = None,
+    modality_a: str | None = None,
+    modality_b: str | None = None,
+    settings_a: Mapping[str, object] | None = None,
+    settings_b: Mapping[str, object] | None = None,
+    device: Device = "cpu",
+    overwrite: bool = False,
+    progress: bool | Stages = True,
+) -> "PoseResult":
+    """Find where a bore lies in the patient's ``ct``, by one side or two, near its plan.
+
+    ``sides`` are panoramas at hand, or paths of recordings, panoramas or sides of comparisons ("DIR:SIDE"). The plan
+    goes from ``entry_mm`` to ``target_mm``, whose ``coordinates`` are what the file of the CT says unless stated, or is
+    the line in ``plan``, a markups file of 3D Slicer. ``labels`` is a segmentation in the world of the CT, with the
+    structures that the bore has to miss. Everything that `endoct pose` promises is written to the folder ``output``
+    where one is given. ``modality_a``, ``settings_a`` and so on are those of :func:`compare`; ``device``:
+    where to compute.
+
+    Where it cannot be told where the bore lies, the result's ``pose`` is None and ``answer.reason`` says why. Raises
+    :class:`EndoctError` where something cannot be used, where torch, kornia or SimpleITK are not installed, or
+    ``output`` exists and ``overwrite`` is not set. Research software, not for clinical decisions.
+
+    In the CT of a simulated bone, with the truth for a plan:
+
+    >>> import json, pathlib
+    >>> from endoct.workbench import pose, simulate
+    >>> simulate("patient", preset="learning", seed=7, ct=True, vary={"bore.bone": ("network",)})
+    >>> world = json.loads(pathlib.Path("patient/truth/recording.json").read_text())["world"]
+    >>> plan = {"entry_mm": world["entry_mm"], "target_mm": world["target_mm"]}
+    >>> found = pose(["patient/endoscope"], "patient/truth/ct.nii.gz", **plan)
+    >>> found.answer.pose.names, found.coordinates
+    (('endoscope',), 'ras')
+    """
+    if missing := [name for name in NEEDED if find_spec(name) is None]:
+        raise EndoctError(
+            f"a pose can only be found where {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} installed",
+            remedy="pip install 'endoct[pose]'",
+        )
+    options = ((modality_a, settings_a), (modality_b, settings_b))
+    sources = tuple(
+        side_of_comparison(Source(side if isinstance(side, Panorama) else Path(side), modality, settings or {}))
+        for side, (modality, settings) in zip(sides, (*options, *[(None, None)] * len(sides)), strict=False)
+    )
+    paths = [Path(one) for one in (ct, plan, labels) if one is not None]
+    read = [*paths, *(source.path for source in sources if source.path is not None)]
+
+    def run(folder: Path | None) -> "PoseResult":
+        planned = read_plan(Path(ct), entry_mm, target_mm, None if plan is None else Path(plan), coordinates)
+        return _found(sources, planned, paths, labels, device, folder, stages_for(progress))
+
+    if output is None:
+        return run(None)
+    with new_output(Path(output), POSE, overwrite=overwrite, inputs=read) as scratch:
+        return run(scratch)
+
+
+def _found(
+    sources: Sequence[Source],
+    planned: Planned,
+    paths: Sequence[Path],
+    labels: Path | str | None,
+    device: Device,
+    folder: Path | None,
+    stages: Stages,
+) -> "PoseResult":
+    from endoct.fusion.pose.air import air_around
+    from endoct.fusion.pose.structures import structures_near
+    from endoct.fusion.pose.summary import summary_of
+    from endoct.workbench.posing.finding import check_device, find
+    from endoct.workbench.posing.result import Made, PoseResult
+
+    start = time.perf_counter()
+    files = {path: state_of(path) for path in (*paths, *(one.path for one in sources if one.path is not None))}
+    opened = open_sides(sources)
+    volume = None if labels is None else read_ct(Path(labels), planned.coordinates)
+    structures = () if volume is None else structures_near(volume, planned.plan)
+    check_device(device)
+    with stages.stage("CT around the plan"):
+        air = air_around(planned.ct, planned.plan)
+    # what cannot be used was refused before the work of unrolling
+    sides = make_sides(opened, stages)
+    answer = find(air, planned.plan, sides, device, stages)
+    with stages.stage("in clinical words"):
+        summary = summary_of(answer, structures)
+    inputs = [*map(digests, paths), *(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))]
+    made = Made(
+        inputs={name: digest for each in inputs for name, digest in each.items()},
+        versions=versions() | {name: _version(name) for name in NEEDED},
+        parameters={"device": device, **{one.name: one.panorama.provenance.get("parameters", {}) for one in sides}},
+        seconds={
+            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
+            "in all, before the files": round(time.perf_counter() - start, 3),
+        },
+    )
+    result = PoseResult(answer, summary, planned.coordinates, made)
+    for path, state in files.items():
+        check_unchanged(path, state)
+    if folder is not None:
+        from endoct.workbench.posing.folder import write_folder  # only who draws loads matplotlib
+
+        write_folder(result, planned.ct, volume, air, sides, folder, stages)
+    return result
+
+
+def _version(name: str) -> str:
+    from importlib.metadata import version
+
+    return version(name)

@@ -1,0 +1,95 @@
+"""What the CT predicts of a side's wall at the pose, on the side's own samples, and that as a comparison."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from endoct.fusion.comparison import Comparison, compare_placed, save_comparison
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.files.cell_table import write_cells
+from endoct.fusion.geometry.placement import IN_PLACE
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.pose.air import AirAround
+from endoct.fusion.pose.pose import BorePose
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import PerFrame
+from endoct.stitching.store import save_panorama
+from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.posing.result import Made
+
+MODALITY = "ct"
+ROWS_MM, COLUMNS = 0.05, 1024
+"""Of the comparison: far finer than a CT."""
+ROWS_AT_A_TIME = 256
+NOTE = (
+    "This side is what the CT has on the wall at the pose that `endoct pose` found: it lies where it does by that "
+    "pose, and was not aligned."
+)
+
+
+def predicted(air: AirAround, pose: BorePose, side: Side) -> Panorama:
+    """Return what the CT has on the wall of ``side``: the share of bone, on its panorama's rows and as many columns."""
+    own, behind = side.grid, pose.fit.sides[pose.names.index(side.name)].layers[0].behind_mm
+    n_theta, z_mm = min(own.n_theta, COLUMNS), own.z_mm
+    grid = replace(own, n_theta=n_theta, dtheta_rad=2 * np.pi / n_theta)
+    some = [z_mm[first : first + ROWS_AT_A_TIME] for first in range(0, grid.n_z, ROWS_AT_A_TIME)]
+    blocks = [_bone(air, pose, side, grid, rows, behind) for rows in some]
+    everywhere = np.ones(grid.shape, np.bool_)
+    return Panorama(
+        grid=grid,
+        intensity=np.concatenate(blocks),
+        depth_mm=None,
+        valid=everywhere,
+        weight=everywhere.astype(np.float32),
+        modality=MODALITY,
+        handedness_known=True,
+        travel_known=True,
+        frame_dim="row",
+        per_frame={"row_z_mm": PerFrame(z_mm, "mm", "place along the bore")},
+        provenance={"parameters": {"what": f"share of bone in the CT, {behind:g} mm behind the wall of {side.name}"}},
+    )
+
+
+def compare_with(prediction: Panorama, pose: BorePose, side: Side) -> Comparison | None:
+    """Return ``side`` and what the CT predicts of it as a comparison; None where either shows no cells.
+
+    Its alignment is that of the pose, which nothing was searched for, with the correlation that the pose was found by.
+    """
+    agreement = pose.fit.agreement[pose.names.index(side.name)]
+    in_place = replace(IN_PLACE, confidence=max(agreement, 0.0), correlation=agreement)
+    parameters = CompareParameters(dz_mm=ROWS_MM, n_theta=COLUMNS, polarity="dark")
+    try:
+        compared = compare_placed(side, Side(MODALITY, prediction), in_place, parameters)
+    except EndoctError:
+        return None
+    # what is doubted of a recording, as lost frames, does not concern a CT
+    doubts = tuple(doubt for doubt in compared.result.doubts if doubt.side != MODALITY)
+    return replace(compared, result=compared.result.model_copy(update={"doubts": doubts}))
+
+
+def save_compared(compared: Comparison, prediction: Panorama, side: Side, made: Made, folder: Path) -> None:
+    """Write a comparison with the CT as `endoct compare` writes one, for its page, report and exports."""
+    folder.mkdir(parents=True)
+    save_comparison(compared, folder / "comparison.zarr")
+    write_cells(compared.cells, folder / "cells.csv")
+    save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
+    save_panorama(prediction, folder / "panoramas" / f"{MODALITY}.zarr")
+    result = compared.result.completed(
+        truth={}, raters=None, notes={MODALITY: (NOTE,)}, versions=dict(made.versions), inputs=dict(made.inputs),
+        parameters={"compare": {}, side.name: {}, MODALITY: {}}, seconds=dict(made.seconds),
+    )  # fmt: skip
+    (folder / "result.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
+
+
+def _bone(air: AirAround, pose: BorePose, side: Side, grid: SurfaceGrid, z_mm: Coordinates, behind_mm: float) -> Image:
+    theta = grid.theta_rad
+    rows, columns = np.repeat(z_mm, theta.size), np.tile(theta, z_mm.size)
+    places = pose.to_lps(side.name, columns, rows, np.full(rows.size, behind_mm))
+    to_plan = np.linalg.inv(pose.plan.to_lps)
+    local = torch.as_tensor(places @ to_plan[:3, :3].T + to_plan[:3, 3])
+    return np.asarray(1 - air.share(local).numpy(), dtype=np.float32).reshape(z_mm.size, theta.size)
