@@ -1,0 +1,105 @@
+"""Places move as their derivatives say, a pattern is found where it was put, and controls are no places of the bore."""
+
+import numpy as np
+import pytest
+import torch
+
+from endoct.fusion.pose.air import STEP_MM, AirAround
+from endoct.fusion.pose.controls import shuffled_patterns, turned_patterns
+from endoct.fusion.pose.finding import Found, find_alone
+from endoct.fusion.pose.observation import Layer, Observation
+from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.search import COLUMNS, ROWS_MM, Pattern, correlations, pattern_of
+from endoct.fusion.pose.wall import OF_SIDE, SHARED, TURN, Sense, wall_places
+from endoct.modalities.trajectory import Trajectory
+
+LENGTH_MM, RADIUS_MM = 16.0, 1.25
+PLAN = Trajectory((0.0, 0.0, 0.0), (0.0, 0.0, LENGTH_MM))
+
+
+def a_bone(seed: int) -> AirAround:
+    """Cells of about 1.5 mm, drawn at random along a plan."""
+    corner = (-7.0, -7.0, -7.0)
+    shape = (round((LENGTH_MM + 14) / STEP_MM) + 1, round(14 / STEP_MM) + 1, round(14 / STEP_MM) + 1)
+    frequencies = np.meshgrid(*(np.fft.fftfreq(n, STEP_MM) for n in shape), indexing="ij")
+    noise = np.fft.fftn(np.random.default_rng(seed).normal(size=shape))
+    field = np.fft.ifftn(noise * np.exp(-2 * (np.pi * 0.45) ** 2 * sum(f**2 for f in frequencies))).real
+    share = np.clip(0.5 + 2.5 * (field / field.std() - 0.5), 0, 1).astype(np.float32)
+    by_z, by_y, by_x = np.gradient(share, STEP_MM)
+    return AirAround(torch.tensor(np.stack([share, by_x, by_y, by_z])[None].astype(np.float32)), corner, LENGTH_MM)
+
+
+def a_side(air: AirAround | None = None, axis: tuple[float, float] = (0.4, -0.3), turn_rad: float = 2.0) -> Observation:
+    """What a camera sees of a bore through ``air``, 12 mm of it from a depth of 2 mm on."""
+    z = np.arange(0, 12.01, 0.2)
+    blank = Layer(0.0, np.zeros((z.size, 64), np.float32), np.ones((z.size, 64), np.float32))
+    side = Observation("camera", z, RADIUS_MM, (blank,), 0.02, 0.03, 0.03, handed=True, directed=True)
+    if air is None:
+        return side
+    parameters = torch.zeros(SHARED + OF_SIDE, dtype=torch.float64)
+    parameters[:2], parameters[SHARED], parameters[SHARED + TURN] = torch.tensor(axis), 8.0, turn_rad
+    places, _ = wall_places(side, Sense(), LENGTH_MM / 2, parameters, 0.0)
+    layer = Layer(0.0, air.share(places).numpy(), blank.weight)
+    return Observation("camera", z, RADIUS_MM, (layer,), 0.02, 0.03, 0.03, handed=True, directed=True)
+
+
+@pytest.mark.parametrize("sense", [Sense(), Sense(-1, 1), Sense(1, -1), Sense(-1, -1)])
+def test_places_move_as_their_derivatives_say(sense: Sense) -> None:
+    side, rng = a_side(), np.random.default_rng(3)
+    at = torch.tensor(rng.normal(size=SHARED + OF_SIDE) * 0.02)
+    _, moved = wall_places(side, sense, LENGTH_MM / 2, at, 0.3)
+    for number in range(SHARED + OF_SIDE):
+        step = torch.zeros_like(at)
+        step[number] = 1e-5
+        ahead, behind = (wall_places(side, sense, LENGTH_MM / 2, at + sign * step, 0.3)[0] for sign in (1, -1))
+        torch.testing.assert_close((ahead - behind) / 2e-5, moved[..., number], rtol=1e-6, atol=1e-6)
+
+
+def test_a_pattern_is_found_where_it_was_cut_out_across_the_seam() -> None:
+    wall = torch.tensor(np.random.default_rng(1).normal(size=(60, COLUMNS)).astype(np.float32))
+    cut = torch.roll(wall, -40, dims=1)[17:47]
+    pattern = Pattern(cut - cut.mean(), torch.ones_like(cut), Sense())
+    (like,) = correlations(wall[None], [pattern])
+    assert like.shape == (1, 31, COLUMNS)
+    assert divmod(int(like[0].argmax()), COLUMNS) == (17, 40)
+    assert float(like.max()) == pytest.approx(1, abs=1e-4)
+
+
+def test_the_pattern_of_a_side_is_that_side() -> None:
+    side = a_side(a_bone(1))
+    pattern = pattern_of(side, Sense())
+    assert pattern.air.shape == (1 + int(12 / ROWS_MM), COLUMNS)
+    turned_back = pattern_of(side, Sense(-1, -1))
+    back = torch.flip(turned_back.air, (0, 1)).roll(1, dims=1)
+    torch.testing.assert_close(back, pattern.air)
+
+
+def test_controls_keep_the_air_and_not_the_places() -> None:
+    pattern = pattern_of(a_side(a_bone(1)), Sense())
+    for control in [*turned_patterns(pattern), *shuffled_patterns(pattern)]:
+        assert control.air.sum() == pytest.approx(float(pattern.air.sum()), abs=1e-2)
+        assert not torch.equal(control.air, pattern.air)
+    for control in turned_patterns(pattern):
+        torch.testing.assert_close(control.air.mean(dim=1), pattern.air.mean(dim=1))
+    assert torch.equal(turned_patterns(pattern)[3].air, turned_patterns(pattern)[3].air)
+
+
+@pytest.fixture(scope="module")
+def found() -> Found:
+    return find_alone(a_bone(1), a_side(a_bone(1)))
+
+
+def test_a_bore_is_found_in_its_own_bone(found: Found) -> None:
+    assert found.reason is None
+    pose = BorePose(PLAN, found.fit)
+    axis = pose.axis_lps(np.array([0.0, LENGTH_MM]))
+    true = np.array([[0.4, -0.3, 0.0], [0.4, -0.3, LENGTH_MM]]) @ PLAN.to_lps[:3, :3].T
+    np.testing.assert_allclose(axis, true, atol=0.03)
+    places = np.random.default_rng(2).uniform([0, 1, 0], [2 * np.pi, 11, 0.5], (50, 3))
+    back = np.stack(pose.from_lps("camera", pose.to_lps("camera", *places.T)), axis=1)
+    np.testing.assert_allclose(back, places, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_in_another_bone_it_cannot_be_told(seed: int) -> None:
+    assert find_alone(a_bone(seed), a_side(a_bone(1))).reason is not None
