@@ -55,7 +55,7 @@ def simulated(
             drawn = draw(cast(PresetName, preset), of, ranges=ranges)
             cells = uniform_cells(rng_of(seed, index, CELL_MM), drawn.bore, float(difficulties[CELL_MM]))
             bone = "phantom" if drawn.bore.bone == "network" else drawn.bore.bone  # in which cells are planted
-            bore = drawn.bore.model_copy(update={"cells": cells, "bone": bone, "network": None})
+            bore = drawn.bore.model_copy(update={"cells": cells, "bone": bone, "network": None, "density": None})
             sample = drawn.model_copy(update={"bore": bore}).model_dump()
         specimen = Path(folder.name) / "specimen"
         simulate(specimen, preset=cast(PresetName, preset), seed=of, ranges=ranges, sample=sample)
