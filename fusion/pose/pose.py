@@ -71,11 +71,12 @@ class BorePose:
     def depth_deviation_mm(self, name: str, z_mm: float) -> float:
         """Return the standard deviation of where a row of a side lies along the bore."""
         number, side, sense = self._of(name)
-        own = torch.as_tensor(self.fit.of_side(number))
+        own = torch.tensor(self.fit.of_side(number), requires_grad=True)
         place = torch.as_tensor([z_mm], dtype=torch.float64)
-        by = torch.func.jacfwd(lambda parameters: along_axis(side, sense, parameters, place))(own)[0].numpy()
+        (by,) = torch.autograd.grad(along_axis(side, sense, own, place)[0], own)
         first = SHARED + OF_SIDE * number
-        return float(np.sqrt(by @ self.fit.covariance[first : first + OF_SIDE, first : first + OF_SIDE] @ by))
+        of_side = self.fit.covariance[first : first + OF_SIDE, first : first + OF_SIDE]
+        return float(np.sqrt(by.numpy() @ of_side @ by.numpy()))
 
     def depth_of(self, name: str, z_mm: Coordinates) -> Coordinates:
         """Return the depth along the bore, mm, of rows of a side's panorama at ``z_mm`` (n,)."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from scipy import ndimage
+from scipy.fft import next_fast_len
 
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation
@@ -122,10 +123,11 @@ def candidates_along(
 def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[torch.Tensor]:
     """Yield how each pattern correlates with walls (n, n_z, n_theta) at every depth and turn, (n, depths, n_theta)."""
     n_z, n_theta = wall.shape[1:]
+    size = next_fast_len(n_z, real=True), n_theta
     wall = wall - wall.mean(dim=(1, 2), keepdim=True)
 
     def spectrum(image: torch.Tensor) -> torch.Tensor:
-        found: torch.Tensor = torch.fft.rfft2(image, s=(n_z, n_theta))
+        found: torch.Tensor = torch.fft.rfft2(image, s=size)
         return found
 
     of_wall, of_square = spectrum(wall), spectrum(wall * wall)
@@ -133,7 +135,7 @@ def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[to
         depths = n_z - pattern.air.shape[0] + 1
         weight, total = spectrum(pattern.weight).conj(), float(pattern.weight.sum())
         products = [of_wall * spectrum(pattern.weight * pattern.air).conj(), of_wall * weight, of_square * weight]
-        common, mean, square = (torch.fft.irfft2(one, s=(n_z, n_theta))[:, :depths] for one in products)
+        common, mean, square = (torch.fft.irfft2(one, s=size)[:, :depths] for one in products)
         # a wall that is all bone, or all air, is like nothing
         of_walls = (square - mean * mean / total).clamp_min(LEAST_VARIANCE * total)
         yield common / torch.sqrt(of_walls * (pattern.weight * pattern.air**2).sum().clamp_min(1e-9))

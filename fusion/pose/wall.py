@@ -45,8 +45,18 @@ def prior_deviations(sides: tuple[Observation, ...]) -> torch.Tensor:
 
 def directions(tilt_rad: torch.Tensor) -> torch.Tensor:
     """Return x, y and z of the bore as columns (3, 3) in the plan's frame for a rotation vector (2,)."""
-    axes: torch.Tensor = So3.exp(torch.cat([tilt_rad, tilt_rad.new_zeros(1)])[None]).matrix()[0]
+    axes: torch.Tensor = So3.exp(_rotation_vector(tilt_rad)).matrix()[0]
     return axes
+
+
+def directions_by_tilt(tilt_rad: torch.Tensor) -> torch.Tensor:
+    """Return the derivative (3, 3, 2) of :func:`directions` by the rotation vector (2,)."""
+    turning = So3.hat(So3.left_jacobian(_rotation_vector(tilt_rad))[0].T)[:2]
+    return (turning @ directions(tilt_rad)).permute(1, 2, 0)
+
+
+def _rotation_vector(tilt_rad: torch.Tensor) -> torch.Tensor:
+    return torch.cat([tilt_rad, tilt_rad.new_zeros(1)])[None]
 
 
 def along_axis(side: Observation, sense: Sense, of_side: torch.Tensor, z_mm: torch.Tensor) -> torch.Tensor:
@@ -90,7 +100,7 @@ def wall_places(
     moved = places.new_zeros(*places.shape, SHARED + OF_SIDE)
     moved[..., 0, 0] = 1
     moved[..., 1, 1] = 1
-    by_tilt = torch.func.jacfwd(directions)(shared[2:])
+    by_tilt = directions_by_tilt(shared[2:])
     moved[..., 2:4] = torch.einsum("ztj,ijk->ztik", local, by_tilt)
     own = moved[..., SHARED:]
     own[..., DEPTH] = axes[:, 2]
