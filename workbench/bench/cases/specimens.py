@@ -35,9 +35,12 @@ all its cells, or any parameter that ``endoct simulate --vary`` takes, by defaul
 
 
 def simulated(
-    preset: str, seed: int, index: int, difficulties: Mapping[str, float | str] | None = None
+    preset: str, seed: int, index: int, difficulties: Mapping[str, float | str] | None = None, *, ct: bool = False
 ) -> TemporaryFolder:
-    """Return a temporary folder with one specimen; the first of a seed is that of ``endoct simulate --seed``."""
+    """Return a temporary folder with one specimen; the first of a seed is that of ``endoct simulate --seed``.
+
+    ``ct``: with a CT of it, ``truth/ct.nii.gz``.
+    """
     from endoct.synthetic.draw import draw
     from endoct.synthetic.specimen import simulate
 
@@ -52,13 +55,13 @@ def simulated(
         of = seed if index == 0 else 1_000_000 * (1 + seed) + index
         sample = None
         if CELL_MM in difficulties:
-            drawn = draw(cast(PresetName, preset), of, ranges=ranges)
+            drawn = draw(cast(PresetName, preset), of, ranges=ranges, ct=ct)
             cells = uniform_cells(rng_of(seed, index, CELL_MM), drawn.bore, float(difficulties[CELL_MM]))
             bone = "phantom" if drawn.bore.bone == "network" else drawn.bore.bone  # in which cells are planted
             bore = drawn.bore.model_copy(update={"cells": cells, "bone": bone, "network": None, "density": None})
             sample = drawn.model_copy(update={"bore": bore}).model_dump()
         specimen = Path(folder.name) / "specimen"
-        simulate(specimen, preset=cast(PresetName, preset), seed=of, ranges=ranges, sample=sample)
+        simulate(specimen, preset=cast(PresetName, preset), seed=of, ranges=ranges, sample=sample, ct=ct)
         if share := float(difficulties.get(BLACK_SLICES, 0.0)):
             _blacken(specimen / "oct" / "pullback.tif", share, rng_of(seed, index, BLACK_SLICES))
     except BaseException:

@@ -1,0 +1,233 @@
+"""Bores in a CT, with a plan that lies off them: of simulated specimens, and of the user's own data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from endoct.modalities.ct_volume import SIGNS, SUFFIXES, CtVolume, read_ct
+from endoct.modalities.markups import read_line
+from endoct.modalities.trajectory import Trajectory, axes_at
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.circle import wrap_rad
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.json_values import number, read_object
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import is_panorama, load_panorama
+from endoct.workbench.bench.task import Case
+from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
+from endoct.workbench.posing.plan import read_plan
+
+PLAN_ASIDE_MM, PLAN_TILT_DEG = 1.0, 2.0
+"""How far a plan lies off the bore at most, where nothing else is wanted."""
+PLAN_FILE, TRUE_LINE = "plan.mrk.json", "bore.mrk.json"
+MOST_SIDES = 2
+MOST_SAMPLE_BYTES = 16_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class TrueBore:
+    """Where a bore is: ``to_lps`` (4, 4) of the bore frame, z inward from its mouth, and its ``length_mm``.
+
+    ``sides``: where the rows and columns of each panorama lie in that frame; empty where only the line is known.
+    """
+
+    to_lps: Coordinates
+    length_mm: float
+    sides: tuple[Pose, ...] = ()
+
+    def axis_lps(self, z_mm: float) -> Coordinates:
+        """Return the point of the axis at a depth, (3,) LPS."""
+        return np.asarray(self.to_lps[:3, :3] @ np.array([0.0, 0.0, z_mm]) + self.to_lps[:3, 3])
+
+
+Given = tuple[tuple[Panorama, ...], CtVolume, Trajectory]
+PoseCase = Case[Given, TrueBore]
+
+
+def posed_case(
+    specimen: Path,
+    sides: Sequence[str],
+    *,
+    seed: int,
+    name: str | None = None,
+    conditions: Mapping[str, float | str] | None = None,
+    plan_aside_mm: float = PLAN_ASIDE_MM,
+    plan_tilt_deg: float = PLAN_TILT_DEG,
+    seen_mm: float | None = None,
+    wall_share: float = 1.0,
+    panoramas: Mapping[str, Panorama] | None = None,
+    scratch: "TemporaryDirectory[str] | None" = None,
+) -> PoseCase:
+    """Return a simulated specimen with a CT as a case, of the recordings called ``sides``.
+
+    ``seed`` draws how the plan lies off the bore: up to ``plan_aside_mm`` across it and along it, and up to
+    ``plan_tilt_deg``. Of a panorama only the ``seen_mm`` nearest the bore's end are left, and of the wall the share
+    ``wall_share``, a sector of θ in one piece that is the same for all sides. Panoramas that are at hand may be given
+    in ``panoramas``, by side; else ``SIDE.zarr`` is read, or the recording ``SIDE`` unrolled. Raises
+    :class:`EndoctError` where the specimen has no CT or no truth, or nothing is left of a side.
+    """
+    truth = load_truth(specimen)
+    to_lps, length_mm = _true_axis(specimen, truth.recording)
+    given = panoramas or {}
+    whole = [given[side] if side in given else load_side(specimen, side) for side in sides]
+    poses = [true_pose(panorama, truth) for panorama in whole]
+    rng = np.random.default_rng(seed)
+    plan = plan_off(to_lps, length_mm, plan_aside_mm, plan_tilt_deg, rng)
+    middle_rad = float(rng.uniform(0, 2 * np.pi))
+    left = [nearest_the_end(panorama, pose, seen_mm) for panorama, pose in zip(whole, poses, strict=True)]
+    if wall_share < 1:
+        left = [
+            replace(one, valid=one.valid & _sector(one, pose, middle_rad, wall_share))
+            for one, pose in zip(left, poses, strict=True)
+        ]
+    return Case(
+        name=name or specimen.name,
+        given=(tuple(left), read_ct(ct_of(specimen)), plan),
+        truth=TrueBore(to_lps, length_mm, tuple(poses)),
+        conditions=conditions or {},
+        scratch=scratch,
+    )
+
+
+def plan_off(
+    to_lps: Coordinates, length_mm: float, aside_mm: float, tilt_deg: float, rng: np.random.Generator
+) -> Trajectory:
+    """Return a plan off the bore: its entry evenly on a disc, its direction evenly on another, its depth evenly."""
+    aside, at = aside_mm * np.sqrt(rng.random()), rng.uniform(0, 2 * np.pi)
+    tilt, towards = np.deg2rad(tilt_deg) * np.sqrt(rng.random()), rng.uniform(0, 2 * np.pi)
+    entry = np.array([aside * np.cos(at), aside * np.sin(at), aside_mm * rng.uniform(-1, 1)])
+    inward = np.array([np.tan(tilt) * np.cos(towards), np.tan(tilt) * np.sin(towards), 1.0])
+    begins = to_lps[:3, :3] @ entry + to_lps[:3, 3]
+    ends = begins + length_mm * (to_lps[:3, :3] @ inward) / np.linalg.norm(inward)
+    return Trajectory(_triple(begins), _triple(ends))
+
+
+def nearest_the_end(panorama: Panorama, pose: Pose, seen_mm: float | None) -> Panorama:
+    """Return the rows and frames of ``panorama`` that lie within ``seen_mm`` of the one nearest the bore's end."""
+    if seen_mm is None:
+        return panorama
+    depth = pose.z_bore(panorama.z_mm)
+    kept = depth >= depth.max() - seen_mm
+    z_mm = panorama.z_mm[kept]
+    places = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
+    frames = (places >= z_mm[0] - panorama.grid.dz_mm / 2) & (places <= z_mm[-1] + panorama.grid.dz_mm / 2)
+    if z_mm.size < 2 or not frames.any():
+        raise EndoctError(f"{seen_mm:g} mm of the bore leave nothing of the {panorama.modality} panorama")
+    rows = panorama.grid.rows_mm
+    grid = replace(
+        panorama.grid,
+        n_z=z_mm.size,
+        z0_mm=float(z_mm[0]),
+        rows_mm=None if rows is None else tuple(z_mm.tolist()),
+    )
+    return replace(
+        panorama,
+        grid=grid,
+        intensity=panorama.intensity[kept],
+        depth_mm=None if panorama.depth_mm is None else panorama.depth_mm[kept],
+        valid=panorama.valid[kept],
+        weight=panorama.weight[kept],
+        per_frame={name: replace(one, values=one.values[frames]) for name, one in panorama.per_frame.items()},
+    )
+
+
+def own_cases(folder: Path) -> list[PoseCase]:
+    """Return the cases in one folder of the user's own: by both sides where there are two, and by each alone.
+
+    It holds one recording or panorama, or two; a CT, ``ct.nii.gz``, ``ct.nrrd`` and so on or ``ct/`` with a DICOM
+    series, there or in ``truth``; ``plan.mrk.json``; and the truth: of a simulated specimen, or the true line
+    ``truth/bore.mrk.json``. A simulated specimen needs no plan: it is drawn then. Raises :class:`EndoctError` where
+    something is missing.
+    """
+    names = _sides_in(folder)
+    combinations = [tuple(names), *((name,) for name in names)] if len(names) == MOST_SIDES else [tuple(names)]
+    panoramas = {name: load_side(folder, name) for name in names}
+    cases = []
+    for chosen in combinations:
+        sides = "both" if len(chosen) == MOST_SIDES else chosen[0]
+        name, conditions = f"{folder.name}-{sides}", {"specimen": folder.name, "sides": sides}
+        if (line := folder / "truth" / TRUE_LINE).is_file():
+            truth = read_line(line)[0]
+            known = TrueBore(axes_at(np.array(truth.entry_mm), _inward(truth)), truth.length_mm)
+            case: PoseCase = Case(
+                name, (tuple(panoramas[side] for side in chosen), *_planned(folder)), known, conditions
+            )
+        else:
+            seed = _seed_of(folder)
+            case = posed_case(folder, chosen, seed=seed, name=name, conditions=conditions, panoramas=panoramas)
+            if (folder / PLAN_FILE).is_file():
+                case = replace(case, given=(case.given[0], *_planned(folder)))
+        cases.append(case)
+    return cases
+
+
+def load_side(folder: Path, name: str) -> Panorama:
+    """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
+    from endoct.workbench.api import unroll
+
+    return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else unroll(folder / name)
+
+
+def ct_of(folder: Path) -> Path:
+    """Return the CT of a folder: a file or a folder of DICOM called ``ct``, in it or in its ``truth``."""
+    for place in (folder, folder / "truth"):
+        for path in (*(place / f"ct{suffix}" for suffix in SUFFIXES), place / "ct"):
+            if path.exists():
+                return path
+    raise EndoctError(
+        f"{folder} holds no CT", expected="ct.nii.gz, ct.nrrd, …, or ct/ with a DICOM series, in it or truth"
+    )
+
+
+def _sides_in(folder: Path) -> list[str]:
+    recordings = [path.name for path in folder.iterdir() if (path / "acquisition.toml").is_file()]
+    panoramas = [path.stem for path in folder.glob("*.zarr") if is_panorama(path)]
+    names = sorted({*recordings, *panoramas})
+    if not 1 <= len(names) <= MOST_SIDES:
+        raise EndoctError(
+            f"{folder} does not hold one side or two of a bore",
+            found=", ".join(names) or "no recording and no panorama",
+            expected="oct/ or endoscope/ with an acquisition.toml, or oct.zarr or endoscope.zarr",
+        )
+    return names
+
+
+def _planned(folder: Path) -> tuple[CtVolume, Trajectory]:
+    if not (folder / PLAN_FILE).is_file():
+        raise EndoctError(f"{folder} holds no plan", expected=f"{PLAN_FILE}, a line of 3D Slicer from entry to target")
+    planned = read_plan(ct_of(folder), None, None, folder / PLAN_FILE, None)
+    return planned.ct, planned.plan
+
+
+def _true_axis(specimen: Path, recording: Mapping[str, Any]) -> tuple[Coordinates, float]:
+    """Return the transform (4, 4) of a simulated bore to LPS, and its length in mm."""
+    with refusing(f"{specimen} does not say where its bore lies", expected="a simulated specimen with a CT"):
+        world = recording["world"]
+        to_lps = np.diag([*SIGNS[world["coordinates"]], 1.0]) @ np.array(world["bore_to_world"], dtype=np.float64)
+        sample = read_object(specimen / "truth" / "sample.json", MOST_SAMPLE_BYTES)
+        return to_lps, number(sample["bore"], "length_mm", 1.0, 1e3, "the sample")
+
+
+def _seed_of(folder: Path) -> int:
+    """Return the seed of a simulated specimen, which draws its plan too."""
+    sample = read_object(folder / "truth" / "sample.json", MOST_SAMPLE_BYTES)
+    return int(number(sample, "seed", 0, 2**53, "the sample"))
+
+
+def _sector(panorama: Panorama, pose: Pose, middle_rad: float, share: float) -> Mask:
+    """Return which columns lie within a sector of the bore's wall, (1, n_theta)."""
+    apart = np.abs(wrap_rad(pose.theta_bore(panorama.grid.theta_rad) - middle_rad))
+    return np.asarray(apart <= np.pi * share)[np.newaxis]
+
+
+def _inward(line: Trajectory) -> Coordinates:
+    return np.subtract(line.target_mm, line.entry_mm)
+
+
+def _triple(place: Coordinates) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in place)
+    return x, y, z

@@ -1,0 +1,198 @@
+"""The task "pose": where a bore lies in the patient's CT, by what one recording of its wall shows, or two.
+
+The judge asks for one point: on the axis, 5 mm beyond the end of the bore, where the drill would go next.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from endoct.modalities.ct_volume import CtVolume
+from endoct.modalities.trajectory import Trajectory
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.circle import wrap_rad
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.cases.bores import PLAN_ASIDE_MM, PLAN_TILT_DEG, PoseCase, TrueBore, own_cases, posed_case
+from endoct.workbench.bench.cases.specimens import CELL_MM, DIFFICULTIES, PRESET_WORDS, simulated
+from endoct.workbench.bench.task import SUCCESS, Declined, Range, Task, draw
+
+BEYOND_MM = 5.0
+SUCCESS_MM = 0.5
+"""What a bore past the facial nerve has to be known to."""
+CHI_SQUARE_95 = 5.991
+"""Of two degrees of freedom."""
+CT_VOXEL_MM = "ct.voxel_mm"
+SIDES: Mapping[str, Sequence[str]] = {
+    "both": ("oct", "endoscope"),
+    "oct": ("oct",),
+    "endoscope": ("endoscope",),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LocatedSide:
+    """Where a panorama lies in the patient, LPS, mm.
+
+    ``ends_mm`` (2, 3): the points of the bore's axis at its first and its last row. ``zero`` (3,): the direction from
+    the axis to its θ = 0.
+    """
+
+    ends_mm: Coordinates
+    zero: Coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """Where the panoramas of a bore lie, in the order in which they were given.
+
+    ``covariance``, of methods that state how sure they are: the covariance (3, 3) in mm² of the axis, across it, at a
+    place (3,) along it, LPS.
+    """
+
+    sides: tuple[LocatedSide, ...]
+    covariance: Callable[[Coordinates], Coordinates] | None = None
+
+
+RANGES: Mapping[str, Range] = {
+    "preset": PRESET_WORDS,
+    "sides": tuple(SIDES),
+    "plan_aside_mm": (PLAN_ASIDE_MM, PLAN_ASIDE_MM),
+    "plan_tilt_deg": (PLAN_TILT_DEG, PLAN_TILT_DEG),
+    CT_VOXEL_MM: (0.3, 0.3),
+}
+USUAL: Mapping[str, Range] = {"preset": ("patient",)}
+SEEN_MM, WALL_SHARE = "seen_mm", "wall_share"
+OPTIONAL: Mapping[str, Range] = {SEEN_MM: (5.0, 30.0), WALL_SHARE: (0.3, 1.0)}
+
+
+def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> PoseCase:
+    """Simulate a bore with its CT, and draw a plan that lies off it."""
+    drawn = draw(seed, index, {**RANGES, **USUAL, **ranges})
+    given = {name: float(value) for name, value in drawn.items() if not isinstance(value, str)}
+    difficulties = {name: value for name, value in drawn.items() if name in DIFFICULTIES}
+    scratch = simulated(str(drawn["preset"]), seed, index, difficulties, ct=True)
+    try:
+        return posed_case(
+            Path(scratch.name) / "specimen",
+            SIDES[str(drawn["sides"])],
+            seed=seed if index == 0 else 1_000_000 * (1 + seed) + index,
+            name=f"{drawn['preset']}-{seed}-{index}",
+            conditions=drawn,
+            plan_aside_mm=given["plan_aside_mm"],
+            plan_tilt_deg=given["plan_tilt_deg"],
+            seen_mm=given.get(SEEN_MM),
+            wall_share=given.get(WALL_SHARE, 1.0),
+            scratch=scratch,
+        )
+    except BaseException:
+        scratch.cleanup()
+        raise
+
+
+def judge(case: PoseCase, answer: Located) -> dict[str, float]:
+    """Score where the axis lies ``BEYOND_MM`` beyond the end of the bore, how it runs, and how it is turned.
+
+    Of two sides the depth is that of the first one with depth. Where only the true line is known, depth and roll are
+    not judged.
+    """
+    truth, panoramas = case.truth, case.given[0]
+    number = next((at for at, one in enumerate(panoramas) if one.depth_mm is not None), 0)
+    side = answer.sides[number]
+    true = truth.axis_lps(truth.length_mm + BEYOND_MM)
+    across, inward = truth.to_lps[:3, :2], truth.to_lps[:3, 2]
+    if truth.sides:
+        place, direction = _judged_point(side, panoramas[number], truth, number)
+        off = place - true
+    else:
+        direction = _direction(side.ends_mm[1] - side.ends_mm[0])
+        direction = direction if direction @ inward > 0 else -direction
+        place = side.ends_mm[1] + direction * ((true - side.ends_mm[1]) @ inward) / (direction @ inward)
+        off = place - true
+    aside_mm = float(np.linalg.norm(across.T @ off))
+    tilt_rad = np.arctan2(np.linalg.norm(np.cross(direction, inward)), direction @ inward)
+    scores = {"across_mm": aside_mm, "axis_deg": float(np.degrees(tilt_rad))}
+    if truth.sides:
+        turn_rad = _angle(across, side.zero) - truth.sides[number].theta_bore(np.zeros(1))[0]
+        scores |= {
+            "target_mm": float(np.linalg.norm(off)),
+            "roll_deg": float(np.degrees(np.abs(wrap_rad(np.array(turn_rad))))),
+        }
+    if answer.covariance is not None:
+        stated = across.T @ answer.covariance(place) @ across
+        scores["inside_95"] = float((across.T @ off) @ np.linalg.solve(stated, across.T @ off) < CHI_SQUARE_95)
+    return {SUCCESS: float(scores.get("target_mm", aside_mm) < SUCCESS_MM), **scores}
+
+
+def _judged_point(
+    side: LocatedSide, panorama: Panorama, truth: TrueBore, number: int
+) -> tuple[Coordinates, Coordinates]:
+    """Return the answered point beyond the end, and the direction inward, from the row nearest to the end."""
+    depths = truth.sides[number].z_bore(panorama.z_mm[[0, -1]])
+    last = int(np.argmax(depths))
+    direction = _direction(side.ends_mm[last] - side.ends_mm[1 - last])
+    return side.ends_mm[last] + (truth.length_mm + BEYOND_MM - depths[last]) * direction, direction
+
+
+def _direction(vector: Coordinates) -> Coordinates:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _angle(across: Coordinates, direction: Coordinates) -> float:
+    """Return the angle of a direction in the bore frame, whose x and y are the columns of ``across``, rad."""
+    x, y = across.T @ direction
+    return float(np.arctan2(y, x))
+
+
+TASK = Task(
+    name="pose",
+    title="where a bore lies in the patient's CT, by its wall",
+    signature=(
+        "method(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located\n"
+        "sides: one panorama, or two of one bore, whose θ and z may run either way unless handedness_known and "
+        "travel_known say otherwise. The bore lies within 2 mm and 4° of the plan, at any roll, and is not in the CT. "
+        "Located (endoct.workbench.bench.tasks.pose) says by side where the axis is at its first and last row, and "
+        "which way its θ = 0 points, LPS, mm. Raise Declined where it cannot be told."
+    ),
+    cases=cases,
+    judge=judge,
+    ranges=RANGES,
+    usual=USUAL,
+    optional={**OPTIONAL, **{name: range_ for name, range_ in DIFFICULTIES.items() if name not in (*RANGES, CELL_MM)}},
+    scores={
+        "target_mm": "error of the point of the axis 5 mm beyond the bore's end, mm",
+        "across_mm": "its part across the axis, mm",
+        "axis_deg": "angle between the axis and the true one, °",
+        "roll_deg": "error of the turn about the axis, °",
+        "inside_95": "share whose stated 95 % ellipse across the axis holds the truth",
+    },
+    own=own_cases,
+)
+
+
+def ours(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+    """Find the bore as `endoct pose` does."""
+    from endoct.fusion.evidence.side import Side, two_sides
+    from endoct.fusion.pose.air import air_around
+    from endoct.fusion.pose.finding import find_pose
+    from endoct.fusion.pose.observation import observe
+
+    named = two_sides(*sides) if len(sides) == 2 else (Side(sides[0].modality, sides[0]),)
+    found = find_pose(air_around(ct, plan), plan, [observe(side) for side in named])
+    if found.reason is not None:
+        raise Declined(found.reason)
+    pose = found.pose
+
+    def covariance(place: Coordinates) -> Coordinates:
+        x_y, z = pose.bore_to_lps[:3, :2], pose.bore_to_lps[:3, 2]
+        stated = pose.axis_covariance(float((place - pose.bore_to_lps[:3, 3]) @ z))
+        return np.asarray(x_y @ stated @ x_y.T)
+
+    located = []
+    for name, panorama in zip(pose.names, sides, strict=True):
+        rows, zeros = panorama.z_mm, np.zeros(panorama.z_mm.size)
+        axis = pose.axis_lps(pose.depth_of(name, rows))
+        zero = (pose.to_lps(name, zeros, rows, zeros) - axis).mean(axis=0)
+        located.append(LocatedSide(axis[[0, -1]], _direction(zero)))
+    return Located(tuple(located), covariance)
