@@ -22,6 +22,8 @@ PATCH_MM = 0.35
 TILE_MM = 2.0
 """Of wall whose errors are about one: a cell."""
 LEAST_VARIANCE = 1e-4
+ACROSS = 2
+"""Parameters that move the axis aside: x and y."""
 AWAY_FROM_EDGES = 0.1
 """Weight of samples far from any edge that a side shows, over that of those at one.
 
@@ -81,10 +83,10 @@ def fit_pose(
             information, gradient = inverse_prior.clone(), -inverse_prior @ at
             for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
                 seen = _compared(air, side, sense, at, number)
-                levels[number], of_side, pulls = _pulls(side, seen, levels[number], soft)
+                levels[number], moved, counts, residual = _weighed(side, seen, levels[number], soft)
                 part = _part(number)
-                information[part[:, None], part] += of_side / dispersion[number]
-                gradient[part] += pulls.sum(dim=0) / dispersion[number]
+                information[part[:, None], part] += moved.T @ (moved * counts[:, None]) / dispersion[number]
+                gradient[part] += moved.T @ (counts * residual) / dispersion[number]
             move = torch.linalg.solve(information, gradient)
             ends_mm = float(move[:2].abs().max() + air.length_mm / 2 * move[2:SHARED].abs().max())
             at = at + move * min(1.0, MOST_MOVE_MM / max(ends_mm, 1e-9))
@@ -145,10 +147,10 @@ def _robust(weight: torch.Tensor, residual: torch.Tensor, softness: float) -> to
     return robust
 
 
-def _pulls(
+def _weighed(
     side: Observation, seen: _Compared, levels: tuple[float, float], softness: float
-) -> tuple[tuple[float, float], torch.Tensor, torch.Tensor]:
-    """Return the levels anew, the information on the side's parameters (n, n), and every sample's pull on them (m, n).
+) -> tuple[tuple[float, float], torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return the levels anew, how each parameter changes the samples (m, n), what these count, and their residuals.
 
     A sample counts as its share of an independent one, over the variance of them all.
     """
@@ -156,8 +158,7 @@ def _pulls(
     variance = ((weight * residual**2).sum() / weight.sum()).clamp_min(LEAST_VARIANCE)
     step, column = float(side.z_mm[1] - side.z_mm[0]), 2 * np.pi * side.radius_mm / side.layers[0].air.shape[1]
     counts = weight * (step * column / PATCH_MM**2 / np.sqrt(len(side.layers))) / variance
-    moved = levels[0] * seen.moved
-    return levels, moved.T @ (moved * counts[:, None]), moved * (counts * residual)[:, None]
+    return levels, levels[0] * seen.moved, counts, residual
 
 
 def _finished(
@@ -177,14 +178,15 @@ def _finished(
     agreement, dispersion = [], []
     for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
         seen = _compared(air, side, sense, at, number)
-        _, information, pulls = _pulls(side, seen, levels[number], SOFTNESS[-1])
+        _, moved, counts, residual = _weighed(side, seen, levels[number], SOFTNESS[-1])
+        pulling = moved * counts[:, None]
+        pulls = pulling * residual[:, None]
         tile = torch.as_tensor(_tiles(side), device=at.device).repeat(len(side.layers))
         tiles = pulls.new_zeros(int(tile.max()) + 1, pulls.shape[1]).index_add_(0, tile, pulls)
         prior = torch.diag(prior_deviations((side,)).to(at.device) ** -2)
-        inverse = torch.linalg.inv(prior + information)
+        inverse = torch.linalg.inv(prior + pulling.T @ moved)
         own = (inverse @ (prior + tiles.T @ tiles) @ inverse).cpu().numpy()
-        middle_mm = float(at[_part(number)][SHARED + DEPTH]) - air.length_mm / 2
-        own[:SHARED, :SHARED] += _untold(side, middle_mm)
+        own[:SHARED, :SHARED] += _untold(side, pulling, moved, inverse)
         own[SHARED + DEPTH, SHARED + DEPTH] += side.along_mm**2
         precision += np.linalg.inv(own[:SHARED, :SHARED])
         part = _part(number).numpy()
@@ -198,20 +200,21 @@ def _finished(
     return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement), tuple(dispersion))
 
 
-def _untold(side: Observation, middle_mm: float) -> Coordinates:
-    """Return the covariance (SHARED, SHARED) of an axis through stretches of bore that each lie aside by chance.
+def _untold(side: Observation, pulling: torch.Tensor, moved: torch.Tensor, inverse: torch.Tensor) -> Coordinates:
+    """Return the covariance (SHARED, SHARED) that the axis has since stretches of bore each lie aside by chance.
 
-    ``middle_mm``: of the side, from the place at which the axis is stated.
+    ``pulling`` (m, n): how a residual of each sample pulls; ``moved`` (m, n): how each parameter changes it;
+    ``inverse`` (n, n) of the information. Where few stretches hold the pattern, these decide.
     """
-    stretches = max(1.0, side.length_mm / STRETCH_MM)
-    aside = side.aside_mm**2 / stretches
-    tilt = 12 * aside / max(side.length_mm, STRETCH_MM) ** 2
-    # x grows with the turn about y, y falls with that about x
-    x, y, about_x, about_y = range(SHARED)
-    covariance = np.diag([aside + middle_mm**2 * tilt] * 2 + [tilt] * 2)
-    covariance[x, about_y] = covariance[about_y, x] = -middle_mm * tilt
-    covariance[y, about_x] = covariance[about_x, y] = middle_mm * tilt
-    return covariance
+    n_theta = side.layers[0].air.shape[1]
+    stretch = torch.as_tensor(np.floor((side.z_mm - side.z_mm[0]) / STRETCH_MM).astype(np.int64), device=moved.device)
+    of_sample = stretch.repeat_interleave(n_theta).repeat(len(side.layers))
+    shifts = []
+    for number in range(int(stretch.max()) + 1):
+        here = of_sample == number
+        shifts.append(inverse @ (pulling[here].T @ moved[here, :ACROSS]))
+    shift = torch.cat(shifts, dim=1)[:SHARED] * side.aside_mm
+    return np.asarray((shift @ shift.T).cpu().numpy(), dtype=np.float64)
 
 
 def _tiles(side: Observation) -> NDArray[np.int64]:

@@ -6,6 +6,7 @@ The judge asks for one point: on the axis, 5 mm beyond the end of the bore, wher
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.bores import PLAN_ASIDE_MM, PLAN_TILT_DEG, PoseCase, TrueBore, own_cases, posed_case
 from endoct.workbench.bench.cases.specimens import CELL_MM, DIFFICULTIES, PRESET_WORDS, simulated
 from endoct.workbench.bench.task import SUCCESS, Declined, Range, Task, draw
+
+if TYPE_CHECKING:
+    from endoct.fusion.pose.pose import BorePose
 
 BEYOND_MM = 5.0
 SUCCESS_MM = 0.5
@@ -182,17 +186,21 @@ def ours(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located
     found = find_pose(air_around(ct, plan), plan, [observe(side) for side in named])
     if found.reason is not None:
         raise Declined(found.reason)
-    pose = found.pose
+    return located(found.pose, sides)
+
+
+def located(pose: "BorePose", sides: Sequence[Panorama]) -> Located:
+    """Return a pose that was found by ``sides``, in the order of its own."""
 
     def covariance(place: Coordinates) -> Coordinates:
         x_y, z = pose.bore_to_lps[:3, :2], pose.bore_to_lps[:3, 2]
         stated = pose.axis_covariance(float((place - pose.bore_to_lps[:3, 3]) @ z))
         return np.asarray(x_y @ stated @ x_y.T)
 
-    located = []
+    places = []
     for name, panorama in zip(pose.names, sides, strict=True):
         rows, zeros = panorama.z_mm, np.zeros(panorama.z_mm.size)
         axis = pose.axis_lps(pose.depth_of(name, rows))
         zero = (pose.to_lps(name, zeros, rows, zeros) - axis).mean(axis=0)
-        located.append(LocatedSide(axis[[0, -1]], _direction(zero)))
-    return Located(tuple(located), covariance)
+        places.append(LocatedSide(axis[[0, -1]], _direction(zero)))
+    return Located(tuple(places), covariance)

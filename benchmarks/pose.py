@@ -1,0 +1,178 @@
+"""How well is a bore found in a CT, and on what does that depend? And is a pose told where there is none?
+
+    endoct simulate -o DIR/2000 --preset patient --seed 2000 --ct --vary ct.voxel_mm=0.3..0.3          and so on
+    endoct unroll DIR/2000/oct -o DIR/2000/oct.zarr, and of the endoscope (else recordings are unrolled every time)
+    python benchmarks/pose.py curves DIR/2000 DIR/2001 … --csv curves.csv [--only seen_mm]
+    python benchmarks/pose.py impossible DIR/2000 DIR/2001 … --csv impossible.csv
+
+- ``curves``: one thing at a time is changed: the length of bore seen, nearest to its end; the share of the wall, a
+  sector; the voxels of the CT, scanned anew; how far the plan lies off. Everything else is as ``endoct bench pose`` has
+  it. By endoscope, OCT, and both.
+- ``impossible``: the recordings of one bore in the CT of the next two, each with its own plan; mirrored, in their own
+  CT, with the sense of θ taken for known; and with a plan 5 mm aside.
+
+Judged as by ``endoct bench pose``. ``told`` says whether a pose was given; errors are stated also where it was not.
+``cells``: how many cells of at least 0.1 mm² of wall the bore truly meets where it was seen.
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+
+from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.pose.air import AirAround, air_around
+from endoct.fusion.pose.answer import PoseAnswer
+from endoct.fusion.pose.finding import Found, answer, find_alone
+from endoct.fusion.pose.observation import Observation, observe
+from endoct.modalities.ct_volume import CtVolume
+from endoct.modalities.trajectory import Trajectory
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+from endoct.synthetic.ct.scanning import scan
+from endoct.synthetic.sample.parameters import Sample
+from endoct.workbench.bench.cases.bores import PoseCase, posed_case
+from endoct.workbench.bench.tasks.pose import judge, located
+from endoct.workbench.pipeline.truth import load_truth
+
+SIDES = ("oct", "endoscope")
+LEAST_CELL_MM2 = 0.1
+SWEEPS: Mapping[str, Sequence[float]] = {
+    "as it is": (0,),
+    "seen_mm": (5, 10, 15, 20),
+    "wall_share": (0.25, 0.5, 0.75),
+    "voxel_mm": (0.15, 0.45, 0.6),
+    "plan_off": (0, 0.5, 1.5),
+}
+"""``plan_off``: times 1 mm and 2°."""
+Row = dict[str, str | float | bool]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=("curves", "impossible"))
+    parser.add_argument("specimens", nargs="+", type=Path)
+    parser.add_argument("--only", choices=SWEEPS, action="append")
+    parser.add_argument("--csv", type=Path)
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    rows: list[Row] = []
+    found = curves(given.specimens, given.only or SWEEPS) if given.kind == "curves" else impossible(given.specimens)
+    for row in found:
+        rows.append(row)
+        words = [f"{key}={value:.4g}" if isinstance(value, float) else f"{key}={value}" for key, value in row.items()]
+        print(*words, flush=True)
+        if given.csv:
+            pd.DataFrame(rows).to_csv(given.csv, index=False)
+
+
+def curves(specimens: Sequence[Path], names: Sequence[str]) -> Iterator[Row]:
+    """Yield the errors of every specimen at every value of what is changed."""
+    for specimen in specimens:
+        sample = Sample.model_validate_json((specimen / "truth" / "sample.json").read_text())
+        for name in names:
+            for value in SWEEPS[name]:
+                about: Row = {"specimen": specimen.name, "changed": name, "value": value}
+                try:
+                    case = _case(specimen, sample, name, value)
+                    yield from _judged(case, {**about, "cells": _cells(specimen, case)})
+                except EndoctError as error:
+                    yield {**about, "sides": "", "told": False, "reason": str(error)}
+
+
+def impossible(specimens: Sequence[Path]) -> Iterator[Row]:
+    """Yield what is said of every specimen's recordings where they cannot be."""
+    cases = [_case(one, None, "as it is", 0) for one in specimens]
+    for number, case in enumerate(cases):
+        sides = _observed(case)
+        for step in (1, 2):
+            other = cases[(number + step) % len(cases)]
+            yield from _said(sides, other.given[1], other.given[2], f"{case.name} in {other.name}")
+        yield from _said([_mirrored(one) for one in sides], *case.given[1:], f"{case.name} mirrored")
+        plan = case.given[2]
+        aside = 5 * plan.to_lps[:3, number % 2] * (1 if number % 4 < 2 else -1)
+        yield from _said(sides, case.given[1], _moved(plan, aside), f"{case.name} 5 mm aside")
+
+
+def _case(specimen: Path, sample: Sample | None, name: str, value: float) -> PoseCase:
+    changed = {name: value} if name in ("seen_mm", "wall_share") else {}
+    if name == "plan_off":
+        changed = {"plan_aside_mm": value, "plan_tilt_deg": 2 * value}
+    case = posed_case(specimen, SIDES, seed=int("".join(filter(str.isdigit, specimen.name))), **changed)
+    if name != "voxel_mm" or sample is None or sample.ct is None:
+        return case
+    scanned = scan(sample, sample.ct.model_copy(update={"voxel_mm": value}), drilled=False)
+    ct = replace(
+        case.given[1], voxels=scanned.hu, origin_mm=scanned.lattice.origin_mm, steps_mm=scanned.lattice.steps_mm
+    )
+    return replace(case, given=(case.given[0], ct, case.given[2]))
+
+
+def _observed(case: PoseCase) -> list[Observation]:
+    return [observe(side) for side in two_sides(*case.given[0])]
+
+
+def _judged(case: PoseCase, about: Row) -> Iterator[Row]:
+    panoramas, ct, plan = case.given
+    air = air_around(ct, plan)
+    found = [find_alone(air, side) for side in _observed(case)]
+    for sides, of in (("oct", found[:1]), ("endoscope", found[1:]), ("both", found)):
+        answered = answer(air, plan, of)
+        numbers = range(2) if sides == "both" else [SIDES.index(sides)]
+        one = replace(
+            case,
+            given=(tuple(panoramas[number] for number in numbers), ct, plan),
+            truth=replace(case.truth, sides=tuple(case.truth.sides[number] for number in numbers)),
+        )
+        scores = judge(one, located(answered.pose, one.given[0]))
+        yield {**about, "sides": sides, **_told(answered, of), **scores}
+
+
+def _said(sides: Sequence[Observation], ct: CtVolume, plan: Trajectory, name: str) -> Iterator[Row]:
+    try:
+        air: AirAround = air_around(ct, plan)
+    except EndoctError as error:
+        yield {"case": name, "sides": "", "told": False, "reason": str(error)}
+        return
+    found = [find_alone(air, side) for side in sides]
+    for of in ([found[0]], [found[1]], found):
+        names = "both" if len(of) > 1 else of[0].fit.sides[0].name
+        yield {"case": name, "sides": names, **_told(answer(air, plan, of), of)}
+
+
+def _told(answered: PoseAnswer, of: Sequence[Found]) -> Row:
+    return {
+        "told": answered.reason is None,
+        "agreement": max(one.fit.agreement[0] for one in of),
+        "standing": max(one.standing for one in of),
+        "reason": answered.reason or "",
+    }
+
+
+def _mirrored(side: Observation) -> Observation:
+    layers = tuple(
+        replace(layer, air=layer.air[:, ::-1].copy(), weight=layer.weight[:, ::-1].copy()) for layer in side.layers
+    )
+    return replace(side, layers=layers, handed=True)
+
+
+def _moved(plan: Trajectory, by_mm: Coordinates) -> Trajectory:
+    (a, b, c), (d, e, f) = (np.add(place, by_mm).tolist() for place in (plan.entry_mm, plan.target_mm))
+    return Trajectory((a, b, c), (d, e, f))
+
+
+def _cells(specimen: Path, case: PoseCase) -> int:
+    wall = load_truth(specimen).wall
+    first, last = np.sort(case.truth.sides[0].z_bore(case.given[0][0].z_mm[[0, -1]]))
+    rows = (wall["z"] >= first) & (wall["z"] <= last)
+    sample_mm2 = float(wall["z"][1] - wall["z"][0]) * 2 * np.pi * case.given[0][0].grid.radius_mm / wall["theta"].size
+    samples = np.unique(wall["cell_id"][rows][wall["cell"][rows]], return_counts=True)[1]
+    return int((samples * sample_mm2 >= LEAST_CELL_MM2).sum())
+
+
+if __name__ == "__main__":
+    main()
