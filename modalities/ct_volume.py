@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.modalities.trajectory import Point, Trajectory, as_point
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_start
@@ -28,6 +29,11 @@ NRRD_SPACES: dict[str, Convention] = {
     "ras": "ras",
 }
 NRRD_HEADER_BYTES = 64_000
+LEAST_HU = -500.0
+"""A volume that holds less than that has Hounsfield units."""
+MOST_LABELS = 64
+LABEL_SIGMA_VOXELS = 0.6
+"""Blur of a segmentation: takes its steps, leaves septa of one voxel."""
 MOST_APART_VOXELS = 0.1
 MOST_SHEAR = 1e-3
 """Cosine between two axes of voxels that counts as a right angle."""
@@ -72,6 +78,64 @@ def read_ct(path: Path, stated: Convention | None = None) -> CtVolume:
     if coordinates is None and stated is not None:
         origin, steps = origin * SIGNS[stated], steps * SIGNS[stated]
     return CtVolume(itk.GetArrayFromImage(image), origin, steps[::-1].copy(), coordinates)
+
+
+def holds_labels(ct: CtVolume, name: str, remedy: str) -> bool:
+    """Whether a volume, called ``name``, holds labels, 0 for air, and not Hounsfield units.
+
+    Raises :class:`EndoctError` with ``remedy`` where that cannot be told.
+    """
+    least = float(ct.voxels.min())
+    if least < LEAST_HU:
+        return False
+    if least >= 0 and np.issubdtype(ct.voxels.dtype, np.integer) and len(np.unique(ct.voxels)) <= MOST_LABELS:
+        return True
+    raise EndoctError(
+        f"{name} may hold Hounsfield units, or labels",
+        found=f"values from {least:g} to {float(ct.voxels.max()):g}",
+        expected=f"less than {LEAST_HU:g} somewhere, or at most {MOST_LABELS} whole numbers from 0 on",
+        remedy=remedy,
+    )
+
+
+def meaning_of(ct: CtVolume, stated: Convention | None, name: str) -> Convention:
+    """Return what coordinates in a volume, called ``name``, mean: what is ``stated``, else what its file says.
+
+    Raises :class:`EndoctError` where neither does.
+    """
+    meaning = stated or ct.coordinates
+    if meaning is None:
+        raise EndoctError(
+            f"{name} does not say whether its coordinates are RAS or LPS",
+            expected="a 'space' of right-anterior-superior or left-posterior-superior",
+            remedy="state --coordinates ras or --coordinates lps",
+        )
+    return meaning
+
+
+def in_world(place_mm: Point, coordinates: Convention) -> Point:
+    """Return a place of LPS in ``coordinates``, or one of these in LPS: the same signs both ways."""
+    return as_point(np.array(SIGNS[coordinates]) * place_mm)
+
+
+def check_within(ct: CtVolume, line: Trajectory, coordinates: Convention, name: str) -> None:
+    """Raise :class:`EndoctError` where an end of ``line`` lies outside a volume, called ``name``.
+
+    It gives the numbers in ``coordinates``.
+    """
+    size = np.array(ct.voxels.shape)
+    for end, place in (("entry", line.entry_mm), ("target", line.target_mm)):
+        index = (np.array(place) - ct.origin_mm) @ np.linalg.inv(ct.steps_mm)
+        if np.all(index >= -0.5) and np.all(index <= size - 0.5):
+            continue
+        corners = np.stack([ct.origin_mm, ct.origin_mm + (size - 1.0) @ ct.steps_mm]) * SIGNS[coordinates]
+        extent = ", ".join(f"{low:.1f} … {high:.1f}" for low, high in np.sort(corners, axis=0).T)
+        raise EndoctError(
+            f"the {end} lies outside {name}",
+            found=", ".join(f"{value:g}" for value in in_world(place, coordinates)),
+            expected=f"within {extent} mm ({coordinates.upper()})",
+            remedy="check the numbers, and --coordinates",
+        )
 
 
 def _check_nifti(path: Path, image: Any, origin: Coordinates, steps: Coordinates) -> None:

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from endoct.modalities.ct_volume import SIGNS, Convention
-from endoct.modalities.trajectory import Trajectory
+from endoct.modalities.trajectory import Point, Trajectory
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.json_values import a_list, an_object, read_object
 
-Point = tuple[float, float, float]
 ENDS = ("entry", "target")
 EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json: first the entry, then the target"
 FARTHEST_MM = 1e5

@@ -7,6 +7,7 @@ import numpy as np
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 
+Point = tuple[float, float, float]
 LEAST_LENGTH_MM = 1.0
 NEARLY_ALONG = np.cos(np.radians(10))
 
@@ -15,8 +16,8 @@ NEARLY_ALONG = np.cos(np.radians(10))
 class Trajectory:
     """From ``entry_mm`` to ``target_mm``, both LPS. Raises :class:`EndoctError` where these are the same place."""
 
-    entry_mm: tuple[float, float, float]
-    target_mm: tuple[float, float, float]
+    entry_mm: Point
+    target_mm: Point
 
     def __post_init__(self) -> None:
         if not self.length_mm >= LEAST_LENGTH_MM:
@@ -31,6 +32,12 @@ class Trajectory:
     def to_lps(self) -> Coordinates:
         """The transform (4, 4) of the bore frame at the entry, z towards the target, to LPS."""
         return axes_at(np.array(self.entry_mm), np.subtract(self.target_mm, self.entry_mm))
+
+
+def as_point(place: Coordinates) -> Point:
+    """Return x, y and z of an array (3,) as numbers of Python."""
+    x, y, z = (float(value) for value in place)
+    return x, y, z
 
 
 def axes_at(origin_mm: Coordinates, inward: Coordinates) -> Coordinates:

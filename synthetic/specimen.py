@@ -46,7 +46,8 @@ def simulate(
     :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``ranges`` are those of
     :func:`endoct.synthetic.draw.draw`. ``volume`` is the user's bone to drill into
     (:func:`endoct.synthetic.bone.patient.stated_volume`). ``ct`` adds ``truth/ct.nii.gz`` with labels and cells,
-    ``cone_beam`` ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct`). ``sample``, the content of such a
+    its true line and, in ``folder``, a plan off it (:mod:`endoct.synthetic.ct.plan`); ``cone_beam``
+    ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct`). ``sample``, the content of such a
     ``sample.json``, replays it; what is drawn from does not matter then. ``labels`` adds ``truth/labels``
     (:mod:`endoct.synthetic.labels`), ``spectra`` ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`).
     ``on_progress(stage, fraction)`` is called from this thread.
@@ -110,10 +111,13 @@ def write_specimen(
         write_recordings(folder, model, processes, progress)
         truth.result()
     if sample.ct or sample.cone_beam:
+        from endoct.synthetic.ct.plan import write_lines
         from endoct.synthetic.ct.writing import write_ct
 
         progress("ct", 0.0)
         write_ct(folder / "truth", sample)
+        if sample.ct:
+            write_lines(folder, sample)
         progress("ct", 1.0)
     workers = 1 + len(processes)
     if spectra:

@@ -4,22 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from endoct.modalities.ct_volume import CtVolume
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.modalities.ct_volume import LABEL_SIGMA_VOXELS, CtVolume, holds_labels
+from endoct.modalities.trajectory import Trajectory, as_point
+from endoct.stitching.arrays import Image
 from endoct.stitching.errors import EndoctError
 
 STEP_MM = 0.15
 """Of the samples, half a clinical voxel: a cubic spline between voxels, and straight lines between these samples."""
 ASIDE_MM, BEYOND_MM = 7.0, 7.0
 AIR_HU, BONE_HU = -1000.0, 300.0
-LEAST_HU = -500.0
-"""A volume that holds less than that has Hounsfield units."""
-MOST_LABELS = 64
-LABEL_SIGMA_VOXELS = 0.6
 LEAST_INSIDE = 0.7
 """Of the samples around the plan that lie in the CT."""
 
@@ -81,7 +76,7 @@ def air_around(ct: CtVolume, plan: Trajectory, device: str = "cpu") -> AirAround
             expected=f"{LEAST_INSIDE:.0%} at least, {ASIDE_MM:g} mm around the axis",
             remedy="check entry, target and --coordinates",
         )
-    if holds_labels(ct.voxels):
+    if holds_labels(ct, "the CT", remedy="export Hounsfield units, air at about -1000"):
         air = ndimage.gaussian_filter((ct.voxels == 0).astype(np.float32), LABEL_SIGMA_VOXELS)
         share = resampled(air, 1, "nearest")
     else:
@@ -97,24 +92,4 @@ def air_around(ct: CtVolume, plan: Trajectory, device: str = "cpu") -> AirAround
         share = np.clip((bone - hounsfield) / np.float32(bone - AIR_HU), 0, 1)
     by_z, by_y, by_x = np.gradient(share, STEP_MM)
     values = torch.from_numpy(np.stack([share, by_x, by_y, by_z]).astype(np.float32))[None]
-    return AirAround(values, _triple(corner), plan.length_mm).to(device)
-
-
-def holds_labels(voxels: NDArray[np.generic]) -> bool:
-    """Whether a volume holds labels, 0 for air. Raises :class:`EndoctError` where that cannot be told."""
-    least = float(voxels.min())
-    if least < LEAST_HU:
-        return False
-    if least >= 0 and np.issubdtype(voxels.dtype, np.integer) and len(np.unique(voxels)) <= MOST_LABELS:
-        return True
-    raise EndoctError(
-        "the CT may hold Hounsfield units, or labels",
-        found=f"values from {least:g} to {float(voxels.max()):g}",
-        expected=f"less than {LEAST_HU:g} somewhere, or at most {MOST_LABELS} whole numbers from 0 on",
-        remedy="export Hounsfield units, air at about -1000",
-    )
-
-
-def _triple(values: Coordinates) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
+    return AirAround(values, as_point(corner), plan.length_mm).to(device)

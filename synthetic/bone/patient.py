@@ -13,8 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from endoct.modalities.ct_volume import SIGNS, Convention, CtVolume, read_ct
-from endoct.modalities.trajectory import axes_at
+from endoct.modalities.ct_volume import (
+    LABEL_SIGMA_VOXELS,
+    SIGNS,
+    Convention,
+    CtVolume,
+    check_within,
+    holds_labels,
+    in_world,
+    meaning_of,
+    read_ct,
+)
+from endoct.modalities.trajectory import Trajectory, axes_at
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import sha256_of
@@ -24,11 +34,6 @@ from endoct.synthetic.sample.parameters import Volume
 
 BONE_HU = 300.0
 """Half way from air (−1000) to dense cortical bone (1600), where a blurred surface between them lies."""
-AIR_HU = -500.0
-"""A volume that holds less than that has Hounsfield units."""
-MOST_LABELS = 64
-LABEL_SIGMA_VOXELS = 0.6
-"""Blur of a segmentation: takes its steps, leaves septa of one voxel."""
 MARGIN_MM = 1.5
 """Of bone beyond what is asked for, so that distances there are right."""
 CHAMBER_MM = 1.2
@@ -74,14 +79,9 @@ def stated_volume(
     the trajectory lies outside it or in no bone.
     """
     ct = read_ct(path, coordinates)
-    meaning = coordinates or ct.coordinates
-    if meaning is None:
-        raise EndoctError(
-            f"{path} does not say whether its coordinates are RAS or LPS",
-            expected="a 'space' of right-anterior-superior or left-posterior-superior",
-            remedy="state --coordinates ras or --coordinates lps",
-        )
-    if bone_hu is None and bone_label is None and not _are_labels(ct, path):
+    meaning = meaning_of(ct, coordinates, str(path))
+    remedy = f"state what is bone: --bone-hu {BONE_HU:g}, or --bone-label 1"
+    if bone_hu is None and bone_label is None and not holds_labels(ct, str(path), remedy):
         bone_hu = BONE_HU
     volume = Volume(
         path=str(path.resolve()),
@@ -93,44 +93,11 @@ def stated_volume(
         bone_label=bone_label,
         detail_mm=detail_mm,
     )
-    _check_trajectory(ct, volume)
-    return volume
-
-
-def _are_labels(ct: CtVolume, path: Path) -> bool:
-    least = float(ct.voxels.min())
-    if least < AIR_HU:
-        return False
-    if least >= 0 and np.issubdtype(ct.voxels.dtype, np.integer) and len(np.unique(ct.voxels)) <= MOST_LABELS:
-        return True
-    raise EndoctError(
-        f"{path} may hold Hounsfield units, or labels",
-        found=f"values from {least:g} to {float(ct.voxels.max()):g}",
-        remedy=f"state what is bone: --bone-hu {BONE_HU:g}, or --bone-label 1",
-    )
-
-
-def _check_trajectory(ct: CtVolume, volume: Volume) -> None:
-    to_world = bore_to_lps(volume)
-    voxels = Lattice(ct.origin_mm, ct.steps_mm, _shape(ct))
-    length = volume.length_mm
-    if length < 1:
-        raise EndoctError("entry and target are the same place", found=f"{length:.3g} mm apart")
-    for name, z in (("entry", 0.0), ("target", length)):
-        index = voxels.index_of(to_world[:3, :3] @ np.array([0, 0, z]) + to_world[:3, 3])
-        if np.any(index < -0.5) or np.any(index > np.array(voxels.shape) - 0.5):
-            corners = np.array([voxels.at(np.zeros(3)), voxels.at(np.array(voxels.shape) - 1.0)])
-            corners = np.sort(corners * SIGNS[volume.coordinates], axis=0)
-            extent = ", ".join(f"{low:.1f} … {high:.1f}" for low, high in corners.T)
-            point = volume.entry_mm if name == "entry" else volume.target_mm
-            raise EndoctError(
-                f"the {name} lies outside the volume",
-                found=", ".join(f"{value:g}" for value in point),
-                expected=f"within {extent} mm ({volume.coordinates.upper()})",
-                remedy="check the numbers, and --coordinates",
-            )
+    line = Trajectory(in_world(entry_mm, meaning), in_world(target_mm, meaning))
+    check_within(ct, line, meaning, "the volume")
     if not np.any(_is_bone(ct.voxels, volume)):
-        raise EndoctError(f"there is no bone in {volume.path}", found=_bone_words(volume), remedy="check what is bone")
+        raise EndoctError(f"there is no bone in {path}", found=_bone_words(volume), remedy="check what is bone")
+    return volume
 
 
 def check_bone_share(share: float, volume: Volume) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from endoct.modalities.ct_volume import Convention, read_ct
-from endoct.modalities.markups import Point
+from endoct.modalities.trajectory import Point
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import check_unchanged, state_of

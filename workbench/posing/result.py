@@ -11,11 +11,9 @@ from endoct.fusion.pose.clinical import Estimate
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.summary import PoseSummary, radius_of
 from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, SCALE, TURN
-from endoct.modalities.ct_volume import SIGNS, Convention
-from endoct.modalities.markups import Point
-from endoct.modalities.trajectory import Trajectory
+from endoct.modalities.ct_volume import SIGNS, Convention, in_world
+from endoct.modalities.trajectory import Point, Trajectory
 from endoct.stitching.arrays import Coordinates
-from endoct.workbench.posing.plan import in_world
 
 FORMAT = "endoct-pose-1"
 NOTICE = "Research software, not for clinical decisions."

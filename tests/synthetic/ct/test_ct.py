@@ -11,8 +11,11 @@ import xarray as xr
 from bone_volumes import CELL, RAS, block, drilled, stated
 from scipy import ndimage
 
+from endoct.modalities.markups import read_line
+from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.nifti import nifti_header
+from endoct.synthetic.ct.plan import drawn_plan, true_line
 from endoct.synthetic.ct.writing import write_ct
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Ct
@@ -134,3 +137,31 @@ def test_the_number_of_workers_changes_no_byte(specimen: Path, tmp_path: Path) -
     assert files == sorted(path.relative_to(other) for path in other.rglob("*") if path.is_file())
     for name in files:
         assert (specimen / name).read_bytes() == (other / name).read_bytes(), name
+
+
+def test_the_true_line_and_a_plan_beside_it_are_markups_in_the_world_of_the_ct(specimen: Path) -> None:
+    true, convention = read_line(specimen / "truth/bore.mrk.json")
+    world = json.loads((specimen / "truth/recording.json").read_text(encoding="utf-8"))["world"]
+    assert convention == "lps"
+    assert np.allclose(RAS * true.entry_mm, world["entry_mm"], atol=1e-9)
+    assert np.allclose(RAS * true.target_mm, world["target_mm"], atol=1e-9)
+    plan, _ = read_line(specimen / "plan.mrk.json")
+    off, tilt = apart(true, plan)
+    assert 0.01 < off <= 1.0
+    assert 0.0 < tilt <= 2.0
+
+
+def test_plans_are_off_by_up_to_a_millimetre_and_two_degrees() -> None:
+    drawn = [draw("learning", seed, ranges={"bore.bone": ("network",)}, ct=True) for seed in range(40)]
+    off = np.array([apart(true_line(sample), drawn_plan(sample)) for sample in drawn])
+    assert off.max(axis=0) == pytest.approx([1.0, 2.0], rel=0.1)
+    assert np.all(off <= [1.0, 2.0])
+    again = draw("learning", 99, bore_seed=3, ranges={"bore.bone": ("network",)}, ct=True)
+    assert drawn_plan(again) == drawn_plan(drawn[3])
+
+
+def apart(true: Trajectory, plan: Trajectory) -> tuple[float, float]:
+    """Return the distance of the entries in mm, and the angle between the lines in degrees."""
+    assert plan.length_mm == pytest.approx(true.length_mm)
+    along = true.to_lps[:3, 2] @ plan.to_lps[:3, 2]
+    return float(np.linalg.norm(np.subtract(true.entry_mm, plan.entry_mm))), float(np.degrees(np.arccos(along)))
