@@ -71,11 +71,25 @@ def write_panorama_report(store: Path, panorama: Panorama) -> Path:
 
 def _check(folder: Path) -> None:
     """Raise :class:`EndoctError` where a report may not be written, before any work is put into it."""
+    whole = next((whole for whole in folder.resolve().parents if _lists(whole, folder.resolve())), None)
+    if whole is not None:
+        raise EndoctError(
+            f"{folder} is a part of {whole.name}, which lists all that it holds",
+            found="a part without a report of its own",
+            remedy=f"look at it by `endoct serve {folder}`, or write the report of a copy of that folder",
+        )
     for part in (folder / PAGE, folder / "figures"):
         if part.is_symlink():
             raise EndoctError(f"{part} is a link", expected="what endoct wrote", remedy="move it away")
     check_output(folder / PAGE, REPORT, overwrite=True, is_ours=is_marked)
     check_output(folder / "figures", FIGURES, overwrite=True)
+
+
+def _lists(whole: Path, folder: Path) -> bool:
+    """Say whether what ``whole`` holds lists files of ``folder``, and not as a part that says of itself."""
+    contents = read_contents(whole)
+    within = f"{folder.relative_to(whole).as_posix()}/"
+    return contents is not None and any(name.startswith(within) for name in contents.files)
 
 
 def _write(folder: Path, draw: Callable[[Path, Shown], tuple[str, tuple[Section, ...]]]) -> Path:

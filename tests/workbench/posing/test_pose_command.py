@@ -11,7 +11,10 @@ from pose_case import PoseCase, text
 
 from endoct.fusion.pose.answer import PoseAnswer
 from endoct.modalities.markups import write_line
+from endoct.stitching.errors import EndoctError
+from endoct.workbench import compare, verify
 from endoct.workbench.cli import main
+from endoct.workbench.page.report import write_report
 from endoct.workbench.posing import finding, pose
 from endoct.workbench.posing.result import PoseResult
 
@@ -117,6 +120,33 @@ def test_one_side_of_a_comparison_is_a_side(
     assert command(f"{compared}:camera", *plan)[0] == 0
     assert "name one of them" in command(compared, *plan, "--overwrite")[1][0]
     assert "no such side; found oct; expected camera" in command(f"{compared}:oct", *plan, "--overwrite")[1][0]
+
+
+def test_a_side_of_a_comparison_that_endoct_made_is_a_side(
+    command: Command, answered: Callable[[str | None], None], files: Path, case: PoseCase, tmp_path: Path
+) -> None:
+    answered(None)
+    compared = tmp_path / "compared"
+    compare(files / "camera.zarr", case.panorama("ranger", turn_rad=2.0, columns=96), compared, progress=False)
+    plan = ("--ct", files / "ct.nrrd", *plan_of(case), "-o", tmp_path / "out")
+    assert command(f"{compared}:camera", *plan)[:2] == (0, [])
+    said = json.loads((tmp_path / "out" / "pose.json").read_text(encoding="utf-8"))
+    assert said["sides"] == ["camera"]
+    assert "name one of them" in command(compared, *plan, "--overwrite")[1][0]
+    assert "found oct; expected camera, ranger" in command(f"{compared}:oct", *plan, "--overwrite")[1][0]
+    assert verify(compared)[0].intact
+
+
+def test_what_the_pose_predicts_has_no_report_of_its_own_but_a_copy_has(
+    files: Path, found: PoseResult, tmp_path: Path
+) -> None:
+    del found
+    folder = files / "both" / "predicted" / "camera"
+    with pytest.raises(EndoctError, match="is a part of both.*endoct serve.*a copy"):
+        write_report(folder)
+    assert verify(files / "both")[0].intact
+    shutil.copytree(folder, tmp_path / "copy")
+    assert write_report(tmp_path / "copy").is_file()
 
 
 @pytest.mark.parametrize(
