@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import SimpleITK as sitk
 from pose_case import PoseCase, text
 
 from endoct.fusion.pose.answer import PoseAnswer
 from endoct.modalities.markups import write_line
+from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import compare, verify
 from endoct.workbench.cli import main
@@ -198,6 +200,48 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(
         Image.fromarray((np.indices((40, 60)).sum(axis=0) % 2 * 255).astype(np.uint8)).save(paths["mask"])
     said = [part for word in words for part in (plan_of(case) if word == "{plan}" else [word.format(**paths)])]
     status, errors, _ = command(*said, "-o", tmp_path / "out")
+    assert status == 1
+    assert len(errors) == 1
+    assert message in errors[0]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--ct", "{other_patient}", "{plan}"], "the entry lies outside the CT"),
+        (["--ct", "{ct}", "--plan", "{far}"], "the entry lies outside the CT"),
+        (["--ct", "{shares}", "{plan}"], "the CT may hold Hounsfield units, or labels"),
+        (["--ct", "{air}", "{plan}"], "there is no bone around the plan"),
+        (["--ct", "{ct}", "{plan}", "--labels", "{elsewhere}"], "no labelled structure near the plan"),
+        (["--ct", "{ct}", "{plan}", "--labels", "missing.nrrd"], "missing.nrrd"),
+    ],
+)
+def test_a_volume_of_another_world_is_one_line_and_leaves_nothing(
+    command: Command, files: Path, case: PoseCase, tmp_path: Path, words: list[str], message: str
+) -> None:
+    def changed(name: str, change: Callable[[sitk.Image], sitk.Image]) -> Path:
+        """Write a volume of the case as ``name``, changed."""
+        path = tmp_path / f"{name}.nrrd"
+        source = "labels" if name == "elsewhere" else "ct"
+        sitk.WriteImage(change(sitk.ReadImage(str(files / f"{source}.nrrd"))), str(path))
+        return path
+
+    def moved(image: sitk.Image) -> sitk.Image:
+        image.SetOrigin([place + 60.0 for place in image.GetOrigin()])
+        return image
+
+    volumes: dict[str, Callable[[sitk.Image], sitk.Image]] = {
+        "other_patient": moved,
+        "elsewhere": moved,
+        "shares": lambda image: sitk.Cast(image, sitk.sitkFloat32) / 4000 + 0.5,
+        "air": lambda image: image * 0 - 1000,
+    }
+    paths = {"ct": files / "ct.nrrd", "far": tmp_path / "far.mrk.json"}
+    paths |= {name: changed(name, change) for name, change in volumes.items() if f"{{{name}}}" in words}
+    write_line(Trajectory((0, 0, 500), (0, 0, 530)), "far", paths["far"])
+    said = [part for word in words for part in (plan_of(case) if word == "{plan}" else [word.format(**paths)])]
+    status, errors, _ = command(files / "camera.zarr", *said, "-o", tmp_path / "out")
     assert status == 1
     assert len(errors) == 1
     assert message in errors[0]
