@@ -144,7 +144,7 @@ def test_what_the_pose_predicts_has_no_report_of_its_own_but_a_copy_has(
 ) -> None:
     del found
     folder = files / "both" / "predicted" / "camera"
-    with pytest.raises(EndoctError, match="is a part of both.*endoct serve.*a copy"):
+    with pytest.raises(EndoctError, match=r"is a part of both.*endoct serve.*a copy"):
         write_report(folder)
     assert verify(files / "both")[0].intact
     shutil.copytree(folder, tmp_path / "copy")
