@@ -150,7 +150,8 @@ def own_cases(folder: Path) -> list[PoseCase]:
     for chosen in combinations:
         sides = "both" if len(chosen) == MOST_SIDES else chosen[0]
         name, conditions = f"{folder.name}-{sides}", {"specimen": folder.name, "sides": sides}
-        if (line := folder / "truth" / TRUE_LINE).is_file():
+        line = folder / "truth" / TRUE_LINE
+        if line.is_file() and not (folder / "truth" / "wall.zarr").is_dir():
             truth = read_line(line)[0]
             known = TrueBore(axes_at(np.array(truth.entry_mm), _inward(truth)), truth.length_mm)
             case: PoseCase = Case(
