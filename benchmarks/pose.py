@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.pose.air import AirAround, air_around
 from endoct.fusion.pose.answer import PoseAnswer
 from endoct.fusion.pose.finding import Found, answer, find_alone
