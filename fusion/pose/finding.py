@@ -95,11 +95,12 @@ def find_alone(air: AirAround, side: Observation) -> Found:
 def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
     """Return the pose of sides that were found alone: one axis, each side's own depth and turn.
 
-    It begins at the axis of the side that stands out most. A side that found another axis looks along that one anew.
+    It begins at the axis of the side that stands out most. A side that found another axis looks along that one anew;
+    where none has to, the fit is only made finer, so that no side leaves the place that it found.
     """
     leader = max(found, key=lambda one: one.standing)
     axis = leader.fit.parameters[:SHARED]
-    start, senses = [torch.as_tensor(axis)], []
+    start, senses, softness = [torch.as_tensor(axis)], [], FINE
     for one in found:
         side = one.fit.sides[0]
         if not _differ(_summary(one.fit), (_summary(leader.fit)[0], *_summary(one.fit)[1:]), air.length_mm):
@@ -111,9 +112,10 @@ def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
         best = max((some[0] for some in along), key=lambda candidate: candidate.score)
         start.append(start_of(best)[SHARED:])
         senses.append(best.sense)
+        softness = SOFTNESS
     sides = [one.fit.sides[0] for one in found]
     dispersion = [one.fit.dispersion[0] for one in found]
-    return fit_pose(air, sides, senses, torch.cat(start), dispersion=dispersion)
+    return fit_pose(air, sides, senses, torch.cat(start), softness=softness, dispersion=dispersion)
 
 
 def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:

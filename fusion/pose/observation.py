@@ -23,7 +23,7 @@ EVEN_STEPS = 0.03
 """Relative spread of the steps between frames below which a drive made them, not a stitching."""
 DRIVEN_STRETCH_MM, STITCHED_STRETCH_MM = 0.02, 0.12
 """How far places along the bore may lie off, the scale of the whole aside."""
-ASIDE_BY_DEPTH_MM, ASIDE_BY_CELLS_MM = 0.022, 0.045
+ASIDE_BY_DEPTH_MM, ASIDE_BY_CELLS_MM = 0.022, 0.035
 ALONG_BY_DEPTH_MM, ALONG_BY_CELLS_MM = 0.02, 0.075
 """By how much a stretch of ``STRETCH_MM`` of bore seems to lie aside of where it is, and the whole along the bore, by
 what unrolling and segmentation leave: from twelve simulated bores of the preset 'patient', seeds 100 to 111."""
