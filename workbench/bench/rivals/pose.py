@@ -1,0 +1,116 @@
+"""How one would find a bore in a CT with existing libraries.
+
+All get what ours is given, prepared as ours does it: air around the plan from the CT, and what a side shows of air.
+They begin at the places around the plan that fit best by what they minimise, of some hundred thousand, at any turn,
+and the result that fits best is taken. Those called "…_from_our_search" begin at the best candidate of endoct's own
+search instead. Each of two sides is located by itself.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from endoct.fusion.pose.air import AirAround, air_around
+from endoct.fusion.pose.observation import Observation
+from endoct.fusion.pose.search import senses_of
+from endoct.fusion.pose.wall import Sense
+from endoct.modalities.ct_volume import CtVolume
+from endoct.modalities.trajectory import Trajectory
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.rivals.pose_points import open3d_matching, small_gicp_matching
+from endoct.workbench.bench.rivals.pose_starts import (
+    Matching,
+    located,
+    observed,
+    our_start,
+    ranked_starts,
+    transform_of,
+)
+from endoct.workbench.bench.rivals.pose_volumes import simpleitk_matching
+from endoct.workbench.bench.task import Declined
+from endoct.workbench.bench.tasks.pose import Located
+
+STARTS = 8
+SCALES = (0.985, 0.99, 0.995, 1.005, 1.01, 1.015)
+"""Of z, tried at the best result: a drive's pitch is known to 1 % or so, and no method here fits it."""
+
+Library = Callable[[AirAround], Callable[[Observation, Panorama], Matching]]
+"""The air in a CT to how a side is matched with it."""
+
+
+def small_gicp(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+    """Register points of the wall with small_gicp's point-to-plane ICP."""
+    return _located(sides, ct, plan, small_gicp_matching, ours=False)
+
+
+def small_gicp_from_our_search(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+    """Register as :func:`small_gicp` does, from the best candidate of endoct's own search."""
+    return _located(sides, ct, plan, small_gicp_matching, ours=True)
+
+
+def open3d(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+    """Register points of the wall with Open3D's point-to-plane ICP with Tukey's kernel."""
+    return _located(sides, ct, plan, open3d_matching, ours=False)
+
+
+def open3d_from_our_search(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+    """Register as :func:`open3d` does, from the best candidate of endoct's own search."""
+    return _located(sides, ct, plan, open3d_matching, ours=True)
+
+
+def simpleitk(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+    """Register the air on and behind the wall with SimpleITK: a masked volume, by correlation."""
+    return _located(sides, ct, plan, simpleitk_matching, ours=False)
+
+
+def simpleitk_from_our_search(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+    """Register as :func:`simpleitk` does, from the best candidate of endoct's own search."""
+    return _located(sides, ct, plan, simpleitk_matching, ours=True)
+
+
+@dataclass(frozen=True, eq=False)
+class _Result:
+    """How well a side fits, its sense, its transform (4, 4) to the plan's bore frame, and its scale along z."""
+
+    score: float
+    sense: Sense
+    transform: Coordinates
+    scale: float
+
+
+def _located(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory, library: Library, *, ours: bool) -> Located:
+    air = air_around(ct, plan)
+    matching_of = library(air)
+    found = []
+    for panorama in sides:
+        side = observed(panorama)
+        best = _best(side, air, matching_of(side, panorama), ours=ours)
+        found.append(located(side, best.sense, panorama, best.transform, plan, best.scale))
+    return Located(tuple(found))
+
+
+def _best(side: Observation, air: AirAround, matching: Matching, *, ours: bool) -> _Result:
+    def refined(sense: Sense, transform: Coordinates, scale: float) -> _Result:
+        score, better = matching.refine(sense, transform, scale)
+        return _Result(score if np.isfinite(better).all() else -np.inf, sense, better, scale)
+
+    starts = _starts(side, air, matching, ours=ours)
+    results = [refined(sense, transform_of(one, air.length_mm), 1.0) for sense, some in starts for one in some]
+    best = max(results, key=lambda one: one.score)
+    best = max([best, *(refined(best.sense, best.transform, scale) for scale in SCALES)], key=lambda one: one.score)
+    if not np.isfinite(best.score):
+        raise Declined("no start came to a result")
+    return best
+
+
+def _starts(
+    side: Observation, air: AirAround, matching: Matching, *, ours: bool
+) -> Sequence[tuple[Sense, Coordinates]]:
+    """Return by sense where to begin; of endoct's own search only its best candidate in all senses."""
+    senses = senses_of(side)
+    if ours:
+        sense, _, start = max(((sense, *our_start(side, air, sense)) for sense in senses), key=lambda one: one[1])
+        return [(sense, start)]
+    return [(sense, ranked_starts(side, air, *matching.samples(sense), STARTS)) for sense in senses]
