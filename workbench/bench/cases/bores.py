@@ -10,7 +10,7 @@ import numpy as np
 
 from endoct.modalities.ct_volume import SIGNS, SUFFIXES, CtVolume, read_ct
 from endoct.modalities.markups import read_line
-from endoct.modalities.trajectory import Trajectory, axes_at
+from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError, refusing
@@ -144,25 +144,22 @@ def own_cases(folder: Path) -> list[PoseCase]:
     something is missing.
     """
     names = _sides_in(folder)
+    line, simulated = folder / "truth" / TRUE_LINE, folder / "truth" / "recording.json"
+    if not (line.is_file() or simulated.is_file()):
+        raise EndoctError(f"{folder} has no truth", expected=f"that of a simulated specimen, or truth/{TRUE_LINE}")
     combinations = [tuple(names), *((name,) for name in names)] if len(names) == MOST_SIDES else [tuple(names)]
     panoramas = {name: load_side(folder, name) for name in names}
-    cases = []
+    cases: list[PoseCase] = []
     for chosen in combinations:
         sides = "both" if len(chosen) == MOST_SIDES else chosen[0]
         name, conditions = f"{folder.name}-{sides}", {"specimen": folder.name, "sides": sides}
-        line = folder / "truth" / TRUE_LINE
         if line.is_file() and not (folder / "truth" / "wall.zarr").is_dir():
-            truth = read_line(line)[0]
-            known = TrueBore(axes_at(np.array(truth.entry_mm), _inward(truth)), truth.length_mm)
-            case: PoseCase = Case(
-                name, (tuple(panoramas[side] for side in chosen), *_planned(folder)), known, conditions
-            )
-        else:
-            seed = _seed_of(folder)
-            case = posed_case(folder, chosen, seed=seed, name=name, conditions=conditions, panoramas=panoramas)
-            if (folder / PLAN_FILE).is_file():
-                case = replace(case, given=(case.given[0], *_planned(folder)))
-        cases.append(case)
+            given = (tuple(panoramas[side] for side in chosen), *_planned(folder))
+            cases.append(Case(name, given, _true_line(line), conditions))
+            continue
+        seed = _seed_of(folder)
+        case = posed_case(folder, chosen, seed=seed, name=name, conditions=conditions, panoramas=panoramas)
+        cases.append(replace(case, given=(case.given[0], *_planned(folder))) if _has_plan(folder) else case)
     return cases
 
 
@@ -197,8 +194,12 @@ def _sides_in(folder: Path) -> list[str]:
     return names
 
 
+def _has_plan(folder: Path) -> bool:
+    return (folder / PLAN_FILE).is_file()
+
+
 def _planned(folder: Path) -> tuple[CtVolume, Trajectory]:
-    if not (folder / PLAN_FILE).is_file():
+    if not _has_plan(folder):
         raise EndoctError(f"{folder} holds no plan", expected=f"{PLAN_FILE}, a line of 3D Slicer from entry to target")
     planned = read_plan(ct_of(folder), None, None, folder / PLAN_FILE, None)
     return planned.ct, planned.plan
@@ -225,8 +226,9 @@ def _sector(panorama: Panorama, pose: Pose, middle_rad: float, share: float) -> 
     return np.asarray(apart <= np.pi * share)[np.newaxis]
 
 
-def _inward(line: Trajectory) -> Coordinates:
-    return np.subtract(line.target_mm, line.entry_mm)
+def _true_line(path: Path) -> TrueBore:
+    true = read_line(path)[0]
+    return TrueBore(true.to_lps, true.length_mm)
 
 
 def _triple(place: Coordinates) -> tuple[float, float, float]:

@@ -3,7 +3,7 @@
 All get what ours is given, prepared as ours does it: air around the plan from the CT, and what a side shows of air.
 They begin at the places around the plan that fit best by what they minimise, of some hundred thousand, at any turn,
 and the result that fits best is taken. Those called "…_from_our_search" begin at the best candidate of endoct's own
-search instead. Each of two sides is located by itself.
+search instead. None of them can put two sides together: of two they take the one with depth.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ from endoct.workbench.bench.rivals.pose_starts import (
 )
 from endoct.workbench.bench.rivals.pose_volumes import simpleitk_matching
 from endoct.workbench.bench.task import Declined
-from endoct.workbench.bench.tasks.pose import Located
+from endoct.workbench.bench.tasks.pose import Located, judged_side
 
 STARTS = 8
 SCALES = (0.985, 0.99, 0.995, 1.005, 1.01, 1.015)
@@ -61,7 +61,7 @@ def open3d_from_our_search(sides: tuple[Panorama, ...], ct: CtVolume, plan: Traj
 
 
 def simpleitk(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
-    """Register the air on and behind the wall with SimpleITK: a masked volume, by correlation."""
+    """Register the air on and behind the wall with SimpleITK: a masked volume, by mutual information."""
     return _located(sides, ct, plan, simpleitk_matching, ours=False)
 
 
@@ -81,14 +81,11 @@ class _Result:
 
 
 def _located(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory, library: Library, *, ours: bool) -> Located:
-    air = air_around(ct, plan)
-    matching_of = library(air)
-    found = []
-    for panorama in sides:
-        side = observed(panorama)
-        best = _best(side, air, matching_of(side, panorama), ours=ours)
-        found.append(located(side, best.sense, panorama, best.transform, plan, best.scale))
-    return Located(tuple(found))
+    air, number = air_around(ct, plan), judged_side(sides)
+    side = observed(sides[number])
+    best = _best(side, air, library(air)(side, sides[number]), ours=ours)
+    place = located(side, best.sense, sides[number], best.transform, plan, best.scale)
+    return Located(tuple(place if at == number else None for at in range(len(sides))))
 
 
 def _best(side: Observation, air: AirAround, matching: Matching, *, ours: bool) -> _Result:

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
 
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.observation import ROWS_MM, Observation
@@ -19,11 +21,16 @@ WITHIN_MM = 0.15
 LEAST_WEIGHT = 0.5
 BLURS_MM = (0.3, 0.0)
 """Of the CT, in turn."""
-ITERATIONS, STEP, LEAST_STEP = 60, 0.3, 1e-3
+BINS, ITERATIONS, STEP, LEAST_STEP = 24, 60, 0.3, 1e-3
+EDGES = (0.05, 0.95)
+"""Shares of air between which a voxel is at an edge: with its neighbours these decide."""
 
 
 def simpleitk_matching(air: AirAround) -> Callable[[Observation, Panorama], Matching]:
-    """Match by the correlation of a side's volume with the CT, steps by gradient descent."""
+    """Match by Mattes' mutual information of a side's volume with the CT, near the edges that the side shows.
+
+    Starts are ranked by correlation.
+    """
     try:
         import SimpleITK as sitk
     except ImportError:
@@ -42,7 +49,7 @@ def simpleitk_matching(air: AirAround) -> Callable[[Observation, Panorama], Matc
 
         def refine(sense: Sense, transform: Coordinates, scale: float) -> tuple[float, Coordinates]:
             places, shares, known = volume_of(side, sense)
-            fixed, mask = (_image(sitk, values, places[0, 0, 0], scale) for values in (shares, known.astype(np.uint8)))
+            fixed, mask = (_image(sitk, of, places[0, 0, 0], scale) for of in (shares, _near_edges(shares, known)))
             score = -np.inf
             for level in levels:
                 score, transform = _registered(sitk, fixed, mask, level, transform)
@@ -74,7 +81,7 @@ def volume_of(side: Observation, sense: Sense) -> tuple[Coordinates, Image, Mask
     return np.stack([x, y, z], axis=-1), share.astype(np.float32), known
 
 
-def _image(sitk: Any, values: Image, corner: Coordinates, scale: float) -> Any:
+def _image(sitk: Any, values: NDArray[Any], corner: Coordinates, scale: float) -> Any:
     image = sitk.GetImageFromArray(values)
     image.SetSpacing((VOXEL_MM, VOXEL_MM, VOXEL_MM * scale))
     image.SetOrigin((float(corner[0]), float(corner[1]), float(corner[2]) * scale))
@@ -82,13 +89,13 @@ def _image(sitk: Any, values: Image, corner: Coordinates, scale: float) -> Any:
 
 
 def _registered(sitk: Any, fixed: Any, mask: Any, ct: Any, transform: Coordinates) -> tuple[float, Coordinates]:
-    """Return the correlation of a volume with a CT near a transform (4, 4), and the transform there."""
+    """Return the information that a volume and a CT share near a transform (4, 4), and the transform there."""
     rigid = sitk.Euler3DTransform()
     rigid.SetMatrix(transform[:3, :3].ravel().tolist(), 1e-4)
     rigid.SetTranslation(transform[:3, 3].tolist())
     method = sitk.ImageRegistrationMethod()
     method.SetNumberOfWorkUnits(1)
-    method.SetMetricAsCorrelation()
+    method.SetMetricAsMattesMutualInformation(BINS)
     method.SetMetricFixedMask(mask)
     method.SetInterpolator(sitk.sitkLinear)
     method.SetOptimizerAsRegularStepGradientDescent(STEP, LEAST_STEP, ITERATIONS)
@@ -102,6 +109,11 @@ def _registered(sitk: Any, fixed: Any, mask: Any, ct: Any, transform: Coordinate
     found[:3, :3] = np.array(rigid.GetMatrix()).reshape(3, 3)
     found[:3, 3] = rigid.GetTranslation()
     return -float(method.GetMetricValue()), found
+
+
+def _near_edges(shares: Image, known: Mask) -> NDArray[np.uint8]:
+    edges = known & (shares > EDGES[0]) & (shares < EDGES[1])
+    return np.asarray(known & ndimage.binary_dilation(edges), dtype=np.uint8)
 
 
 def _correlations(air: AirAround, shown: Image, places: Coordinates) -> Image:

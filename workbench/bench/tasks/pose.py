@@ -49,13 +49,13 @@ class LocatedSide:
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Where the panoramas of a bore lie, in the order in which they were given.
+    """Where the panoramas of a bore lie, in the order in which they were given; None for one that was left aside.
 
-    ``covariance``, of methods that state how sure they are: the covariance (3, 3) in mm² of the axis, across it, at a
-    place (3,) along it, LPS.
+    Of two, the one with depth has to be located: the judge goes by it. ``covariance``, of methods that state
+    how sure they are: the covariance (3, 3) in mm² of the axis, across it, at a place (3,) along it, LPS.
     """
 
-    sides: tuple[LocatedSide, ...]
+    sides: tuple[LocatedSide | None, ...]
     covariance: Callable[[Coordinates], Coordinates] | None = None
 
 
@@ -95,6 +95,11 @@ def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> PoseCase:
         raise
 
 
+def judged_side(panoramas: Sequence[Panorama]) -> int:
+    """Return which of the sides says where the bore lies along its axis: the first one with depth."""
+    return next((at for at, one in enumerate(panoramas) if one.depth_mm is not None), 0)
+
+
 def judge(case: PoseCase, answer: Located) -> dict[str, float]:
     """Score where the axis lies ``BEYOND_MM`` beyond the end of the bore, how it runs, and how it is turned.
 
@@ -102,8 +107,9 @@ def judge(case: PoseCase, answer: Located) -> dict[str, float]:
     not judged.
     """
     truth, panoramas = case.truth, case.given[0]
-    number = next((at for at, one in enumerate(panoramas) if one.depth_mm is not None), 0)
-    side = answer.sides[number]
+    number = judged_side(panoramas)
+    if (side := answer.sides[number]) is None:
+        raise ValueError(f"the {panoramas[number].modality} was not located")
     true = truth.axis_lps(truth.length_mm + BEYOND_MM)
     across, inward = truth.to_lps[:3, :2], truth.to_lps[:3, 2]
     if truth.sides:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,16 +31,20 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> bores.PoseCase:
     return Case("bore", ((panorama,), ct, bore.plan), truth, {})
 
 
-def located(
+def placed(
     case: bores.PoseCase, *, shift: Coordinates | None = None, turn_rad: float = 0.0, tilt_rad: float = 0.0
-) -> Located:
+) -> LocatedSide:
     """Return the truth, moved by ``shift`` in the bore frame, turned, or tilted about x at the mouth."""
     tilt = Rotation.from_rotvec([tilt_rad, 0, 0]).as_matrix()
     ends = np.array([[0.0, 0.0, z] for z in SEEN_MM]) @ tilt.T + (0.0 if shift is None else shift)
     angle = TURN_RAD + turn_rad
     to_lps = case.truth.to_lps
     zero = to_lps[:3, :3] @ np.array([np.cos(angle), np.sin(angle), 0.0])
-    return Located((LocatedSide(ends @ to_lps[:3, :3].T + to_lps[:3, 3], zero),))
+    return LocatedSide(ends @ to_lps[:3, :3].T + to_lps[:3, 3], zero)
+
+
+def located(case: bores.PoseCase, **moved: Any) -> Located:
+    return Located((placed(case, **moved),))
 
 
 def test_the_truth_has_no_error(case: bores.PoseCase) -> None:
@@ -65,7 +70,7 @@ def test_a_side_recorded_from_the_end_is_judged_beyond_the_end(case: bores.PoseC
     rows = case.given[0][0].z_mm
     backwards = Pose(TURN_RAD, 1, rows, SEEN_MM[1] - rows)
     turned_round = replace(case, truth=replace(case.truth, sides=(backwards,)))
-    (side,) = located(case).sides
+    side = placed(case)
     answer = Located((replace(side, ends_mm=side.ends_mm[::-1]),))
     assert judge(turned_round, answer)["target_mm"] == pytest.approx(0, abs=1e-9)
     # one who takes the wrong end for the end is far off
@@ -73,13 +78,16 @@ def test_a_side_recorded_from_the_end_is_judged_beyond_the_end(case: bores.PoseC
 
 
 def test_depth_is_judged_by_the_side_that_has_depth(case: bores.PoseCase) -> None:
-    panorama, wrong = case.given[0][0], located(case, shift=np.array([0.0, 0.0, 3.0])).sides[0]
+    panorama, wrong = case.given[0][0], placed(case, shift=np.array([0.0, 0.0, 3.0]))
     camera = replace(panorama, depth_mm=None, modality="camera")
     sides = case.truth.sides * 2
     both = replace(case, given=((camera, panorama), *case.given[1:]), truth=replace(case.truth, sides=sides))
-    (right,) = located(case).sides
+    right = placed(case)
     assert judge(both, Located((wrong, right)))["target_mm"] == pytest.approx(0, abs=1e-9)
     assert judge(both, Located((right, wrong)))["target_mm"] == pytest.approx(3)
+    assert judge(both, Located((None, right)))["target_mm"] == pytest.approx(0, abs=1e-9)
+    with pytest.raises(ValueError, match="ranger was not located"):
+        judge(both, Located((right, None)))
 
 
 @pytest.mark.parametrize(("deviation_mm", "inside"), [(0.1, 0.0), (0.2, 1.0)])
@@ -96,7 +104,7 @@ def test_where_only_the_line_is_known_the_depth_is_not_judged(case: bores.PoseCa
     scores = judge(line, located(case, shift=np.array([0.3, 0.0, 2.0])))
     assert scores["across_mm"] == pytest.approx(0.3)
     assert scores.keys() == {"success", "across_mm", "axis_deg"}
-    (side,) = located(case).sides
+    side = placed(case)
     assert judge(line, Located((replace(side, ends_mm=side.ends_mm[::-1]),)))["axis_deg"] == pytest.approx(0, abs=1e-5)
 
 
