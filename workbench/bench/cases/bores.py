@@ -153,7 +153,7 @@ def own_cases(folder: Path) -> list[PoseCase]:
     for chosen in combinations:
         sides = "both" if len(chosen) == MOST_SIDES else chosen[0]
         name, conditions = f"{folder.name}-{sides}", {"specimen": folder.name, "sides": sides}
-        if line.is_file() and not (folder / "truth" / "wall.zarr").is_dir():
+        if line.is_file() and not simulated.is_file():
             given = (tuple(panoramas[side] for side in chosen), *_planned(folder))
             cases.append(Case(name, given, _true_line(line), conditions))
             continue
