@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import xarray
 from PIL import Image
 
-from endoct.workbench import compare, simulate, unroll
+from endoct.workbench import compare, pose, simulate, unroll
 from endoct.workbench.page.opening import open_shown
 
 DOCS = Path(__file__).parent
@@ -30,6 +30,7 @@ def main() -> None:
         folder = Path(name)
         first_comparison(folder)
         report(folder)
+        pose_in_ct(folder)
         if recordings:
             real_pullback(recordings, folder)
 
@@ -66,6 +67,20 @@ def report(folder: Path) -> None:
         shown.screenshot(path=picture)
         browser.close()
     save(Image.open(picture), DOCS / "page.png", width=PAGE_SIZE[0])
+
+
+def pose_in_ct(folder: Path) -> None:
+    """Write the picture of the tutorial on a bore in a CT. Needs `endoct[pose]`."""
+    case, found = folder / "case", folder / "pose"
+    simulate(case, preset="small-patient", seed=7, ct=True, vary={"ct.voxel_mm": (0.3, 0.3)})
+    pose(
+        [case / "oct", case / "endoscope"],
+        case / "truth" / "ct.nii.gz",
+        found,
+        plan=case / "plan.mrk.json",
+        labels=case / "truth" / "ct_labels.nii.gz",
+    )
+    save(Image.open(found / "figures" / "cut.png"), FIGURES / "tutorial_pose.png", width=1400)
 
 
 def real_pullback(recordings: Path, folder: Path) -> None:

@@ -19,6 +19,7 @@ from endoct.workbench.pipeline.simulating import simulate
 from endoct.workbench.pipeline.sources import Source
 from endoct.workbench.pipeline.summarising import Row, write_summary
 from endoct.workbench.pipeline.summarising import summarise as _summarise
+from endoct.workbench.pipeline.summarising_poses import are_poses, summarise_poses
 from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
 from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
@@ -134,10 +135,11 @@ def summarise(
     repeats: bool = False,
     overwrite: bool = False,
 ) -> dict[str, list[Row]]:
-    """Summarise comparison folders, written to the folder ``output`` where one is given.
+    """Summarise folders of comparisons, or of poses, written to the folder ``output`` where one is given.
 
     Returns tables by name, each a list of rows: ``scores``, ``summary``, ``paired`` (with ``against``) and
-    ``repeatability`` (with ``repeats``); see :func:`endoct.workbench.pipeline.summarising.summarise`. Raises
+    ``repeatability`` (with ``repeats``); see :func:`endoct.workbench.pipeline.summarising.summarise`. Of poses they are
+    ``poses`` and ``agreement``: :func:`endoct.workbench.pipeline.summarising_poses.summarise_poses`. Raises
     :class:`EndoctError` where a folder is no comparison, no comparisons of the two sets can be paired, or ``output``
     exists and ``overwrite`` is not set.
 
@@ -147,10 +149,18 @@ def summarise(
     [1]
     """
     first, second = [Path(f) for f in folders], [Path(f) for f in against]
+
+    def summarised() -> dict[str, list[Row]]:
+        if not are_poses([*first, *second]):
+            return _summarise(first, second, repeats=repeats)
+        if second or repeats:
+            raise EndoctError("poses are summarised one by one", remedy="leave out --against and --repeats")
+        return summarise_poses(first)
+
     if output is None:
-        return _summarise(first, second, repeats=repeats)
+        return summarised()
     with new_output(Path(output), SUMMARY, overwrite=overwrite, inputs=[*first, *second]) as scratch:
-        tables = _summarise(first, second, repeats=repeats)
+        tables = summarised()
         write_summary(tables, scratch)
     return tables
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 import tifffile
 from tutorial import agrees, run_page
 
@@ -12,6 +13,12 @@ TUTORIALS = Path(__file__).parents[2] / "docs" / "tutorials"
 
 def test_a_first_comparison(tmp_path: Path) -> None:
     assert run_page(TUTORIALS / "first-comparison.md", tmp_path) > 10
+
+
+def test_a_bore_in_a_ct(tmp_path: Path) -> None:
+    for needed in ("torch", "kornia", "SimpleITK"):
+        pytest.importorskip(needed)
+    assert run_page(TUTORIALS / "pose-in-ct.md", tmp_path) > 10
 
 
 def test_a_real_pullback(tmp_path: Path, recordings: Path) -> None:

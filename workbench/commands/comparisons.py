@@ -111,8 +111,10 @@ def summarise(
 ) -> int:
     """Summarise many comparisons: a tidy table, medians over specimens with intervals, differences, repeatability.
 
+    Or many poses: a row each, and how far the two sides agree over all of them.
+
     Args:
-        folders: folders written by `endoct compare`
+        folders: folders written by `endoct compare`, or by `endoct pose`
         output: folder to write to
         against: a second set of comparisons, paired with the first by their recordings, or else by folder names
         repeats: comparisons in one folder are of one specimen; report their repeatability
@@ -125,8 +127,8 @@ def summarise(
     if json:
         print_json(tables)
         return DONE
-    for name in ("summary", "paired", "repeatability"):
-        if rows := [{k: v for k, v in row.items() if k not in _IN_FILES_ONLY} for row in tables[name]]:
+    for name in ("summary", "paired", "repeatability", "agreement"):
+        if rows := [{k: v for k, v in row.items() if k not in _IN_FILES_ONLY} for row in tables.get(name, ())]:
             table = Table(title=name, title_justify="left", box=None)
             for column in rows[0]:
                 table.add_column(column, no_wrap=True)
@@ -137,5 +139,9 @@ def summarise(
             console = TextConsole()
             console.width = max(console.width, _WIDEST)
             console.print(table, crop=False)
+    for row in tables.get("poses", ()):
+        at_target = [row.get(f"offset_at_target_mm{end}") for end in ("", "_low", "_high")]
+        said = "{:.2f} ({:.2f} to {:.2f}) mm off its plan at the target".format(*at_target) if row["told"] else "not told"
+        print_line(f"{row['pose']}: {said}")
     print_line(f"summary: {output}")
     return DONE

@@ -129,7 +129,7 @@ def write_summary(tables: Mapping[str, Sequence[Row]], folder: Path) -> None:
                 for row in rows:
                     writer.writerow({k: spreadsheet_text(v) if isinstance(v, str) else v for k, v in row.items()})
     bootstrap = {"resamples": RESAMPLES, "seed": SEED, "level": LEVEL, "over": "specimens"}
-    text = json_text({**tables, "bootstrap": bootstrap})
+    text = json_text({**tables, "bootstrap": bootstrap} if "scores" in tables else dict(tables))
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
 
 
