@@ -141,7 +141,9 @@ def summarise(
             console.print(table, crop=False)
     for row in tables.get("poses", ()):
         at_target = [row.get(f"offset_at_target_mm{end}") for end in ("", "_low", "_high")]
-        said = "{:.2f} ({:.2f} to {:.2f}) mm off its plan at the target".format(*at_target) if row["told"] else "not told"
+        said = (
+            "{:.2f} ({:.2f} to {:.2f}) mm off its plan at the target".format(*at_target) if row["told"] else "not told"
+        )
         print_line(f"{row['pose']}: {said}")
     print_line(f"summary: {output}")
     return DONE
