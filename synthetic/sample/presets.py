@@ -78,7 +78,7 @@ PRESETS: Mapping[PresetName, Preset] = {
     "mastoid": Preset(n_slices=40, n_ascans=2000, n_frames=40, bone=("network",), ranges=MASTOID_RANGES),
     # 26 mm seen of a bore of 31 mm, as long as the way to the cochlea
     "patient": Preset(n_slices=130, n_ascans=2000, n_frames=130, bone=("network",), shared=0.9, ranges=MASTOID_RANGES),
-    # the same, sampled as coarsely as `learning`: told as well, in a fifth of the time
+    # the same, sampled as coarsely as `learning`
     "small-patient": Preset(
         n_slices=130,
         n_ascans=512,

@@ -1,6 +1,8 @@
 """Commands that compare two sides, report a comparison and summarise many."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 from tyro.conf import Positional
@@ -8,6 +10,9 @@ from tyro.conf import Positional
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.options import ModalityName, Output, Settings
 from endoct.workbench.running.status import DONE
+
+if TYPE_CHECKING:
+    from endoct.workbench.pipeline.summarising import Row
 
 _IN_FILES_ONLY = ("statistic", "quartile_1", "quartile_3")
 """Columns of a summary that are left out of what is printed."""
@@ -127,7 +132,7 @@ def summarise(
     if json:
         print_json(tables)
         return DONE
-    for name in ("summary", "paired", "repeatability", "agreement"):
+    for name in ("summary", "paired", "repeatability"):
         if rows := [{k: v for k, v in row.items() if k not in _IN_FILES_ONLY} for row in tables.get(name, ())]:
             table = Table(title=name, title_justify="left", box=None)
             for column in rows[0]:
@@ -139,11 +144,24 @@ def summarise(
             console = TextConsole()
             console.width = max(console.width, _WIDEST)
             console.print(table, crop=False)
-    for row in tables.get("poses", ()):
-        at_target = [row.get(f"offset_at_target_mm{end}") for end in ("", "_low", "_high")]
-        said = (
-            "{:.2f} ({:.2f} to {:.2f}) mm off its plan at the target".format(*at_target) if row["told"] else "not told"
-        )
-        print_line(f"{row['pose']}: {said}")
+    _print_poses(tables.get("poses", ()), tables.get("agreement", ()))
     print_line(f"summary: {output}")
     return DONE
+
+
+def _print_poses(poses: Sequence["Row"], agreement: Sequence["Row"]) -> None:
+    for row in poses:
+        value, low, high = (_text(row.get(f"offset_at_target_mm{end}")) for end in ("", "_low", "_high"))
+        said = f"{value} ({low} to {high}) mm off its plan at the target" if row["told"] else "not told"
+        print_line(f"{row['pose']}: {said}")
+    for row in agreement:
+        bias, low, high = (_text(row[name]) for name in ("bias_mm", "low_mm", "high_mm"))
+        test = f"{'' if row['equivalent'] else 'not shown to be '}equivalent within ±{row['bound_mm']} mm"
+        print_line(
+            f"{row['sides']}, {row['place']}, {row['direction']}: bias {bias} mm, limits of agreement {low} to {high} mm "
+            f"({row['bores']} bores), {test}"
+        )
+
+
+def _text(value: str | float | None) -> str:
+    return f"{value:.2f}" if isinstance(value, float) else str(value)

@@ -19,6 +19,8 @@ MOST_BYTES = 16_000_000
 EQUIVALENT_MM = 0.3
 """Bound that a mean difference of the two sides is tested against."""
 PLACES = ("at_entry", "at_target")
+ALWAYS = ("pose", "sides", "told", "reason", "offset_at_entry_mm", "offset_at_target_mm", "angle_deg")
+"""Columns that are there even where no pose was told."""
 
 
 def are_poses(folders: Sequence[Path]) -> bool:
@@ -47,7 +49,7 @@ def summarise_poses(folders: Sequence[Path]) -> dict[str, list[Row]]:
     """
     read = [(folder, _read(folder)) for folder in folders]
     rows = [dict(_row(folder, pose)) for folder, pose in read]
-    columns = dict.fromkeys(column for row in rows for column in row)
+    columns = dict.fromkeys([*ALWAYS, *(column for row in rows for column in row)])
     return {
         "poses": [{column: row.get(column) for column in columns} for row in rows],
         "agreement": list(_agreement([pose for _, pose in read])),
@@ -63,7 +65,7 @@ def _read(folder: Path) -> dict[str, Any]:
 
 
 def _row(folder: Path, pose: dict[str, Any]) -> Iterator[tuple[str, str | float | None]]:
-    yield "pose", path_text(folder.resolve().name)
+    yield "pose", path_text(str(folder))
     yield "sides", " ".join(pose["sides"])
     yield "told", float(pose["told"])
     yield "reason", pose["reason"]
@@ -80,6 +82,7 @@ def _row(folder: Path, pose: dict[str, Any]) -> Iterator[tuple[str, str | float 
         yield from _estimate(f"{name}_mm", structure["distance_mm"])
         yield f"{name}_margin_mm", float(structure["margin_mm"])
     if difference is not None:
+        yield "difference_of", " less ".join(difference["of"])
         for name in PLACES:
             yield from _estimate(f"difference_{name}_mm", difference[name]["distance_mm"])
             x, y = difference[name]["across_mm"]

@@ -11,6 +11,7 @@ import pytest
 from endoct.fusion.pose.paired import limits_of_agreement
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import summarise
+from endoct.workbench.cli import main
 from endoct.workbench.pipeline.summarising_poses import EQUIVALENT_MM
 
 APART_MM = (0.10, -0.05, 0.02, 0.07, 0.01)
@@ -47,7 +48,7 @@ def test_a_row_a_pose_and_the_agreement_of_those_that_were_told(tmp_path: Path) 
     folders = [a_pose(tmp_path / f"bore-{number}", apart) for number, apart in enumerate(APART_MM)]
     folders += [a_pose(tmp_path / "untold", 9.0, told=False), a_pose(tmp_path / "alone", None)]
     tables = summarise(folders, tmp_path / "out")
-    rows = {row["pose"]: row for row in tables["poses"]}
+    rows = {Path(str(row["pose"])).name: row for row in tables["poses"]}
     assert len(rows) == len(folders)
     assert (rows["untold"]["told"], rows["untold"]["reason"]) == (0.0, "no pose stands out")
     assert rows["untold"]["offset_at_target_mm"] is None
@@ -60,7 +61,7 @@ def test_a_row_a_pose_and_the_agreement_of_those_that_were_told(tmp_path: Path) 
     assert (along_x["low_mm"], along_x["low_mm_high"]) == (expected.low, expected.low_interval[1])
     assert (along_x["bound_mm"], along_x["equivalent"]) == (EQUIVALENT_MM, 1.0)
     with (tmp_path / "out" / "poses.csv").open(encoding="utf-8") as file:
-        assert [row["pose"] for row in csv.DictReader(file)] == [folder.name for folder in folders]
+        assert [row["pose"] for row in csv.DictReader(file)] == [str(folder) for folder in folders]
     assert set(json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))) == {"poses", "agreement"}
 
 
@@ -80,3 +81,20 @@ def test_poses_are_summarised_with_poses_only(tmp_path: Path) -> None:
         summarise([pose, broken])
     with pytest.raises(EndoctError, match="one by one"):
         summarise([pose], repeats=True)
+
+
+def test_the_command_says_a_line_a_pose(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folders = [a_pose(Path(f"bore-{number}"), apart) for number, apart in enumerate(APART_MM)]
+    a_pose(Path("untold"), None, told=False)
+    monkeypatch.setattr("sys.argv", ["endoct", "summarise", *map(str, folders), "untold", "-o", "out"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr().out
+    assert ended.value.code == 0
+    assert "bore-0: 0.50 (0.40 to 0.60) mm off its plan at the target" in printed
+    assert "untold: not told" in printed
+    assert "oct less endoscope, at_target, x: bias 0.03 mm" in printed
+    assert "(5 bores), equivalent within ±0.3 mm" in printed
