@@ -157,10 +157,8 @@ def _print_poses(poses: Sequence["Row"], agreement: Sequence["Row"]) -> None:
     for row in agreement:
         bias, low, high = (_text(row[name]) for name in ("bias_mm", "low_mm", "high_mm"))
         test = f"{'' if row['equivalent'] else 'not shown to be '}equivalent within ±{row['bound_mm']} mm"
-        print_line(
-            f"{row['sides']}, {row['place']}, {row['direction']}: bias {bias} mm, limits of agreement {low} to {high} mm "
-            f"({row['bores']} bores), {test}"
-        )
+        limits = f"limits of agreement {low} to {high} mm ({row['bores']} bores)"
+        print_line(f"{row['sides']}, {row['place']}, {row['direction']}: bias {bias} mm, {limits}, {test}")
 
 
 def _text(value: str | float | None) -> str:
