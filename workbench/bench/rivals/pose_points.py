@@ -201,7 +201,8 @@ def _outlines(side: Observation, sense: Sense, layer: Layer) -> Points:
     row, column = np.concatenate(contours).T
     known = layer.weight[np.rint(row).astype(int), np.rint(column).astype(int) % n] > LEAST_WEIGHT
     row, column = row[known], column[known]
-    by_row, by_column = np.gradient(np.pad(layer.air, ((0, 0), (1, 1)), mode="wrap"))
+    padded = np.pad(layer.air, ((0, 0), (1, 1)), mode="wrap")
+    by_row, by_column = (np.asarray(np.gradient(padded, axis=axis)) for axis in (0, 1))
     at = np.rint(row).astype(int), np.rint(column).astype(int) % n + 1
     radius = side.radius_mm + layer.behind_mm
     z_slope = -by_row[at] / ROWS_MM * sense.inward
