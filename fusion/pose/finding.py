@@ -15,6 +15,7 @@ from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import Candidate, axes_around, candidates_along, pattern_of, senses_of
 from endoct.fusion.pose.wall import SHARED
 from endoct.modalities.trajectory import Trajectory
+from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import wrap_rad
 
 STARTS = 3
@@ -82,12 +83,12 @@ def find_alone(air: AirAround, side: Observation) -> Found:
     by_pattern = candidates_along(air, side, [*true, *turned, *shuffled], axes_around(air.length_mm))
     best = [some[0].score for some in by_pattern]
     of_controls = np.split(np.array(best[len(true) :]), 2)
-    standing = min((max(best[: len(true)]) - float(kind.mean())) / float(kind.std(ddof=1)) for kind in of_controls)
+    standing = min(_standing(max(best[: len(true)]), kind) for kind in of_controls)
     candidates = sorted((one for some in by_pattern[: len(true)] for one in some), key=lambda one: -one.score)
     starts = _apart(candidates, air.length_mm)
     rough = [fit_pose(air, [side], [one.sense], start_of(one), softness=ROUGH) for one in starts]
     rough.sort(key=lambda fit: -fit.agreement[0])
-    others = [fit.agreement[0] for fit in rough[1:] if _differ(_summary(fit), _summary(rough[0]), air.length_mm)]
+    others = [fit.agreement[0] for fit in rough[1:] if differ(summary(fit), summary(rough[0]), air.length_mm)]
     fit = fit_pose(air, [side], rough[0].senses, torch.as_tensor(rough[0].parameters), softness=FINE)
     return Found(fit, max(others, default=None), standing)
 
@@ -100,10 +101,11 @@ def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
     """
     leader = max(found, key=lambda one: one.standing)
     axis = leader.fit.parameters[:SHARED]
-    start, senses, softness = [torch.as_tensor(axis)], [], FINE
+    start, senses = [torch.as_tensor(axis)], []
+    softness: Sequence[float] = FINE
     for one in found:
         side = one.fit.sides[0]
-        if not _differ(_summary(one.fit), (_summary(leader.fit)[0], *_summary(one.fit)[1:]), air.length_mm):
+        if not differ(summary(one.fit), (summary(leader.fit)[0], *summary(one.fit)[1:]), air.length_mm):
             start.append(torch.as_tensor(one.fit.of_side(0)))
             senses.append(one.fit.senses[0])
             continue
@@ -116,6 +118,12 @@ def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
     sides = [one.fit.sides[0] for one in found]
     dispersion = [one.fit.dispersion[0] for one in found]
     return fit_pose(air, sides, senses, torch.cat(start), softness=softness, dispersion=dispersion)
+
+
+def _standing(score: float, of_controls: Coordinates) -> float:
+    """Return by how many of the controls' spreads a score lies above their mean; 0 where nothing has a pattern."""
+    spread = float(of_controls.std(ddof=1))
+    return (score - float(of_controls.mean())) / spread if spread > 0 else 0.0
 
 
 def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:
@@ -140,20 +148,22 @@ def _apart(candidates: Sequence[Candidate], length_mm: float) -> list[Candidate]
     chosen: list[Candidate] = []
     for one in candidates:
         here = (one.axis, one.depth_mm, one.turn_rad)
-        if all(_differ(here, (other.axis, other.depth_mm, other.turn_rad), length_mm) for other in chosen):
+        if all(differ(here, (other.axis, other.depth_mm, other.turn_rad), length_mm) for other in chosen):
             chosen.append(one)
         if len(chosen) == STARTS:
             break
     return chosen
 
 
-def _summary(fit: Fit) -> Summary:
+def summary(fit: Fit) -> Summary:
+    """Return axis, depth and turn of the first side's pose."""
     x, y, about_x, about_y = (float(value) for value in fit.parameters[:SHARED])
     depth, turn = (float(value) for value in fit.of_side(0)[:2])
     return (x, y, about_x, about_y), depth, turn
 
 
-def _differ(one: Summary, other: Summary, length_mm: float) -> bool:
+def differ(one: Summary, other: Summary, length_mm: float) -> bool:
+    """Whether two poses in the same bone are two places rather than one."""
     apart = np.abs(np.subtract(one[0], other[0]))
     ends_mm = float(apart[:2].max() + length_mm / 2 * apart[2:].max())
     turn = abs(float(wrap_rad(np.array(one[2] - other[2]))))

@@ -98,7 +98,7 @@ def candidates_along(
     places = np.empty((len(patterns), len(axes)), dtype=np.intp)
     for first in range(0, len(axes), AXES_AT_A_TIME):
         some = slice(first, first + AXES_AT_A_TIME)
-        wall = _unrolled(air, axes[some], rows, side.radius_mm + side.layers[0].behind_mm)
+        wall = unrolled(air, axes[some], rows, side.radius_mm + side.layers[0].behind_mm)
         for number, like in enumerate(correlations(wall, patterns)):
             best = like.flatten(1).max(dim=1)
             scores[number, some], places[number, some] = best.values.cpu().numpy(), best.indices.cpu().numpy()
@@ -141,7 +141,7 @@ def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[to
         yield common / torch.sqrt(of_walls * (pattern.weight * pattern.air**2).sum().clamp_min(1e-9))
 
 
-def _unrolled(air: AirAround, axes: Coordinates, rows: Coordinates, radius_mm: float) -> torch.Tensor:
+def unrolled(air: AirAround, axes: Coordinates, rows: Coordinates, radius_mm: float) -> torch.Tensor:
     """Return the share of air on cylinders about ``axes``, (n, n_z, n_theta)."""
     x, y, about_x, about_y = air.values.new_tensor(axes).T[..., None]
     from_pivot = air.values.new_tensor(rows - air.length_mm / 2)

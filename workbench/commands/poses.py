@@ -1,10 +1,12 @@
 """The command that finds where a bore lies in the patient's CT."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
+from endoct.stitching.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
 from endoct.workbench.running.status import DONE, UNTOLD
@@ -26,6 +28,9 @@ def pose(
     modality_b: ModalityName = None,
     set_a: Settings = (),
     set_b: Settings = (),
+    plan_only: bool = False,
+    radius: float | None = None,
+    seen: float | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     overwrite: bool = False,
     json: bool = False,
@@ -33,7 +38,8 @@ def pose(
     """Find where a bore lies in the patient's CT (see docs/how-to/pose.md). Research software.
 
     Args:
-        sides: one or two of one bore: a recording, a panorama, or one side of a comparison as DIR:SIDE
+        sides: one or two of one bore, none with --plan-only: a recording, a panorama, or one side of a
+            comparison as DIR:SIDE
         output: folder to write to
         ct: CT from before drilling: a file .nrrd, .nii.gz, .mha, or a folder of DICOM
         entry: where the bore was planned to begin, mm, as --entry=12.5,-40,7
@@ -46,6 +52,9 @@ def pose(
         modality_b: plug-in to read the second side with
         set_a: a key of the first side's sidecar or a parameter of its processing
         set_b: a key of the second side's sidecar or a parameter of its processing
+        plan_only: before there is a recording: how well this trajectory could be told, by the CT alone
+        radius: with --plan-only, of the bore, mm; default: 1.25
+        seen: with --plan-only, how much of the bore a recording would show, mm; default: the plan's length
         device: where to compute
         overwrite: replace the output if it exists
         json: print the result as JSON
@@ -54,6 +63,33 @@ def pose(
     from endoct.workbench.pipeline.vary import parse_place
     from endoct.workbench.posing.pose import pose as find_pose
 
+    of_sides: dict[str, object] = {
+        "a side": sides, "--labels": labels, "--modality-a": modality_a, "--modality-b": modality_b,
+        "--set-a": set_a, "--set-b": set_b,
+    }  # fmt: skip
+    _check_options(plan_only, of_sides, {"--radius": radius, "--seen": seen})
+    if plan_only:
+        from endoct.workbench.posing.outlook import RADIUS_MM, pose_outlook
+
+        outlook = pose_outlook(
+            ct,
+            output,
+            entry_mm=parse_place("entry", entry),
+            target_mm=parse_place("target", target),
+            plan=plan,
+            coordinates=coordinates,
+            radius_mm=RADIUS_MM if radius is None else radius,
+            seen_mm=seen,
+            device=device,
+            overwrite=overwrite,
+            progress=command_stages(json),
+        )
+        if json:
+            print_json(outlook.to_json())
+        else:
+            print_line(outlook.outlook.sentence)
+            print_line(f"report: {output / 'report.html'}")
+        return DONE if outlook.tellable else UNTOLD
     result = find_pose(
         sides,
         ct,
@@ -77,6 +113,20 @@ def pose(
         _print(result)
         print_line(f"report: {output / 'report.html'}")
     return DONE if result.told else UNTOLD
+
+
+def _check_options(plan_only: bool, of_sides: Mapping[str, object], of_plan: Mapping[str, object]) -> None:
+    """Raise :class:`EndoctError` where something is given that has no meaning with, or without, --plan-only."""
+    if plan_only and (given := [name for name, value in of_sides.items() if value]):
+        raise EndoctError(
+            "with --plan-only there is no recording", found=", ".join(given), remedy="leave out that, or --plan-only"
+        )
+    if not plan_only and (given := [name for name, value in of_plan.items() if value is not None]):
+        raise EndoctError(
+            "a recording says what it shows of its bore",
+            found=", ".join(given),
+            remedy="leave it out, or add --plan-only",
+        )
 
 
 def _print(result: "PoseResult") -> None:

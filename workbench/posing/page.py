@@ -8,7 +8,7 @@ from endoct.fusion.pose.summary import PoseSummary
 from endoct.stitching.contents import marked
 from endoct.workbench.page.document import document
 from endoct.workbench.page.heading import Heading, Score
-from endoct.workbench.posing.result import NOTICE, PoseResult, estimate_text
+from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text
 from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.illustrated import numbered
 from endoct.workbench.report.sections import Section
@@ -68,7 +68,7 @@ def _sections(result: PoseResult, figures: dict[str, str]) -> Iterator[Section]:
     yield Section("sides", "Sides", _sides(result))
     if summary.difference is not None:
         yield Section("difference", "The two sides against each other", _difference(result))
-    yield Section("provenance", "How it was made", _provenance(result))
+    yield Section("provenance", "How it was made", provenance(result.made))
 
 
 def _against_plan(summary: PoseSummary) -> str:
@@ -114,8 +114,8 @@ def _difference(result: PoseResult) -> str:
     return table(rows, ("", "x, y of the plan", "length")) + f"<p>{what}</p>"
 
 
-def _provenance(result: PoseResult) -> str:
-    made = result.made
+def provenance(made: Made) -> str:
+    """Return inputs, versions and seconds as tables."""
     return (
         table(made.inputs.items(), ("file", "sha256"), code=(1,))
         + table([(name, version) for name, version in made.versions.items()], ("", "version"), text=(1,))

@@ -72,11 +72,7 @@ def pose(
     >>> found.answer.pose.names, found.coordinates
     (('endoscope',), 'ras')
     """
-    if missing := [name for name in NEEDED if find_spec(name) is None]:
-        raise EndoctError(
-            f"a pose can only be found where {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} installed",
-            remedy="pip install 'endoct[pose]'",
-        )
+    check_installed()
     options = ((modality_a, settings_a), (modality_b, settings_b))
     sources = tuple(
         side_of_comparison(Source(side if isinstance(side, Panorama) else Path(side), modality, settings or {}))
@@ -93,6 +89,20 @@ def pose(
         return run(None)
     with new_output(Path(output), POSE, overwrite=overwrite, inputs=read) as scratch:
         return run(scratch)
+
+
+def check_installed() -> None:
+    """Raise :class:`EndoctError` where a library is not installed that poses need."""
+    if missing := [name for name in NEEDED if find_spec(name) is None]:
+        raise EndoctError(
+            f"a pose can only be found where {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} installed",
+            remedy="pip install 'endoct[pose]'",
+        )
+
+
+def pose_versions() -> dict[str, str]:
+    """Return the versions of endoct and of what poses need."""
+    return versions() | {name: _version(name) for name in NEEDED}
 
 
 def _found(
@@ -126,7 +136,7 @@ def _found(
     inputs = [*map(digests, paths), *(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))]
     made = Made(
         inputs={name: digest for each in inputs for name, digest in each.items()},
-        versions=versions() | {name: _version(name) for name in NEEDED},
+        versions=pose_versions(),
         parameters={"device": device, **{one.name: one.panorama.provenance.get("parameters", {}) for one in sides}},
         seconds={
             **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},

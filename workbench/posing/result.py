@@ -76,11 +76,7 @@ class PoseResult:
             "reason": self.answer.reason,
             "sides": list(self.answer.pose.names),
             "coordinates": self.coordinates,
-            "plan": {
-                "entry_mm": list(in_world(plan.entry_mm, self.coordinates)),
-                "target_mm": list(in_world(plan.target_mm, self.coordinates)),
-                "length_mm": plan.length_mm,
-            },
+            "plan": plan_json(plan, self.coordinates),
             "pose": pose if self.told else None,
             "best_unbelieved": None if self.told else pose,
             "alone": {one.names[0]: self._alone(one) for one in self.answer.alone},
@@ -134,6 +130,15 @@ class PoseResult:
             "target_mm": list(in_world(axis.target_mm, self.coordinates)),
             "agreement": pose.fit.agreement[0],
         }
+
+
+def plan_json(plan: Trajectory, coordinates: Convention) -> dict[str, Any]:
+    """Return a plan as files say it."""
+    return {
+        "entry_mm": list(in_world(plan.entry_mm, coordinates)),
+        "target_mm": list(in_world(plan.target_mm, coordinates)),
+        "length_mm": plan.length_mm,
+    }
 
 
 def axis_of(pose: BorePose) -> Trajectory:

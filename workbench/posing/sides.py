@@ -21,7 +21,11 @@ EXPECTED = "a recording, a panorama, or one side of a comparison as DIR:SIDE"
 def open_sides(sources: Sequence[Source]) -> tuple[Ready, ...]:
     """Open one source or two. Raises :class:`EndoctError` where one cannot be used, or both are one."""
     if not 1 <= len(sources) <= MOST_SIDES:
-        raise EndoctError("a pose is found by one side or two", found=f"{len(sources)} sides")
+        raise EndoctError(
+            "a pose is found by one side or two",
+            found=f"{len(sources)} sides",
+            remedy="" if sources else "name a recording, or ask before there is one with --plan-only",
+        )
     opened = open_both((sources[0], sources[1])) if len(sources) == MOST_SIDES else (open_source(sources[0]),)
     for source, one in zip(sources, opened, strict=True):
         if isinstance(one, DrawnMask | MaskFile):

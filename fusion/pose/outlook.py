@@ -1,0 +1,146 @@
+"""How well a bore along a plan could be told from its recordings: by rehearsal in the CT, before any recording."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from endoct.fusion.pose.air import AirAround
+from endoct.fusion.pose.clinical import BEYOND_MM
+from endoct.fusion.pose.finding import Found, differ, find_alone, summary
+from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.rehearsal import Instrument, Rehearsal, rehearse
+from endoct.fusion.pose.wall import TURN
+from endoct.fusion.pose.wall_facts import WallFacts
+from endoct.modalities.trajectory import Trajectory
+from endoct.stitching.circle import wrap_rad
+
+REHEARSALS = 6
+"""Of each instrument: about a minute of one core for both."""
+SEED = 2017
+LARGEST_ERROR_MM = 0.5
+"""At the target. Surgery at the facial recess asks for 0.3 to 0.5 mm."""
+Level = Literal["well", "poorly", "hardly"]
+LEVELS: tuple[Level, ...] = ("hardly", "poorly", "well")
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One rehearsal: a bore that misses its plan by chance, and where its recording would have been found.
+
+    ``reason``: why it would not have been told, None where it would; ``right``: whether the place found is the true
+    one. ``error_mm``: of the point 5 mm beyond the plan's target; ``turn_deg``: of the roll. ``deviation_mm`` of the
+    axis there, as the fit states it. ``agreement`` of the fit, and of the best ``second`` place apart, None where all
+    starts met.
+    """
+
+    reason: str | None
+    right: bool
+    error_mm: float
+    turn_deg: float
+    deviation_mm: float
+    agreement: float
+    second: float | None
+
+    @property
+    def told(self) -> bool:
+        """Whether the pose would have been told."""
+        return self.reason is None
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """How the rehearsals of one kind of instrument went."""
+
+    instrument: str
+    tried: tuple[Tried, ...]
+
+    @property
+    def n_told(self) -> int:
+        """Rehearsals told at the true place."""
+        return sum(one.told and one.right for one in self.tried)
+
+    @property
+    def n_misled(self) -> int:
+        """Rehearsals told at a wrong place."""
+        return sum(one.told and not one.right for one in self.tried)
+
+    @property
+    def median_mm(self) -> float | None:
+        """Median error of those told; None where none was."""
+        return float(np.median(self._errors_mm)) if self._errors_mm else None
+
+    @property
+    def largest_mm(self) -> float | None:
+        """Largest error of those told; None where none was. So few have no 95th percentile."""
+        return max(self._errors_mm, default=None)
+
+    @property
+    def level(self) -> Level:
+        """Well: every one told, rightly and as precisely as surgery asks. Hardly: fewer than half told rightly."""
+        if 2 * self.n_told < len(self.tried):
+            return "hardly"
+        all_told = self.n_told == len(self.tried)
+        return "well" if all_told and max(self._errors_mm) <= LARGEST_ERROR_MM else "poorly"
+
+    @property
+    def _errors_mm(self) -> list[float]:
+        return [one.error_mm for one in self.tried if one.told]
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """How well a bore could be told, by each kind of instrument alone, and what the CT has on its wall."""
+
+    facts: WallFacts
+    prospects: tuple[Prospect, ...]
+
+    @property
+    def level(self) -> Level:
+        """That of the best instrument: the pose is told where one side can."""
+        return max((one.level for one in self.prospects), key=LEVELS.index)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict and why."""
+        return f"could be told {self.level}, because {'; '.join(map(_went, self.prospects))}; {self.facts.sentence}"
+
+
+def rehearsed(
+    air: AirAround, instrument: Instrument, radius_mm: float, seen_mm: float, number: int, device: str = "cpu"
+) -> Tried:
+    """Return how the ``number``-th rehearsal goes: the same for the same CT and plan. ``device``: where to search."""
+    # the same bores for every instrument
+    rehearsal = rehearse(air, instrument, radius_mm, seen_mm, np.random.default_rng([SEED, number]))
+    return _judged(rehearsal, find_alone(air.to(device), rehearsal.shown), air.length_mm)
+
+
+def _judged(rehearsal: Rehearsal, found: Found, length_mm: float) -> Tried:
+    plan = Trajectory((0.0, 0.0, 0.0), (0.0, 0.0, length_mm))
+    side, fit = rehearsal.shown, found.fit
+    true_fit = replace(fit, parameters=rehearsal.parameters.numpy())
+    pose, true = BorePose(plan, fit), BorePose(plan, true_fit)
+    last, target_mm = side.z_mm[-1:], length_mm + BEYOND_MM
+    # as far beyond the last row that was seen as the target is from that in truth
+    depth_mm = float((pose.depth_of(side.name, last) + target_mm - true.depth_of(side.name, last))[0])
+    off = pose.axis_lps(np.array([depth_mm])) - true.axis_lps(np.array([target_mm]))
+    return Tried(
+        reason=found.reason,
+        right=not differ(summary(fit), summary(true_fit), length_mm),
+        error_mm=float(np.linalg.norm(off)),
+        turn_deg=float(np.degrees(wrap_rad(fit.of_side(0)[TURN] - true_fit.of_side(0)[TURN]))),
+        deviation_mm=_deviation(pose, depth_mm),
+        agreement=fit.agreement[0],
+        second=found.second,
+    )
+
+
+def _deviation(pose: BorePose, depth_mm: float) -> float:
+    return float(np.sqrt(np.trace(pose.axis_covariance(depth_mm))))
+
+
+def _went(prospect: Prospect) -> str:
+    said = f"{prospect.n_told} of {len(prospect.tried)} rehearsals by {prospect.instrument} were told"
+    if prospect.median_mm is not None and prospect.largest_mm is not None:
+        said += f", {prospect.median_mm:.2f} mm off at the target (at most {prospect.largest_mm:.2f})"
+    return f"{said}, and {prospect.n_misled} at a wrong place" if prospect.n_misled else said

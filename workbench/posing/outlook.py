@@ -1,0 +1,134 @@
+"""`endoct pose --plan-only` as a function: how well a bore could be told, by CT and plan alone."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from endoct.modalities.ct_volume import Convention
+from endoct.modalities.markups import Point, write_line
+from endoct.stitching.digests import digests
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import check_unchanged, state_of
+from endoct.stitching.output import new_output
+from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.posing.plan import Planned, read_plan
+from endoct.workbench.posing.pose import Device, check_installed, pose_versions
+from endoct.workbench.running.display import stages_for
+from endoct.workbench.running.kinds import POSE
+from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.threads import one_blas_thread
+
+if TYPE_CHECKING:
+    from endoct.workbench.posing.outlook_result import OutlookResult
+
+RADIUS_MM = 1.25
+"""Of the hole that is usual here, as the simulator's."""
+RADII_MM = (0.3, 5.0)
+LEAST_SEEN_MM = 2.0
+
+
+@one_blas_thread()
+def pose_outlook(
+    ct: Path | str,
+    output: Path | str | None = None,
+    *,
+    entry_mm: Point | None = None,
+    target_mm: Point | None = None,
+    plan: Path | str | None = None,
+    coordinates: Convention | None = None,
+    radius_mm: float = RADIUS_MM,
+    seen_mm: float | None = None,
+    device: Device = "cpu",
+    overwrite: bool = False,
+    progress: bool | Stages = True,
+) -> "OutlookResult":
+    """Say how well a bore along a plan could be told in the patient's ``ct``, before anything is recorded.
+
+    Recordings are rehearsed: from the CT's own air, of bores that miss the plan by up to 1 mm and 2°, with what
+    instruments get wrong, by one with depth and by one that shows cells alone. Each is then looked for as :func:`pose`
+    does. ``radius_mm`` of the bore; ``seen_mm``: how much of it a recording shows, all of the plan's length unless
+    stated. The rest is as of :func:`pose`.
+
+    Raises :class:`EndoctError` where something cannot be used, where torch, kornia or SimpleITK are not installed, or
+    ``output`` exists and ``overwrite`` is not set. Research software, not for clinical decisions.
+    """
+    check_installed()
+    if not RADII_MM[0] <= radius_mm <= RADII_MM[1]:
+        raise EndoctError(
+            "there is no such bore",
+            found=f"a radius of {radius_mm:g} mm",
+            expected=f"{RADII_MM[0]:g} to {RADII_MM[1]:g} mm",
+            remedy="check --radius",
+        )
+    paths = [Path(one) for one in (ct, plan) if one is not None]
+
+    def run(folder: Path | None) -> "OutlookResult":
+        planned = read_plan(Path(ct), entry_mm, target_mm, None if plan is None else Path(plan), coordinates)
+        length = planned.plan.length_mm
+        if not LEAST_SEEN_MM <= (seen := length if seen_mm is None else seen_mm) <= length:
+            raise EndoctError(
+                "so much of the bore cannot be seen",
+                found=f"{seen:g} mm",
+                expected=f"{LEAST_SEEN_MM:g} mm to the length of the plan, {length:.1f} mm",
+                remedy="check --seen, entry and target",
+            )
+        return _rehearsed(planned, paths, radius_mm, seen, device, folder, stages_for(progress))
+
+    if output is None:
+        return run(None)
+    with new_output(Path(output), POSE, overwrite=overwrite, inputs=paths) as scratch:
+        return run(scratch)
+
+
+def _rehearsed(
+    planned: Planned,
+    paths: list[Path],
+    radius_mm: float,
+    seen_mm: float,
+    device: Device,
+    folder: Path | None,
+    stages: Stages,
+) -> "OutlookResult":
+    from endoct.fusion.pose.air import air_around
+    from endoct.fusion.pose.outlook import REHEARSALS, SEED, Outlook, Prospect, rehearsed
+    from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
+    from endoct.fusion.pose.wall_facts import facts_of, wall_of_plan
+    from endoct.workbench.posing.finding import check_device
+    from endoct.workbench.posing.outlook_result import OutlookResult
+    from endoct.workbench.posing.result import Made
+
+    start = time.perf_counter()
+    files = {path: state_of(path) for path in paths}
+    check_device(device)
+    with stages.stage("CT around the plan"):
+        air = air_around(planned.ct, planned.plan)
+        wall = wall_of_plan(air, radius_mm)
+    prospects = []
+    for instrument in (WITH_DEPTH, BY_CELLS):
+        with stages.stage(f"rehearsals by {instrument.name}") as advance:
+            tried = []
+            for number in range(REHEARSALS):
+                tried.append(rehearsed(air, instrument, radius_mm, seen_mm, number, device))
+                advance((number + 1) / REHEARSALS)
+        prospects.append(Prospect(instrument.name, tuple(tried)))
+    made = Made(
+        inputs={name: digest for path in paths for name, digest in digests(path).items()},
+        versions=pose_versions(),
+        parameters={"device": device, "radius_mm": radius_mm, "seen_mm": seen_mm, "seed": SEED},
+        seconds={
+            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
+            "in all, before the files": round(time.perf_counter() - start, 3),
+        },
+    )
+    result = OutlookResult(Outlook(facts_of(wall), tuple(prospects)), planned.plan, planned.coordinates, wall, made)
+    for path, state in files.items():
+        check_unchanged(path, state)
+    if folder is not None:
+        from endoct.workbench.posing.outlook_page import write_outlook_page  # only who draws loads matplotlib
+
+        folder.mkdir()
+        (folder / "outlook.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
+        write_line(planned.plan, "plan", folder / "plan.mrk.json")
+        with stages.stage("report"):
+            write_outlook_page(result, radius_mm, folder)
+    return result
