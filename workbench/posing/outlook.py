@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.modalities.ct_volume import Convention
-from endoct.modalities.markups import Point, write_line
+from endoct.modalities.markups import write_line
+from endoct.modalities.trajectory import Point
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import check_unchanged, state_of

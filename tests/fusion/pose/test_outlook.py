@@ -13,7 +13,7 @@ from endoct.fusion.pose.search import COLUMNS, ROWS_MM
 from endoct.fusion.pose.wall_facts import facts_of, wall_of_plan
 
 LENGTH_MM, RADIUS_MM, SEEN_MM = 12.0, 1.25, 10.0
-GOOD = Tried(None, True, 0.1, 0.5, 0.1, 0.05, 0.7, None)
+GOOD = Tried(None, True, 0.1, 0.5, 0.1, 0.7, None)
 
 
 def air_of(share: np.ndarray) -> AirAround:
