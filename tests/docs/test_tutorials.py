@@ -15,6 +15,7 @@ def test_a_first_comparison(tmp_path: Path) -> None:
     assert run_page(TUTORIALS / "first-comparison.md", tmp_path) > 10
 
 
+@pytest.mark.slow
 def test_a_bore_in_a_ct(tmp_path: Path) -> None:
     for needed in ("torch", "kornia", "SimpleITK"):
         pytest.importorskip(needed)
