@@ -59,6 +59,7 @@ def test_a_good_pattern_is_0_and_says_how_well(command: Command, files: Path, ca
     assert verify(out)
 
 
+@pytest.mark.slow
 def test_ras_and_lps_and_a_second_time_are_the_same(case: PoseCase, files: Path, tmp_path: Path) -> None:
     plan: dict[str, Any] = {"entry_mm": case.plan.entry_mm, "target_mm": case.plan.target_mm, "progress": False}
     one = pose_outlook(files / "ct.nrrd", **plan).to_json()
