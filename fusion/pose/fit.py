@@ -76,8 +76,10 @@ def fit_pose(
     fits of each alone, says how much less a side counts than its residuals would let it.
     """
     at = start.to(device=air.values.device, dtype=torch.float64).clone()
-    inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(at.device) ** -2)
     levels, dispersion = [(1.0, 0.0)] * len(sides), dispersion or [1.0] * len(sides)
+    # of a side that counts less its own priors do too, or they would move it off the place that its wall shows
+    counts_less = torch.tensor([1.0] * SHARED + [one for one in dispersion for _ in range(OF_SIDE)], device=at.device)
+    inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(at.device) ** -2 / counts_less)
     for soft in softness:
         for _ in range(ROUNDS):
             information, gradient = inverse_prior.clone(), -inverse_prior @ at

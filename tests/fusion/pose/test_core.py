@@ -1,5 +1,7 @@
 """Places move as their derivatives say, a pattern is found where it was put, and controls are no places of the bore."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ import torch
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.controls import shuffled_patterns, turned_patterns
 from endoct.fusion.pose.finding import Found, find_alone
+from endoct.fusion.pose.fit import fit_pose
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM, Pattern, correlations, pattern_of
@@ -98,6 +101,17 @@ def test_a_bore_is_found_in_its_own_bone(found: Found) -> None:
     places = np.random.default_rng(2).uniform([0, 1, 0], [2 * np.pi, 11, 0.5], (50, 3))
     back = np.stack(pose.from_lps("camera", pose.to_lps("camera", *places.T)), axis=1)
     np.testing.assert_allclose(back, places, atol=1e-6)
+
+
+def test_a_side_that_counts_less_stays_where_its_wall_is(found: Found) -> None:
+    shrunk = replace(found.fit.sides[0], z_mm=0.93 * found.fit.sides[0].z_mm)
+    fits = [
+        fit_pose(a_bone(1), [shrunk], found.fit.senses, torch.as_tensor(found.fit.parameters), dispersion=[one])
+        for one in (1.0, 40.0)
+    ]
+    rows_mm = shrunk.z_mm[[0, -1]]
+    alone, less = (BorePose(PLAN, fit).depth_of("camera", rows_mm) for fit in fits)
+    np.testing.assert_allclose(less, alone, atol=0.02)
 
 
 @pytest.mark.parametrize("seed", [2, 3])
