@@ -113,7 +113,7 @@ def _said(heading: Heading) -> Iterator[str]:
     if verdict.sentences:
         said = "".join(f"<p>{escape(sentence)}</p>" for sentence in verdict.sentences)
         is_open = " open" if verdict.level == "unaligned" else ""
-        yield f'<details class="how"{is_open}><summary>How they lie</summary>{said}</details>\n'
+        yield f'<details class="how"{is_open}><summary>{escape(verdict.they_say)}</summary>{said}</details>\n'
 
 
 def _doubt(doubt: Doubt) -> str:

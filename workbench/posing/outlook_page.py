@@ -54,6 +54,7 @@ def _heading(result: OutlookResult, title: str) -> Heading:
             LEVELS[outlook.level],
             f"The bore could be told {outlook.level}. {NOTICE}",
             (f"It {outlook.sentence}.",),
+            "Why",
         ),
         doubts=(),
         scores=tuple(scores),

@@ -33,7 +33,9 @@ def _heading(result: PoseResult, title: str) -> Heading:
     verdict = (
         Verdict("trusted", f"Told by {names}. {NOTICE}")
         if result.told
-        else Verdict("unaligned", f"It cannot be told where the bore lies. {NOTICE}", (str(result.answer.reason),))
+        else Verdict(
+            "unaligned", f"It cannot be told where the bore lies. {NOTICE}", (str(result.answer.reason),), "Why"
+        )
     )
     scores = _scores(summary) if result.told else ()
     return Heading(

@@ -19,11 +19,15 @@ Level = Literal["trusted", "doubted", "unaligned"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How far a result is to be trusted: ``level``, a ``headline`` in a sentence, and ``sentences`` that explain it."""
+    """How far a result is to be trusted: ``level``, a ``headline`` in a sentence, and ``sentences`` that explain it.
+
+    ``they_say``: what these are about, as the title of what unfolds.
+    """
 
     level: Level
     headline: str
     sentences: tuple[str, ...] = ()
+    they_say: str = "How they lie"
 
 
 def verdict_of(result: Result) -> Verdict:
