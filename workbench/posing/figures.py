@@ -49,7 +49,8 @@ BEFORE_MM, AFTER_MM, ASIDE_MM, STEP_MM = 4.0, 9.0, 7.0, 0.1
 WINDOW_HU = (-1000.0, 2000.0)
 DEEPEST_MM = 1.0
 STRUCTURE_COLOURS = {2: VERMILION, 3: PURPLE, 4: GREEN}
-"""By label."""
+OTHER_COLOURS = BLUE, "#8C564B", "#7F7F00"
+"""By label; of labels without a name of their own in turn."""
 LEAST_SHARE = 0.5
 
 
@@ -181,7 +182,7 @@ def _outline_structures(
         inside = ndimage.map_coordinates((part == label).astype(np.float32), index, order=1, cval=0.0)
         if label in NO_STRUCTURES or not inside.max() > LEAST_SHARE:
             continue
-        colour = STRUCTURE_COLOURS.get(label, BLUE)
+        colour = STRUCTURE_COLOURS.get(label, OTHER_COLOURS[label % len(OTHER_COLOURS)])
         axes.contour(z, aside, inside, levels=[LEAST_SHARE], colors=[colour], linewidths=1.0)
         found[name_of(label)] = colour
     return found
