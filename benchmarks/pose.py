@@ -92,7 +92,8 @@ def impossible(specimens: Sequence[Path]) -> Iterator[Row]:
         for step in (1, 2):
             other = cases[(number + step) % len(cases)]
             yield from _said(sides, other.given[1], other.given[2], f"{case.name} in {other.name}")
-        yield from _said([_mirrored(one) for one in sides], *case.given[1:], f"{case.name} mirrored")
+        mirrored = [_mirrored(one, pose.sense) for one, pose in zip(sides, case.truth.sides, strict=True)]
+        yield from _said(mirrored, *case.given[1:], f"{case.name} mirrored")
         plan = case.given[2]
         aside = 5 * plan.to_lps[:3, number % 2] * (1 if number % 4 < 2 else -1)
         yield from _said(sides, case.given[1], _moved(plan, aside), f"{case.name} 5 mm aside")
@@ -153,7 +154,10 @@ def _told(answered: PoseAnswer, of: Sequence[Found]) -> Row:
     }
 
 
-def _mirrored(side: Observation) -> Observation:
+def _mirrored(side: Observation, sense: int) -> Observation:
+    """Return a side as a mirror shows it, and as one of which the sense of θ is known; ``sense``: how θ truly runs."""
+    if sense < 0:
+        return replace(side, handed=True)
     layers = tuple(
         replace(layer, air=layer.air[:, ::-1].copy(), weight=layer.weight[:, ::-1].copy()) for layer in side.layers
     )

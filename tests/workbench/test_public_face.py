@@ -11,11 +11,11 @@ import pytest
 
 from endoct import workbench
 from endoct.stitching.errors import EndoctError
-from endoct.workbench import cli, compare, demo, export, pose, simulate, summarise, unroll, verify
+from endoct.workbench import cli, compare, demo, export, pose, pose_outlook, simulate, summarise, unroll, verify
 from endoct.workbench.commands.completion import completion_script
 from endoct.workbench.running.refusals import in_one_line
 
-PUBLIC = (demo, simulate, unroll, compare, summarise, pose, export, verify)
+PUBLIC = (demo, simulate, unroll, compare, summarise, pose, pose_outlook, export, verify)
 """In the order in which their examples build on one another."""
 
 

@@ -52,6 +52,12 @@ def pose_outlook(
 
     Raises :class:`EndoctError` where something cannot be used, where torch, kornia or SimpleITK are not installed, or
     ``output`` exists and ``overwrite`` is not set. Research software, not for clinical decisions.
+
+    With the bone that :func:`pose` simulates in its example, of which so short a bore shows little:
+
+    >>> from endoct.workbench import pose_outlook
+    >>> pose_outlook("patient/truth/ct.nii.gz", plan="patient/plan.mrk.json").outlook.level
+    'poorly'
     """
     check_installed()
     if not RADII_MM[0] <= radius_mm <= RADII_MM[1]:
