@@ -67,11 +67,13 @@ def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnsw
     """Return the pose by all sides that were ``found`` alone, or why it cannot be told: where none of them can."""
     together = found[0].fit if len(found) == 1 else fit_together(air, found)
     reasons = [one.reason for one in found if one.reason is not None]
+    doubts = [f"{reason}: its own depth and turn may be wrong" for reason in reasons]
     return PoseAnswer(
         pose=BorePose(plan, together),
         alone=tuple(BorePose(plan, one.fit) for one in found),
         reason="; ".join(reasons) if len(reasons) == len(found) else _contradiction(air, found),
         standing=tuple(one.standing for one in found),
+        doubts=tuple(doubts) if len(reasons) < len(found) else (),
     )
 
 

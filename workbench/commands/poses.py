@@ -142,4 +142,6 @@ def _print(result: "PoseResult") -> None:
     )
     for one in summary.clearances:
         print_line(f"{one.name}: {estimate_text(one.distance_mm)} mm from the bore")
+    for doubt in result.answer.doubts:
+        print_line(f"doubt: {doubt}")
     print_line(f"In brackets: 95 % intervals. {NOTICE}")

@@ -30,13 +30,14 @@ def pose_page(result: PoseResult, title: str, drawn: Sequence[Drawn]) -> str:
 
 def _heading(result: PoseResult, title: str) -> Heading:
     summary, names = result.summary, " and ".join(result.answer.pose.names)
-    verdict = (
-        Verdict("trusted", f"Told by {names}. {NOTICE}")
-        if result.told
-        else Verdict(
-            "unaligned", f"It cannot be told where the bore lies. {NOTICE}", (str(result.answer.reason),), "Why"
-        )
-    )
+    doubts = result.answer.doubts
+    if not result.told:
+        why = (str(result.answer.reason),)
+        verdict = Verdict("unaligned", f"It cannot be told where the bore lies. {NOTICE}", why, "Why")
+    elif doubts:
+        verdict = Verdict("doubted", f"Told, but not by each of {names}. {NOTICE}", doubts, "Why")
+    else:
+        verdict = Verdict("trusted", f"Told by {names}. {NOTICE}")
     scores = _scores(summary) if result.told else ()
     return Heading(
         title=f"{title}: the bore in the CT",

@@ -74,6 +74,7 @@ class PoseResult:
             "notice": NOTICE,
             "told": self.told,
             "reason": self.answer.reason,
+            "doubts": list(self.answer.doubts),
             "sides": list(self.answer.pose.names),
             "coordinates": self.coordinates,
             "plan": plan_json(plan, self.coordinates),

@@ -8,7 +8,7 @@ import torch
 
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.controls import shuffled_patterns, turned_patterns
-from endoct.fusion.pose.finding import Found, find_alone
+from endoct.fusion.pose.finding import Found, answer, find_alone
 from endoct.fusion.pose.fit import fit_pose
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
@@ -112,6 +112,15 @@ def test_a_side_that_counts_less_stays_where_its_wall_is(found: Found) -> None:
     rows_mm = shrunk.z_mm[[0, -1]]
     alone, less = (BorePose(PLAN, fit).depth_of("camera", rows_mm) for fit in fits)
     np.testing.assert_allclose(less, alone, atol=0.02)
+
+
+def test_a_side_that_cannot_tell_alone_is_doubted(found: Found) -> None:
+    air = a_bone(1)
+    assert answer(air, PLAN, [found, found]).doubts == ()
+    told = answer(air, PLAN, [found, replace(found, standing=0.5)])
+    assert told.reason is None
+    assert [doubt.endswith("its own depth and turn may be wrong") for doubt in told.doubts] == [True]
+    assert answer(air, PLAN, [replace(found, standing=0.5)]).doubts == ()
 
 
 @pytest.mark.parametrize("seed", [2, 3])
