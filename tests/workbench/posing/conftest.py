@@ -1,5 +1,6 @@
 """One bore, found once by both sides, and once by the camera alone."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,10 @@ from pose_case import PoseCase
 
 from endoct.stitching.store import save_panorama
 from endoct.workbench import pose
+from endoct.workbench.cli import main
 from endoct.workbench.posing.result import PoseResult
+
+Command = Callable[..., tuple[int, list[str], str]]
 
 
 @pytest.fixture(scope="session")
@@ -48,3 +52,18 @@ def by_camera(case: PoseCase, files: Path) -> PoseResult:
         target_mm=case.plan.target_mm,
         progress=False,
     )
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run `endoct pose`; return its exit status, the lines of its errors, and what it printed."""
+
+    def run(*words: str | Path) -> tuple[int, list[str], str]:
+        monkeypatch.setattr("sys.argv", ["endoct", "pose", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        printed = capsys.readouterr()
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, [line for line in printed.err.splitlines() if line.startswith("endoct:")], printed.out
+
+    return run

@@ -12,7 +12,6 @@ from pose_case import PoseCase, text
 import endoct.fusion.pose.outlook as rehearsals
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import pose_outlook, verify
-from endoct.workbench.cli import main
 
 Command = Callable[..., tuple[int, list[str], str]]
 
@@ -21,19 +20,6 @@ Command = Callable[..., tuple[int, list[str], str]]
 def one_rehearsal(monkeypatch: pytest.MonkeyPatch) -> None:
     """One of each instrument is enough to see what is done with it."""
     monkeypatch.setattr(rehearsals, "REHEARSALS", 1)
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    def run(*words: str | Path) -> tuple[int, list[str], str]:
-        monkeypatch.setattr("sys.argv", ["endoct", "pose", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed = capsys.readouterr()
-        assert isinstance(ended.value.code, int)
-        return ended.value.code, [line for line in printed.err.splitlines() if line.startswith("endoct:")], printed.out
-
-    return run
 
 
 def plan_of(case: PoseCase) -> list[str]:

@@ -15,27 +15,11 @@ from endoct.modalities.markups import write_line
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import compare, verify
-from endoct.workbench.cli import main
 from endoct.workbench.page.report import write_report
 from endoct.workbench.posing import finding, pose
 from endoct.workbench.posing.result import PoseResult
 
 Command = Callable[..., tuple[int, list[str], str]]
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """Run `endoct pose`; return its exit status, the lines of its errors, and what it printed."""
-
-    def run(*words: str | Path) -> tuple[int, list[str], str]:
-        monkeypatch.setattr("sys.argv", ["endoct", "pose", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed = capsys.readouterr()
-        assert isinstance(ended.value.code, int)
-        return ended.value.code, [line for line in printed.err.splitlines() if line.startswith("endoct:")], printed.out
-
-    return run
 
 
 @pytest.fixture
