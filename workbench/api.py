@@ -1,32 +1,26 @@
 """The public Python interface: what the command line does, as functions."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from functools import partial
+from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import OVERWRITE, check_output, check_place, new_output, remove_output
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import save_panorama
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.pipeline.comparing import compare_sources, paths_of
-from endoct.workbench.pipeline.sample_frames import save_sample_frames
-from endoct.workbench.pipeline.simulating import simulate
-from endoct.workbench.pipeline.sources import Source
-from endoct.workbench.pipeline.summarising import Row, write_summary
-from endoct.workbench.pipeline.summarising import summarise as _summarise
-from endoct.workbench.pipeline.summarising_poses import are_poses, summarise_poses
-from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
 from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
 from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.second_process import second_process
 from endoct.workbench.running.threads import one_blas_thread
 
-__all__ = ["compare", "demo", "simulate", "summarise", "unroll"]
+if TYPE_CHECKING:
+    from endoct.fusion.sides import Comparison
+    from endoct.workbench.pipeline.summarising import Row
+
+__all__ = ["compare", "demo", "summarise", "unroll"]
 
 
 @one_blas_thread()
@@ -57,6 +51,10 @@ def unroll(
     >>> wall.to_xarray()["depth_mm"].dims
     ('z', 'theta')
     """
+    from endoct.stitching.store import save_panorama
+    from endoct.workbench.pipeline.sample_frames import save_sample_frames
+    from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
+
     stages = stages_for(progress)
     path = Path(path)
     if output is None:
@@ -91,7 +89,7 @@ def compare(
     session: Path | str | None = None,
     overwrite: bool = False,
     progress: bool | Stages = True,
-) -> Comparison:
+) -> "Comparison":
     """Compare two sides: panoramas at hand, or paths of recordings, panoramas or mask images.
 
     The comparison, with its report, is written to the folder ``output`` where one is given. ``settings`` are
@@ -110,21 +108,35 @@ def compare(
     >>> comparison.grid.n_theta, comparison.alignment is None
     (512, False)
     """
-    sources = (
-        Source(a if isinstance(a, Panorama) else Path(a), modality_a, settings_a or {}),
-        Source(b if isinstance(b, Panorama) else Path(b), modality_b, settings_b or {}),
-    )
+    given = [Path(one) for one in (a, b) if not isinstance(one, Panorama)]
     masks = tuple(Path(path) for path in truth)
-    parameters = validate(CompareParameters, settings or {}, "the settings of the comparison")
     placed = None if session is None else Path(session)
-    run = partial(
-        compare_sources, sources, parameters=parameters, truth=masks, stages=stages_for(progress), session=placed
-    )
-    if output is None:
-        return run(None)
-    inputs = [*paths_of(sources), *masks, *(() if placed is None else (placed,))]
-    with new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs) as scratch:
-        return run(scratch)
+    with ExitStack() as until_done:
+        folder = None
+        if output is not None:
+            inputs = [*given, *masks, *([] if placed is None else [placed])]
+            made = new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs)
+            folder = until_done.enter_context(made)
+        # it loads its libraries while this process does, and has ended before what was made is put in its place
+        process = until_done.enter_context(second_process() if output is not None or len(given) == 2 else nullcontext())
+        if process is not None:
+            process.preload("endoct.workbench.pipeline.side_by_side")
+        from endoct.fusion.parameters import CompareParameters
+        from endoct.workbench.pipeline.comparing import compare_sources
+        from endoct.workbench.pipeline.sources import Source
+
+        return compare_sources(
+            (
+                Source(a if isinstance(a, Panorama) else Path(a), modality_a, settings_a or {}),
+                Source(b if isinstance(b, Panorama) else Path(b), modality_b, settings_b or {}),
+            ),
+            folder,
+            parameters=validate(CompareParameters, settings or {}, "the settings of the comparison"),
+            truth=masks,
+            stages=stages_for(progress),
+            session=placed,
+            process=process,
+        )
 
 
 def summarise(
@@ -134,7 +146,7 @@ def summarise(
     against: Sequence[Path | str] = (),
     repeats: bool = False,
     overwrite: bool = False,
-) -> dict[str, list[Row]]:
+) -> "dict[str, list[Row]]":
     """Summarise folders of comparisons, or of poses, written to the folder ``output`` where one is given.
 
     Returns tables by name, each a list of rows: ``scores``, ``summary``, ``paired`` (with ``against``) and
@@ -148,11 +160,15 @@ def summarise(
     >>> [row["specimens"] for row in tables["summary"] if row["score"] == "jaccard"]
     [1]
     """
+    from endoct.workbench.pipeline.summarising import summarise as summarise_comparisons
+    from endoct.workbench.pipeline.summarising import write_summary
+    from endoct.workbench.pipeline.summarising_poses import are_poses, summarise_poses
+
     first, second = [Path(f) for f in folders], [Path(f) for f in against]
 
-    def summarised() -> dict[str, list[Row]]:
+    def summarised() -> "dict[str, list[Row]]":
         if not are_poses([*first, *second]):
-            return _summarise(first, second, repeats=repeats)
+            return summarise_comparisons(first, second, repeats=repeats)
         if second or repeats:
             raise EndoctError("poses are summarised one by one", remedy="leave out --against and --repeats")
         return summarise_poses(first)
@@ -172,7 +188,7 @@ def demo(
     seed: int = 1,
     overwrite: bool = False,
     progress: bool | Stages = True,
-) -> Comparison:
+) -> "Comparison":
     """Simulate a specimen in ``output``/specimen and compare its recordings in ``output``/comparison.
 
     Raises :class:`EndoctError` where ``output`` exists and ``overwrite`` is not set, or cannot be written.
@@ -182,6 +198,8 @@ def demo(
     >>> comparison.names
     ('endoscope', 'oct')
     """
+    from endoct.workbench.pipeline.simulating import simulate
+
     stages = stages_for(progress)
     output = Path(output)
     existed = output.exists()

@@ -154,14 +154,13 @@ def _report(path: Path) -> None:
 
 
 def _figures(path: Path) -> None:
-    from endoct.workbench.report.figures.all import draw_details, draw_walls
+    from endoct.workbench.report.figures.all import draw_shapes, draw_side, draw_walls
     from endoct.workbench.report.findings import read_findings
     from endoct.workbench.report.illustrated import report_sections
 
     findings = read_findings(path)
-    with tempfile.TemporaryDirectory() as scratch:
-        drawn = [*draw_walls(findings, Path(scratch)), *draw_details(findings, Path(scratch))]
-        report_sections(findings, drawn)
+    of_sides = [one for side in findings.sides for one in draw_side(side)]
+    report_sections(findings, [*draw_walls(findings), *draw_shapes(findings), *of_sides])
 
 
 def _exports(path: Path) -> None:

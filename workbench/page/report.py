@@ -1,6 +1,7 @@
 """Reports: figures as files, and the page as one file that opens offline; of a comparison, or of one recording."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from concurrent.futures import Future
 from pathlib import Path
 
 from endoct.stitching.contents import is_marked, marked, read_contents
@@ -12,9 +13,9 @@ from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown
-from endoct.workbench.report.figures.all import draw_details, draw_recording, draw_walls
-from endoct.workbench.report.figures.drawing import Drawn
-from endoct.workbench.report.findings import alone, read_findings
+from endoct.workbench.report.figures.all import draw_recording, draw_shapes, draw_side, draw_walls
+from endoct.workbench.report.figures.drawing import Drawn, write_figures
+from endoct.workbench.report.findings import Findings, alone, read_findings
 from endoct.workbench.report.illustrated import recording_sections, report_sections
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.sections import Section
@@ -24,12 +25,14 @@ PAGE = "report.html"
 REMARK = "The figures lie next to this page, lossless, in figures/."
 
 
-def write_report(path: Path, process: WorkerProcess | None = None) -> Path:
+def write_report(
+    path: Path, process: WorkerProcess | None = None, of_sides: "Future[list[Drawn]] | None" = None
+) -> Path:
     """Write ``figures/*.png`` and ``report.html`` into ``path``, replacing older ones; return the page's path.
 
     ``path`` is what ``endoct compare`` or ``endoct unroll`` wrote; nothing else in it is changed. Half of the figures
-    of a comparison are drawn in ``process`` where there is one. Raises :class:`EndoctError` where ``path`` is neither,
-    not whole, or cannot be written.
+    of a comparison are drawn in ``process`` where there is one; ``of_sides`` are those of :func:`draw_side` where they
+    are drawn already. Raises :class:`EndoctError` where ``path`` is neither, not whole, or cannot be written.
     """
     if is_panorama(path):
         contents = read_contents(path)
@@ -42,16 +45,13 @@ def write_report(path: Path, process: WorkerProcess | None = None) -> Path:
             )
         return write_panorama_report(path, load_panorama(path))
     _check(path)
-    findings = read_findings(path)
-
-    def draw(figures: Path, shown: Shown) -> tuple[str, tuple[Section, ...]]:
-        there = None if process is None else process.call(_draw_there, path, figures)
-        walls = draw_walls(findings, figures)
-        data = frozen_data(shown)
-        details = draw_details(findings, figures) if there is None else there.result()
-        return data, report_sections(findings, [*walls, *details])
-
-    return _write(path, draw)
+    findings, shown = read_findings(path), open_shown(path)
+    there = None if process is None else process.call(_draw_there, path, of_sides is None)
+    walls = draw_walls(findings)
+    data = frozen_data(shown)
+    others = _draw(findings, of_sides is None) if there is None else there.result()
+    drawn = [*walls, *others, *(of_sides.result() if of_sides is not None else ())]
+    return _write(path, shown, drawn, report_sections(findings, drawn), data)
 
 
 def write_panorama_report(store: Path, panorama: Panorama) -> Path:
@@ -60,13 +60,11 @@ def write_panorama_report(store: Path, panorama: Panorama) -> Path:
     Returns the page's path. Raises :class:`EndoctError` where they cannot be written.
     """
     _check(store)
+    shown = open_shown(store)
     side = alone(panorama, load_pictures(store / PICTURES).get(panorama.modality, {}))
-
-    def draw(figures: Path, shown: Shown) -> tuple[str, tuple[Section, ...]]:
-        drawn = draw_recording(side, figures)
-        return frozen_data(shown), recording_sections(side, shown.side(side.name).outline, drawn)
-
-    return _write(store, draw)
+    drawn = draw_recording(side)
+    sections = recording_sections(side, shown.side(side.name).outline, drawn)
+    return _write(store, shown, drawn, sections, frozen_data(shown))
 
 
 def _check(folder: Path) -> None:
@@ -92,16 +90,19 @@ def _lists(whole: Path, folder: Path) -> bool:
     return contents is not None and any(name.startswith(within) for name in contents.files)
 
 
-def _write(folder: Path, draw: Callable[[Path, Shown], tuple[str, tuple[Section, ...]]]) -> Path:
+def _write(folder: Path, shown: Shown, drawn: Sequence[Drawn], sections: Sequence[Section], data: str) -> Path:
     page = folder / PAGE
-    shown = open_shown(folder)
     with new_output(folder / "figures", FIGURES, overwrite=True) as figures:
-        figures.mkdir()
-        data, sections = draw(figures, shown)
+        write_figures(drawn, figures)
     with new_output(page, REPORT, overwrite=True, is_ours=is_marked) as scratch:
         scratch.write_text(marked(frozen_page(shown, sections, data, REMARK)), encoding="utf-8")
     return page
 
 
-def _draw_there(folder: Path, figures: Path) -> list[Drawn]:
-    return draw_details(read_findings(folder), figures)
+def _draw_there(folder: Path, with_sides: bool) -> list[Drawn]:
+    return _draw(read_findings(folder), with_sides)
+
+
+def _draw(findings: Findings, with_sides: bool) -> list[Drawn]:
+    sides = [one for side in findings.sides for one in draw_side(side)] if with_sides else []
+    return [*draw_shapes(findings), *sides]

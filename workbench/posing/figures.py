@@ -1,7 +1,5 @@
 """Figures of a pose: the CT cut along the bore, and each side's wall beside what the CT predicts of it."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -32,8 +30,8 @@ from endoct.workbench.report.figures.drawing import (
     journal_style,
     new_figure,
     place,
+    render,
     robust_limits,
-    save,
 )
 from endoct.workbench.report.figures.wall_panels import (
     colour_bar,
@@ -54,7 +52,7 @@ OTHER_COLOURS = BLUE, "#8C564B", "#7F7F00"
 LEAST_SHARE = 0.5
 
 
-def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool, folder: Path) -> Drawn:
+def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) -> Drawn:
     """Draw the CT cut along the bore in two planes at right angles, with the plan, the bore and the structures."""
     z = np.arange(-BEFORE_MM, pose.plan.length_mm + AFTER_MM, STEP_MM)
     aside = np.arange(-ASIDE_MM, ASIDE_MM + STEP_MM / 2, STEP_MM)
@@ -86,16 +84,16 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool, 
             handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=3.6, ncols=5, frameon=False,
             handlelength=1.6,
         )  # fmt: skip
-        saved = save(figure, folder / "cut.png")
+        rendered = render(figure, "cut")
     caption = (
         "Two planes through the found axis, at right angles, drawn to scale; the CT is from before drilling. "
         "Solid: the bore's envelope and axis, between thin lines that hold the wall in 95 % of cases. Dashed: the "
         "plan, projected onto the plane."
     )
-    return Drawn(saved, "cut", "The CT along the bore", caption)
+    return Drawn(rendered, "cut", "The CT along the bore", caption)
 
 
-def draw_wall(side: Side, prediction: Panorama, folder: Path) -> Drawn:
+def draw_wall(side: Side, prediction: Panorama) -> Drawn:
     """Draw what a side shows of the wall beside what the CT predicts of it at the pose."""
     own, of_ct = Sampling(side.grid, IN_PLACE), Sampling(prediction.grid, IN_PLACE)
     grid = common_grid(own, of_ct, dz_mm=ROWS_MM, n_theta=COLUMNS)
@@ -120,12 +118,12 @@ def draw_wall(side: Side, prediction: Panorama, folder: Path) -> Drawn:
         wall_panel(axes[2], grid, "(c) predicted by the CT", first=False)
         image = show_surface(axes[2], coarse, thin_bone, np.isfinite(thin_bone), INTENSITY_COLOURS, 0.0, 1.0)
         colour_bar(axes[2], image, "share of bone")
-        saved = save(figure, folder / f"wall-{side.name}.png")
+        rendered = render(figure, f"wall-{side.name}")
     caption = (
         f"In the frame of {side.name}, {scale_text(grid)}. (b) with outlines of what the CT has as air, half or more. "
         "Hatched: not observed. Where the pose is right, dark places of (a) and (c) are the same."
     )
-    return Drawn(saved, f"wall-{side.name}", f"The wall by {side.name}, and by the CT at the pose", caption)
+    return Drawn(rendered, f"wall-{side.name}", f"The wall by {side.name}, and by the CT at the pose", caption)
 
 
 def _cut(volume: CtVolume, pose: BorePose, z: Coordinates, aside: Coordinates, axis: int) -> Image:

@@ -13,6 +13,7 @@ from endoct.workbench.posing.handover import write_handover
 from endoct.workbench.posing.page import pose_page
 from endoct.workbench.posing.prediction import compare_with, predicted, save_compared
 from endoct.workbench.posing.result import PoseResult
+from endoct.workbench.report.figures.drawing import write_figures
 from endoct.workbench.running.progress import Stages
 
 
@@ -41,8 +42,7 @@ def write_folder(
             if (compared := compare_with(prediction, pose, side)) is not None:
                 save_compared(compared, prediction, side, result.made, folder / "predicted" / side.name)
     with stages.stage("report"):
-        figures = folder / "figures"
-        figures.mkdir()
-        walls = [draw_wall(side, prediction, figures) for side, prediction in zip(sides, predictions, strict=True)]
-        drawn = [draw_cut(ct, labels, pose, result.told, figures), *walls]
+        walls = [draw_wall(side, prediction) for side, prediction in zip(sides, predictions, strict=True)]
+        drawn = [draw_cut(ct, labels, pose, result.told), *walls]
+        write_figures(drawn, folder / "figures")
         (folder / "report.html").write_text(pose_page(result, folder.name, drawn), encoding="utf-8")

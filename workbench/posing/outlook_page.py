@@ -15,7 +15,7 @@ from endoct.workbench.page.heading import Heading, Score
 from endoct.workbench.posing.outlook_result import OutlookResult
 from endoct.workbench.posing.page import REMARK, STYLE, provenance
 from endoct.workbench.posing.result import NOTICE
-from endoct.workbench.report.figures.drawing import INTENSITY_COLOURS, Drawn, journal_style, save
+from endoct.workbench.report.figures.drawing import INTENSITY_COLOURS, Drawn, journal_style, render, write_figures
 from endoct.workbench.report.figures.wall_panels import colour_bar, panel_figure, scale_text, show_surface, wall_panel
 from endoct.workbench.report.illustrated import numbered
 from endoct.workbench.report.sections import Section
@@ -27,9 +27,9 @@ LEVELS: dict[str, Level] = {"well": "trusted", "poorly": "doubted", "hardly": "u
 
 def write_outlook_page(result: OutlookResult, radius_mm: float, folder: Path) -> None:
     """Write the page and its figure into ``folder``."""
-    figures = folder / "figures"
-    figures.mkdir()
-    sections = tuple(_sections(result, numbered([_draw_wall(result, radius_mm, figures)])))
+    drawn = [_draw_wall(result, radius_mm)]
+    write_figures(drawn, folder / "figures")
+    sections = tuple(_sections(result, numbered(drawn)))
     style = files(STYLE).joinpath("bundle", "page.css").read_text("utf-8")
     page = document(
         _heading(result, folder.name), sections, head=f"<style>{style}</style>\n", remark=REMARK, has_panes=False
@@ -103,7 +103,7 @@ def _facts(result: OutlookResult) -> str:
     return table(rows, ("", ""))
 
 
-def _draw_wall(result: OutlookResult, radius_mm: float, folder: Path) -> Drawn:
+def _draw_wall(result: OutlookResult, radius_mm: float) -> Drawn:
     wall = result.wall
     grid = SurfaceGrid.full_circle(wall.shape[0], COLUMNS, z0_mm=0.0, dz_mm=ROWS_MM, radius_mm=radius_mm)
     with journal_style():
@@ -111,6 +111,6 @@ def _draw_wall(result: OutlookResult, radius_mm: float, folder: Path) -> Drawn:
         wall_panel(axes, grid, "predicted by the CT")
         image = show_surface(axes, grid, 1 - wall, np.ones(wall.shape, np.bool_), INTENSITY_COLOURS, 0.0, 1.0)
         colour_bar(axes, image, "share of bone")
-        saved = save(figure, folder / "wall.png")
+        rendered = render(figure, "wall")
     caption = f"Along the plan, {scale_text(grid)}. θ and z are those of the plan's frame; dark: air."
-    return Drawn(saved, "wall", "The wall of a bore along the plan, by the CT", caption)
+    return Drawn(rendered, "wall", "The wall of a bore along the plan, by the CT", caption)

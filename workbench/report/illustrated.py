@@ -42,11 +42,11 @@ def _quality(side: SideFindings, figures: Mapping[str, str]) -> str:
 
 
 def _figure(number: int, figure: Drawn) -> str:
-    saved = figure.saved
-    data = base64.b64encode(saved.webp).decode("ascii")
+    rendered = figure.rendered
+    data = base64.b64encode(rendered.webp).decode("ascii")
     return (
-        f'<figure id="figure-{escape(saved.path.stem)}"><img src="data:image/webp;base64,{data}" '
-        f'alt="{escape(figure.title)}" width="{round(saved.width_in * CSS_PIXELS_PER_INCH)}">\n'
+        f'<figure id="figure-{escape(rendered.name)}"><img src="data:image/webp;base64,{data}" '
+        f'alt="{escape(figure.title)}" width="{round(rendered.width_in * CSS_PIXELS_PER_INCH)}">\n'
         f"<figcaption><b>Figure {number}. {escape(figure.title)}.</b> {escape(figure.caption)} "
-        f'<span class="code">figures/{escape(saved.path.name)}</span></figcaption></figure>\n'
+        f'<span class="code">figures/{escape(rendered.file)}</span></figcaption></figure>\n'
     )

@@ -1,11 +1,15 @@
 """A second process for what can be done at the same time: unrolling the other recording, drawing figures."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
+from typing import TypeVar
 
 from endoct.stitching.worker_process import WorkerProcess, worker_process
 from endoct.workbench.running.refusals import tame_libraries
+
+Out = TypeVar("Out")
 
 
 @contextmanager
@@ -17,3 +21,12 @@ def second_process() -> Iterator[WorkerProcess | None]:
     with worker_process() as process:
         process.call(tame_libraries)
         yield process
+
+
+def beside(process: WorkerProcess | None, function: Callable[..., Out], *arguments: object) -> "Future[Out]":
+    """Have ``process`` call a function of a module while this process goes on; without one, call it here and now."""
+    if process is not None:
+        return process.call(function, *arguments)
+    done: Future[Out] = Future()
+    done.set_result(function(*arguments))
+    return done

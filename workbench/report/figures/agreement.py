@@ -1,7 +1,5 @@
 """How far two sides agree: the budget of what is missing as one bar, and scores by kinds of cells."""
 
-from pathlib import Path
-
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -22,7 +20,7 @@ from endoct.workbench.report.figures.drawing import (
     journal_style,
     new_figure,
     place,
-    save,
+    render,
 )
 from endoct.workbench.report.findings import Findings
 
@@ -30,7 +28,7 @@ CAUSE_COLOURS = {"alignment": SKY, "sampling": ORANGE, "visibility": GREEN, "seg
 STRATA_TITLES = {"diameter_mm": "diameter (mm)", "depth_mm": "depth (mm)", "contrast": "contrast"}
 
 
-def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
+def draw_budget(findings: Findings) -> Drawn | None:
     """Draw the Jaccard index and what is missing of 1, by causes, as one bar; None where there is no budget."""
     budget = findings.result.budget
     if not findings.aligned or not budget:
@@ -59,8 +57,8 @@ def draw_budget(findings: Findings, folder: Path) -> Drawn | None:
             handles=entries, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=5.2, ncols=2, frameon=False,
             handlelength=1.2,
         )  # fmt: skip
-        saved = save(figure, folder / "budget.png")
-    return Drawn(saved, "agreement", "What stands in the way of full agreement", _budget_caption(budget))
+        rendered = render(figure, "budget")
+    return Drawn(rendered, "agreement", "What stands in the way of full agreement", _budget_caption(budget))
 
 
 def _budget_caption(budget: Budget) -> str:
@@ -88,7 +86,7 @@ def _budget_caption(budget: Budget) -> str:
     return caption + (f"{text_after[0].upper()}{text_after[1:]}." if text_after else "")
 
 
-def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
+def draw_scores(findings: Findings) -> Drawn | None:
     """Draw the Jaccard index by kinds of cells, and how areas of matched cells agree; None without scores."""
     scores = findings.result.scores
     if not findings.aligned or scores is None or scores.strata is None or not scores.strata.by_kind():
@@ -102,7 +100,7 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
         )
         if area:
             _bland_altman(place(figure, 4.7, 0.0, 2.45, 1.95), pairs, area, findings)
-        saved = save(figure, folder / "scores.png")
+        rendered = render(figure, "scores")
     caption = (
         "(a) Jaccard index over n places at which either side shows a cell, with its 95 % interval where n is at "
         "least five: by the diameter of the place, and by its median depth and contrast where a side knows them."
@@ -114,7 +112,7 @@ def draw_scores(findings: Findings, folder: Path) -> Drawn | None:
             f"Line: mean difference, {_number(area.bias)} mm². Dashed: between these lie 95 % of the differences, "
             f"{_number(area.low)} to {_number(area.high)} mm²."
         )
-    return Drawn(saved, "agreement", "Agreement by kinds of cells", caption)
+    return Drawn(rendered, "agreement", "Agreement by kinds of cells", caption)
 
 
 def _by_kind(axes: Axes, strata: Strata, title: str) -> None:

@@ -3,7 +3,6 @@
 import gc
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from pathlib import Path
 
 from endoct.workbench.report.figures.agreement import draw_budget, draw_scores
 from endoct.workbench.report.figures.cylinder import draw_cylinder
@@ -16,42 +15,31 @@ from endoct.workbench.report.findings import Findings, SideFindings
 Drawing = Callable[[], Drawn | None]
 
 
-def draw_walls(findings: Findings, folder: Path) -> list[Drawn]:
-    """Draw the walls, the cells and the scores, as far as ``findings`` have them, into ``folder``, which must exist."""
-    return _drawn(_walls(findings, folder))
+def draw_walls(findings: Findings) -> list[Drawn]:
+    """Draw the walls, the cells and the scores, as far as ``findings`` have them."""
+    return _drawn(partial(one, findings) for one in (draw_panoramas, draw_masks, draw_budget, draw_scores))
 
 
-def draw_details(findings: Findings, folder: Path) -> list[Drawn]:
-    """Draw all other figures: how the sides lie on each other, and what each saw in its own frame.
-
-    More than half of the work: who has the walls drawn beside this cuts tiles as well.
-    """
-    return _drawn(_details(findings, folder))
+def draw_shapes(findings: Findings) -> list[Drawn]:
+    """Draw the bore cut open, and how the sides lie on each other."""
+    return _drawn(_shapes(findings))
 
 
-def draw_recording(side: SideFindings, folder: Path) -> list[Drawn]:
+def draw_side(side: SideFindings) -> list[Drawn]:
+    """Draw what one side of a comparison saw in its own frame: nothing that depends on the other side."""
+    return _drawn(partial(one, side) for one in (draw_depth, draw_frames, draw_quality, draw_other_numbers))
+
+
+def draw_recording(side: SideFindings) -> list[Drawn]:
     """Draw every figure of one recording by itself."""
-    draw = draw_panorama, draw_frames, draw_quality, draw_other_numbers
-    return _drawn(partial(one, side, folder) for one in draw)
+    return _drawn(partial(one, side) for one in (draw_panorama, draw_frames, draw_quality, draw_other_numbers))
 
 
-def _walls(findings: Findings, folder: Path) -> Iterator[Drawing]:
-    yield lambda: draw_panoramas(findings, folder)
-    yield lambda: draw_masks(findings, folder)
-    yield lambda: draw_budget(findings, folder)
-    yield lambda: draw_scores(findings, folder)
+def _shapes(findings: Findings) -> Iterator[Drawing]:
     for side in findings.sides:
         if side.depth_mm is not None or all(s.depth_mm is None for s in findings.sides):
-            yield partial(draw_cylinder, side, findings.grid, folder)
-
-
-def _details(findings: Findings, folder: Path) -> Iterator[Drawing]:
-    yield lambda: draw_alignment(findings, folder)
-    for side in findings.sides:
-        yield partial(draw_depth, side, folder)
-        yield partial(draw_frames, side, folder)
-        yield partial(draw_quality, side, folder)
-        yield partial(draw_other_numbers, side, folder)
+            yield partial(draw_cylinder, side, findings.grid)
+    yield partial(draw_alignment, findings)
 
 
 def _drawn(drawings: Iterable[Drawing]) -> list[Drawn]:

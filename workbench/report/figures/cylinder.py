@@ -15,7 +15,6 @@ first is where r exceeds the wall's.
 """
 
 import math
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,8 +33,8 @@ from endoct.workbench.report.figures.drawing import (
     journal_style,
     new_figure,
     place,
+    render,
     robust_limits,
-    save,
 )
 from endoct.workbench.report.figures.wall_panels import thinned
 from endoct.workbench.report.findings import SideFindings
@@ -52,7 +51,7 @@ CUT_FACE, END_FACE, NOT_OBSERVED = (np.array(to_rgb(c), np.float32) for c in ("#
 Floats = NDArray[np.float32]
 
 
-def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn | None:
+def draw_cylinder(side: SideFindings, grid: SurfaceGrid) -> Drawn | None:
     """Draw both half shells of the bore as ``side`` saw it on ``grid``, coloured by depth, else by intensity."""
     if side.is_drawn_mask:
         return None
@@ -89,10 +88,10 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid, folder: Path) -> Drawn 
         below_in = (height_in if side_by_side else 2 * height_in + 0.5) + 0.5
         bar = place(figure, PAGE_WIDTH_IN / 2 - 1.3, below_in, 2.6, 0.08)
         bar_under(bar, mapping, "wall radius − bore radius (mm)" if by_depth else "intensity (a.u.)")
-        saved = save(figure, folder / f"cylinder-{side.name}.png")
+        rendered = render(figure, f"cylinder-{side.name}")
     shape = "the wall as measured" if by_depth else "the side has no depth, so the wall is drawn at the bore's radius"
     return Drawn(
-        saved,
+        rendered,
         "cylinder",
         f"The bore cut open, {side.name}",
         f"Both half shells, seen from inside and {math.degrees(TILT_RAD):.0f}° from the mouth, in parallel projection; "

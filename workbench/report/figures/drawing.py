@@ -1,9 +1,9 @@
-"""What all figures share: paper, type, colours, and how they are saved."""
+"""What all figures share: paper, type, colours, and how they become files."""
 
 import io
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,25 +58,41 @@ MASK_COLOURS = ListedColormap([PAPER, INK])
 
 
 @dataclass(frozen=True)
-class Saved:
-    """A figure's file, lossless, its printed width, and the WebP copy of it that a page embeds."""
+class Rendered:
+    """A figure as the lossless PNG that lies in figures/ under ``name``, and the WebP copy that a page embeds.
 
-    path: Path
+    ``width_in`` is its printed width.
+    """
+
+    name: str
     width_in: float
+    png: bytes
     webp: bytes
+
+    @property
+    def file(self) -> str:
+        """The name of its file."""
+        return f"{self.name}.png"
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One figure of a report: what was saved, what it is called and what there is to know when reading it.
+    """One figure of a report: how it looks, what it is called and what there is to know when reading it.
 
     ``section`` groups figures.
     """
 
-    saved: Saved
+    rendered: Rendered
     section: str
     title: str
     caption: str
+
+
+def write_figures(drawn: Iterable[Drawn], folder: Path) -> None:
+    """Write figures as PNG into a new ``folder``."""
+    folder.mkdir()
+    for one in drawn:
+        (folder / one.rendered.file).write_bytes(one.rendered.png)
 
 
 def journal_style() -> AbstractContextManager[None]:
@@ -112,8 +128,8 @@ def width_of(axes: Axes) -> float:
     return float(axes.get_position(original=True).width * axes.figure.bbox.width / DPI)
 
 
-def save(figure: Figure, path: Path) -> Saved:
-    """Write ``figure`` as PNG with its white margins trimmed."""
+def render(figure: Figure, name: str) -> Rendered:
+    """Return ``figure`` as a picture with its white margins trimmed."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     # trimmed here: matplotlib's own trimming draws everything twice
@@ -124,10 +140,10 @@ def save(figure: Figure, path: Path) -> Saved:
     top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
     trimmed = pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1, :3]
     image = Image.fromarray(np.ascontiguousarray(trimmed))
-    image.save(path, dpi=(DPI, DPI), compress_level=2)
-    webp = io.BytesIO()
+    png, webp = io.BytesIO(), io.BytesIO()
+    image.save(png, "PNG", dpi=(DPI, DPI), compress_level=2)
     image.save(webp, "WEBP", quality=EMBEDDED_QUALITY, method=2)
-    return Saved(path, image.width / DPI, webp.getvalue())
+    return Rendered(name, image.width / DPI, png.getvalue(), webp.getvalue())
 
 
 def hatch_not_observed(axes: Axes) -> None:

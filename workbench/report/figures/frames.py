@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,8 @@ from endoct.workbench.report.figures.drawing import (
     journal_style,
     new_figure,
     place,
+    render,
     robust_limits,
-    save,
     unit_of,
     wrapped,
 )
@@ -52,7 +51,7 @@ STYLES: tuple[Style, ...] = (
 TITLE_LINE_IN = 0.15
 
 
-def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
+def draw_frames(side: SideFindings) -> Drawn | None:
     """Draw every picture of a side: a row for each frame, as recorded and then as processed."""
     if not side.pictures:
         return None
@@ -84,14 +83,14 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
             axes = place(figure, column * pitch_in + 0.5, tops_in[row], width_in, heights_in[row])
             show_picture(axes, picture, styles, legend=place_of == last, y_label=down or column == 0)
             axes.set_title(titles[row, column], pad=3)
-        saved = save(figure, folder / f"frames-{side.name}.png")
+        rendered = render(figure, f"frames-{side.name}")
     drawn = ", ".join(f"{label} ({name})" for label, (name, *_) in styles.items())
     drawn = f" Drawn in: {drawn}." if drawn else ""
     about = "".join(f" {text}" for text in dict.fromkeys(p.about for ps in side.pictures.values() for p in ps) if text)
     gaps = any(np.isnan(p.image).any() for ps in side.pictures.values() for p in ps if p.image.dtype.kind == "f")
     hatched = " Hatched: not valid." if gaps else ""
     return Drawn(
-        saved,
+        rendered,
         "frames",
         f"Single frames, {side.name}",
         f"Frames at {len(frames)} place{'s' if len(frames) > 1 else ''} along the recording, before and after."
@@ -99,7 +98,7 @@ def draw_frames(side: SideFindings, folder: Path) -> Drawn | None:
     )
 
 
-def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
+def draw_depth(side: SideFindings) -> Drawn | None:
     """Draw the colour-coded depth of a side on its own rows, next to its pictured frames (Laves 2019, Fig. 4)."""
     panorama = side.panorama
     if panorama.depth_mm is None or not (panorama.valid & np.isfinite(panorama.depth_mm)).any():
@@ -128,9 +127,9 @@ def draw_depth(side: SideFindings, folder: Path) -> Drawn | None:
             part.set_title(f"({chr(ord('b') + k)}) {place_label(side, place_of)}", pad=3)
             for spine in part.spines.values():
                 spine.set(color=colour, linewidth=1.6)
-        saved = save(figure, folder / f"depth-{side.name}.png")
+        rendered = render(figure, f"depth-{side.name}")
     return Drawn(
-        saved,
+        rendered,
         "depth",
         f"Colour-coded depth, {side.name}",
         "(a) Depth of the wall on the side's own rows and in its own frame, before any alignment: no interpolation. "

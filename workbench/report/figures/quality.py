@@ -1,7 +1,6 @@
 """Numbers per frame along the bore: the few that say how good the frames are, and all others."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,11 @@ from endoct.workbench.report.figures.drawing import (
     PAGE_WIDTH_IN,
     VERMILION,
     Drawn,
-    Saved,
+    Rendered,
     journal_style,
     new_figure,
     place,
-    save,
+    render,
 )
 from endoct.workbench.report.findings import SideFindings
 from endoct.workbench.report.flags import flagged_frames
@@ -31,7 +30,7 @@ USUAL = "#dcefe4"
 """Behind values as sound recordings have them."""
 
 
-def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
+def draw_quality(side: SideFindings) -> Drawn | None:
     """Draw the few numbers that say how good the frames are, with their usual ranges; flagged frames are marked."""
     main, _ = main_and_others(side)
     if not main or side.frame_z_mm.size < 2:
@@ -39,21 +38,21 @@ def draw_quality(side: SideFindings, folder: Path) -> Drawn | None:
     usual = "Green: usual in sound recordings. " if any(one.usual for one in main) else ""
     dim = side.panorama.frame_dim
     return Drawn(
-        _plots(side, main, folder / f"quality-{side.name}.png"),
+        _plots(side, main, f"quality-{side.name}"),
         f"quality-{side.name}",
         f"How good the {dim}s of {side.name} are",
         f"A dot a {dim}, against its z in the side's own frame. {usual}{_flags_text(side)}",
     )
 
 
-def draw_other_numbers(side: SideFindings, folder: Path) -> Drawn | None:
+def draw_other_numbers(side: SideFindings) -> Drawn | None:
     """Draw every other number that differs from frame to frame."""
     _, others = main_and_others(side)
     if not others or side.frame_z_mm.size < 2:
         return None
     dim = side.panorama.frame_dim
     return Drawn(
-        _plots(side, others, folder / f"numbers-{side.name}.png"),
+        _plots(side, others, f"numbers-{side.name}"),
         f"numbers-{side.name}",
         f"What was measured of each {dim} of {side.name}",
         f"A dot a {dim}, against its z in the side's own frame. {_flags_text(side)}",
@@ -65,7 +64,7 @@ def _flags_text(side: SideFindings) -> str:
     return f"Red crosses: {' or '.join(flags)}." if flags else ""
 
 
-def _plots(side: SideFindings, numbers: list[Number], path: Path) -> Saved:
+def _plots(side: SideFindings, numbers: list[Number], name: str) -> Rendered:
     z_mm = side.frame_z_mm
     flagged = np.zeros(z_mm.size, dtype=np.bool_)
     for _, frames in flagged_frames(side):
@@ -82,7 +81,7 @@ def _plots(side: SideFindings, numbers: list[Number], path: Path) -> Saved:
                 axes.set_xlabel("z, inward (mm)")
             else:
                 axes.tick_params(labelbottom=False)
-        return save(figure, path)
+        return render(figure, name)
 
 
 def _plot(axes: Axes, one: Number, z_mm: NDArray[Any], flagged: Mask) -> None:

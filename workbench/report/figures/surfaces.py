@@ -1,7 +1,6 @@
 """The wall as each side saw it, the cells, where they differ, and how well the two lie on each other."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,8 +24,8 @@ from endoct.workbench.report.figures.drawing import (
     Drawn,
     journal_style,
     letters,
+    render,
     robust_limits,
-    save,
     width_of,
 )
 from endoct.workbench.report.figures.wall_panels import (
@@ -44,22 +43,22 @@ from endoct.workbench.report.findings import Findings, SideFindings
 DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
 
 
-def draw_panoramas(findings: Findings, folder: Path) -> Drawn | None:
+def draw_panoramas(findings: Findings) -> Drawn | None:
     """Draw intensity, and depth where there is depth, of each side on the common grid."""
     frame = (
         f"Both lie on one grid in the frame of {findings.sides[0].name}"
         if findings.aligned
         else "Each lies in its own frame: the two could not be aligned, so places do not correspond"
     )
-    return _draw_walls(findings.sides, findings.grid, frame, folder)
+    return _draw_walls(findings.sides, findings.grid, frame)
 
 
-def draw_panorama(side: SideFindings, folder: Path) -> Drawn | None:
+def draw_panorama(side: SideFindings) -> Drawn | None:
     """Draw intensity, and depth where there is depth, of one side in its own frame."""
-    return _draw_walls([side], side.panorama.grid, "In its own frame, on its own rows", folder)
+    return _draw_walls([side], side.panorama.grid, "In its own frame, on its own rows")
 
 
-def _draw_walls(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str, folder: Path) -> Drawn | None:
+def _draw_walls(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str) -> Drawn | None:
     panels: list[tuple[str, SideFindings, Image, str, str]] = []
     for side in sides:
         if not side.is_drawn_mask:
@@ -76,9 +75,9 @@ def _draw_walls(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str, fo
             low, high = robust_limits(thin, valid)
             image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
             colour_bar(axes[k], image, unit)
-        saved = save(figure, folder / "panoramas.png")
+        rendered = render(figure, "panoramas")
     return Drawn(
-        saved,
+        rendered,
         "panoramas",
         "The unrolled wall",
         f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(grid)}. "
@@ -86,7 +85,7 @@ def _draw_walls(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str, fo
     )
 
 
-def draw_masks(findings: Findings, folder: Path) -> Drawn:
+def draw_masks(findings: Findings) -> Drawn:
     """Draw the cells of each side and, where the sides are aligned, the difference image."""
     a, b = findings.sides
     observed = a.valid & b.valid
@@ -120,11 +119,11 @@ def draw_masks(findings: Findings, folder: Path) -> Drawn:
             )
         else:
             caption += "No difference image: the two sides could not be aligned."
-        saved = save(figure, folder / "masks.png")
-    return Drawn(saved, "masks", title, caption)
+        rendered = render(figure, "masks")
+    return Drawn(rendered, "masks", title, caption)
 
 
-def draw_alignment(findings: Findings, folder: Path) -> Drawn | None:
+def draw_alignment(findings: Findings) -> Drawn | None:
     """Draw how the two sides lie on each other: checkerboard, outlines, and agreement along the bore."""
     if not findings.aligned:
         return None
@@ -146,10 +145,10 @@ def draw_alignment(findings: Findings, folder: Path) -> Drawn | None:
         _outline(axes[1], grid, b.mask & observed, BLUE)
         _legend(axes[1], [Line2D([], [], color=ORANGE, label=a.name), Line2D([], [], color=BLUE, label=b.name)])
         _agreement(axes[2], grid, a.mask, b.mask, observed)
-        saved = save(figure, folder / "alignment.png")
+        rendered = render(figure, "alignment")
     tile = _tile_mm(grid)
     return Drawn(
-        saved,
+        rendered,
         "alignment",
         "How well the two lie on each other",
         f"(a) Tiles of {tile:g} mm from either side by turns, showing {_feature_name(a)} and "

@@ -1,0 +1,46 @@
+"""What a comparison's folder holds of each side alone: its panorama, pictures of its frames, and their figures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import save_panorama
+from endoct.workbench.pipeline.sample_frames import copy_sample_frames, save_sample_frames
+from endoct.workbench.pipeline.unrolling import Unrolled
+from endoct.workbench.report.pictures import PICTURES, load_pictures
+
+if TYPE_CHECKING:
+    from endoct.workbench.report.figures.drawing import Drawn
+
+
+@dataclass(frozen=True)
+class SidePart:
+    """A side by ``name``: its panorama, and what pictures of its frames come from.
+
+    That is the recording as it was unrolled, or the store of a panorama; None where there are none.
+    """
+
+    name: str
+    panorama: Panorama
+    pictured: Unrolled | Path | None
+
+
+def write_sides(folder: Path, sides: Sequence[SidePart]) -> "list[Drawn]":
+    """Write ``panoramas`` and ``pictures`` into ``folder``; return the figures that show one side alone.
+
+    Nothing here depends on how the sides lie on each other: it can be done while that is found out.
+    """
+    for side in sides:
+        save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
+        if isinstance(side.pictured, Unrolled):
+            save_sample_frames(side.pictured, folder, side.name)
+        elif side.pictured is not None:
+            copy_sample_frames(side.pictured, folder, side.name)
+    from endoct.workbench.report.figures.all import draw_side  # only who draws loads matplotlib
+    from endoct.workbench.report.findings import alone
+
+    pictures = load_pictures(folder / PICTURES)
+    found = [replace(alone(side.panorama, pictures.get(side.name, {})), name=side.name) for side in sides]
+    return [figure for side in found for figure in draw_side(side)]
