@@ -11,6 +11,7 @@ A plug-in
 - **surveys** it in one pass: everything that needs the whole recording; the answer must not depend on how
   the pass is split among workers;
 - **unrolls** one frame, purely;
+- may **keep** of every frame what these two need, so that the recording is read once;
 - may **settle** the assembled panorama;
 - may **locate** places of the wall in its pictures of a frame;
 - marks unknown samples invalid, changes no input, raises only :class:`EndoctError`.
@@ -19,6 +20,7 @@ The conformance suite (:mod:`endoct.modalities.conformance`) checks all of this 
 """
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -242,6 +244,16 @@ class Modality(Protocol[P, C]):
 
     def illustrate(self, frame: Frame, calibration: C) -> tuple[Picture, ...]:
         """Show for a report how one frame was understood: as recorded, with what was found, and unrolled."""
+
+
+class ReadingOnce(Modality[P, C], Protocol[P, C]):
+    """A plug-in that keeps of every frame what survey and unrolling need, so that a recording is read once."""
+
+    def reading_once(self, stream: FrameStream, parameters: P) -> AbstractContextManager[FrameStream]:
+        """Give a stream of what is kept of the frames of ``stream``, to be used within the context.
+
+        ``survey`` and ``unroll`` return for its frames what they return for the recording's own.
+        """
 
 
 class VolumetricModality(Modality[P, C], Protocol[P, C]):

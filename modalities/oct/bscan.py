@@ -1,12 +1,18 @@
 """B-scans made small: area average along θ, and decibels where samples are linear."""
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.compiled import compiled
+
+ROWS_TOGETHER = 16
+LEAST_SHARE = 1e-3
+"""Of an A-scan: less of it at a sector's edge does not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +42,92 @@ class Spacing:
 
 
 def reduce_theta(samples: NDArray[np.generic], n_columns: int) -> Image:
-    """Return the area average of a B-scan (A-scan, depth) over ``n_columns`` sectors, float32 (n_columns, depth).
+    """Return :func:`sector_means` of a B-scan (A-scan, depth) as float32 (n_columns, depth)."""
+    return np.ascontiguousarray(sector_means(samples, n_columns), dtype=np.float32)
 
-    ``n_columns`` is at most the number of A-scans. Their centres are :func:`sector_angles_rad`.
+
+def sector_means(samples: NDArray[Any], n_columns: int) -> NDArray[Any]:
+    """Return the area average of a B-scan (A-scan, depth) over ``n_columns`` sectors, (n_columns, depth).
+
+    ``n_columns`` is at most the number of A-scans. Their centres are :func:`sector_angles_rad`. Means of uint8 and
+    uint16 are rounded to these types, others are float32. With as many columns as A-scans, ``samples`` is returned.
     """
-    if samples.shape[0] == n_columns:
-        return np.ascontiguousarray(samples, dtype=np.float32)
-    page = samples.T
-    if page.dtype not in (np.uint8, np.uint16, np.float32):
-        page = page.astype(np.float32)
-    reduced = cv2.resize(np.ascontiguousarray(page), (n_columns, page.shape[0]), interpolation=cv2.INTER_AREA)
-    return np.ascontiguousarray(reduced.T, dtype=np.float32)
+    n_ascans, n_depth = samples.shape
+    if n_ascans == n_columns:
+        return samples
+    if samples.dtype not in (np.uint8, np.uint16, np.float32):
+        samples = samples.astype(np.float32)
+    sectors = _sectors(n_ascans, n_columns)
+    means = np.empty((n_columns, n_depth), samples.dtype)
+    whole = samples.dtype.kind == "u"
+    if samples.T.flags.c_contiguous and n_depth >= ROWS_TOGETHER:
+        _average_page(samples.T, *sectors, whole, means)
+    else:
+        _average_ascans(np.ascontiguousarray(samples), *sectors, whole, means)
+    return means
+
+
+@lru_cache(maxsize=8)
+def _sectors(n_ascans: int, n_columns: int) -> tuple[NDArray[np.intp], Image, np.float32]:
+    """The first A-scan of each sector, the weights of the A-scans from there on, and what their sum is multiplied by.
+
+    As OpenCV's INTER_AREA has them: a sector's first and last A-scan may belong to it in part.
+    """
+    width = n_ascans / n_columns
+    if n_ascans % n_columns == 0:
+        together = n_ascans // n_columns
+        starts = np.arange(n_columns, dtype=np.intp) * together
+        return starts, np.ones((n_columns, together), np.float32), np.float32(1 / together)
+    first = np.arange(n_columns) * width
+    most = int(np.ceil(width)) + 1
+    starts = np.minimum(np.floor(first), n_ascans - most).astype(np.intp)
+    ascan = starts[:, None] + np.arange(most)
+    share = np.minimum(ascan + 1, (first + width)[:, None]) - np.maximum(ascan, first[:, None])
+    return starts, np.where(share > LEAST_SHARE, share / width, 0).astype(np.float32), np.float32(1)
+
+
+@compiled
+def _average_page(
+    page: NDArray[Any], first: NDArray[np.intp], weight: Image, scale: np.float32, whole: bool, means: NDArray[Any]
+) -> None:
+    """Write means of ``page`` (depth, A-scan) into ``means`` (sector, depth). Rows go together, since each is short."""
+    n_rows = page.shape[0]
+    n_columns, most = weight.shape
+    mean = np.empty(ROWS_TOGETHER, np.float32)
+    for block in range(-(-n_rows // ROWS_TOGETHER)):
+        row = min(block * ROWS_TOGETHER, n_rows - ROWS_TOGETHER)
+        rows = page[row : row + ROWS_TOGETHER]
+        for column in range(n_columns):
+            start = first[column]
+            for r in range(ROWS_TOGETHER):
+                mean[r] = 0
+            for k in range(most):
+                share = weight[column, k]
+                for r in range(ROWS_TOGETHER):
+                    mean[r] += np.float32(rows[r, start + k]) * share
+            for r in range(ROWS_TOGETHER):
+                value = mean[r] * scale
+                means[column, row + r] = np.rint(value) if whole else value
+
+
+@compiled
+def _average_ascans(
+    ascans: NDArray[Any], first: NDArray[np.intp], weight: Image, scale: np.float32, whole: bool, means: NDArray[Any]
+) -> None:
+    """Write means of ``ascans`` (A-scan, depth) into ``means`` (sector, depth)."""
+    n_depth = ascans.shape[1]
+    n_columns, most = weight.shape
+    mean = np.empty(n_depth, np.float32)
+    for column in range(n_columns):
+        start = first[column]
+        mean[:] = 0
+        for k in range(most):
+            share = weight[column, k]
+            for row in range(n_depth):
+                mean[row] += np.float32(ascans[start + k, row]) * share
+        for row in range(n_depth):
+            value = mean[row] * scale
+            means[column, row] = np.rint(value) if whole else value
 
 
 def sector_angles_rad(n_ascans: int, n_columns: int) -> Coordinates:

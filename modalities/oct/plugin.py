@@ -1,5 +1,6 @@
 """The OCT plug-in with the methods that the contract requires; every step has a module of its own."""
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from endoct.modalities.acquisition import Acquisition
@@ -17,6 +18,7 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.pictures import picture_bscan
+from endoct.modalities.oct.reduced import reduced_pullback
 from endoct.modalities.oct.settle import settle_pullback
 from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
@@ -46,6 +48,10 @@ class OctModality:
     def survey(self, stream: FrameStream, parameters: OctParameters) -> OctCalibration:
         """Locate the capillary in every slice and measure the rotation and the recording's levels, in one pass."""
         return survey_pullback(stream, parameters)
+
+    def reading_once(self, stream: FrameStream, parameters: OctParameters) -> AbstractContextManager[FrameStream]:
+        """Give the pullback's B-scans averaged over the panorama's columns, each read from ``stream`` once."""
+        return reduced_pullback(stream, parameters)
 
     def unroll(self, frame: Frame, calibration: OctCalibration) -> Strip:
         """Turn one B-scan into one row of the panorama. Pure."""

@@ -17,6 +17,7 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.notes import notes_on_survey
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.per_slice import per_slice_values
+from endoct.modalities.oct.reduced import ascans_of, columns_of
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_levels
 from endoct.modalities.oct.surface.noise_floor import measure_floor
@@ -27,8 +28,6 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.kept import Computed, Kept
 from endoct.stitching.parallel import thread_map
 
-MOST_COLUMNS = 2048
-
 
 def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
     """Survey ``stream`` in one pass.
@@ -36,8 +35,8 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     Raises :class:`NotSeen` where it shows no capillary or nothing, or is upside down.
     """
     acquisition = cast(OctAcquisition, stream.acquisition)
-    n_ascans, n_depth = stream[0].samples.shape
-    n_theta = min(parameters.n_theta or MOST_COLUMNS, n_ascans)
+    first = stream[0]
+    n_ascans, n_depth, n_theta = ascans_of(first), first.samples.shape[1], columns_of(first, parameters)
     examine = partial(examine_bscan, acquisition=acquisition, parameters=parameters, n_theta=n_theta)
     with Kept[SliceFeatures]() as kept:
         places = []

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import Spacing, logarithmic, reduce_theta, sector_angles_rad
+from endoct.modalities.oct.bscan import Spacing, logarithmic, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.reduced import reduced
 from endoct.modalities.oct.surface.fixed_lines import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.surface.projection import maximum_intensity
 from endoct.modalities.oct.surface.trust import trusted, wall_sigmas
@@ -40,8 +41,8 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     """Return the outer face and the wall in every sector of one B-scan."""
     parameters, acquisition = calibration.parameters, calibration.acquisition
     n_theta, mm = calibration.grid.n_theta, calibration.mm_per_px
-    image = reduce_theta(frame.samples, n_theta)
-    angle = sector_angles_rad(frame.samples.shape[0], n_theta)
+    bscan = reduced(frame, n_theta)
+    image, angle = bscan.image, sector_angles_rad(bscan.n_ascans, n_theta)
     face = face_depth_mm(calibration, frame.index, angle)
     n_depth = image.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,15 @@ from typing import Any, cast
 
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
-from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, VolumetricModality
+from endoct.modalities.contract import (
+    Calibration,
+    Frame,
+    FrameStream,
+    Manifest,
+    Modality,
+    ReadingOnce,
+    VolumetricModality,
+)
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError, NotSeen
@@ -84,12 +93,12 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
     implementation = manifest.load()
     title = f"{label} {manifest.name}".strip()
-    with ThreadPoolExecutor(1) as pool:
+    with ThreadPoolExecutor(1) as pool, _read_once(implementation, stream, parameters) as frames:
         inputs = pool.submit(digests, opened.path)
         with stages.stage(f"survey {title}") as advance:
-            calibration = implementation.survey(_Watched(stream, advance), parameters)
+            calibration = implementation.survey(_Watched(frames, advance), parameters)
         with stages.stage(f"unroll {title}") as advance:
-            strips = thread_map(partial(implementation.unroll, calibration=calibration), _Watched(stream, advance))
+            strips = thread_map(partial(implementation.unroll, calibration=calibration), _Watched(frames, advance))
             blended = assemble(
                 strips,
                 calibration,
@@ -118,6 +127,15 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
         )
     panorama = replace(panorama, doubts=(*panorama.doubts, *doubts_of_observed(panorama)))
     return Unrolled(panorama, manifest, stream, calibration)
+
+
+def _read_once(
+    implementation: Modality[Any, Any], stream: FrameStream, parameters: Any
+) -> AbstractContextManager[FrameStream]:
+    """Give ``stream``, or what the plug-in keeps of its frames, where it offers that."""
+    if not hasattr(implementation, "reading_once"):
+        return nullcontext(stream)
+    return cast(ReadingOnce[Any, Any], implementation).reading_once(stream, parameters)
 
 
 def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:

@@ -12,11 +12,11 @@ from endoct.modalities.oct.face.lines import Lines, find_lines
 from endoct.modalities.oct.face.points import Points, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.reduced import reduced
 from endoct.stitching.arrays import Coordinates, Image
 
 SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96
-JUDGED_ASCANS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,9 @@ def examine_bscan(
 
     ``n_theta`` is the number of columns that unrolling will have; the A-scans are averages over one of these.
     """
-    n_ascans, n_depth = frame.samples.shape
-    fine = reduce_theta(frame.samples, n_theta)
+    bscan = reduced(frame, n_theta)
+    n_ascans, fine = bscan.n_ascans, bscan.image
+    n_depth = fine.shape[1]
     n_columns = min(SURVEY_COLUMNS, n_theta)
     coarse = logarithmic(reduce_theta(fine, n_columns), acquisition.intensity)
     raster = Raster(sector_angles_rad(n_ascans, n_columns), n_depth, acquisition.mm_per_px)
@@ -59,7 +60,7 @@ def examine_bscan(
         lines=find_lines(points, raster, acquisition.capillary_radius_mm, parameters.ransac_trials, rng),
         ascans=logarithmic(fine[kept], acquisition.intensity),
         ascan_angle_rad=sector_angles_rad(n_ascans, n_theta)[kept],
-        saturated=_saturated(frame),
+        saturated=bscan.saturated,
         brightening=share_brightening(coarse),
     )
 
@@ -70,8 +71,3 @@ def samples_behind(features: SliceFeatures, circle: Circle, mm_per_px: float, n_
     inside = (rows >= 0) & (rows < features.ascans.shape[1])
     taken = np.take_along_axis(features.ascans, np.clip(rows, 0, features.ascans.shape[1] - 1), axis=1)
     return np.where(inside, taken, np.nan).astype(np.float32)
-
-
-def _saturated(frame: Frame) -> bool:
-    some = frame.samples[:: max(1, frame.samples.shape[0] // JUDGED_ASCANS)]
-    return some.dtype.kind == "u" and bool(np.median(some) == np.iinfo(some.dtype).max)
