@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from endoct.modalities.acquisition import Acquisition, Handedness, Travel
 from endoct.modalities.contract import Manifest
+from endoct.modalities.oct.spectra.keys import SpectraKeys
 from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.per_frame import Meaning
 
@@ -47,6 +48,10 @@ class OctAcquisition(Acquisition):
         ge=-1000,
         le=1000,
         description="optical path from the catheter's axis to depth sample 0; only a check on the fit",
+    )
+    spectra: SpectraKeys | None = Field(
+        default=None,
+        description="a table: where the raw spectra of a spectrometer or swept source lie, in place of B-scans",
     )
 
     @property

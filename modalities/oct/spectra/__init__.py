@@ -1,0 +1,1 @@
+"""Raw spectra as a recording: from the counts of a detector to B-scans."""

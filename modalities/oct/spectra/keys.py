@@ -1,0 +1,69 @@
+"""What a sidecar says of raw spectra: its table ``spectra``."""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+EVEN = "even"
+MOST_RAD = 1e4
+Radians = Annotated[float, Field(ge=-MOST_RAD, le=MOST_RAD)]
+
+
+class SpectraKeys(BaseModel):
+    """The table ``spectra`` of the sidecar: where the samples lie and how B-scans are made of them.
+
+    The files that it names lie in the folder of the sidecar. Vectors have one value a sample, as little-endian float64
+    or float32, or as text.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    file: str = Field(description="file of the samples, one spectrum behind the other, little-endian, no header")
+    samples: int = Field(ge=96, le=65536, description="samples of one spectrum, an even number")
+    ascans: int = Field(ge=64, le=1_000_000, description="A-scans of one slice: of one turn")
+    slices: int | None = Field(
+        default=None, ge=1, le=1_000_000, description="slices to read; default: all, and the file must end with one"
+    )
+    sample_type: Literal["u16", "i16"] = Field(default="u16", description="samples without (u16) or with a sign (i16)")
+    chirp: str = Field(
+        description="file of places on even wavenumbers; or even, for a source that is clocked evenly in wavenumber"
+    )
+    chirp_gives: Literal["wavenumber", "sample"] = Field(
+        default="wavenumber",
+        description="wavenumber: the chirp's value i is where sample i lies among the even wavenumbers 0, 1, …; "
+        "sample: it is where the even wavenumber i lies among the samples",
+    )
+    offset: str | None = Field(default=None, description="file of what each sample gives in the dark, or a background")
+    electrons_per_count: float = Field(
+        default=1.0, ge=1e-6, le=1e9, description="what samples are multiplied by before the offset is subtracted"
+    )
+    background: Literal["mean", "offset"] = Field(
+        default="mean",
+        description="what is subtracted: the mean over the A-scans of a slice (and with it any offset), or the offset",
+    )
+    interpolation: Literal["cubic", "linear"] = Field(
+        default="cubic", description="how samples are read at even wavenumbers"
+    )
+    window: Literal["hann", "hamming", "blackman", "flat"] = Field(
+        default="hann", description="window over the spectrum: narrower points or lower side lobes"
+    )
+    dispersion_rad: tuple[Radians, Radians] | None = Field(
+        default=None, description="phase a·x² + b·x³ to take off, x from −1 to 1 over the even wavenumbers: [a, b]"
+    )
+    dispersion: str | None = Field(default=None, description="file of the phase to take off at each even wavenumber, rad")
+
+    @property
+    def dtype(self) -> np.dtype[np.uint16] | np.dtype[np.int16]:
+        """Type of a sample in the file."""
+        return np.dtype("<u2") if self.sample_type == "u16" else np.dtype("<i2")
+
+    @model_validator(mode="after")
+    def _keys_fit(self) -> Self:
+        if self.samples % 2:
+            raise ValueError(f"an even number of samples, not {self.samples}")
+        if self.dispersion is not None and self.dispersion_rad is not None:
+            raise ValueError("one of dispersion and dispersion_rad")
+        if self.background == "offset" and self.offset is None:
+            raise ValueError("an offset, where background is offset")
+        return self

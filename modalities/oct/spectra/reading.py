@@ -1,0 +1,134 @@
+"""Raw spectra in a file, one behind the other: as a stack of B-scans."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.folders import is_folder
+from endoct.modalities.oct.spectra.keys import EVEN, SpectraKeys
+from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction, reconstruction
+from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places, taps, window
+from endoct.modalities.oct.spectra.vectors import read_vector
+from endoct.modalities.recording import ImageStack
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import open_regular
+from endoct.stitching.limits import check_array_size
+from endoct.stitching.names import inside
+
+LEAST_COVERED = 0.5
+"""Share of the even wavenumbers that a chirp must reach; places in other units reach none or all too few."""
+
+
+class ReadSpectra:
+    """Reads slices of raw spectra: called with an index, returns the B-scan, u16 (depth, A-scan)."""
+
+    def __init__(self, path: Path, keys: SpectraKeys, chain: Reconstruction) -> None:
+        self.path, self.keys, self.chain = path, keys, chain
+
+    def __call__(self, index: int) -> NDArray[np.uint16]:
+        """Return one B-scan. Raises :class:`EndoctError` where the file ends before it does."""
+        return self.chain.bscan(self.spectra(index)).T
+
+    def spectra(self, index: int) -> Counts:
+        """Return the samples of one slice, u16 or i16 (A-scan, sample)."""
+        shape = self.keys.ascans, self.keys.samples
+        spectra: Counts = np.empty(shape, self.keys.dtype)
+        with refusing(f"{self.path} cannot be read"), open_regular(self.path) as file:
+            file.seek(index * spectra.nbytes)
+            if file.readinto(spectra.data) != spectra.nbytes:
+                raise EndoctError(f"{self.path} is truncated", found=f"slice {index} incomplete", remedy="copy it again")
+        return spectra.astype(spectra.dtype.newbyteorder("="), copy=False)
+
+
+def open_spectra(path: Path, keys: SpectraKeys) -> ImageStack:
+    """Open a folder, or a file, of raw spectra as a stack of B-scans (depth, A-scan); only the first is made.
+
+    Raises :class:`EndoctError` where a file that ``keys`` name is missing, or does not fit them.
+    """
+    folder = path if is_folder(path) else path.parent
+    file = inside(folder, keys.file, "'spectra.file' in the sidecar") if is_folder(path) else path
+    n_slices = _count_slices(file, keys)
+    return ImageStack(path, n_slices, ReadSpectra(file, keys, chain_of(folder, keys)))
+
+
+def chain_of(folder: Path, keys: SpectraKeys) -> Reconstruction:
+    """Return the chain that ``keys`` describe, its vectors read from ``folder``. Raises as :func:`open_spectra`."""
+    n = keys.samples
+    places = np.arange(n, dtype=np.float64)
+    if keys.chirp != EVEN:
+        places = _places(read_vector(folder, keys.chirp, "spectra.chirp", n), keys)
+    background = None
+    if keys.offset is not None:
+        offset = read_vector(folder, keys.offset, "spectra.offset", n)
+        background = offset / keys.electrons_per_count if keys.background == "offset" else None
+    phase = None
+    if keys.dispersion_rad is not None:
+        phase = dispersion_phase(n, *keys.dispersion_rad)
+    elif keys.dispersion is not None:
+        phase = read_vector(folder, keys.dispersion, "spectra.dispersion", n)
+    return reconstruction(
+        taps(places, keys.interpolation),
+        window(keys.window, places),
+        electrons_per_count=keys.electrons_per_count,
+        background=background,
+        phase_rad=phase,
+    )
+
+
+def _places(chirp: Coordinates, keys: SpectraKeys) -> Coordinates:
+    """Return where even wavenumbers lie among the samples. Raises :class:`EndoctError` for what is no chirp."""
+    if (falls := np.flatnonzero(np.diff(chirp) <= 0)).size:
+        i = int(falls[0])
+        raise EndoctError(
+            f"the chirp in {keys.chirp} does not rise throughout",
+            found=f"{chirp[i]:g} and then {chirp[i + 1]:g} at values {i} and {i + 1}",
+            expected=f"places in samples, from about 0 to about {chirp.size - 1}",
+            remedy="check the file; one that falls throughout is turned around by subtracting it from "
+            f"{chirp.size - 1}",
+        )
+    reached = np.count_nonzero((np.arange(chirp.size) >= chirp[0]) & (np.arange(chirp.size) <= chirp[-1]))
+    places = sample_places(chirp, keys.chirp_gives)
+    if np.isfinite(places).sum() < LEAST_COVERED * chirp.size or reached < LEAST_COVERED * chirp.size:
+        raise EndoctError(
+            f"the chirp in {keys.chirp} holds no places in samples",
+            found=f"values from {chirp[0]:g} to {chirp[-1]:g}",
+            expected=f"from about 0 to about {chirp.size - 1}",
+            remedy="scale it, if it holds wavenumbers; or check the file",
+        )
+    return places
+
+
+def _count_slices(file: Path, keys: SpectraKeys) -> int:
+    shape = keys.ascans, keys.samples
+    check_array_size(shape, keys.dtype.itemsize, f"a slice of {file}")
+    with open_regular(file) as opened:
+        size = opened.seek(0, 2)
+    ascan = keys.samples * keys.dtype.itemsize
+    if size % ascan or not size:
+        raise EndoctError(
+            f"{file} does not hold a whole number of A-scans",
+            found=f"{size} bytes",
+            expected=f"a multiple of {ascan}, for {keys.samples} samples of {keys.sample_type}",
+            remedy="check 'samples' and 'sample_type' in the sidecar, and that the file has no header",
+        )
+    whole, rest = divmod(size // ascan, keys.ascans)
+    if keys.slices is not None:
+        if keys.slices > whole:
+            raise EndoctError(
+                f"{file} holds fewer slices than stated",
+                found=f"{whole} of {keys.ascans} A-scans",
+                expected=f"{keys.slices}",
+                remedy="check 'slices' and 'ascans' in the sidecar, or copy the file again",
+            )
+        return keys.slices
+    if rest or not whole:
+        raise EndoctError(
+            f"{file} does not end with a whole slice",
+            found=f"{size // ascan} A-scans, {rest} more than {whole} slices of {keys.ascans}",
+            expected="whole slices",
+            remedy="check 'ascans' in the sidecar"
+            + (f"; to leave out the last, incomplete turn, state 'slices = {whole}'" if whole else ""),
+        )
+    return whole

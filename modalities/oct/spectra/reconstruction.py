@@ -1,0 +1,110 @@
+"""The chain from the counts of a spectrometer to a B-scan: background, even wavenumbers, window, dispersion, Fourier."""
+
+import threading
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.oct.spectra.kernels import add_up, resample, write_levels
+from endoct.modalities.oct.spectra.resampling import Taps
+from endoct.stitching.arrays import Coordinates, Image
+
+Counts = NDArray[np.uint16] | NDArray[np.int16]
+BLOCK = 64
+"""A-scans at a time, so that what lies between two steps stays in a processor's cache."""
+TOGETHER = 8
+"""Of these, A-scans that share what is read of the taps."""
+ALIGNED = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """How spectra of n samples become A-scans of n / 2; picklable.
+
+    Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, 4), the taps with window, electrons and the scale in
+    them that gives a cosine of amplitude 1 the level 0 dB, whatever n and the window are; ``background`` float64 (n,),
+    counts, None: the mean over the A-scans of a slice; ``cos_sin`` float32 (2, n) of the dispersion's phase, if any.
+    """
+
+    first: NDArray[np.uint32]
+    weights: Image
+    background: Coordinates | None
+    cos_sin: Image | None
+
+    def bscan(self, spectra: Counts) -> NDArray[np.uint16]:
+        """Return the B-scan (A-scan, n / 2) of ``spectra`` (A-scan, n), as counts of the level.
+
+        :data:`~endoct.modalities.oct.spectra.kernels.COUNTS_PER_DB` from
+        :data:`~endoct.modalities.oct.spectra.kernels.ZERO_DB` on.
+        """
+        n_ascans, n = spectra.shape
+        background = self._resampled(self.background if self.background is not None else mean_spectrum(spectra))
+        counts = np.empty((n_ascans, n // 2), np.uint16)
+        room = _room(n)
+        for start in range(0, n_ascans, BLOCK):
+            block = spectra[start : start + BLOCK]
+            fringes = room.fringes[: len(block)]
+            resample(block, self.first, self.weights, background, room.samples, fringes)
+            write_levels(self._half_spectra(fringes, room), room.power, counts[start : start + BLOCK])
+        return counts
+
+    def _resampled(self, background: Coordinates) -> Image:
+        around = background[self.first[:, None] + np.arange(self.weights.shape[1])]
+        return np.asarray((around * self.weights).sum(axis=1), dtype=np.float32)
+
+    def _half_spectra(self, fringes: Image, room: "_Room") -> Image:
+        """Return rows of the real part at depth 0, then real and imaginary parts at depths 1, 2, …."""
+        parts = cv2.dft(fringes, room.parts[: len(fringes)], cv2.DFT_ROWS)
+        if self.cos_sin is None:
+            return np.asarray(parts)
+        raise NotImplementedError
+
+
+def reconstruction(
+    taps: Taps,
+    window: Coordinates,
+    *,
+    electrons_per_count: float = 1.0,
+    background: Coordinates | None = None,
+    phase_rad: Coordinates | None = None,
+) -> Reconstruction:
+    """Return the chain with these taps, ``window`` and ``phase_rad`` over n even wavenumbers, ``background`` in counts."""
+    scale = 2 * electrons_per_count / window.sum() * window
+    return Reconstruction(
+        first=taps.first.astype(np.uint32),
+        weights=(taps.weights * scale[:, None]).astype(np.float32),
+        background=background,
+        cos_sin=None if phase_rad is None else np.stack([np.cos(phase_rad), np.sin(phase_rad)]).astype(np.float32),
+    )
+
+
+def mean_spectrum(spectra: Counts) -> Coordinates:
+    """Return the mean of ``spectra`` (A-scan, n) over the A-scans, float64 (n,)."""
+    sums = np.zeros(spectra.shape[1], np.int64)
+    add_up(spectra, sums)
+    return sums / len(spectra)
+
+
+class _Room(threading.local):
+    """Arrays that every thread uses again for one block after the other."""
+
+    def __init__(self, n: int) -> None:
+        self.samples = np.empty((TOGETHER, n), np.float32)
+        self.fringes = _aligned(BLOCK, n)
+        self.parts = _aligned(BLOCK, n)
+        self.power = np.empty(n // 2, np.float32)
+
+
+@cache
+def _room(n: int) -> _Room:
+    return _Room(n)
+
+
+def _aligned(rows: int, columns: int) -> Image:
+    """Return an array that begins where vectors of the processor do, so that sums are taken in one order."""
+    room = np.empty(rows * columns + ALIGNED // 4, np.float32)
+    skipped = -room.ctypes.data % ALIGNED // 4
+    return room[skipped : skipped + rows * columns].reshape(rows, columns)

@@ -1,0 +1,72 @@
+"""From samples at uneven wavenumbers to even ones: which samples are read, and with which weights."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from endoct.stitching.arrays import Coordinates
+
+N_TAPS = 4
+COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 0.08), "flat": (1.0,)}
+"""Windows as a₀ − a₁·cos 2πu + a₂·cos 4πu, u from 0 to 1 (Harris 1978)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Taps:
+    """How n even wavenumbers are read: value k is the sum of ``weights[k]`` × samples ``first[k]``, ``first[k]`` + 1, ….
+
+    Attributes: ``first``, int32 (n,), from 0 to n − 4; ``weights``, float64 (n, 4), zero where k was not recorded.
+    """
+
+    first: NDArray[np.int32]
+    weights: Coordinates
+
+
+def sample_places(chirp: Coordinates, gives: Literal["wavenumber", "sample"]) -> Coordinates:
+    """Return where each even wavenumber 0, 1, … n − 1 lies among the n samples, float64 (n,); NaN: beyond them.
+
+    ``chirp``, float64 (n,), rises. The inverse of one that gives wavenumbers is interpolated by monotone cubics
+    (Fritsch and Butland 1984).
+    """
+    even = np.arange(chirp.size, dtype=np.float64)
+    if gives == "sample":
+        return np.where((chirp >= 0) & (chirp <= chirp.size - 1), chirp, np.nan)
+    return np.asarray(PchipInterpolator(chirp, even, extrapolate=False)(even), dtype=np.float64)
+
+
+def taps(places: Coordinates, interpolation: Literal["cubic", "linear"]) -> Taps:
+    """Return the taps that read n samples at ``places``, float64 (n,), NaN where there is nothing to read.
+
+    Cubic: the polynomial through the four nearest samples (Lagrange); at the ends those four that there are.
+    """
+    n = places.size
+    recorded = np.isfinite(places)
+    at = np.where(recorded, places, 0.0)
+    first = np.clip(np.floor(at).astype(np.int32) - 1, 0, n - N_TAPS)
+    part = at - first
+    nodes = np.arange(N_TAPS)
+    if interpolation == "linear":
+        weights = np.maximum(0.0, 1 - np.abs(part[:, None] - nodes))
+    else:
+        weights = np.ones((n, N_TAPS))
+        for node in nodes:
+            for other in nodes[nodes != node]:
+                weights[:, node] *= (part - other) / (node - other)
+    return Taps(first, np.where(recorded[:, None], weights, 0.0))
+
+
+def window(name: str, places: Coordinates) -> Coordinates:
+    """Return the window over the even wavenumbers that were recorded, float64 (n,), zero over the others."""
+    recorded = np.flatnonzero(np.isfinite(places))
+    u = (np.arange(places.size) - recorded[0]) / max(1, recorded[-1] - recorded[0])
+    shape = sum((-1) ** i * a * np.cos(2 * np.pi * i * u) for i, a in enumerate(COSINES[name]))
+    return np.where(np.isfinite(places), shape, 0.0)
+
+
+def dispersion_phase(n: int, second_rad: float, third_rad: float) -> Coordinates:
+    """Return a·x² + b·x³ over n even wavenumbers, x from −1 to 1, rad, float64 (n,)."""
+    x = np.linspace(-1, 1, n)
+    return second_rad * x**2 + third_rad * x**3
