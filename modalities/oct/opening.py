@@ -7,8 +7,7 @@ import numpy as np
 from endoct.modalities.contract import Frame, inward_positions_mm
 from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.spectra.kernels import COUNTS_PER_DB
-from endoct.modalities.oct.spectra.reading import open_spectra
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB
 from endoct.modalities.recording import ImageStack, open_stack
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
@@ -28,6 +27,8 @@ class Pullback:
         if acquisition.spectra is None:
             self._stack: ImageStack = open_stack(path)
         else:
+            from endoct.modalities.oct.spectra.reading import open_spectra  # which loads a compiler
+
             self._stack = open_spectra(path, acquisition.spectra)
             acquisition = acquisition.model_copy(update={"intensity": "log", "db_per_count": 1 / COUNTS_PER_DB})
         if acquisition.positions_mm is None:

@@ -1,17 +1,17 @@
-"""The passes over samples that numpy would make many of, compiled; without the interpreter's lock, in one thread each.
+"""The passes over samples of which numpy would make many, compiled."""
 
-Sums may be contracted to fused multiply-adds, so the last bit of a float32 may differ from one processor to another.
-"""
+from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
 from endoct.stitching.arrays import Image
+from endoct.stitching.compiled import compiled
 
-COUNTS_PER_DB = 256
-ZERO_DB = -100.0
-"""The level at which counts of a B-scan begin: between −100 and 156 dB they are linear in it."""
+Counts = NDArray[np.integer[Any]]
+TOGETHER = 8
+"""A-scans that share what is read of the taps."""
 _PER_OCTAVE = np.float32(10 * np.log10(2) * COUNTS_PER_DB)
 _AT_ONE = np.float32(0.5 - ZERO_DB * COUNTS_PER_DB)
 """Of power 1; the half rounds."""
@@ -20,20 +20,19 @@ _LOG2 = tuple(
     for a in np.polynomial.Chebyshev.interpolate(np.log2, 5, domain=[1, 2]).convert(kind=np.polynomial.Polynomial).coef
 )
 """log₂ of 1 … 2 as a polynomial: off by 1e-5 at most, a hundredth of a count."""
-_compiled = numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
 
 
-@_compiled
-def add_up(spectra: NDArray[np.uint16], sums: NDArray[np.int64]) -> None:
+@compiled
+def add_up(spectra: Counts, sums: NDArray[np.int64]) -> None:
     """Add ``spectra`` (A-scan, n) to ``sums`` (n,)."""
     for i in range(spectra.shape[0]):
         for p in range(spectra.shape[1]):
             sums[p] += spectra[i, p]
 
 
-@_compiled
+@compiled
 def resample(
-    spectra: NDArray[np.uint16],
+    spectra: Counts,
     first: NDArray[np.uint32],
     weights: Image,
     background: Image,
@@ -42,26 +41,22 @@ def resample(
 ) -> None:
     """Write ``spectra`` (A-scan, n) at even wavenumbers, less ``background`` (n,), to ``fringes`` float32 (A-scan, n).
 
-    ``first`` (n,) and ``weights`` float32 (n, 4) are taps; ``samples`` float32 (8, n) is room for as many A-scans,
-    which share what is read of the taps.
+    ``first`` (n,) and ``weights`` float32 (n, 4) are taps; ``samples`` float32 (:data:`TOGETHER`, n) is room for as
+    many A-scans, whose number divides that of ``spectra``.
     """
-    at_a_time = samples.shape[0]
     second, third, fourth = samples[:, 1:], samples[:, 2:], samples[:, 3:]
-    for start in range(0, spectra.shape[0], at_a_time):
-        count = min(at_a_time, spectra.shape[0] - start)
-        for i in range(count):
+    for start in range(0, spectra.shape[0], TOGETHER):
+        for i in range(TOGETHER):
             for p in range(first.size):
                 samples[i, p] = np.float32(spectra[start + i, p])
         for k in range(first.size):
             p = first[k]
             a, b, c, d, less = weights[k, 0], weights[k, 1], weights[k, 2], weights[k, 3], background[k]
-            for i in range(at_a_time):
-                value = a * samples[i, p] + b * second[i, p] + c * third[i, p] + d * fourth[i, p] - less
-                if i < count:
-                    fringes[start + i, k] = value
+            for i in range(TOGETHER):
+                fringes[start + i, k] = a * samples[i, p] + b * second[i, p] + c * third[i, p] + d * fourth[i, p] - less
 
 
-@_compiled
+@compiled
 def write_levels(parts: Image, power: Image, counts: NDArray[np.uint16]) -> None:
     """Write the levels of half-spectra as ``counts`` (A-scan, depth), :data:`COUNTS_PER_DB` from :data:`ZERO_DB` on.
 
@@ -78,6 +73,22 @@ def write_levels(parts: Image, power: Image, counts: NDArray[np.uint16]) -> None
             octave = np.float32((bits[k] >> 23) - 127)
             bits[k] = (bits[k] & 0x7FFFFF) | 0x3F800000  # its mantissa, from 1 to 2
             x = power[k]
-            log2 = octave + (_LOG2[0] + x * (_LOG2[1] + x * (_LOG2[2] + x * (_LOG2[3] + x * (_LOG2[4] + x * _LOG2[5])))))
-            level = _PER_OCTAVE * log2 + _AT_ONE
+            log2 = _LOG2[0] + x * (_LOG2[1] + x * (_LOG2[2] + x * (_LOG2[3] + x * (_LOG2[4] + x * _LOG2[5]))))
+            level = _PER_OCTAVE * (octave + log2) + _AT_ONE
             counts[i, k] = np.uint16(min(max(level, np.float32(0)), np.float32(65535)))
+
+
+@compiled
+def join_halves(parts: Image) -> None:
+    """Make the first half of the rows of ``parts`` (2 × A-scan, n) half-spectra of what is complex.
+
+    These rows are transforms of its real part, the others of its imaginary part with the opposite sign, laid out as
+    :func:`write_levels` wants them. At depth 0 only the magnitude is kept.
+    """
+    n_ascans, n = parts.shape[0] // 2, parts.shape[1]
+    for i in range(n_ascans):
+        real, imaginary = parts[i], parts[n_ascans + i]
+        real[0] = np.sqrt(real[0] * real[0] + imaginary[0] * imaginary[0])
+        for k in range(1, n - 1, 2):
+            real[k] += imaginary[k + 1]
+            real[k + 1] -= imaginary[k]

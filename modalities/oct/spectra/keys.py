@@ -6,6 +6,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 EVEN = "even"
+COUNTS_PER_DB = 256
+ZERO_DB = -100.0
+"""Samples of B-scans that are made of spectra: from −100 dB on 256 to a decibel. 0 dB is a cosine of amplitude 1."""
 MOST_RAD = 1e4
 Radians = Annotated[float, Field(ge=-MOST_RAD, le=MOST_RAD)]
 
@@ -51,7 +54,9 @@ class SpectraKeys(BaseModel):
     dispersion_rad: tuple[Radians, Radians] | None = Field(
         default=None, description="phase a·x² + b·x³ to take off, x from −1 to 1 over the even wavenumbers: [a, b]"
     )
-    dispersion: str | None = Field(default=None, description="file of the phase to take off at each even wavenumber, rad")
+    dispersion: str | None = Field(
+        default=None, description="file of the phase to take off at each even wavenumber, rad"
+    )
 
     @property
     def dtype(self) -> np.dtype[np.uint16] | np.dtype[np.int16]:

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.folders import is_folder
+from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import EVEN, SpectraKeys
-from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction, reconstruction
+from endoct.modalities.oct.spectra.reconstruction import Reconstruction, reconstruction
 from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places, taps, window
 from endoct.modalities.oct.spectra.vectors import read_vector
 from endoct.modalities.recording import ImageStack
@@ -38,7 +39,9 @@ class ReadSpectra:
         with refusing(f"{self.path} cannot be read"), open_regular(self.path) as file:
             file.seek(index * spectra.nbytes)
             if file.readinto(spectra.data) != spectra.nbytes:
-                raise EndoctError(f"{self.path} is truncated", found=f"slice {index} incomplete", remedy="copy it again")
+                raise EndoctError(
+                    f"{self.path} is truncated", found=f"slice {index} incomplete", remedy="copy it again"
+                )
         return spectra.astype(spectra.dtype.newbyteorder("="), copy=False)
 
 

@@ -1,4 +1,4 @@
-"""The chain from the counts of a spectrometer to a B-scan: background, even wavenumbers, window, dispersion, Fourier."""
+"""From the counts of a detector to a B-scan: less the background, at even wavenumbers, window, dispersion, Fourier."""
 
 import threading
 from dataclasses import dataclass
@@ -8,15 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.oct.spectra.kernels import add_up, resample, write_levels
+from endoct.modalities.oct.spectra.kernels import TOGETHER, Counts, add_up, join_halves, resample, write_levels
 from endoct.modalities.oct.spectra.resampling import Taps
 from endoct.stitching.arrays import Coordinates, Image
 
-Counts = NDArray[np.uint16] | NDArray[np.int16]
 BLOCK = 64
 """A-scans at a time, so that what lies between two steps stays in a processor's cache."""
-TOGETHER = 8
-"""Of these, A-scans that share what is read of the taps."""
 ALIGNED = 64
 
 
@@ -35,32 +32,35 @@ class Reconstruction:
     cos_sin: Image | None
 
     def bscan(self, spectra: Counts) -> NDArray[np.uint16]:
-        """Return the B-scan (A-scan, n / 2) of ``spectra`` (A-scan, n), as counts of the level.
+        """Return the B-scan (A-scan, n / 2) of ``spectra`` (A-scan, n), at least :data:`BLOCK` of them.
 
-        :data:`~endoct.modalities.oct.spectra.kernels.COUNTS_PER_DB` from
-        :data:`~endoct.modalities.oct.spectra.kernels.ZERO_DB` on.
+        :data:`~endoct.modalities.oct.spectra.keys.COUNTS_PER_DB` counts a decibel, from
+        :data:`~endoct.modalities.oct.spectra.keys.ZERO_DB` on.
         """
         n_ascans, n = spectra.shape
         background = self._resampled(self.background if self.background is not None else mean_spectrum(spectra))
         counts = np.empty((n_ascans, n // 2), np.uint16)
         room = _room(n)
         for start in range(0, n_ascans, BLOCK):
-            block = spectra[start : start + BLOCK]
-            fringes = room.fringes[: len(block)]
-            resample(block, self.first, self.weights, background, room.samples, fringes)
-            write_levels(self._half_spectra(fringes, room), room.power, counts[start : start + BLOCK])
+            first = min(start, n_ascans - BLOCK)  # the last block begins before the one before it ends
+            block = slice(first, first + BLOCK)
+            resample(spectra[block], self.first, self.weights, background, room.samples, room.fringes)
+            write_levels(self._half_spectra(room), room.power, counts[block])
         return counts
 
     def _resampled(self, background: Coordinates) -> Image:
         around = background[self.first[:, None] + np.arange(self.weights.shape[1])]
         return np.asarray((around * self.weights).sum(axis=1), dtype=np.float32)
 
-    def _half_spectra(self, fringes: Image, room: "_Room") -> Image:
+    def _half_spectra(self, room: "_Room") -> Image:
         """Return rows of the real part at depth 0, then real and imaginary parts at depths 1, 2, …."""
-        parts = cv2.dft(fringes, room.parts[: len(fringes)], cv2.DFT_ROWS)
         if self.cos_sin is None:
-            return np.asarray(parts)
-        raise NotImplementedError
+            return np.asarray(cv2.dft(room.fringes, room.parts[:BLOCK], cv2.DFT_ROWS), np.float32)
+        # fringes × exp(−iφ) by two real transforms, which are much faster than a complex one
+        turned = (room.fringes * self.cos_sin[:, None]).reshape(2 * BLOCK, -1)
+        parts = np.asarray(cv2.dft(turned, room.parts, cv2.DFT_ROWS), np.float32)
+        join_halves(parts)
+        return parts[:BLOCK]
 
 
 def reconstruction(
@@ -71,7 +71,8 @@ def reconstruction(
     background: Coordinates | None = None,
     phase_rad: Coordinates | None = None,
 ) -> Reconstruction:
-    """Return the chain with these taps, ``window`` and ``phase_rad`` over n even wavenumbers, ``background`` in counts."""
+    """Return the chain with these taps; ``window`` and ``phase_rad`` are of n even wavenumbers, ``background`` is in
+    counts, None: the mean of a slice."""
     scale = 2 * electrons_per_count / window.sum() * window
     return Reconstruction(
         first=taps.first.astype(np.uint32),
@@ -94,7 +95,7 @@ class _Room(threading.local):
     def __init__(self, n: int) -> None:
         self.samples = np.empty((TOGETHER, n), np.float32)
         self.fringes = _aligned(BLOCK, n)
-        self.parts = _aligned(BLOCK, n)
+        self.parts = _aligned(2 * BLOCK, n)
         self.power = np.empty(n // 2, np.float32)
 
 

@@ -16,7 +16,7 @@ COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """How n even wavenumbers are read: value k is the sum of ``weights[k]`` × samples ``first[k]``, ``first[k]`` + 1, ….
+    """How n even wavenumbers are read: k is the sum of ``weights[k]`` × samples ``first[k]``, ``first[k]`` + 1, ….
 
     Attributes: ``first``, int32 (n,), from 0 to n − 4; ``weights``, float64 (n, 4), zero where k was not recorded.
     """
