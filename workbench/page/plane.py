@@ -203,6 +203,9 @@ def _sums(values: Image, columns: Spans) -> Image:
     """Return the sums over every span of columns."""
     if (columns.start[1:] == columns.stop[:-1]).all() and (columns.start < columns.stop).all():
         return np.asarray(np.add.reduceat(values[:, : columns.stop[-1]], columns.start, axis=1))
+    count = columns.stop - columns.start
+    if count.max() <= 1:
+        return np.where(count, values[:, np.minimum(columns.start, values.shape[1] - 1)], np.float32(0))
     sums = np.cumsum(values, axis=1, dtype=np.float64)
     sums = np.concatenate([np.zeros((values.shape[0], 1)), sums], axis=1)
     return np.asarray(sums[:, columns.stop] - sums[:, columns.start], dtype=np.float32)

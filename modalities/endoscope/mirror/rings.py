@@ -9,9 +9,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.robust import robust_sigma
 
 N_RAYS = 360
@@ -77,7 +79,8 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
     return sorted(rings, key=lambda ring: -ring.contrast * ring.coverage)
 
 
-def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> np.ndarray:
+@compiled
+def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> NDArray[np.int64]:
     """Return for every row of ``gain`` (n_rays, n_radii) the column of the closed path of greatest gain, int (n_rays,).
 
     Neighbouring rows differ by at most ``most_step``, each step at ``step_cost``; the last row neighbours the
@@ -85,21 +88,19 @@ def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> np
     """
     n, size = gain.shape
     came = np.zeros((2 * n, size), np.int8)
-    beyond = np.full(size + 2 * most_step, -np.inf)  # nothing to the left and right
-    best = beyond[most_step : most_step + size]
-    best[:] = gain[0]
-    by_step, better = np.empty(size), np.empty(size, bool)
+    best, better = gain[0].astype(np.float64), np.empty(size)
     for k in range(1, 2 * n):
-        top = beyond[:size] - step_cost * most_step
-        came[k] = -most_step
-        for step in range(1 - most_step, most_step + 1):
-            np.subtract(beyond[most_step + step :][:size], step_cost * abs(step), out=by_step)
-            np.greater(by_step, top, out=better)
-            np.copyto(came[k], step, where=better)
-            np.maximum(top, by_step, out=top)
-        np.add(top, gain[k % n], out=best)
-    path = np.zeros(2 * n, np.intp)
-    path[-1] = int(np.argmax(best))
+        for j in range(size):
+            top, taken = -np.inf, 0
+            for step in range(-min(most_step, j), min(most_step, size - 1 - j) + 1):
+                by_step = best[j + step] - step_cost * abs(step)
+                if by_step > top:
+                    top, taken = by_step, step
+            came[k, j] = taken
+            better[j] = top + gain[k % n, j]
+        best, better = better, best
+    path = np.zeros(2 * n, np.int64)
+    path[-1] = np.argmax(best)
     for k in range(2 * n - 1, 0, -1):
         path[k - 1] = path[k] + came[k, path[k]]
     half = n // 2
@@ -285,14 +286,18 @@ def _consensus(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coor
         return start
     x, y, radius = x[ok], y[ok], radius[ok]
     tolerance = max(0.75, 0.004 * float(start[2]))
-    across, down = x_px[None] - x[:, None], y_px[None] - y[:, None]
-    across *= across
-    down *= down
-    across += down
-    away = np.sqrt(across, out=across)
-    away -= radius[:, None]
-    away /= tolerance
-    away *= away
-    score = np.maximum(1 - away, 0, out=away).sum(axis=1)
-    k = int(np.argmax(score))
+    k = int(np.argmax(_agreeing(x_px, y_px, x, y, radius, tolerance)))
     return np.array([x[k], y[k], radius[k]])
+
+
+@compiled
+def _agreeing(
+    x_px: Coordinates, y_px: Coordinates, x: Coordinates, y: Coordinates, radius: Coordinates, tolerance: float
+) -> Coordinates:
+    """Return how many points each circle has within ``tolerance``, those farther from it counting less."""
+    score = np.zeros(x.size)
+    for k in range(x.size):
+        for i in range(x_px.size):
+            away = (np.sqrt((x_px[i] - x[k]) ** 2 + (y_px[i] - y[k]) ** 2) - radius[k]) / tolerance
+            score[k] += max(1 - away * away, 0.0)
+    return score
