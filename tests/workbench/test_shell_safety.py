@@ -121,7 +121,8 @@ def test_memory_that_runs_out_leaves_nothing_half_written(
     short: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("endoct.stitching.store.save_panorama", _exhausted)
-    monkeypatch.setattr("endoct.workbench.pipeline.unrolling.unroll_recording", lambda *_: type("Made", (), {"panorama": None}))
+    unrolling = "endoct.workbench.pipeline.unrolling.unroll_recording"
+    monkeypatch.setattr(unrolling, lambda *_: type("Made", (), {"panorama": None}))
     status, _, err = run("unroll", short / "oct", "-o", tmp_path / "out.zarr")
     assert status == 1
     assert "memory ran out" in err

@@ -7,7 +7,17 @@ from importlib.metadata import PackageNotFoundError, version
 
 from endoct.stitching.doubt import Doubt
 
-PACKAGES = ("endoct", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "PyWavelets", "xarray", "zarr", "tifffile")
+PACKAGES = (
+    "endoct",
+    "numpy",
+    "scipy",
+    "numba",
+    "opencv-contrib-python-headless",
+    "PyWavelets",
+    "xarray",
+    "zarr",
+    "tifffile",
+)
 
 
 def doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:
