@@ -192,8 +192,11 @@ def without_thin_lines(image: Image) -> Image:
 
 
 def dark_level(image: Image) -> float:
-    """Return what is added to the brightness of ``image`` before logarithms are taken, so that noise counts little."""
-    return 0.05 * max(float(np.percentile(image, 95)), 1e-6)
+    """Return what is added to the brightness of ``image`` before logarithms are taken, so that noise counts little.
+
+    Every fourth pixel says it well enough.
+    """
+    return 0.05 * max(float(np.percentile(image[::2, ::2], 95)), 1e-6)
 
 
 def lasting_contrast(image: Image, ring: Ring) -> float:
