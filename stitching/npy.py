@@ -1,7 +1,8 @@
-"""NumPy's ``.npy`` and ``.npz`` from files: no pickles, and sizes checked before memory is taken."""
+"""NumPy's ``.npy`` and ``.npz`` as files: no pickles, and sizes checked before memory is taken."""
 
 import io
 import math
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
@@ -50,6 +51,14 @@ def read_npz(path: Path) -> Mapping[str, NDArray[Any]]:
             with members.open(member) as inner:
                 found[member.filename.removesuffix(".npy")] = read_npy(inner, f"{member.filename} in {path}")
     return found
+
+
+def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays by name as a ``.npz`` file, compressed a little: NumPy's own takes three times as long."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as members:
+        for name, array in arrays.items():
+            with members.open(f"{name}.npy", "w", force_zip64=True) as inner:
+                np.lib.format.write_array(inner, array, allow_pickle=False)
 
 
 def read_header(file: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

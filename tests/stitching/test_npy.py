@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.npy import read_npy, read_npz
+from endoct.stitching.npy import read_npy, read_npz, write_npz
 
 
 def npy(shape: str, descr: str = "'<f4'", data: bytes = b"") -> bytes:
@@ -31,6 +31,15 @@ def test_what_numpy_writes_is_read(values: np.ndarray, tmp_path: Path) -> None:
     assert np.array_equal(found, values)
     np.savez_compressed(tmp_path / "x.npz", values=values)
     assert np.array_equal(read_npz(tmp_path / "x.npz")["values"], values)
+
+
+def test_what_is_written_is_read_by_numpy_and_has_the_same_bytes_again(tmp_path: Path) -> None:
+    arrays = {"image": np.arange(1200, dtype=np.float32).reshape(30, 40), "metadata": np.array("µ")}
+    for name in ("one.npz", "two.npz"):
+        write_npz(tmp_path / name, arrays)
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
+    for found in (read_npz(tmp_path / "one.npz"), np.load(tmp_path / "one.npz")):
+        assert all(np.array_equal(found[name], array) for name, array in arrays.items())
 
 
 @pytest.mark.parametrize(

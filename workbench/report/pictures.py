@@ -18,7 +18,7 @@ from endoct.modalities.contract import Picture, Seen
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.names import plain_name
-from endoct.stitching.npy import read_npz
+from endoct.stitching.npy import read_npz, write_npz
 
 PICTURES = "pictures"
 """The folder of pictures in an output."""
@@ -79,12 +79,8 @@ def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[
         if picture.seen is not None:
             # a hundredth of a pixel of any picture
             arrays |= {"seen_z_mm": picture.seen.z_mm, "seen_xy": np.asarray(picture.seen.xy, np.float32)}
-        np.savez_compressed(
-            folder / f"{side}-{frame_label}-{picture.name}.npz",
-            image=picture.image,
-            metadata=np.array(json.dumps(metadata, ensure_ascii=False)),
-            **arrays,
-        )
+        arrays |= {"image": picture.image, "metadata": np.array(json.dumps(metadata, ensure_ascii=False))}
+        write_npz(folder / f"{side}-{frame_label}-{picture.name}.npz", arrays)
 
 
 def pictured_places(folder: Path, side: str) -> tuple[int, ...]:
