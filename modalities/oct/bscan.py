@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
 
 ROWS_TOGETHER = 16
@@ -141,15 +141,32 @@ def depth_sums(image: Image) -> Coordinates:
     return np.concatenate([np.zeros((image.shape[0], 1)), np.cumsum(image, axis=1, dtype=np.float64)], axis=1)
 
 
-def mean_between(sums: Coordinates, first: NDArray[np.intp], last: NDArray[np.intp]) -> Coordinates:
+@compiled
+def mean_between(image: Image, first: NDArray[np.intp], last: NDArray[np.intp]) -> Coordinates:
     """Return the mean of each A-scan over its rows from ``first`` (n,) up to but without ``last`` (n,), float64 (n,).
 
-    ``sums`` are :func:`depth_sums`. Only rows within the depth range count; the mean of none is 0.
+    ``image`` is (n, depth). Only rows within the depth range count; the mean of none is 0.
     """
-    n_depth = sums.shape[1] - 1
-    low, high = np.clip(first, 0, n_depth), np.clip(last, 0, n_depth)
-    each = np.arange(len(sums))
-    return np.asarray((sums[each, high] - sums[each, low]) / np.maximum(high - low, 1))
+    n_ascans, n_depth = image.shape
+    mean = np.zeros(n_ascans)
+    for ascan in range(n_ascans):
+        low, high = max(first[ascan], 0), min(last[ascan], n_depth)
+        for row in range(low, high):
+            mean[ascan] += image[ascan, row]
+        mean[ascan] /= max(high - low, 1)
+    return mean
+
+
+@compiled
+def varying(image: Image) -> Mask:
+    """Return which A-scans of ``image`` (n, depth) hold more than one value, bool (n,)."""
+    varies = np.zeros(len(image), np.bool_)
+    for ascan in range(len(image)):
+        for row in range(1, image.shape[1]):
+            if image[ascan, row] != image[ascan, 0]:
+                varies[ascan] = True
+                break
+    return varies
 
 
 def logarithmic(image: Image, intensity: str) -> Image:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import Spacing, logarithmic, sector_angles_rad
+from endoct.modalities.oct.bscan import Spacing, logarithmic, sector_angles_rad, varying
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.reduced import reduced
 from endoct.modalities.oct.surface.fixed_lines import bridge_rows, with_lines_of, without_lines
@@ -57,7 +57,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     else:
         row = first_edge(level, first_row, background, spacing, parameters)
     surface = row < n_depth
-    good = (np.ptp(image, axis=1) > 0) & trusted(level, row, background, spacing)
+    good = varying(image) & trusted(level, row, background, spacing)
     return BeamProfile(
         angle_rad=angle,
         image=image,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from endoct.modalities.oct.bscan import Spacing
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.circle import harmonics
+from endoct.stitching.compiled import compiled
 
 BLOCK_MM = 0.03
 SEARCH_MM = 0.06
@@ -53,12 +54,23 @@ def gap_rows(rows: NDArray[np.intp], first_row: NDArray[np.intp], evidence: Imag
 
 def favour_bore(evidence: Image, wall_row: Coordinates, spacing: Spacing) -> None:
     """Raise ``evidence`` (n, n_depth + 1) within ``BAND_MM`` of ``wall_row`` (n,), and lower it before, in place."""
+    bonus, front = BONUS_PER_MM * spacing.column_mm, FRONT_PER_MM * spacing.column_mm
+    bands_per_row = np.float32(spacing.depth_mm / BAND_MM)
+    _favour(evidence, wall_row.astype(np.float32), bands_per_row, np.float32(bonus), np.float32(front))
+
+
+@compiled
+def _favour(evidence: Image, wall_row: Image, bands_per_row: np.float32, bonus: np.float32, front: np.float32) -> None:
+    none, one, two = np.float32(0), np.float32(1), np.float32(2)
     n_depth = evidence.shape[1] - 1
-    behind = (np.arange(n_depth, dtype=np.float32) - wall_row[:, None].astype(np.float32)) * np.float32(
-        spacing.depth_mm / BAND_MM
-    )
-    evidence[:, :n_depth] += np.float32(BONUS_PER_MM * spacing.column_mm) * np.clip(2 - np.abs(behind), 0, 1)
-    evidence[:, :n_depth] -= np.float32(FRONT_PER_MM * spacing.column_mm) * np.clip(-2 - behind, 0, 1)
+    for column in range(len(evidence)):
+        wall = wall_row[column]
+        first = min(max(int(wall - 3 / bands_per_row) - 1, 0), n_depth)
+        evidence[column, :first] -= front
+        for row in range(first, min(max(int(wall + 2 / bands_per_row) + 2, 0), n_depth)):
+            behind = (np.float32(row) - wall) * bands_per_row
+            evidence[column, row] += bonus * min(max(two - abs(behind), none), one)
+            evidence[column, row] -= front * min(max(-two - behind, none), one)
 
 
 def _basis(n: int) -> Coordinates:

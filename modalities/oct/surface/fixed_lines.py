@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, percentile_filter, uniform_filter1d
+from scipy.ndimage import label, maximum_filter1d, percentile_filter, uniform_filter1d
 
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.faces import Faces
@@ -20,6 +20,7 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.robust import robust_sigma
 
 LINE_SIGMAS = 1.0
@@ -187,12 +188,15 @@ def with_lines_of(level: Image, background: Background, face: Circle, mm_per_px:
     Such a line shows in the darkest A-scans too, and is brighter than what lies before and behind it.
     """
     some = without_lines(level[:: max(1, len(level) // JUDGED_ASCANS)], background)
-    dark = np.quantile(np.ascontiguousarray(some.T), DARK_SHARE, axis=1)  # a third faster than along the columns
     near, far = (round(reach / mm_per_px) for reach in LINE_AROUND_MM)
+    turning = _turning_points(face, level.shape[1], mm_per_px)
+    rows = np.flatnonzero(maximum_filter1d(turning, 4 * far + 1))  # these, and what they are compared with
+    dark = np.zeros(turning.size, np.float32)
+    dark[rows] = np.quantile(np.ascontiguousarray(some.T[rows]), DARK_SHARE, axis=1)
     padded = np.pad(uniform_filter1d(dark, far - near, mode="nearest"), far, mode="edge")
     middle = (near + far) // 2
     around = np.maximum(padded[far - middle :][: dark.size], padded[far + middle :][: dark.size])
-    excess = np.where(_turning_points(face, dark.size, mm_per_px), dark - around, 0)
+    excess = np.where(turning, dark - around, 0)
     excess = _lines_with_skirts(excess, max(background.noise_sigma, 1e-6), mm_per_px)
     return replace(background, line_excess=np.maximum(background.line_excess, excess)) if excess.any() else background
 
@@ -227,10 +231,18 @@ def without_lines(level: Image, background: Background) -> Image:
     contrast, hidden = background.contrast, background.hidden
     gain = contrast / (contrast - np.where(hidden, 0, excess))
     faint = np.flatnonzero(background.lines & ~hidden)
+    stretched = _stretched(level, faint, np.float32(background.noise), excess, gain.astype(np.float32))
+    return bridge_rows(stretched, hidden)
+
+
+@compiled
+def _stretched(level: Image, rows: NDArray[np.intp], darkness: np.float32, excess: Image, gain: Image) -> Image:
+    """A copy of ``level`` (n, n_depth) with the span above ``darkness`` in some ``rows`` multiplied by ``gain``."""
     cleaned = level.copy()
-    darkness = np.float32(background.noise)
-    cleaned[:, faint] = darkness + (level[:, faint] - darkness - excess[faint]) * gain[faint].astype(np.float32)
-    return bridge_rows(cleaned, hidden)
+    for column in range(len(level)):
+        for row in rows:
+            cleaned[column, row] = darkness + (level[column, row] - darkness - excess[row]) * gain[row]
+    return cleaned
 
 
 def bridge_rows(image: Image, hidden: Mask) -> Image:
@@ -238,10 +250,20 @@ def bridge_rows(image: Image, hidden: Mask) -> Image:
     good = np.flatnonzero(~hidden)
     if good.size in (0, hidden.size):
         return image
+    rows = np.flatnonzero(hidden)
+    after = np.searchsorted(good, rows)
+    low, high = good[np.maximum(after - 1, 0)], good[np.minimum(after, good.size - 1)]
+    share = np.where(low == high, 0.5, (rows - low) / np.maximum(high - low, 1))
+    return _interpolated(image, rows, low, high, share)
+
+
+@compiled
+def _interpolated(
+    image: Image, rows: NDArray[np.intp], low: NDArray[np.intp], high: NDArray[np.intp], share: Coordinates
+) -> Image:
+    """A copy of ``image`` (n, n_depth) in which ``rows`` are made of the rows ``low`` and ``high``."""
     filled = image.copy()
-    for row in np.flatnonzero(hidden):
-        after = int(np.searchsorted(good, row))
-        low, high = good[max(0, after - 1)], good[min(after, good.size - 1)]
-        share = 0.5 if low == high else (row - low) / (high - low)
-        filled[:, row] = (1 - share) * image[:, low] + share * image[:, high]
+    for column in range(len(image)):
+        for k in range(rows.size):
+            filled[column, rows[k]] = (1 - share[k]) * image[column, low[k]] + share[k] * image[column, high[k]]
     return filled

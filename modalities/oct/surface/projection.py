@@ -4,6 +4,7 @@ import numpy as np
 
 from endoct.modalities.oct.surface.wall import Rows
 from endoct.stitching.arrays import Image
+from endoct.stitching.compiled import compiled
 
 
 def maximum_intensity(image: Image, first_row: Rows) -> Image:
@@ -11,5 +12,13 @@ def maximum_intensity(image: Image, first_row: Rows) -> Image:
 
     Laves 2019, Extracting mastoid pattern: crop, then maximum intensity projection along depth.
     """
-    beyond = np.arange(image.shape[1]) >= first_row[:, None]
-    return np.asarray(np.max(image, axis=1, where=beyond, initial=float(image.min())), dtype=np.float32)
+    return _maxima(image, first_row, image.min())
+
+
+@compiled
+def _maxima(image: Image, first_row: Rows, least: np.float32) -> Image:
+    maxima = np.full(len(image), least, np.float32)
+    for column in range(len(image)):
+        for row in range(first_row[column], image.shape[1]):
+            maxima[column] = max(maxima[column], image[column, row])
+    return maxima

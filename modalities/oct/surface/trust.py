@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from endoct.modalities.oct.bscan import Spacing, depth_sums, mean_between
+from endoct.modalities.oct.bscan import Spacing, mean_between, varying
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.evidence import relative_power, spread_of_noise
 from endoct.modalities.oct.surface.wall import Rows
@@ -32,13 +32,12 @@ def trusted(level: Image, row: Rows, background: Background, spacing: Spacing) -
     """
     n_theta, n_depth = level.shape
     surface = row < n_depth
-    if not surface.any() or np.ptp(level) == 0:
+    if not surface.any() or not varying(level).any():
         return np.zeros(n_theta, bool)
     mm_per_px, mm_per_column = spacing.depth_mm, spacing.column_mm
-    total = depth_sums(level)
     near = max(1, round(NEAR_MM / mm_per_column))
-    bright = _mean(total, row, row + round(SURFACE_MM / mm_per_px)) - background.noise
-    tail = _mean(total, row + round(TAIL_MM[0] / mm_per_px), row + round(TAIL_MM[1] / mm_per_px)) - background.noise
+    bright = _mean(level, row, row + round(SURFACE_MM / mm_per_px)) - background.noise
+    tail = _mean(level, row + round(TAIL_MM[0] / mm_per_px), row + round(TAIL_MM[1] / mm_per_px)) - background.noise
     opaque = np.zeros(n_theta, bool)
     measured = surface & np.isfinite(tail)
     usual = float(np.median(tail[measured])) if measured.any() else 0.0
@@ -78,11 +77,10 @@ def wall_sigmas(level: Image, row: Rows, trusted: Mask, background: Background, 
     return max(0.0, excess * math.sqrt(depth * width))
 
 
-def _mean(total: Coordinates, first: Rows, last: Rows) -> Coordinates:
+def _mean(level: Image, first: Rows, last: Rows) -> Coordinates:
     """Mean over rows ``first`` to ``last`` of every A-scan, NaN where these leave the depth range."""
-    n_depth = total.shape[1] - 1
-    inside = (last <= n_depth) & (last > first)
-    return np.where(inside, mean_between(total, first, last), np.nan)
+    inside = (last <= level.shape[1]) & (last > first)
+    return np.where(inside, mean_between(level, first, last), np.nan)
 
 
 def _runs(mask: Mask) -> list[tuple[int, int]]:

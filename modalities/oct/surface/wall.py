@@ -10,6 +10,7 @@ from endoct.modalities.oct.surface.bore import BLOCK_MM, favour_bore, gap_rows
 from endoct.modalities.oct.surface.evidence import surface_evidence
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.circle import largest_divisor
+from endoct.stitching.compiled import compiled
 
 Rows = NDArray[np.intp]
 
@@ -40,12 +41,9 @@ def first_edge(
     nearest = int(first_row.min())
     # columns are taken together from a place of the specimen's on, so that it does not matter where the turn starts
     start = int(np.argmax(image.sum(axis=1)))
-    beyond = np.roll(image[:, nearest:], -start, axis=0)
     together = largest_divisor(image.shape[0], round(COLUMN_MM / spacing.column_mm))
     first = np.roll(first_row, -start).reshape(-1, together).max(axis=1) - nearest
-    evidence = surface_evidence(
-        beyond.reshape(-1, together, beyond.shape[1]), first, background.from_row(nearest), spacing, parameters
-    )
+    evidence = surface_evidence(image[:, nearest:], start, first, background.from_row(nearest), spacing, parameters)
     wide = Spacing(spacing.depth_mm, spacing.column_mm * together)
     slope_cost, jump_cost = parameters.slope_cost_per_mm * spacing.depth_mm, parameters.jump_cost
     gap = _gap_of_bore(evidence, first, wide, (STIFFER * slope_cost, STIFFER * jump_cost))
@@ -69,38 +67,51 @@ def _best_path(evidence: Image, slope_cost: float, jump_cost: float) -> Rows:
 
     One turn is extended at both ends by a quarter, so that where the path starts and ends does not matter.
     """
+    n_states = evidence.shape[1]
+    ramp = (slope_cost * np.arange(n_states)).astype(np.float32)
+    near = int(min(jump_cost / slope_cost, n_states)) + 1 if slope_cost else n_states  # farther off, a jump costs less
+    cost = np.minimum(np.arange(near + 1) * np.float32(slope_cost), np.float32(jump_cost), dtype=np.float32)
+    return _followed(evidence, ramp, cost, np.float32(jump_cost))
+
+
+@compiled
+def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) -> Rows:
+    """The path; ``ramp`` is what a change by so many rows costs, and ``cost`` the same where it is less than a jump."""
     n_theta, n_states = evidence.shape
     lead = n_theta // 4
-    order = np.arange(-lead, n_theta + lead) % n_theta
-    ramp = (slope_cost * np.arange(n_states)).astype(np.float32)
-    gathered = np.empty((order.size, n_states), np.float32)
-    best = evidence[order[0]].copy()
-    jump = np.maximum.reduce(best) - jump_cost
-    rising, falling = np.empty(n_states, np.float32), np.empty(n_states, np.float32)
-    for step, theta in enumerate(order):
+    n_steps = n_theta + 2 * lead
+    gathered = np.empty((n_steps, n_states), np.float32)
+    highest = np.empty(n_steps, np.intp)
+    falling = np.empty(n_states, np.float32)
+    for step in range(n_steps):
+        here, best = evidence[(step - lead) % n_theta], gathered[step]
+        if step == 0:
+            best[:] = here
+        else:
+            before = gathered[step - 1]
+            top = before[n_states - 1] - ramp[n_states - 1]
+            for state in range(n_states - 1, -1, -1):
+                top = max(top, before[state] - ramp[state])
+                falling[state] = top + ramp[state]
+            jump = before[highest[step - 1]] - jump_cost
+            top = before[0]
+            for state in range(n_states):
+                top = max(top, before[state] + ramp[state])
+                best[state] = max(max(top - ramp[state], falling[state]), jump) + here[state]
+        highest[step] = np.argmax(best)
         if step:
-            np.add(best, ramp, out=rising)
-            np.maximum.accumulate(rising, out=rising)
-            rising -= ramp
-            np.subtract(best, ramp, out=falling)
-            np.maximum.accumulate(falling[::-1], out=falling[::-1])
-            falling += ramp
-            np.maximum(rising, falling, out=rising)
-            np.maximum(rising, jump, out=best)
-            best += evidence[theta]
-            best -= np.maximum.reduce(best)
-            jump = -jump_cost
-        gathered[step] = best
-    path = np.empty(order.size, np.intp)
-    highest = gathered.argmax(axis=1)
-    path[-1] = state = int(highest[-1])
-    near = int(min(jump_cost / slope_cost, n_states)) + 1 if slope_cost else n_states  # farther off, a jump costs less
-    cost = (np.abs(np.arange(-near, near + 1)) * np.float32(slope_cost)).astype(np.float32)
-    np.minimum(cost, np.float32(jump_cost), out=cost)
-    for step in range(order.size - 2, -1, -1):
-        first = max(state - near, 0)
-        reached = gathered[step, first : state + near + 1] - cost[first - state + near :][: n_states - first]
-        nearest = int(reached.argmax())
-        state = first + nearest if reached[nearest] >= gathered[step, highest[step]] - jump_cost else int(highest[step])
+            best -= best[highest[step]]
+    path = np.empty(n_steps, np.intp)
+    near = cost.size - 1
+    state = highest[-1]
+    path[-1] = state
+    for step in range(n_steps - 2, -1, -1):
+        reached = np.float32(-np.inf)
+        nearest = state
+        for other in range(max(state - near, 0), min(state + near + 1, n_states)):
+            value = gathered[step, other] - cost[abs(other - state)]
+            if value > reached:
+                reached, nearest = value, other
+        state = nearest if reached >= gathered[step, highest[step]] - jump_cost else highest[step]
         path[step] = state
     return path[lead : lead + n_theta]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from endoct.modalities.oct.bscan import depth_sums, mean_between
+from endoct.modalities.oct.bscan import mean_between
 from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
@@ -83,7 +83,7 @@ def _profile(features: SliceFeatures, face: Circle, acquisition: OctAcquisition)
     along = circle_distance_mm(beam_rad, face.x_mm, face.y_mm, acquisition.bore_radius_mm)
     at_mm = face.axis_depth_mm + along
     first, last = (np.round((at_mm + beyond) / acquisition.mm_per_px).astype(np.intp) for beyond in PROFILE_MM)
-    level = mean_between(depth_sums(ascans), first, last)
+    level = mean_between(ascans, first, last)
     at_rad = np.mod(np.arctan2(face.y_mm + along * np.sin(beam_rad), face.x_mm + along * np.cos(beam_rad)), 2 * np.pi)
     order = np.argsort(at_rad)
     theta = 2 * np.pi * np.arange(N_PROFILE) / N_PROFILE
