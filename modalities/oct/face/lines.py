@@ -11,9 +11,11 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from endoct.modalities.oct.bscan import Raster
-from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
-from endoct.modalities.oct.face.points import Points, tukey_weight
+from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.points import Points
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
+from endoct.stitching.equations import solve
 
 MOST_LINES = 10
 LEAST_SUPPORT = 0.12
@@ -89,16 +91,13 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
     if not circles.size:
         return Lines.of([], [], radius_mm)
     scored = np.linspace(0, angle_rad.size, SCORED_COLUMNS, endpoint=False).astype(int)
-    rows = np.round(
-        (circles[:, 2:] + circle_distance_mm(angle_rad[scored], circles[:, :1], circles[:, 1:2], radius_mm)) / mm_per_px
-    ).astype(int)
-    inside = (rows >= 2) & (rows < n_rows - 2)
-    rows = np.clip(rows, 0, n_rows - 1)
+    cosine, sine = np.cos(angle_rad[scored]), np.sin(angle_rad[scored])
+    rows = _rows_of_circles(circles, cosine, sine, radius_mm, mm_per_px, n_rows)
     left = np.ones(len(points), bool)
     lines: list[Circle] = []
     supports: list[float] = []
     for _ in range(MOST_LINES):
-        support = np.where(inside, _widened(strength)[scored, rows], 0).mean(axis=1)
+        support = _support(strength[scored], rows)
         best = int(np.argmax(support))
         if support[best] < LEAST_SUPPORT:
             break
@@ -115,13 +114,43 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
     return Lines.of(lines, supports, radius_mm)
 
 
-def _widened(strength: Image) -> Image:
-    """The largest of each sample and of its two neighbours before and behind it."""
-    wide = strength.copy()
-    for shift in (1, 2):
-        wide[:, shift:] = np.maximum(wide[:, shift:], strength[:, :-shift])
-        wide[:, :-shift] = np.maximum(wide[:, :-shift], strength[:, shift:])
-    return wide
+@compiled
+def _rows_of_circles(
+    circles: Coordinates, cosine: Coordinates, sine: Coordinates, radius_mm: float, mm_per_px: float, n_rows: int
+) -> NDArray[np.int32]:
+    """The rows, (n, n_columns), at which columns see ``circles`` (n, 3); −1 where that is at no row well inside."""
+    rows = np.empty((len(circles), cosine.size), np.int32)
+    for i in range(len(circles)):
+        x, y, depth = circles[i]
+        for k in range(cosine.size):
+            across = x * sine[k] - y * cosine[k]
+            distance = np.sqrt(max(radius_mm**2 - across**2, 0.0)) - (x * cosine[k] + y * sine[k])
+            row = np.rint((depth + distance) / mm_per_px)
+            rows[i, k] = int(row) if 2 <= row < n_rows - 2 else -1
+    return rows
+
+
+@compiled
+def _support(strength: Image, rows: NDArray[np.int32]) -> Image:
+    """The mean of ``strength`` (n_columns, n_rows) at ``rows`` (n, n_columns) or up to two rows from there, (n,)."""
+    n_columns, n_rows = strength.shape
+    wide = np.empty((n_columns, n_rows), np.float32)
+    for column in range(n_columns):
+        for row in range(2, n_rows - 2):
+            most = strength[column, row]
+            for other in (row - 2, row - 1, row + 1, row + 2):
+                most = max(most, strength[column, other])
+            wide[column, row] = most
+    support = np.empty(len(rows), np.float32)
+    part = np.empty(8, np.float32)
+    for i in range(len(rows)):
+        part[:] = 0
+        for k in range(n_columns):
+            if rows[i, k] >= 0:
+                part[k % 8] += wide[k, rows[i, k]]
+        total = ((part[0] + part[1]) + (part[2] + part[3])) + ((part[4] + part[5]) + (part[6] + part[7]))
+        support[i] = total / np.float32(n_columns)
+    return support
 
 
 def fit_circle(
@@ -137,26 +166,68 @@ def fit_circle(
     Reweighted least squares with Tukey's weights of half width ``width_mm``. ``axis_depth_mm`` is an expectation of
     the axis' depth that counts as much as ``axis_weight`` points.
     """
-    x, y, depth, radius_mm = start.x_mm, start.y_mm, start.axis_depth_mm, start.radius_mm
+    begin = np.array([start.x_mm, start.y_mm, start.axis_depth_mm])
+    expected_mm, weight = (0.0, 0.0) if axis_depth_mm is None else (axis_depth_mm, axis_weight)
     cosine, sine = np.cos(points.angle_rad), np.sin(points.angle_rad)
+    x, y, depth = _fit(
+        begin, cosine, sine, points.depth_mm, points.strength, start.radius_mm, width_mm, expected_mm, weight
+    )
+    return Circle(float(x), float(y), float(depth), start.radius_mm)
+
+
+@compiled
+def _fit(
+    begin: Coordinates,
+    cosine: Coordinates,
+    sine: Coordinates,
+    depth_mm: Coordinates,
+    strength: Coordinates,
+    radius_mm: float,
+    width_mm: float,
+    expected_mm: float,
+    expected_weight: float,
+) -> Coordinates:
+    """The circle's x, y and axis depth after reweighted least squares; ``begin`` where they leave the radius."""
+    circle = begin.copy()
+    matrix, step = np.empty((3, 3)), np.empty(3)
     for _ in range(8):
-        residual = points.beyond_mm(Circle(x, y, depth, radius_mm))
-        weight = tukey_weight(residual, width_mm) * points.strength
-        if np.count_nonzero(weight) < 6:
+        x, y, axis = circle
+        n_used = 0
+        matrix[:] = 0
+        step[:] = 0
+        for i in range(depth_mm.size):
+            across = x * sine[i] - y * cosine[i]
+            squared = radius_mm**2 - across**2
+            distance = np.sqrt(max(squared, 0.0)) - (x * cosine[i] + y * sine[i])
+            residual = depth_mm[i] - axis - distance
+            share = 1 - (residual / width_mm) ** 2
+            if share <= 0 or strength[i] == 0:
+                continue
+            n_used += 1
+            weight = share**2 * strength[i]
+            slope = across / np.sqrt(max(squared, 1e-6))
+            by_x, by_y = -cosine[i] - slope * sine[i], -sine[i] + slope * cosine[i]
+            matrix[0, 0] += weight * by_x * by_x
+            matrix[0, 1] += weight * by_x * by_y
+            matrix[0, 2] += weight * by_x
+            matrix[1, 1] += weight * by_y * by_y
+            matrix[1, 2] += weight * by_y
+            matrix[2, 2] += weight
+            step[0] += weight * residual * by_x
+            step[1] += weight * residual * by_y
+            step[2] += weight * residual
+        if n_used < 6:
             break
-        across = x * sine - y * cosine
-        slope = across / np.sqrt(np.maximum(radius_mm**2 - across**2, 1e-6))
-        jacobian = np.stack([-cosine - slope * sine, -sine + slope * cosine, np.ones_like(cosine)], axis=1)
-        normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-6 * np.eye(3)
-        gradient = jacobian.T @ (weight * residual)
-        if axis_depth_mm is not None:
-            normal[2, 2] += axis_weight
-            gradient[2] += axis_weight * (axis_depth_mm - depth)
-        step = np.linalg.solve(normal, gradient)
-        x, y, depth = x + step[0], y + step[1], depth + step[2]
-        if np.hypot(x, y) > 0.9 * radius_mm:
-            return start
-    return Circle(float(x), float(y), float(depth), radius_mm)
+        matrix[1, 0], matrix[2, 0], matrix[2, 1] = matrix[0, 1], matrix[0, 2], matrix[1, 2]
+        for k in range(3):
+            matrix[k, k] += 1e-6
+        matrix[2, 2] += expected_weight
+        step[2] += expected_weight * (expected_mm - axis)
+        solve(matrix, step)
+        circle += step
+        if np.hypot(circle[0], circle[1]) > 0.9 * radius_mm:
+            return begin
+    return circle
 
 
 def _circles_through_triples(
@@ -175,13 +246,29 @@ def _circles_through_triples(
     full = (count > 0).all(axis=1)
     columns, count = columns[full], count[full]
     index = order[start[columns] + np.minimum((rng.random(columns.shape) * count).astype(int), count - 1)]
-    angle, depth = points.angle_rad[index], points.depth_mm[index]
-    matrix = np.stack([-np.cos(angle), -np.sin(angle), np.ones(angle.shape)], axis=-1)
-    circle = np.linalg.solve(matrix, depth[..., None])[..., 0]
-    for _ in range(2):  # the square root departs from the radius in second order only: iterate
-        inside = np.hypot(circle[:, 0], circle[:, 1]) < FARTHEST * radius_mm
-        circle, matrix, angle, depth = circle[inside], matrix[inside], angle[inside], depth[inside]
-        across = circle[:, :1] * np.sin(angle) - circle[:, 1:2] * np.cos(angle)
-        root = np.sqrt(np.maximum(radius_mm**2 - across**2, 0))
-        circle = np.linalg.solve(matrix, (depth - root)[..., None])[..., 0]
-    return np.asarray(circle[np.hypot(circle[:, 0], circle[:, 1]) < FARTHEST * radius_mm])
+    angle = points.angle_rad[index]
+    return _circles(np.cos(angle), np.sin(angle), points.depth_mm[index], radius_mm)
+
+
+@compiled
+def _circles(cosine: Coordinates, sine: Coordinates, depth_mm: Coordinates, radius_mm: float) -> Coordinates:
+    """The circles through three points each, all arguments (n, 3), that are not too far off, (at most n, 3)."""
+    circles = np.empty((len(depth_mm), 3))
+    matrix, circle = np.empty((3, 3)), np.empty(3)
+    count = 0
+    for i in range(len(depth_mm)):
+        for rounds in range(3):  # the square root departs from the radius in second order only: iterate
+            for k in range(3):
+                matrix[k, 0], matrix[k, 1], matrix[k, 2] = -cosine[i, k], -sine[i, k], 1
+                if rounds:
+                    across = circles[count, 0] * sine[i, k] - circles[count, 1] * cosine[i, k]
+                    circle[k] = depth_mm[i, k] - np.sqrt(max(radius_mm**2 - across**2, 0.0))
+                else:
+                    circle[k] = depth_mm[i, k]
+            solve(matrix, circle)
+            circles[count] = circle
+            if np.hypot(circle[0], circle[1]) >= FARTHEST * radius_mm:
+                break
+        else:
+            count += 1
+    return circles[:count]
