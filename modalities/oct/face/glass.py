@@ -6,6 +6,7 @@ degrees for a catheter far off the axis. Radii beyond the glass do not change, o
 read off the distance between the lines of its two faces, n·t.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.points import tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.compiled import compiled
 
 GLASS_INDEX = 1.46  # fused silica and borosilicate near 1300 nm
 THICKNESS_MM = (0.04, 0.45)
@@ -54,13 +56,25 @@ class Glass:
         """
         if not self.thickness_mm:
             return circle_distance_mm(beam_rad, x_mm, y_mm, self.outer_radius_mm)
-        across = x_mm * np.sin(beam_rad) - y_mm * np.cos(beam_rad)
-        along = x_mm * np.cos(beam_rad) + y_mm * np.sin(beam_rad)
-        inner_mm = self.outer_radius_mm - self.thickness_mm
-        within = (across / GLASS_INDEX) ** 2
-        to_inner = np.sqrt(np.maximum(inner_mm**2 - across**2, 1e-6)) - along
-        through = np.sqrt(self.outer_radius_mm**2 - within) - np.sqrt(np.maximum(inner_mm**2 - within, 1e-6))
-        return np.asarray(to_inner + GLASS_INDEX * through - (GLASS_INDEX - 1) * self.thickness_mm)
+        cosine, sine = np.cos(beam_rad), np.sin(beam_rad)
+        distances = [
+            face_distance(c, s, x_mm, y_mm, self.outer_radius_mm, self.thickness_mm)
+            for c, s in zip(cosine, sine, strict=True)
+        ]
+        return np.array(distances)
+
+
+@compiled
+def face_distance(
+    cosine: float, sine: float, x_mm: float, y_mm: float, outer_radius_mm: float, thickness_mm: float
+) -> float:
+    """Return :meth:`Glass.face_distance_mm` of one beam, given cosine and sine of its direction."""
+    across = x_mm * sine - y_mm * cosine
+    inner_mm = outer_radius_mm - thickness_mm
+    within = (across / GLASS_INDEX) ** 2
+    to_inner = math.sqrt(max(inner_mm**2 - across**2, 1e-6)) - (x_mm * cosine + y_mm * sine)
+    through = math.sqrt(outer_radius_mm**2 - within) - math.sqrt(max(inner_mm**2 - within, 1e-6))
+    return to_inner + GLASS_INDEX * through - (GLASS_INDEX - 1) * thickness_mm
 
 
 def measure_glass(slices: Sequence[SliceFeatures], faces: Faces, medium_index: float) -> Glass:

@@ -6,18 +6,22 @@ direction β of the offset with it, so this says nothing of where a turn starts;
 catheter is on the axis: the prior then leaves the turn even. The face's own departures from a circle have a prior too.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.modalities.oct.face.circle import Circle
-from endoct.modalities.oct.face.glass import Glass
-from endoct.modalities.oct.face.points import Points, tukey_weight
+from endoct.modalities.oct.face.glass import Glass, face_distance
+from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.ripple import N_RIPPLE, ripple_basis
 from endoct.modalities.oct.turning.rotation import N_SMOOTH, smooth_basis
 from endoct.stitching.arrays import Coordinates
-from endoct.stitching.robust import robust_sigma
+from endoct.stitching.compiled import compiled
+from endoct.stitching.equations import solve
+from endoct.stitching.robust import SIGMA_PER_MEDIAN
 
 ROUNDNESS_MM = 0.0007  # the face's departure from a circle, each harmonic
 AXIS_SIGMA_MM = 0.003
@@ -27,6 +31,8 @@ WIDEST_MM = (0.08, 0.06)
 NARROW_MM = (0.012, 0.006, 0.006, 0.006)
 LOST_GAIN = 28.0  # twice the logarithm of the likelihoods' ratio
 LOST_RAD = (0.01, 0.15)
+FARTHEST = 0.8  # of the radius: an offset of the catheter beyond that is no fit
+TINY = 1e-6  # steps of derivatives, rad and mm
 N_FACTORS = 1 + N_SMOOTH
 FACTORS = slice(3, 3 + N_FACTORS)
 RIPPLE = slice(FACTORS.stop, FACTORS.stop + N_RIPPLE)
@@ -112,38 +118,97 @@ def fit_turn(
     ``widths_mm`` are the half widths of the weights, step by step. With ``lost_at_rad``, a block of A-scans is missing
     at that nominal angle and the last of the unknowns is its size. None where points are too few or the circle is lost.
     """
-    angle, depth = points.angle_rad, points.depth_mm
+    angle = points.angle_rad
     basis, face = smooth_basis(angle), ripple_basis(angle)
     rotation_columns = np.arange(FACTORS.start, FACTORS.stop)
     if np.isfinite(lost_at_rad):
         basis = np.concatenate([basis, (angle >= lost_at_rad)[:, None]], axis=1)
         rotation_columns = np.append(rotation_columns, RIPPLE.stop)
-    tiny = 1e-6
-    fit: TurnFit | None = None
+    fit = TurnFit(
+        unknown=unknown.copy(),
+        prior=prior,
+        normal=np.zeros((unknown.size, unknown.size)),
+        jacobian=np.zeros((angle.size, unknown.size)),
+        weight=np.zeros(angle.size),
+        residual=np.zeros(angle.size),
+        slope=np.zeros(angle.size),
+        lost_at_rad=lost_at_rad,
+    )
+    done = _iterate(
+        (angle, points.depth_mm, points.strength),
+        (basis, rotation_columns, face),
+        (glass.outer_radius_mm, glass.thickness_mm),
+        np.array(widths_mm),
+        (prior.mean, prior.precision),
+        (fit.unknown, fit.normal, fit.jacobian, fit.weight, fit.residual, fit.slope),
+    )
+    return fit if done else None
+
+
+@compiled
+def _iterate(
+    points: tuple[Coordinates, Coordinates, Coordinates],
+    bases: tuple[Coordinates, NDArray[np.intp], Coordinates],
+    glass: tuple[float, float],
+    widths_mm: Coordinates,
+    expected: tuple[Coordinates, Coordinates],
+    fit: tuple[Coordinates, Coordinates, Coordinates, Coordinates, Coordinates, Coordinates],
+) -> bool:
+    """Improve a ``fit``, the arrays of a :class:`TurnFit`, in place, once for every width; say whether that went well.
+
+    ``bases``: of the rotation, with the columns of its unknowns, and of the face's ripple. ``expected``: means and
+    precisions of the prior. Rows of the jacobian where the weight is 0 are not made.
+    """
+    angle, depth, strength = points
+    basis, columns, face = bases
+    radius_mm, thickness_mm = glass
+    mean, precision = expected
+    unknown, normal, jacobian, weight, residual, slope = fit
+    n_unknown = unknown.size
+    matrix, change = np.empty((n_unknown, n_unknown)), np.empty(n_unknown)
     for width in widths_mm:
-        alpha = angle + basis @ unknown[rotation_columns]
-        x, y = float(unknown[0]), float(unknown[1])
-        if np.hypot(x, y) > 0.8 * glass.outer_radius_mm:
-            return None
-        distance = glass.face_distance_mm(alpha, x, y)
-        residual = depth - unknown[2] - distance - face @ unknown[RIPPLE]
-        weight = tukey_weight(residual, width) * points.strength
-        on = weight > 0
-        if np.count_nonzero(on) < unknown.size:
-            return None
-        slope = (glass.face_distance_mm(alpha + tiny, x, y) - distance) / tiny
-        jacobian = np.empty((angle.size, unknown.size))
-        jacobian[:, 0] = (glass.face_distance_mm(alpha, x + tiny, y) - distance) / tiny
-        jacobian[:, 1] = (glass.face_distance_mm(alpha, x, y + tiny) - distance) / tiny
-        jacobian[:, 2] = 1
-        jacobian[:, rotation_columns] = slope[:, None] * basis
-        jacobian[:, RIPPLE] = face
-        weight /= max(POINT_SIGMA_MM, robust_sigma(residual[on])) ** 2
-        normal = jacobian.T @ (weight[:, None] * jacobian) + np.diag(prior.precision)
-        change = np.linalg.solve(normal, jacobian.T @ (weight * residual) + prior.precision * (prior.mean - unknown))
-        unknown = unknown + change
-        fit = TurnFit(unknown, prior, normal, jacobian, weight, residual, slope, lost_at_rad)
-    return fit
+        x, y = unknown[0], unknown[1]
+        if math.hypot(x, y) > FARTHEST * radius_mm:
+            return False
+        for i in range(angle.size):
+            beam = angle[i]
+            for k in range(columns.size):
+                beam += basis[i, k] * unknown[columns[k]]
+            cosine, sine = math.cos(beam), math.sin(beam)
+            distance = face_distance(cosine, sine, x, y, radius_mm, thickness_mm)
+            ripple = 0.0
+            for k in range(N_RIPPLE):
+                ripple += face[i, k] * unknown[RIPPLE.start + k]
+            residual[i] = depth[i] - unknown[2] - distance - ripple
+            weight[i] = max(1 - (residual[i] / width) ** 2, 0) ** 2 * strength[i]
+            turned = face_distance(math.cos(beam + TINY), math.sin(beam + TINY), x, y, radius_mm, thickness_mm)
+            slope[i] = (turned - distance) / TINY
+            if weight[i] > 0:
+                by_x = face_distance(cosine, sine, x + TINY, y, radius_mm, thickness_mm)
+                by_y = face_distance(cosine, sine, x, y + TINY, radius_mm, thickness_mm)
+                jacobian[i, 0] = (by_x - distance) / TINY
+                jacobian[i, 1] = (by_y - distance) / TINY
+                jacobian[i, 2] = 1
+                jacobian[i, RIPPLE] = face[i]
+                for k in range(columns.size):
+                    jacobian[i, columns[k]] = slope[i] * basis[i, k]
+        used = np.flatnonzero(weight > 0)
+        if used.size < n_unknown:
+            return False
+        sigma = SIGMA_PER_MEDIAN * np.median(np.abs(residual[used]))
+        weight /= max(POINT_SIGMA_MM, sigma) ** 2
+        normal[:] = np.diag(precision)
+        change[:] = precision * (mean - unknown)
+        for i in used:
+            for k in range(n_unknown):
+                share = weight[i] * jacobian[i, k]
+                change[k] += share * residual[i]
+                for m in range(n_unknown):
+                    normal[k, m] += share * jacobian[i, m]
+        matrix[:] = normal
+        solve(matrix, change)
+        unknown += change
+    return True
 
 
 def finish_fit(points: Points, fit: TurnFit, glass: Glass, seek_lost: bool) -> TurnFit:
@@ -152,13 +217,14 @@ def finish_fit(points: Points, fit: TurnFit, glass: Glass, seek_lost: bool) -> T
     candidates = np.unique(points.angle_rad)[4:-4]
     if not seek_lost or not candidates.size:
         return finished
-    jump = (points.angle_rad[None, :] >= candidates[:, None]) * fit.slope
-    weighted = jump * fit.weight
-    coupled = weighted @ fit.jacobian
+    used = fit.weight > 0
+    jump = (points.angle_rad[used] >= candidates[:, None]) * fit.slope[used]
+    weighted = jump * fit.weight[used]
+    coupled = weighted @ fit.jacobian[used]
     # the part of the jump that the other unknowns could not take up
     left = np.sum(weighted * jump, axis=1) - np.sum(coupled * np.linalg.solve(fit.normal, coupled.T).T, axis=1)
     left = np.maximum(left, 1e-12) + 1 / LOST_RAD[1] ** 2
-    pull = weighted @ fit.residual
+    pull = weighted @ fit.residual[used]
     size, gain = pull / left, pull**2 / left
     gain = np.where((size > LOST_RAD[0]) & (size < LOST_RAD[1]), gain, 0)
     best = int(np.argmax(gain))
