@@ -18,7 +18,7 @@ from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
-from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
+from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, SECTORS, Pool, medians, pooled, ranked
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
 from endoct.stitching.robust import robust_sigma
@@ -122,9 +122,8 @@ def _dark_beyond(ascans: Image, can_stand: Mask, mm_per_px: float) -> Mask:
     """Say which samples lie in A-scans that, a little deeper, belong to the darkest of those ``can_stand`` leaves."""
     near, far = (max(1, round(reach / mm_per_px)) for reach in LINE_BEYOND_MM)
     deeper = np.pad(uniform_filter1d(ascans, far - near, axis=1), ((0, 0), (0, far)), mode="edge")[:, far:]
-    left = np.sort(np.where(can_stand, deeper, np.inf), axis=0)
-    last = np.maximum(np.ceil(DARK_SHARE * can_stand.sum(axis=0)).astype(np.intp) - 1, 0)
-    return np.asarray(deeper <= np.take_along_axis(left, last[None], axis=0))
+    last = np.maximum(np.ceil(DARK_SHARE * np.count_nonzero(can_stand, axis=0)).astype(np.intp) - 1, 0)
+    return np.asarray(deeper <= ranked(deeper, can_stand, last))
 
 
 def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> Coordinates:

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from endoct.modalities.oct.bscan import depth_sums
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, pooled
+from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, pooled, ranked
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 
 FACE_MM = 0.06  # behind the outer face, which is still in view there
 AROUND_MM = 0.2  # before and behind a sample, by which is judged whether it lies in the dark
@@ -34,16 +34,16 @@ def measure_floor(slices: Sequence[SliceFeatures], faces: Faces, lines: Mask, ac
     mm_per_px = acquisition.mm_per_px
     clear = np.arange(n_depth) * mm_per_px - pool.face_mm[:, None] > FACE_MM
     clear &= ~lines
-    around = _mean_around(pool.ascans, clear, AROUND_MM / mm_per_px, OWN_MM / mm_per_px)
-    ordered = np.sort(around, axis=0)
+    around = _mean_around(pool.ascans, clear, round(AROUND_MM / mm_per_px), round(OWN_MM / mm_per_px))
     last = np.maximum(np.ceil(DARK_SHARE * np.count_nonzero(clear, axis=0)).astype(np.intp) - 1, 0)
-    dark = clear & (around <= np.take_along_axis(ordered, last[None], axis=0))
+    dark = clear & (around <= ranked(around, clear, last))
     count = np.count_nonzero(dark, axis=0)
     known = count >= FEWEST_ASCANS
     if not known.any():
         return np.zeros(n_depth, np.float32)
     level = np.zeros(n_depth)
-    level[known] = np.nanmedian(np.where(dark[:, known], pool.ascans[:, known], np.nan), axis=0)
+    lower, upper = (ranked(pool.ascans, dark, middle) for middle in (np.maximum(count - 1, 0) // 2, count // 2))
+    level[known] = (lower[known] + upper[known]) / 2
     weight = np.where(known, count, 0).astype(np.float64)
     sigma_px = SMOOTH_MM / mm_per_px
     smooth = gaussian_filter1d(weight * level, sigma_px, mode="constant")[known]
@@ -52,15 +52,21 @@ def measure_floor(slices: Sequence[SliceFeatures], faces: Faces, lines: Mask, ac
     return np.asarray(floor, dtype=np.float32)
 
 
-def _mean_around(ascans: Image, counted: Mask, reach_px: float, own_px: float) -> Coordinates:
+@compiled
+def _mean_around(ascans: Image, counted: Mask, reach_px: int, own_px: int) -> Coordinates:
     """Return the mean of the ``counted`` samples around each one, but for its own; infinite where it is not counted."""
-    sums, counts = depth_sums(np.where(counted, ascans, 0)), depth_sums(counted.astype(np.float32))
-    each, n_depth = np.arange(ascans.shape[1]), ascans.shape[1]
-
-    def within(reach_px: float) -> tuple[Coordinates, Coordinates]:
-        first = np.clip(each - round(reach_px), 0, n_depth)
-        last = np.clip(each + round(reach_px) + 1, 0, n_depth)
-        return sums[:, last] - sums[:, first], counts[:, last] - counts[:, first]
-
-    (wide, n_wide), (own, n_own) = within(reach_px), within(own_px)
-    return np.where(counted, (wide - own) / np.maximum(n_wide - n_own, 1), np.inf)
+    n, n_depth = ascans.shape
+    around = np.full((n, n_depth), np.inf)
+    total, count = np.zeros(n_depth + 1), np.zeros(n_depth + 1)
+    for i in range(n):
+        for row in range(n_depth):
+            total[row + 1] = total[row] + (ascans[i, row] if counted[i, row] else 0)
+            count[row + 1] = count[row] + counted[i, row]
+        for row in range(n_depth):
+            if counted[i, row]:
+                first, last = max(row - reach_px, 0), min(row + reach_px + 1, n_depth)
+                own_first, own_last = max(row - own_px, 0), min(row + own_px + 1, n_depth)
+                level = (total[last] - total[first]) - (total[own_last] - total[own_first])
+                n_around = (count[last] - count[first]) - (count[own_last] - count[own_first])
+                around[i, row] = level / max(n_around, 1)
+    return around

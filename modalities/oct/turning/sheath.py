@@ -22,6 +22,8 @@ from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, line_depths_mm
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import wrap_rad
+from endoct.stitching.compiled import compiled
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.robust import robust_sigma
 
 LEAST_PRESENCE = 0.6
@@ -34,6 +36,7 @@ STRAY_RATE = 0.02  # points in a column and bin, of any pattern
 SECTORS = 16  # taken by turns for one half and for the other, each of which says where the turn starts
 RIGID_RAD = 0.08
 Field = NDArray[np.float64]
+Spectra = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +58,19 @@ def sheath_mark(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, mm_
     clear_mm = glass.thickness_mm * GLASS_INDEX / glass.medium_index + CLEAR_MM
     depth_mm = np.arange(0, reach_mm - clear_mm, BIN_MM)
     middle, n = len(slices) // 2, len(slices)
+
+    def seen(i: int) -> _Sight:
+        return _seen(slices[i], faces.capillary.circle(i), depth_mm, clear_mm)
+
     direction = np.zeros((3, n))
     pattern = _Pattern.of(depth_mm.size)
-    pattern.add(*_seen(slices[middle], faces.capillary.circle(middle), depth_mm, clear_mm), 0.0)
+    pattern.add(seen(middle), 0.0)
     for blur in BLURS:
-        rate = pattern.rate(*blur)
+        likelihood = _Likelihood.of(pattern.rate(*blur))
         pattern = _Pattern.of(depth_mm.size)
-        for i in range(n):
-            points, covered = _seen(slices[i], faces.capillary.circle(i), depth_mm, clear_mm)
-            direction[:, i] = _turned(points, covered, rate)
-            pattern.add(points, covered, direction[0, i])
+        for i, sight in enumerate(thread_map(seen, range(n))):
+            direction[:, i] = likelihood.turned(sight)
+            pattern.add(sight, direction[0, i])
     apart = wrap_rad(direction[1] - direction[2]) / 2
     usual = robust_sigma(apart)
     return Mark(wrap_rad(direction[0]), np.hypot(usual, apart) / np.sqrt(2)) if usual < RIGID_RAD else None
@@ -72,10 +78,11 @@ def sheath_mark(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, mm_
 
 def _n_lines(slices: Sequence[SliceFeatures], faces: Faces, mm_per_px: float) -> int:
     """How many lines are seen off the axis before the outer face that do not move along with it, as the inner does."""
-    depths = line_depths_mm(Lines.together([features.lines for features in slices]), mm_per_px)
+    lines = [features.lines for features in slices]
+    depths = line_depths_mm(Lines.together(lines), mm_per_px)
     count = 0
     for depth in depths[depths < faces.typical_axis_mm - SAME_LINE_MM]:
-        found = [features.lines.strongest_near(float(depth), SAME_LINE_MM) for features in slices]
+        found = [of_slice.strongest_near(float(depth), SAME_LINE_MM) for of_slice in lines]
         offset = np.array([complex(np.nan, np.nan) if one is None else complex(one.x_mm, one.y_mm) for one in found])
         seen = np.isfinite(offset)
         if np.mean(seen) < LEAST_PRESENCE or np.median(np.abs(offset[seen])) <= LEAST_OFFSET_MM:
@@ -85,20 +92,42 @@ def _n_lines(slices: Sequence[SliceFeatures], faces: Faces, mm_per_px: float) ->
     return count
 
 
-def _seen(features: SliceFeatures, face: Circle, depth_mm: Coordinates, clear_mm: float) -> tuple[Field, Field]:
-    """The points over angle and depth, and where there might be any: before the capillary's inner face."""
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """A slice's points over angle and depth, and where there might be any: spectra over the angle, of either half.
+
+    complex128 (2, N_ANGLES // 2 + 1, n_depth), the sectors of one half and of the other.
+    """
+
+    points: Spectra
+    covered: Spectra
+
+
+def _seen(features: SliceFeatures, face: Circle, depth_mm: Coordinates, clear_mm: float) -> _Sight:
+    """What is seen before the capillary's inner face."""
     points = features.points.where(features.points.beyond_mm(face) < -clear_mm)
     column = np.mod(points.angle_rad, 2 * np.pi) * (N_ANGLES / (2 * np.pi))
-    row = points.depth_mm / BIN_MM
-    inside = (row >= 0) & (row < depth_mm.size - 1)
-    column, row, strength = column[inside], row[inside], points.strength[inside]
-    first, top = np.floor(column).astype(np.intp), np.floor(row).astype(np.intp)
-    density = np.zeros((N_ANGLES, depth_mm.size))
-    for across, share in ((0, 1 - column + first), (1, column - first)):
-        for down, part in ((0, 1 - row + top), (1, row - top)):
-            np.add.at(density, ((first + across) % N_ANGLES, top + down), strength * share * part)
+    density = _density(column, points.depth_mm / BIN_MM, points.strength, depth_mm.size)
     angle = 2 * np.pi * np.arange(N_ANGLES) / N_ANGLES
-    return density, (depth_mm < face.depth_mm(angle)[:, None] - clear_mm).astype(np.float64)
+    covered = (depth_mm < face.depth_mm(angle)[:, None] - clear_mm).astype(np.float64)
+    half = (np.arange(N_ANGLES) * SECTORS // N_ANGLES % 2 == 0)[:, None]
+    parts = np.stack([half, ~half])
+    return _Sight(np.fft.rfft(density * parts, axis=1), np.fft.rfft(covered * parts, axis=1))
+
+
+@compiled
+def _density(column: Coordinates, row: Coordinates, strength: Coordinates, n_depth: int) -> Field:
+    """Points over angle and depth, float64 (N_ANGLES, n_depth), each shared among the four bins around it."""
+    density = np.zeros((N_ANGLES, n_depth))
+    for i in range(row.size):
+        if 0 <= row[i] < n_depth - 1:
+            first, top = int(column[i]), int(row[i])
+            across, down = column[i] - first, row[i] - top
+            density[first % N_ANGLES, top] += strength[i] * (1 - across) * (1 - down)
+            density[first % N_ANGLES, top + 1] += strength[i] * (1 - across) * down
+            density[(first + 1) % N_ANGLES, top] += strength[i] * across * (1 - down)
+            density[(first + 1) % N_ANGLES, top + 1] += strength[i] * across * down
+    return density
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +142,11 @@ class _Pattern:
         shape = (N_ANGLES // 2 + 1, n_depth)
         return cls(np.zeros(shape, np.complex128), np.zeros(shape, np.complex128))
 
-    def add(self, points: Field, covered: Field, direction_rad: float) -> None:
+    def add(self, sight: _Sight, direction_rad: float) -> None:
         """Add a slice in whose own frame the landmark is seen at ``direction_rad``, in place."""
         turn = np.exp(1j * np.arange(len(self.points)) * direction_rad)[:, None]
-        for total, part in ((self.points, points), (self.covered, covered)):
-            total += np.fft.rfft(part, axis=0) * turn
+        for total, halves in ((self.points, sight.points), (self.covered, sight.covered)):
+            total += (halves[0] + halves[1]) * turn
 
     def rate(self, along_mm: float, around_rad: float) -> Field:
         """Return how many points there are in a column and bin, blurred, float64 (N_ANGLES, n_depth)."""
@@ -129,18 +158,28 @@ class _Pattern:
         return np.asarray(points / np.maximum(covered, 0.05 * covered.max()))
 
 
-def _turned(points: Field, covered: Field, rate: Field) -> tuple[float, float, float]:
-    """Where a slice sees the landmark, rad: by all of it, and by either half. The likeliest, if points are Poisson."""
-    likely = np.log(rate + STRAY_RATE)
-    log_spectrum, rate_spectrum = np.fft.rfft(likely, axis=0), np.fft.rfft(rate, axis=0)
-    half = np.arange(N_ANGLES) * SECTORS // N_ANGLES % 2 == 0
-    found = []
-    for part in (np.ones(N_ANGLES, np.bool_), half, ~half):
-        seen = np.fft.rfft(points * part[:, None], axis=0), np.fft.rfft(covered * part[:, None], axis=0)
-        spectrum = np.sum(np.conj(seen[0]) * log_spectrum - np.conj(seen[1]) * rate_spectrum, axis=1)
-        likelihood = np.fft.irfft(spectrum, n=N_ANGLES)
-        k = int(np.argmax(likelihood))
-        before, here, after = likelihood[[k - 1, k, (k + 1) % N_ANGLES]]
-        sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
-        found.append(-(k + sub) * 2 * np.pi / N_ANGLES)
-    return found[0], found[1], found[2]
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Of a pattern: spectra over the angle of the logarithm of its rate, and of the rate itself."""
+
+    logarithm: NDArray[np.complex128]
+    rate: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, rate: Field) -> "_Likelihood":
+        return cls(np.fft.rfft(np.log(rate + STRAY_RATE), axis=0), np.fft.rfft(rate, axis=0))
+
+    def turned(self, sight: _Sight) -> list[float]:
+        """Where a slice sees the landmark, rad: by all of it, and by either half; likeliest, if points are Poisson."""
+        halves = [
+            np.einsum("ij,ij->i", np.conj(points), self.logarithm) - np.einsum("ij,ij->i", np.conj(covered), self.rate)
+            for points, covered in zip(sight.points, sight.covered, strict=True)
+        ]
+        found = []
+        for spectrum in (halves[0] + halves[1], *halves):
+            likelihood = np.fft.irfft(spectrum, n=N_ANGLES)
+            k = int(np.argmax(likelihood))
+            before, here, after = likelihood[[k - 1, k, (k + 1) % N_ANGLES]]
+            sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
+            found.append(-(k + sub) * 2 * np.pi / N_ANGLES)
+        return found
