@@ -4,18 +4,22 @@ Laves 2019, Image undistortion. With ω = 1, A = e and φ = −β − π/2 it is
 sees which lies off the axis by e in the direction β (:mod:`endoct.modalities.oct.face.circle`).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.compiled import compiled
+from endoct.stitching.equations import solve
 
 GAUSS_NEWTON_STEPS = 12
+LEAST_DETERMINANT = 0.1  # three points less far apart say little
 
 
 @dataclass(frozen=True)
@@ -74,15 +78,9 @@ def ransac_sine(
     if x_rad.size < 4:
         raise ValueError("four parameters need four points")
     triples = rng.integers(0, x_rad.size, (trials, 3))
-    matrix = np.stack([np.sin(x_rad[triples]), np.cos(x_rad[triples]), np.ones(triples.shape)], axis=-1)
-    regular = np.abs(np.linalg.det(matrix)) > 0.1
-    linear = np.linalg.solve(matrix[regular], y_mm[triples[regular], None])[..., 0]
-    a, phi = start.amplitude_mm, start.phase_rad
-    linear = np.vstack([[a * np.cos(phi), a * np.sin(phi), start.offset_mm], linear])
     some = rng.permutation(x_rad.size)[:256]
-    basis = np.stack([np.sin(x_rad[some]), np.cos(x_rad[some]), np.ones(some.size)])
-    count = np.count_nonzero(np.abs(linear @ basis - y_mm[some]) < tolerance_mm, axis=1)
-    p, q, d = linear[int(np.argmax(count))]
+    begin = start.amplitude_mm * np.cos(start.phase_rad), start.amplitude_mm * np.sin(start.phase_rad), start.offset_mm
+    p, q, d = _best_trial(np.sin(x_rad), np.cos(x_rad), y_mm, triples, some, tolerance_mm, np.array(begin))
     best = Sine(float(np.hypot(p, q)), 1.0, float(np.mod(np.arctan2(q, p), 2 * np.pi)), float(d))
     for _ in range(3):
         inliers = np.abs(best(x_rad) - y_mm) < tolerance_mm
@@ -92,16 +90,68 @@ def ransac_sine(
     return best, np.abs(best(x_rad) - y_mm) < tolerance_mm
 
 
+@compiled
+def _best_trial(
+    sine: Coordinates,
+    cosine: Coordinates,
+    y_mm: Coordinates,
+    triples: NDArray[np.int64],
+    some: NDArray[np.int64],
+    tolerance_mm: float,
+    begin: Coordinates,
+) -> Coordinates:
+    """The factors of sine, cosine and 1 through one of ``triples``, or ``begin``, that most of ``some`` are near."""
+    best, most = begin.copy(), -1
+    matrix, factors = np.empty((3, 3)), begin.copy()
+    for trial in range(-1, len(triples)):
+        if trial >= 0:
+            for k in range(3):
+                at = triples[trial, k]
+                matrix[k, 0], matrix[k, 1], matrix[k, 2], factors[k] = sine[at], cosine[at], 1, y_mm[at]
+            determinant = 0.0
+            for k in range(3):
+                m, n = (k + 1) % 3, (k + 2) % 3
+                determinant += matrix[m, 0] * matrix[n, 1] - matrix[n, 0] * matrix[m, 1]
+            if abs(determinant) <= LEAST_DETERMINANT:
+                continue
+            solve(matrix, factors)
+        count = 0
+        for at in some:
+            away = factors[0] * sine[at] + factors[1] * cosine[at] + factors[2] - y_mm[at]
+            count += abs(away) < tolerance_mm
+        if count > most:
+            best[:], most = factors, count
+    return best
+
+
 def _refine(sine: Sine, x: Coordinates, y: Coordinates) -> Sine:
-    a, omega, phi, d = sine.amplitude_mm, sine.omega, sine.phase_rad, sine.offset_mm
-    for _ in range(GAUSS_NEWTON_STEPS):
-        inner = omega * x + phi
-        slope = a * np.cos(inner)
-        jacobian = np.stack([np.sin(inner), slope * x, slope, np.ones_like(x)], axis=1)
-        # a small ridge: ω and φ mean nothing where the amplitude vanishes
-        normal = jacobian.T @ jacobian + 1e-6 * x.size * np.diag([0, 1e-2, 1e-4, 0])
-        step = np.linalg.solve(normal, jacobian.T @ (y - a * np.sin(inner) - d))
-        a, omega, phi, d = a + step[0], float(np.clip(omega + step[1], 0.8, 1.2)), phi + step[2], d + step[3]
+    begin = np.array([sine.amplitude_mm, sine.omega, sine.phase_rad, sine.offset_mm])
+    a, omega, phi, d = _gauss_newton(begin, x, y)
     if a < 0:
         a, phi = -a, phi + np.pi
     return Sine(float(a), float(omega), float(np.mod(phi, 2 * np.pi)), float(d))
+
+
+@compiled
+def _gauss_newton(begin: Coordinates, x: Coordinates, y: Coordinates) -> Coordinates:
+    """Amplitude, ω, phase and offset after some steps from ``begin``."""
+    found = begin.copy()
+    matrix, step, slopes = np.empty((4, 4)), np.empty(4), np.empty(4)
+    for _ in range(GAUSS_NEWTON_STEPS):
+        matrix[:] = 0
+        step[:] = 0
+        # a small ridge: ω and φ mean nothing where the amplitude vanishes
+        matrix[1, 1], matrix[2, 2] = 1e-8 * x.size, 1e-10 * x.size
+        for i in range(x.size):
+            inner = found[1] * x[i] + found[2]
+            sine, cosine = math.sin(inner), math.cos(inner)
+            slopes[0], slopes[1], slopes[2], slopes[3] = sine, found[0] * cosine * x[i], found[0] * cosine, 1
+            residual = y[i] - found[0] * sine - found[3]
+            for k in range(4):
+                step[k] += slopes[k] * residual
+                for m in range(4):
+                    matrix[k, m] += slopes[k] * slopes[m]
+        solve(matrix, step)
+        found += step
+        found[1] = min(max(found[1], 0.8), 1.2)
+    return found

@@ -9,6 +9,7 @@ and at start + α(a) in the frame that all slices share: ``start``, where the tu
 less one; the sum, the smooth error that friction makes; ``lost``, the angle of a block of A-scans never written.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.circle import harmonics
+from endoct.stitching.compiled import compiled
 
 HARMONICS = 4
 N_SMOOTH = 2 * HARMONICS
@@ -55,13 +57,10 @@ class Rotation:
 
     def error_rad(self, index: int, nominal_rad: Coordinates) -> Coordinates:
         """Return α(a) − a at nominal angles, rad, of their shape."""
-        error = self.stretch[index] * (nominal_rad - np.pi)
-        for h in range(1, HARMONICS + 1):
-            cosine, sine = self.smooth_rad[index, 2 * h - 2 : 2 * h]
-            error = error + cosine * np.cos(h * nominal_rad) + sine * np.sin(h * nominal_rad)
-        if np.isfinite(self.lost_at_rad[index]):
-            error = error + self.lost_rad[index] * (nominal_rad >= self.lost_at_rad[index])
-        return np.asarray(error)
+        lost_at = self.lost_at_rad[index]
+        nominal = np.asarray(nominal_rad, np.float64)
+        error = _error(nominal.ravel(), self.stretch[index], self.smooth_rad[index], lost_at, self.lost_rad[index])
+        return error.reshape(nominal.shape)
 
     def nominal_rad(self, index: int, beam_rad: Coordinates, n_ascans: int) -> tuple[Coordinates, Mask]:
         """Return the nominal angle in [−π/n, 2π − π/n) at which beams α were recorded, and whether they were.
@@ -106,6 +105,21 @@ class Rotation:
         return (
             self.stretch[index] == 0 and not self.smooth_rad[index].any() and not np.isfinite(self.lost_at_rad[index])
         )
+
+
+@compiled
+def _error(
+    nominal_rad: Coordinates, stretch: float, smooth_rad: Coordinates, lost_at_rad: float, lost_rad: float
+) -> Coordinates:
+    error = np.empty(nominal_rad.size)
+    for i in range(nominal_rad.size):
+        angle = nominal_rad[i]
+        error[i] = stretch * (angle - math.pi)
+        for h in range(1, HARMONICS + 1):
+            error[i] += smooth_rad[2 * h - 2] * math.cos(h * angle) + smooth_rad[2 * h - 1] * math.sin(h * angle)
+        if angle >= lost_at_rad:  # never where it is NaN
+            error[i] += lost_rad
+    return error
 
 
 def even_rotation(n_slices: int) -> Rotation:
