@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from endoct.modalities.folders import exists, is_folder
-from endoct.modalities.keys import abridged, check_kinds, expectation
+from endoct.modalities.keys import abridged, check_kinds, expectation, field_at, table_model
 from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
@@ -109,16 +109,7 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
     :class:`EndoctError` for the first key that is unknown (suggesting the nearest), missing, or has an
     impossible value.
     """
-    known = [*model.model_fields, *also]
-    for key in keys:
-        if key not in model.model_fields:
-            # comparing takes long for what is no word
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.5) if len(key) <= LONGEST_KEY else []
-            raise EndoctError(
-                f"unknown key '{key[:LONGEST_KEY]}' in {where}",
-                expected=f"'{near[0]}'" if near else f"one of {', '.join(known)}",
-                remedy="correct the spelling or remove the key",
-            )
+    _check_known(model, keys, where, also)
     check_kinds(model, keys, where)
     try:
         return model.model_validate(dict(keys))
@@ -128,21 +119,56 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
         said = expectation(model, first)
         if not key:  # the keys do not fit each other
             raise EndoctError(f"{where}: {said}", remedy="correct the keys") from None
-        missing = [str(e["loc"][0]) for e in error.errors() if e["type"] == "missing" and len(e["loc"]) == 1]
+        missing = [e["loc"] for e in error.errors() if e["type"] == "missing" and field_at(model, e["loc"])]
         if missing:
-            fields = model.model_fields
-            described = ", ".join(
-                f"'{name}'" + (f" ({fields[name].description})" if fields[name].description else "") for name in missing
-            )
+            described, first_one = ", ".join(_described(model, place) for place in missing), _dotted(missing[0])
             raise EndoctError(
                 f"{where} lacks {described}",
-                remedy=f"add what is missing to {SIDECAR_NAME}, or give it with settings={{'{missing[0]}': VALUE}}",
+                remedy=f"add what is missing to {SIDECAR_NAME}, or give it with settings={{'{first_one}': VALUE}}",
             ) from None
         raise EndoctError(
             f"'{key}' in {where} cannot be used",
             found=abridged(first["input"]),
             expected=said,
         ) from None
+
+
+def overridden(keys: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``keys`` with ``overrides`` in their place; "table.key" replaces one key of a table."""
+    result = dict(keys)
+    for name, value in overrides.items():
+        table, dot, key = name.partition(".")
+        within = result.get(table)
+        result[table] = {**(within if isinstance(within, Mapping) else {}), key: value} if dot else value
+    return result
+
+
+def _check_known(
+    model: type[BaseModel], keys: Mapping[str, Any], where: str, also: tuple[str, ...] = (), inside: str = ""
+) -> None:
+    known = [f"{inside}{key}" for key in (*model.model_fields, *also)]
+    for key, value in keys.items():
+        name = f"{inside}{key}"
+        if key not in model.model_fields:
+            # comparing takes long for what is no word
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5) if len(name) <= LONGEST_KEY else []
+            raise EndoctError(
+                f"unknown key '{name[:LONGEST_KEY]}' in {where}",
+                expected=f"'{near[0]}'" if near else f"one of {', '.join(known)}",
+                remedy="correct the spelling or remove the key",
+            )
+        table = table_model(model.model_fields[key])
+        if table is not None and isinstance(value, Mapping):
+            _check_known(table, value, where, inside=f"{name}.")
+
+
+def _described(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
+    field = field_at(model, place)
+    return f"'{_dotted(place)}'" + (f" ({field.description})" if field is not None and field.description else "")
+
+
+def _dotted(place: tuple[int | str, ...]) -> str:
+    return ".".join(map(str, place))
 
 
 def read_toml(path: Path) -> dict[str, Any]:

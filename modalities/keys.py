@@ -24,6 +24,21 @@ UNITS = {
 }
 
 
+def table_model(field: FieldInfo) -> type[BaseModel] | None:
+    """Return the model of a key that is a table, None where it is none."""
+    return next((kind for kind in _kinds(field.annotation) if issubclass(kind, BaseModel)), None)
+
+
+def field_at(model: type[BaseModel], place: Iterable[Any]) -> FieldInfo | None:
+    """Return the field at ``place``: a key, or a key and keys of the tables within."""
+    field: FieldInfo | None = None
+    within: type[BaseModel] | None = model
+    for part in place:
+        field = within.model_fields.get(part) if within is not None and isinstance(part, str) else None
+        within = table_model(field) if field is not None else None
+    return field
+
+
 def check_kinds(model: type[BaseModel], keys: Mapping[str, Any], where: str, inside: str = "") -> None:
     """Raise :class:`EndoctError` for a text or true and false where ``model`` has a number, and for absurd numbers.
 
@@ -33,10 +48,8 @@ def check_kinds(model: type[BaseModel], keys: Mapping[str, Any], where: str, ins
         if (field := model.model_fields.get(name)) is None:
             continue
         kinds = set(_kinds(field.annotation))
-        if isinstance(value, Mapping):
-            for kind in kinds:
-                if issubclass(kind, BaseModel):
-                    check_kinds(kind, value, where, f"{inside}{name}.")
+        if isinstance(value, Mapping) and (table := table_model(field)) is not None:
+            check_kinds(table, value, where, f"{inside}{name}.")
         if not kinds & {int, float}:
             continue
         for one in value if isinstance(value, list | tuple) else [value]:
@@ -86,7 +99,7 @@ def _bounds(model: type[BaseModel], place: Iterable[Any]) -> tuple[Any, Any]:
         field = within.model_fields.get(part) if within is not None and isinstance(part, str) else None
         if field is None:
             continue
-        within = next((kind for kind in _kinds(field.annotation) if issubclass(kind, BaseModel)), None)
+        within = table_model(field)
         for limit in _limits(field):
             low = limit.ge if isinstance(limit, Ge | Interval) and limit.ge is not None else low
             low = limit.gt if isinstance(limit, Gt | Interval) and limit.gt is not None else low

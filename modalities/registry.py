@@ -7,7 +7,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, get_args
 
-from endoct.modalities.acquisition import SIDECAR_NAME, read_keys, sidecar_path, validate
+from endoct.modalities.acquisition import SIDECAR_NAME, overridden, read_keys, sidecar_path, validate
 from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, import_cause
 from endoct.modalities.folders import exists
 from endoct.modalities.keys import abridged
@@ -82,13 +82,13 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
 def open_recording(
     path: Path, *, modality: str | None = None, overrides: Mapping[str, Any] | None = None
 ) -> tuple[Manifest, FrameStream]:
-    """Open ``path`` with its plug-in; ``overrides`` replace keys of the sidecar.
+    """Open ``path`` with its plug-in; ``overrides`` replace keys of the sidecar ("table.key": one of a table).
 
     Raises :class:`EndoctError` where the recording or its sidecar cannot be used.
     """
     manifest = manifest_for(path, modality)
     overrides = dict(overrides or {})
-    keys = read_keys(path) | {"modality": manifest.name} | overrides
+    keys = overridden(read_keys(path) | {"modality": manifest.name}, overrides)
     sidecar = sidecar_path(path)
     if not exists(sidecar) and not overrides:
         raise EndoctError(

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 
+from endoct.synthetic.oct.raw import CHIRP, OFFSET, SAMPLES
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 
-TomlValue = str | float | list[float] | dict[str, float]
+TomlValue = str | float | list[float] | Mapping[str, str | float]
 
 
 def oct_sidecar(sample: Sample) -> dict[str, TomlValue]:
@@ -26,6 +27,21 @@ def oct_sidecar(sample: Sample) -> dict[str, TomlValue]:
     }
     if oct_.states_first_sample:
         keys["first_sample_mm"] = oct_.first_sample_mm
+    return keys
+
+
+def spectra_sidecar(sample: Sample) -> dict[str, TomlValue]:
+    """Return the keys of ``oct-spectra/acquisition.toml``: in place of what is said of B-scans, of raw spectra."""
+    size = PRESETS[sample.preset]
+    keys = {key: value for key, value in oct_sidecar(sample).items() if key not in ("intensity", "db_per_count")}
+    keys["spectra"] = {
+        "file": SAMPLES,
+        "samples": 2 * size.n_depth,
+        "ascans": size.n_ascans,
+        "chirp": CHIRP,
+        "offset": OFFSET,
+        "electrons_per_count": sample.oct.electrons_per_count,
+    }
     return keys
 
 

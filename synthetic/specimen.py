@@ -122,9 +122,11 @@ def write_specimen(
     workers = 1 + len(processes)
     if spectra:
         from endoct.synthetic.oct.raw import write_spectra
+        from endoct.synthetic.sidecars import spectra_sidecar, toml
 
         advance = partial(progress, "spectra")
         write_spectra(folder / "oct-spectra", sample, model.wall, model.appearance, advance, workers)
+        (folder / "oct-spectra" / "acquisition.toml").write_text(toml(spectra_sidecar(sample)), encoding="utf-8")
     if labels:
         from endoct.synthetic.labels.writing import write_labels
 

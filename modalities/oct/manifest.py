@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from endoct.modalities.acquisition import Acquisition, Handedness, Travel
 from endoct.modalities.contract import Manifest
-from endoct.modalities.oct.spectra.keys import SpectraKeys
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, SpectraKeys
 from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.per_frame import Meaning
 
@@ -91,6 +91,12 @@ class OctAcquisition(Acquisition):
                 f"capillary_outer_diameter_mm ({self.capillary_outer_diameter_mm:g}) must be smaller than "
                 f"bore_diameter_mm ({self.bore_diameter_mm:g})"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _spectra_are_no_bscans(self) -> Self:
+        if self.spectra and (self.intensity != "log" or self.db_per_count not in (None, 1 / COUNTS_PER_DB)):
+            raise ValueError("intensity and db_per_count are those of B-scans; leave them out where spectra are stated")
         return self
 
 

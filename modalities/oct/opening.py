@@ -8,6 +8,7 @@ from endoct.modalities.contract import Frame, inward_positions_mm
 from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB
+from endoct.modalities.oct.spectra.recognising import seems_spectra
 from endoct.modalities.recording import ImageStack, open_stack
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
@@ -25,7 +26,7 @@ class Pullback:
 
     def __init__(self, path: Path, acquisition: OctAcquisition) -> None:
         if acquisition.spectra is None:
-            self._stack: ImageStack = open_stack(path)
+            self._stack: ImageStack = _open_bscans(path)
         else:
             from endoct.modalities.oct.spectra.reading import open_spectra  # which loads a compiler
 
@@ -86,3 +87,14 @@ class Pullback:
 
     def __getitem__(self, index: int) -> Frame:
         return Frame(index=index, samples=self._stack[index].T, z_mm=float(self.z_mm[index]))
+
+
+def _open_bscans(path: Path) -> ImageStack:
+    try:
+        return open_stack(path)
+    except EndoctError:
+        if (why := seems_spectra(path)) is None:
+            raise
+        raise EndoctError(
+            f"{path} holds no B-scans", found=why, remedy="state them in a table 'spectra' of the sidecar"
+        ) from None

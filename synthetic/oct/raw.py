@@ -14,6 +14,7 @@ from endoct.synthetic.progress import Advance
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 
+SAMPLES, CHIRP, OFFSET = "spectra.bin", "Chirp.bin", "Offset.bin"
 CHAIN = (
     "counts x electrons_per_count, minus Offset.bin, minus the mean over the A-scans of a slice; interpolate the "
     "values, which lie at Chirp.bin, at 0, 1, ... samples - 1; Hann window; FFT; keep the first half; squared "
@@ -32,13 +33,13 @@ def write_spectra(
     folder.mkdir()
     size = PRESETS[sample.preset]
     n = 2 * size.n_depth
-    with (folder / "spectra.bin").open("wb") as file:
+    with (folder / SAMPLES).open("wb") as file:
         slices = thread_map(lambda i: spectra(sample, wall, appearance, i), range(size.n_slices), workers)
         for i, ascans in enumerate(slices, 1):
             file.write(np.ascontiguousarray(ascans, dtype="<u2").tobytes())
             advance(i / size.n_slices)
-    (folder / "Chirp.bin").write_bytes(chirp(n).astype("<f8").tobytes())
-    (folder / "Offset.bin").write_bytes(offset(sample).astype("<f8").tobytes())
+    (folder / CHIRP).write_bytes(chirp(n).astype("<f8").tobytes())
+    (folder / OFFSET).write_bytes(offset(sample).astype("<f8").tobytes())
     about = {
         "slices": size.n_slices,
         "ascans": size.n_ascans,

@@ -36,6 +36,6 @@ def split(settings: Mapping[str, object], manifest: Manifest) -> tuple[dict[str,
     """
     sidecar_keys = manifest.acquisition.model_fields
     model: type[BaseModel] = manifest.load().parameters
-    overrides = {key: value for key, value in settings.items() if key in sidecar_keys}
-    chosen = {key: value for key, value in settings.items() if key not in sidecar_keys}
+    overrides = {key: value for key, value in settings.items() if key.partition(".")[0] in sidecar_keys}
+    chosen = {key: value for key, value in settings.items() if key not in overrides}
     return overrides, validate(model, chosen, f"the settings of '{manifest.name}'", also=tuple(sidecar_keys))

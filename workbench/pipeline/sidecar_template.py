@@ -2,12 +2,13 @@
 
 import json
 import tomllib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from pydantic.fields import FieldInfo
 
 from endoct.modalities.acquisition import Acquisition, read_toml, sidecar_path
+from endoct.modalities.keys import table_model
 from endoct.modalities.registry import manifest_for, manifests
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
@@ -83,9 +84,18 @@ def _alternative(key: str, acquisition: type[Acquisition]) -> str:
 
 
 def _line(key: str, field: FieldInfo, kept: dict[str, object]) -> str:
-    if key in kept and isinstance(kept[key], str | int | float | bool | list):
-        return f"{key} = {json.dumps(kept[key], ensure_ascii=False)}"
     if key in kept:
-        raise EndoctError(f"the sidecar's '{key}' cannot be carried over", remedy="edit the sidecar by hand")
+        return f"{key} = {_value(key, kept[key])}"
+    if (table := table_model(field)) is not None:
+        required = [f"{name} = …" for name, within in table.model_fields.items() if within.is_required()]
+        return f"# {key} = {{ {', '.join(required)} }}"
     default = field.get_default()
     return f"# {key} = " + ("" if field.is_required() or default is None else json.dumps(default))
+
+
+def _value(key: str, value: object) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {_value(key, inner)}" for name, inner in value.items()) + " }"
+    if isinstance(value, str | int | float | bool | list):
+        return json.dumps(value, ensure_ascii=False)
+    raise EndoctError(f"the sidecar's '{key}' cannot be carried over", remedy="edit the sidecar by hand")

@@ -9,6 +9,8 @@ EVEN = "even"
 COUNTS_PER_DB = 256
 ZERO_DB = -100.0
 """Samples of B-scans that are made of spectra: from −100 dB on 256 to a decibel. 0 dB is a cosine of amplitude 1."""
+LEAST_SAMPLES, MOST_SAMPLES = 96, 65536
+LEAST_ASCANS = 64
 MOST_RAD = 1e4
 Radians = Annotated[float, Field(ge=-MOST_RAD, le=MOST_RAD)]
 
@@ -23,8 +25,10 @@ class SpectraKeys(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     file: str = Field(description="file of the samples, one spectrum behind the other, little-endian, no header")
-    samples: int = Field(ge=96, le=65536, description="samples of one spectrum, an even number")
-    ascans: int = Field(ge=64, le=1_000_000, description="A-scans of one slice: of one turn")
+    samples: int = Field(
+        ge=LEAST_SAMPLES, le=MOST_SAMPLES, multiple_of=2, description="samples of one spectrum, an even number"
+    )
+    ascans: int = Field(ge=LEAST_ASCANS, le=1_000_000, description="A-scans of one slice: of one turn")
     slices: int | None = Field(
         default=None, ge=1, le=1_000_000, description="slices to read; default: all, and the file must end with one"
     )
@@ -51,8 +55,11 @@ class SpectraKeys(BaseModel):
     window: Literal["hann", "hamming", "blackman", "flat"] = Field(
         default="hann", description="window over the spectrum: narrower points or lower side lobes"
     )
-    dispersion_rad: tuple[Radians, Radians] | None = Field(
-        default=None, description="phase a·x² + b·x³ to take off, x from −1 to 1 over the even wavenumbers: [a, b]"
+    dispersion_rad: tuple[Radians, ...] | None = Field(
+        default=None,
+        min_length=1,
+        max_length=2,
+        description="[a, b] of the phase a·x² + b·x³ to take off, x from −1 to 1 over the even wavenumbers",
     )
     dispersion: str | None = Field(
         default=None, description="file of the phase to take off at each even wavenumber, rad"
@@ -65,10 +72,14 @@ class SpectraKeys(BaseModel):
 
     @model_validator(mode="after")
     def _keys_fit(self) -> Self:
-        if self.samples % 2:
-            raise ValueError(f"an even number of samples, not {self.samples}")
         if self.dispersion is not None and self.dispersion_rad is not None:
             raise ValueError("one of dispersion and dispersion_rad")
         if self.background == "offset" and self.offset is None:
             raise ValueError("an offset, where background is offset")
         return self
+
+
+class StatedSpectra(BaseModel):
+    """Of a sidecar the table alone, which may be there before the rest is filled in."""
+
+    spectra: SpectraKeys

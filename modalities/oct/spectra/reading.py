@@ -68,7 +68,7 @@ def chain_of(folder: Path, keys: SpectraKeys) -> Reconstruction:
         background = offset / keys.electrons_per_count if keys.background == "offset" else None
     phase = None
     if keys.dispersion_rad is not None:
-        phase = dispersion_phase(n, *keys.dispersion_rad)
+        phase = dispersion_phase(n, keys.dispersion_rad)
     elif keys.dispersion is not None:
         phase = read_vector(folder, keys.dispersion, "spectra.dispersion", n)
     return reconstruction(
@@ -131,7 +131,7 @@ def _count_slices(file: Path, keys: SpectraKeys) -> int:
             f"{file} does not end with a whole slice",
             found=f"{size // ascan} A-scans, {rest} more than {whole} slices of {keys.ascans}",
             expected="whole slices",
-            remedy="check 'ascans' in the sidecar"
+            remedy="check 'ascans' and 'samples' in the sidecar"
             + (f"; to leave out the last, incomplete turn, state 'slices = {whole}'" if whole else ""),
         )
     return whole

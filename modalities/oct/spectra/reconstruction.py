@@ -71,8 +71,10 @@ def reconstruction(
     background: Coordinates | None = None,
     phase_rad: Coordinates | None = None,
 ) -> Reconstruction:
-    """Return the chain with these taps; ``window`` and ``phase_rad`` are of n even wavenumbers, ``background`` is in
-    counts, None: the mean of a slice."""
+    """Return the chain with these taps.
+
+    ``window`` and ``phase_rad`` are of the n even wavenumbers; ``background`` is in counts, None: the mean of a slice.
+    """
     scale = 2 * electrons_per_count / window.sum() * window
     return Reconstruction(
         first=taps.first.astype(np.uint32),

@@ -1,5 +1,6 @@
 """From samples at uneven wavenumbers to even ones: which samples are read, and with which weights."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -66,7 +67,6 @@ def window(name: str, places: Coordinates) -> Coordinates:
     return np.where(np.isfinite(places), shape, 0.0)
 
 
-def dispersion_phase(n: int, second_rad: float, third_rad: float) -> Coordinates:
-    """Return a·x² + b·x³ over n even wavenumbers, x from −1 to 1, rad, float64 (n,)."""
-    x = np.linspace(-1, 1, n)
-    return second_rad * x**2 + third_rad * x**3
+def dispersion_phase(n: int, coefficients_rad: Sequence[float]) -> Coordinates:
+    """Return a·x² + b·x³ + … over n even wavenumbers, x from −1 to 1, rad, float64 (n,)."""
+    return np.asarray(np.polynomial.Polynomial([0, 0, *coefficients_rad])(np.linspace(-1, 1, n)), dtype=np.float64)

@@ -26,7 +26,7 @@ def read_vector(folder: Path, name: str, key: str, n: int) -> Coordinates:
         kind = {8 * n: "<f8", 4 * n: "<f4"}.get(len(data))
         if kind is None:
             raise EndoctError(
-                f"{path}, the {key} of a recording, has the wrong length",
+                f"{path}, '{key}' in the sidecar, has the wrong length",
                 found=f"{len(data)} bytes",
                 expected=f"{8 * n} bytes (float64) or {4 * n} (float32) for {n} samples a spectrum",
                 remedy="check 'samples' in the sidecar, and the file",
@@ -34,14 +34,14 @@ def read_vector(folder: Path, name: str, key: str, n: int) -> Coordinates:
         values = np.frombuffer(data, kind).astype(np.float64)
     if values.size != n:
         raise EndoctError(
-            f"{path}, the {key} of a recording, has the wrong length",
+            f"{path}, '{key}' in the sidecar, has the wrong length",
             found=f"{values.size} numbers",
             expected=f"{n}, one a sample",
             remedy="check 'samples' in the sidecar, and the file",
         )
     if not np.isfinite(values).all():
         raise EndoctError(
-            f"{path}, the {key} of a recording, is not finite",
+            f"{path}, '{key}' in the sidecar, is not finite",
             found=f"value {int(np.flatnonzero(~np.isfinite(values))[0])} is NaN or infinite",
             remedy="check that it holds little-endian float64 or float32",
         )

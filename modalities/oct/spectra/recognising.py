@@ -1,0 +1,46 @@
+"""What looks like raw spectra before a sidecar says so: a file of samples next to a chirp."""
+
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from endoct.modalities.folders import entries, is_folder
+from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, LEAST_SAMPLES, MOST_SAMPLES
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.files import read_start
+
+ENDS = 0.05
+"""Share of the samples by which a chirp may begin and end beside the first and the last of them."""
+
+
+def seems_spectra(path: Path) -> str | None:
+    """Return why a folder, or a file in one, seems to hold raw spectra; None where it does not."""
+    folder = path if is_folder(path) else path.parent
+    with suppress(EndoctError, OSError):
+        files = [file for file in entries(folder) if file.is_file()]
+        for chirp in files:
+            if not (n := _chirp_length(chirp)):
+                continue
+            sizes = {file: file.stat().st_size for file in (files if is_folder(path) else [path])}
+            spectra = [file for file, size in sizes.items() if size >= 2 * n * LEAST_ASCANS and size % (2 * n) == 0]
+            if len(spectra) == 1:
+                return f"{chirp.name} looks like a chirp, and {spectra[0].name} could hold raw spectra of {n} samples"
+    return None
+
+
+def _chirp_length(file: Path) -> int:
+    """Return of how many samples the file is a chirp, 0 where it is none."""
+    data = read_start(file, 8 * MOST_SAMPLES + 1)
+    for itemsize, kind in ((8, "<f8"), (4, "<f4")):
+        n = len(data) // itemsize
+        if len(data) % itemsize == 0 and LEAST_SAMPLES <= n <= MOST_SAMPLES and _rises(np.frombuffer(data, kind)):
+            return n
+    return 0
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def _rises(values: Coordinates) -> bool:
+    ends = abs(values[0]), abs(values[-1] - (values.size - 1))
+    return bool((np.diff(values) > 0).all() and max(ends) <= ENDS * values.size)
