@@ -174,3 +174,21 @@ SPECKLE_CORRELATION = 0.035
 GHOST_DB = 1.5
 # A band of polymer, whose grains are some 40 A-scans wide: 6 slices of some 50 grains in 10 rows.
 SPECKLE_CONTRAST_OF_SHEATH = 0.08
+
+# Raw spectra to B-scans. A B-scan counts in 1/256 dB, its logarithm errs by 1/80 of that, sums in float32 by as much.
+COUNT_DB = 0.004
+QUANTISED_DB = 0.002  # in the mean over depths
+# A chirp's inverse by monotone cubics, where it bends by up to 0.4 over 128 samples.
+INVERSE_CHIRP_PX = 2e-3
+# A mirror's place by a parabola through three decibels of a Hann window, and its mirror image's side lobes near zero.
+PEAK_PX = 0.02
+# The same behind a chirp: the inverse chirp, and what cubics make of waves up to 0.7 of the highest.
+CHIRPED_PEAK_PX = 0.05
+# A point spread behind a chirp against the window's transform: 0.02 dB of roll-off, and the mirror image's side lobes.
+POINT_SPREAD_SHARE = 5e-3
+# Widths sampled at 1/32 px: two ends.
+POINT_WIDTH_PX = 0.0625
+# What is left of a cubic's roll-off at 0.7 of full depth, where it is made good by that of noise; and scalloping.
+ROLL_OFF_LEFT_DB = 0.6
+# Side lobes 58 dB down, where cubics leave as much as 5 % of them.
+SIDE_LOBE_DB = 0.8

@@ -57,18 +57,19 @@ def resample(
 
 
 @compiled
-def write_levels(parts: Image, power: Image, counts: NDArray[np.uint16]) -> None:
+def write_levels(parts: Image, gain: Image, power: Image, counts: NDArray[np.uint16]) -> None:
     """Write the levels of half-spectra as ``counts`` (A-scan, depth), :data:`COUNTS_PER_DB` from :data:`ZERO_DB` on.
 
     A row of ``parts``, float32 (A-scan, n), holds the real part of depth 0, then real and imaginary parts of depths 1,
-    2, …. ``power``, float32 (n / 2,), is room for one A-scan.
+    2, …. Powers are multiplied by ``gain``, float32 (n / 2,); ``power``, of the same shape, is room for one A-scan.
     """
     n_depth = counts.shape[1]
     bits = power.view(np.int32)
     for i in range(counts.shape[0]):
-        power[0] = parts[i, 0] * parts[i, 0]
+        power[0] = parts[i, 0] * parts[i, 0] * gain[0]
         for k in range(1, n_depth):
-            power[k] = parts[i, 2 * k - 1] * parts[i, 2 * k - 1] + parts[i, 2 * k] * parts[i, 2 * k]
+            real, imaginary = parts[i, 2 * k - 1], parts[i, 2 * k]
+            power[k] = (real * real + imaginary * imaginary) * gain[k]
         for k in range(n_depth):
             octave = np.float32((bits[k] >> 23) - 127)
             bits[k] = (bits[k] & 0x7FFFFF) | 0x3F800000  # its mantissa, from 1 to 2

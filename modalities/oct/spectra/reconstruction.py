@@ -7,6 +7,7 @@ from functools import cache
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft
 
 from endoct.modalities.oct.spectra.kernels import TOGETHER, Counts, add_up, join_halves, resample, write_levels
 from endoct.modalities.oct.spectra.resampling import Taps
@@ -22,12 +23,14 @@ class Reconstruction:
     """How spectra of n samples become A-scans of n / 2; picklable.
 
     Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, 4), the taps with window, electrons and the scale in
-    them that gives a cosine of amplitude 1 the level 0 dB, whatever n and the window are; ``background`` float64 (n,),
+    them that gives a cosine of amplitude 1 the level 0 dB, whatever n and the window are; ``gain`` float32 (n / 2,),
+    by which powers are multiplied to make up for the roll-off of the interpolation; ``background`` float64 (n,),
     counts, None: the mean over the A-scans of a slice; ``cos_sin`` float32 (2, n) of the dispersion's phase, if any.
     """
 
     first: NDArray[np.uint32]
     weights: Image
+    gain: Image
     background: Coordinates | None
     cos_sin: Image | None
 
@@ -45,7 +48,7 @@ class Reconstruction:
             first = min(start, n_ascans - BLOCK)  # the last block begins before the one before it ends
             block = slice(first, first + BLOCK)
             resample(spectra[block], self.first, self.weights, background, room.samples, room.fringes)
-            write_levels(self._half_spectra(room), room.power, counts[block])
+            write_levels(self._half_spectra(room), self.gain, room.power, counts[block])
         return counts
 
     def _resampled(self, background: Coordinates) -> Image:
@@ -79,9 +82,24 @@ def reconstruction(
     return Reconstruction(
         first=taps.first.astype(np.uint32),
         weights=(taps.weights * scale[:, None]).astype(np.float32),
+        gain=_gain(taps, window),
         background=background,
         cos_sin=None if phase_rad is None else np.stack([np.cos(phase_rad), np.sin(phase_rad)]).astype(np.float32),
     )
+
+
+def _gain(taps: Taps, window: Coordinates) -> Image:
+    """Return by what power falls with depth as samples are interpolated, its inverse, float32 (n / 2,).
+
+    The measure is white noise of the detector, whose level is to be one over all depths: what interpolation takes from
+    it, it takes from fringes.
+    """
+    n = window.size
+    power = np.zeros(n // 2 + 1)
+    for some in np.array_split(np.arange(n), max(1, n // 256)):  # responses to single samples
+        tap = some[:, None, None] - taps.first[None, :, None] == np.arange(taps.weights.shape[1])
+        power += (np.abs(rfft((tap * taps.weights).sum(axis=2) * window, axis=1)) ** 2).sum(axis=0)
+    return np.asarray(power[0] / power[: n // 2], dtype=np.float32)
 
 
 def mean_spectrum(spectra: Counts) -> Coordinates:
