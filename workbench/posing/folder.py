@@ -1,30 +1,27 @@
 """The folder that `endoct pose` writes."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.pose.air import AirAround
+from endoct.fusion.pose.pose import BorePose
 from endoct.modalities.ct_volume import CtVolume
 from endoct.modalities.markups import write_line
 from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.posing.each_side import EachSide, one_thread
 from endoct.workbench.posing.figures import draw_cut, draw_wall
 from endoct.workbench.posing.handover import write_handover
 from endoct.workbench.posing.page import pose_page
 from endoct.workbench.posing.prediction import compare_with, predicted, save_compared
-from endoct.workbench.posing.result import PoseResult
-from endoct.workbench.report.figures.drawing import write_figures
+from endoct.workbench.posing.result import Made, PoseResult
+from endoct.workbench.report.figures.drawing import Drawn, write_figures
 from endoct.workbench.running.progress import Stages
+
+PREDICTED = "predicted"
 
 
 def write_folder(
-    result: PoseResult,
-    ct: CtVolume,
-    labels: CtVolume | None,
-    air: AirAround,
-    sides: Sequence[Side],
-    folder: Path,
-    stages: Stages,
+    result: PoseResult, ct: CtVolume, labels: CtVolume | None, each: EachSide, folder: Path, stages: Stages
 ) -> None:
     """Write all of a pose into ``folder``, which must not exist.
 
@@ -36,13 +33,18 @@ def write_folder(
     write_line(pose.plan, "plan", folder / "plan.mrk.json")
     if result.told:
         write_handover(pose, folder)
-    predictions = [predicted(air, pose, side) for side in sides]
     with stages.stage("compare with the CT"):
-        for side, prediction in zip(sides, predictions, strict=True):
-            if (compared := compare_with(prediction, pose, side)) is not None:
-                save_compared(compared, prediction, side, result.made, folder / "predicted" / side.name)
+        walls = each.map(write_side, pose, result.made, folder)
     with stages.stage("report"):
-        walls = [draw_wall(side, prediction) for side, prediction in zip(sides, predictions, strict=True)]
         drawn = [draw_cut(ct, labels, pose, result.told), *walls]
         write_figures(drawn, folder / "figures")
         (folder / "report.html").write_text(pose_page(result, folder.name, drawn), encoding="utf-8")
+
+
+@one_thread()
+def write_side(air: AirAround, side: Side, pose: BorePose, made: Made, folder: Path) -> Drawn:
+    """Write ``side`` beside what the CT predicts of it into the ``folder`` of a pose; return their figure."""
+    prediction = predicted(air, pose, side)
+    if (compared := compare_with(prediction, pose, side)) is not None:
+        save_compared(compared, prediction, side, made, folder / PREDICTED / side.name)
+    return draw_wall(side, prediction)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,13 +14,15 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.sources import Source, inputs_of
 from endoct.workbench.posing.plan import Planned, read_plan
-from endoct.workbench.posing.sides import make_sides, open_sides, side_of_comparison
+from endoct.workbench.posing.sides import MOST_SIDES, make_sides, open_sides, side_of_comparison
 from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import POSE
 from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.second_process import second_process
 from endoct.workbench.running.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -83,7 +86,10 @@ def pose(
 
     def run(folder: Path | None) -> "PoseResult":
         planned = read_plan(Path(ct), entry_mm, target_mm, None if plan is None else Path(plan), coordinates)
-        return _found(sources, planned, paths, labels, device, folder, stages_for(progress))
+        with second_process() if len(sources) == MOST_SIDES else nullcontext() as process:
+            if process is not None:  # it loads what it will need while the CT is read
+                process.preload("endoct.workbench.posing.finding", "endoct.workbench.posing.folder")
+            return _found(sources, planned, paths, labels, device, folder, stages_for(progress), process)
 
     if output is None:
         return run(None)
@@ -113,10 +119,12 @@ def _found(
     device: Device,
     folder: Path | None,
     stages: Stages,
+    process: WorkerProcess | None,
 ) -> "PoseResult":
     from endoct.fusion.pose.air import air_around
     from endoct.fusion.pose.structures import structures_near
     from endoct.fusion.pose.summary import summary_of
+    from endoct.workbench.posing.each_side import EachSide
     from endoct.workbench.posing.finding import check_device, find
     from endoct.workbench.posing.result import Made, PoseResult
 
@@ -129,13 +137,14 @@ def _found(
     with stages.stage("CT around the plan"):
         air = air_around(planned.ct, planned.plan)
     # what cannot be used was refused before the work of unrolling
-    sides = make_sides(opened, stages)
-    answer = find(air, planned.plan, sides, device, stages)
+    sides = make_sides(opened, stages, process)
+    each = EachSide(air, sides, process if device == "cpu" else None)
+    answer = find(air, planned.plan, each, device, stages)
     with stages.stage("in clinical words"):
         summary = summary_of(answer, structures)
     inputs = [*map(digests, paths), *(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))]
     made = Made(
-        inputs={name: digest for each in inputs for name, digest in each.items()},
+        inputs={name: digest for one in inputs for name, digest in one.items()},
         versions=pose_versions(),
         parameters={"device": device, **{one.name: one.panorama.provenance.get("parameters", {}) for one in sides}},
         seconds={
@@ -149,7 +158,7 @@ def _found(
     if folder is not None:
         from endoct.workbench.posing.folder import write_folder  # only who draws loads matplotlib
 
-        write_folder(result, planned.ct, volume, air, sides, folder, stages)
+        write_folder(result, planned.ct, volume, each, folder, stages)
     return result
 
 

@@ -1,7 +1,6 @@
 """The sides of which a bore's pose is found: recordings, panoramas, sides of comparisons."""
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,10 +8,10 @@ from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.pipeline.sources import MaskFile, Ready, Source, open_both, open_source, unroll_sources
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled, unroll_recording
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.second_process import second_process
 
 MOST_SIDES = 2
 EXPECTED = "a recording, a panorama, or one side of a comparison as DIR:SIDE"
@@ -33,11 +32,10 @@ def open_sides(sources: Sequence[Source]) -> tuple[Ready, ...]:
     return opened
 
 
-def make_sides(opened: Sequence[Ready], stages: Stages) -> tuple[Side, ...]:
-    """Return the sides, with recordings unrolled, two of them at the same time."""
+def make_sides(opened: Sequence[Ready], stages: Stages, process: WorkerProcess | None) -> tuple[Side, ...]:
+    """Return the sides, with recordings unrolled, two of them at the same time where there is a ``process``."""
     if len(opened) == MOST_SIDES:
-        with second_process() if all(isinstance(one, Opened) for one in opened) else nullcontext() as process:
-            return two_sides(*(_panorama(one) for one in unroll_sources((opened[0], opened[1]), stages, process)))
+        return two_sides(*(_panorama(one) for one in unroll_sources((opened[0], opened[1]), stages, process)))
     only = opened[0]
     panorama = _panorama(unroll_recording(only, stages) if isinstance(only, Opened) else only)
     return (Side(panorama.modality, panorama),)
