@@ -199,12 +199,12 @@ def _iterate(
         weight /= max(POINT_SIGMA_MM, sigma) ** 2
         normal[:] = np.diag(precision)
         change[:] = precision * (mean - unknown)
-        for i in used:
+        for point in used:
             for k in range(n_unknown):
-                share = weight[i] * jacobian[i, k]
-                change[k] += share * residual[i]
+                share = weight[point] * jacobian[point, k]
+                change[k] += share * residual[point]
                 for m in range(n_unknown):
-                    normal[k, m] += share * jacobian[i, m]
+                    normal[k, m] += share * jacobian[point, m]
         matrix[:] = normal
         solve(matrix, change)
         unknown += change
