@@ -16,6 +16,7 @@ from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.ranks import medians
 
 SAME_LINE_MM = 0.02
 FIXED_LINE_MM = 0.01
@@ -94,10 +95,9 @@ def _dark_behind(
     mm_per_px, gap_mm = acquisition.mm_per_px, acquisition.gap_mm
     n_px = round(2.5 * gap_mm / mm_per_px)
     profiles = [
-        np.nanmedian(_filled(samples_behind(slices[i], lines.circle(k), mm_per_px, n_px)), axis=0)
-        for k, i in enumerate(index)
+        _known(medians(samples_behind(slices[i], lines.circle(k), mm_per_px, n_px))) for k, i in enumerate(index)
     ]
-    profile = np.nanmedian(_filled(np.asarray(profiles, dtype=np.float32)), axis=0)
+    profile = _known(medians(np.asarray(profiles, dtype=np.float32)))
     first, last = round(0.04 / mm_per_px), max(round(0.3 * gap_mm / mm_per_px), round(0.08 / mm_per_px))
     if profile.size <= last + 2 or not np.isfinite(profile[first:last]).all():
         return False
@@ -107,6 +107,6 @@ def _dark_behind(
     return dark < darkest + 0.5 * (line - darkest) and dark < darkest + DARK_SHARE * (wall - darkest)
 
 
-def _filled(samples: Image) -> Image:
-    """Columns without any sample get 0 in place of NaN, of which a median would warn."""
-    return np.where(np.isfinite(samples).any(axis=0), samples, np.float32(0))
+def _known(medians: Image) -> Image:
+    """Columns without any sample get 0."""
+    return np.where(np.isfinite(medians), medians, np.float32(0))

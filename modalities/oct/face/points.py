@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from endoct.modalities.oct.bscan import Raster, depth_sums
+from endoct.modalities.oct.bscan import Raster
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.enhance import equalise, local_threshold, wavelet_denoise
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.robust import robust_sigma
 
 POINTS_PER_COLUMN = 8
@@ -66,16 +68,37 @@ def line_points(image: Image, raster: Raster, parameters: OctParameters) -> Poin
     bright = local_threshold(equal, parameters.threshold_window_mm / mm_per_px)
     ridge = _ridge(denoised, mm_per_px)
     noise = robust_sigma(ridge - np.median(ridge))
-    peak = np.zeros_like(bright)
-    peak[:, 1:-1] = (ridge[:, 1:-1] >= ridge[:, :-2]) & (ridge[:, 1:-1] > ridge[:, 2:])
-    height = np.where(peak & bright & (ridge > WEAKEST_POINT_SIGMAS * noise), ridge, 0.0)
-    kth = np.partition(height, -POINTS_PER_COLUMN, axis=1)[:, -POINTS_PER_COLUMN, None]
-    column, row = np.nonzero((height > 0) & (height >= kth))
-    before, here, after = ridge[column, row - 1], ridge[column, row], ridge[column, row + 1]
-    shift = 0.5 * (before - after) / np.minimum(before - 2 * here + after, -1e-9)
-    strength = np.minimum(1.0, height[column, row] / (4 * WEAKEST_POINT_SIGMAS * max(noise, 1e-9)))
+    column, row, height = _peaks(ridge, bright, np.float32(WEAKEST_POINT_SIGMAS * noise))
+    before, after = ridge[column, row - 1], ridge[column, row + 1]
+    shift = 0.5 * (before - after) / np.minimum(before - 2 * height + after, -1e-9)
+    strength = np.minimum(1.0, height / (4 * WEAKEST_POINT_SIGMAS * max(noise, 1e-9)))
     depth_mm = (row + np.clip(shift, -0.5, 0.5)) * mm_per_px
     return Points(raster.angle_rad[column], depth_mm, strength.astype(np.float64))
+
+
+@compiled
+def _peaks(ridge: Image, bright: Mask, least: np.float32) -> tuple[NDArray[np.intp], NDArray[np.intp], Image]:
+    """Column, row and height of every column's highest peaks above ``least`` where it is ``bright``."""
+    n_columns, n_rows = ridge.shape
+    columns, rows = np.empty(ridge.size // 2, np.intp), np.empty(ridge.size // 2, np.intp)
+    heights = np.empty(ridge.size // 2, np.float32)
+    count = 0
+    for column in range(n_columns):
+        each = ridge[column]
+        first = count
+        for row in range(1, n_rows - 1):
+            here = each[row]
+            if bright[column, row] and here > least and here >= each[row - 1] and here > each[row + 1]:
+                columns[count], rows[count], heights[count] = column, row, here
+                count += 1
+        if count - first > POINTS_PER_COLUMN:
+            lowest = np.sort(heights[first:count])[-POINTS_PER_COLUMN]
+            last, count = count, first
+            for k in range(first, last):
+                if heights[k] >= lowest:
+                    columns[count], rows[count], heights[count] = column, rows[k], heights[k]
+                    count += 1
+    return columns[:count], rows[:count], heights[:count]
 
 
 def _ridge(image: Image, mm_per_px: float) -> Image:
@@ -85,15 +108,22 @@ def _ridge(image: Image, mm_per_px: float) -> Image:
         max(2, round(BEHIND_MM / mm_per_px)),
         max(5, round(AROUND_MM / mm_per_px)),
     )
-    n = image.shape[1]
-    total = depth_sums(image)
+    return _contrasts(image, half, near, far)
 
-    def mean(first: int, last: int) -> Coordinates:
-        low, high = np.clip(np.arange(n) + first, 0, n - 1), np.clip(np.arange(n) + last, 0, n - 1)
-        return np.asarray((total[:, high + 1] - total[:, low]) / (high + 1 - low))
 
-    here = mean(-half, half)
-    over_behind, over_before = here - mean(near, far), here - mean(-far, -near)
-    ridge = 0.5 * over_behind + 0.5 * np.minimum(over_behind, over_before)
-    ridge[:, n - far :] = 0
-    return np.asarray(ridge, dtype=np.float32)
+@compiled
+def _contrasts(image: Image, half: int, near: int, far: int) -> Image:
+    n_columns, n = image.shape
+    ridge = np.zeros((n_columns, n), np.float32)
+    total = np.zeros(n + 1)
+    for column in range(n_columns):
+        for row in range(n):
+            total[row + 1] = total[row] + image[column, row]
+        for row in range(n - far):
+            low, high = max(row - half, 0), row + half + 1
+            here = (total[high] - total[low]) / (high - low)
+            behind = (total[row + far + 1] - total[row + near]) / (far + 1 - near)
+            low, high = max(row - far, 0), max(row - near, 0) + 1
+            before = (total[high] - total[low]) / (high - low)
+            ridge[column, row] = 0.5 * (here - behind) + 0.5 * min(here - behind, here - before)
+    return ridge

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, sector_angles_rad
@@ -14,6 +15,7 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.reduced import reduced
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.compiled import compiled
 
 SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96
@@ -67,7 +69,16 @@ def examine_bscan(
 
 def samples_behind(features: SliceFeatures, circle: Circle, mm_per_px: float, n_px: int) -> Image:
     """Return the samples from the line ``circle`` on, float32 (n_ascans, n_px), NaN outside the B-scan."""
-    rows = np.round(circle.depth_mm(features.ascan_angle_rad) / mm_per_px).astype(int)[:, None] + np.arange(n_px)
-    inside = (rows >= 0) & (rows < features.ascans.shape[1])
-    taken = np.take_along_axis(features.ascans, np.clip(rows, 0, features.ascans.shape[1] - 1), axis=1)
-    return np.where(inside, taken, np.nan).astype(np.float32)
+    first = np.round(circle.depth_mm(features.ascan_angle_rad) / mm_per_px).astype(np.intp)
+    return _rows_from(features.ascans, first, n_px)
+
+
+@compiled
+def _rows_from(ascans: Image, first: NDArray[np.intp], n_px: int) -> Image:
+    """So many samples of every A-scan from ``first`` (n,) on, NaN outside."""
+    n_ascans, n_depth = ascans.shape
+    taken = np.full((n_ascans, n_px), np.nan, np.float32)
+    for i in range(n_ascans):
+        for row in range(max(first[i], 0), min(first[i] + n_px, n_depth)):
+            taken[i, row - first[i]] = ascans[i, row]
+    return taken

@@ -11,9 +11,10 @@ from scipy.ndimage import gaussian_filter1d
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, pooled, ranked
+from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, pooled
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
+from endoct.stitching.ranks import ranked
 
 FACE_MM = 0.06  # behind the outer face, which is still in view there
 AROUND_MM = 0.2  # before and behind a sample, by which is judged whether it lies in the dark

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +9,12 @@ from numpy.typing import NDArray
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
+from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.ranks import ranked
 
 POOLED_SLICES = 40  # whose worth of A-scans is enough to judge a recording by
 SECTORS, PARTS = 12, 4  # of a turn and of the pullback
 FEWEST_ASCANS = 6  # of one sector and part
-COLUMNS_TOGETHER = 16  # as lie in one line of the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,27 +56,3 @@ def medians(samples: Image) -> Image:
     if not known.size:
         return np.zeros(samples.shape[1], np.float32)
     return np.asarray(np.interp(np.arange(count.size), known, middle[known]), dtype=np.float32)
-
-
-@compiled
-def ranked(samples: NDArray[Any], counted: Mask, rank: NDArray[np.intp]) -> NDArray[Any]:
-    """Return of every column of ``samples`` (n, n_columns) the ``counted`` one with so many smaller ones as ``rank``.
-
-    ``rank`` is (n_columns,). Infinite where fewer count.
-    """
-    n, n_columns = samples.shape
-    chosen = np.full(n_columns, np.inf, samples.dtype)
-    some = np.empty((COLUMNS_TOGETHER, n), samples.dtype)
-    for first in range(0, n_columns, COLUMNS_TOGETHER):
-        columns = range(first, min(first + COLUMNS_TOGETHER, n_columns))
-        count = np.zeros(COLUMNS_TOGETHER, np.intp)
-        for i in range(n):
-            for column in columns:
-                if counted[i, column]:
-                    some[column - first, count[column - first]] = samples[i, column]
-                    count[column - first] += 1
-        for column in columns:
-            k, each = rank[column], some[column - first, : count[column - first]]
-            if k < each.size:
-                chosen[column] = np.partition(each, k)[k]
-    return chosen

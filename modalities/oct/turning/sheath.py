@@ -171,10 +171,7 @@ class _Likelihood:
 
     def turned(self, sight: _Sight) -> list[float]:
         """Where a slice sees the landmark, rad: by all of it, and by either half; likeliest, if points are Poisson."""
-        halves = [
-            np.einsum("ij,ij->i", np.conj(points), self.logarithm) - np.einsum("ij,ij->i", np.conj(covered), self.rate)
-            for points, covered in zip(sight.points, sight.covered, strict=True)
-        ]
+        halves = _correlated(sight.points, self.logarithm) - _correlated(sight.covered, self.rate)
         found = []
         for spectrum in (halves[0] + halves[1], *halves):
             likelihood = np.fft.irfft(spectrum, n=N_ANGLES)
@@ -183,3 +180,14 @@ class _Likelihood:
             sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
             found.append(-(k + sub) * 2 * np.pi / N_ANGLES)
         return found
+
+
+@compiled
+def _correlated(halves: Spectra, pattern: Spectra) -> Spectra:
+    """Spectra over the angle of the correlation of both ``halves`` with ``pattern``, summed over depth: (2, n)."""
+    correlated = np.zeros(halves.shape[:2], np.complex128)
+    for half in range(halves.shape[0]):
+        for wave in range(halves.shape[1]):
+            for row in range(halves.shape[2]):
+                correlated[half, wave] += np.conj(halves[half, wave, row]) * pattern[wave, row]
+    return correlated
