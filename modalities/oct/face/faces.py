@@ -11,13 +11,14 @@ from endoct.modalities.oct.face.lines import fit_circle
 from endoct.modalities.oct.face.neighbours import bridged, starts_anywhere, steady_slices
 from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line, shows_catheter
 from endoct.modalities.oct.face.points import Points
-from endoct.modalities.oct.face.ripple import N_RIPPLE, fit_ripple
+from endoct.modalities.oct.face.ripple import fit_ripple
 from endoct.modalities.oct.face.sine import Sine, slice_sine
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import NotSeen
+from endoct.stitching.parallel import thread_map
 
 CERTAIN_FRACTION = 0.5  # of columns: a face seen in so many need not be near its neighbours'
 WIDTHS = (3.0, 1.5)  # of Tukey's weights, in tolerances
@@ -79,7 +80,8 @@ def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, p
         raise _no_capillary("it in no slice")
     axis_mm = float(np.nanmedian(lines.axis_depth_mm))
     starts = bridged(lines)
-    fits = [_fit_face(each, starts.circle(i), axis_mm, parameters) for i, each in enumerate(slices)]
+    every = range(len(slices))
+    fits = list(thread_map(lambda i: _fit_face(slices[i], starts.circle(i), axis_mm, parameters), every))
     capillary = Capillary.of([fit.circle for fit in fits], lines.radius_mm)
     fraction = np.array([fit.inlier_fraction for fit in fits])
     good = fraction >= parameters.least_inlier_fraction
@@ -88,13 +90,20 @@ def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, p
     if 2 * np.count_nonzero(good) < len(slices):
         raise _no_capillary(f"it in {np.count_nonzero(good)} of {len(slices)} slices")
     capillary = bridged(capillary.where(good))
+
+    def course(i: int) -> tuple[Sine, Coordinates]:
+        # a bridged slice gets the circle's first order for a sine
+        points, circle = slices[i].points if good[i] else Points.none(), capillary.circle(i)
+        return slice_sine(points, circle, i, parameters), fit_ripple(points, circle, parameters.face_tolerance_mm)
+
+    courses = list(thread_map(course, every))
     return Faces(
         capillary=capillary,
         bridged=~good,
         inlier_fraction=fraction,
         residual_mm=np.array([fit.residual_mm for fit in fits]),
-        sines=_sines(slices, capillary, good, parameters),
-        ripple_mm=_ripples(slices, capillary, good, parameters),
+        sines=tuple(sine for sine, _ in courses),
+        ripple_mm=np.array([ripple for _, ripple in courses]),
     )
 
 
@@ -103,14 +112,20 @@ def refit_faces(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctPa
 
     The sines remain those of nominal angles; bridged slices remain unchanged.
     """
-    good = ~faces.bridged
+    seen, axis_mm = np.flatnonzero(~faces.bridged), faces.typical_axis_mm
     circles = [faces.capillary.circle(i) for i in range(len(slices))]
-    fraction, residual = faces.inlier_fraction.copy(), faces.residual_mm.copy()
-    for i in map(int, np.flatnonzero(good)):
-        fit = _fit_face(slices[i], circles[i], faces.typical_axis_mm, parameters)
-        circles[i], fraction[i], residual[i] = fit.circle, fit.inlier_fraction, fit.residual_mm
+    fraction, residual, ripple = (
+        values.copy() for values in (faces.inlier_fraction, faces.residual_mm, faces.ripple_mm)
+    )
+
+    def fitted(i: int) -> tuple[_FaceFit, Coordinates]:
+        features = slices[i]
+        fit = _fit_face(features, circles[i], axis_mm, parameters)
+        return fit, fit_ripple(features.points, fit.circle, parameters.face_tolerance_mm)
+
+    for i, (fit, of_face) in zip(seen, thread_map(fitted, seen), strict=True):
+        circles[i], fraction[i], residual[i], ripple[i] = fit.circle, fit.inlier_fraction, fit.residual_mm, of_face
     capillary = Capillary.of(circles, faces.capillary.radius_mm)
-    ripple = _ripples(slices, capillary, good, parameters)
     return replace(faces, capillary=capillary, inlier_fraction=fraction, residual_mm=residual, ripple_mm=ripple)
 
 
@@ -132,25 +147,6 @@ def _fit_face(features: SliceFeatures, start: Circle, axis_mm: float, parameters
     on = np.abs(residual) < tolerance_mm
     fraction = np.unique(points.angle_rad[on]).size / features.n_columns
     return _FaceFit(circle, fraction, float(np.sqrt(np.mean(residual[on] ** 2))) if on.any() else float("nan"))
-
-
-def _sines(
-    slices: Sequence[SliceFeatures], capillary: Capillary, good: Mask, parameters: OctParameters
-) -> tuple[Sine, ...]:
-    """The paper's sine of each slice; a bridged one gets the circle's first order."""
-    return tuple(
-        slice_sine(features.points if good[i] else Points.none(), capillary.circle(i), i, parameters)
-        for i, features in enumerate(slices)
-    )
-
-
-def _ripples(
-    slices: Sequence[SliceFeatures], capillary: Capillary, good: Mask, parameters: OctParameters
-) -> Coordinates:
-    ripples = np.zeros((len(slices), N_RIPPLE))
-    for i in map(int, np.flatnonzero(good)):
-        ripples[i] = fit_ripple(slices[i].points, capillary.circle(i), parameters.face_tolerance_mm)
-    return ripples
 
 
 def _no_capillary(instead: str) -> NotSeen:

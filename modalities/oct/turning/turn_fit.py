@@ -199,12 +199,12 @@ def _iterate(
         weight /= max(POINT_SIGMA_MM, sigma) ** 2
         normal[:] = np.diag(precision)
         change[:] = precision * (mean - unknown)
-        for point in used:
+        for at in used:
             for k in range(n_unknown):
-                share = weight[point] * jacobian[point, k]
-                change[k] += share * residual[point]
+                share = weight[at] * jacobian[at, k]
+                change[k] += share * residual[at]
                 for m in range(n_unknown):
-                    normal[k, m] += share * jacobian[point, m]
+                    normal[k, m] += share * jacobian[at, m]
         matrix[:] = normal
         solve(matrix, change)
         unknown += change

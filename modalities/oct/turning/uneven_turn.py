@@ -27,6 +27,7 @@ from endoct.modalities.oct.turning.turn_fit import (
     unknowns,
 )
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.robust import robust_sigmas
 
 STRETCH_SIGMA = 0.02  # 1–3 % of jitter in published catheters
@@ -93,11 +94,12 @@ def measure_turns(
     recording = _Recording(glass, faces.typical_axis_mm, usual, parameters.correct_lost_ascans)
     starts = _starting_circles(slices, faces)
     # no more than the factors are kept: a fit's matrices are larger than its slice
-    first = [_fit_alone(each, start, recording) for each, start in zip(slices, starts, strict=True)]
-    turns = [
-        _fit_about(each, start, expected, recording, bool(bridged))
-        for each, start, expected, bridged in zip(slices, starts, _expected(first, usual), faces.bridged, strict=True)
-    ]
+    every = range(len(slices))
+    first = list(thread_map(lambda i: _fit_alone(slices[i], starts[i], recording), every))
+    expected = _expected(first, usual)
+    turns = list(
+        thread_map(lambda i: _fit_about(slices[i], starts[i], expected[i], recording, bool(faces.bridged[i])), every)
+    )
     factors = np.array([turn.factors for turn in turns])
     rotation = replace(
         even_rotation(len(slices)),
