@@ -1,4 +1,6 @@
-"""Order statistics of the columns of an array."""
+"""Medians and quantiles by sorting: with the instructions of today's processors that is several times as fast as
+the selection that NumPy's own use.
+"""
 
 from typing import Any
 
@@ -6,6 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
+
+
+def median(samples: NDArray[Any]) -> float:
+    """Return the median of ``samples`` of any shape; NaN where one of them is."""
+    ordered = np.sort(samples, axis=None)
+    if not ordered.size or np.isnan(ordered[-1]):
+        return float("nan")
+    return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2)
+
+
+def quantile_pair(samples: NDArray[Any], low: float, high: float) -> tuple[float, float]:
+    """Return the quantiles ``low`` and ``high``, 0 to 1, of ``samples`` of any shape."""
+    ordered = np.sort(samples, axis=None)[None]
+    return float(_between(ordered, low, np.float64)[0]), float(_between(ordered, high, np.float64)[0])
+
+
+def quantiles(samples: NDArray[Any], share: float) -> NDArray[Any]:
+    """Return the quantile ``share``, 0 to 1, of every column of floating-point ``samples`` (n, n_columns)."""
+    return _between(_sorted_columns(samples), share, samples.dtype.type)
 
 
 def medians(samples: NDArray[Any]) -> NDArray[Any]:
@@ -29,11 +50,21 @@ def ranked(samples: NDArray[Any], counted: Mask, rank: NDArray[np.intp]) -> NDAr
 
 
 def _ordered(samples: NDArray[Any], counted: Mask) -> NDArray[Any]:
-    """The ``counted`` samples of each column in their order, then infinity, (n_columns, n).
+    """The ``counted`` samples of each column in their order, then infinity, (n_columns, n)."""
+    return _sorted_columns(np.where(counted, samples, samples.dtype.type(np.inf)))
 
-    Sorting along rows that lie in one piece takes a fifth of the time of sorting along columns.
-    """
-    ordered = np.where(counted.T, samples.T, samples.dtype.type(np.inf))
-    ordered = np.ascontiguousarray(ordered)
+
+def _sorted_columns(samples: NDArray[Any]) -> NDArray[Any]:
+    """The columns of ``samples`` (n, n_columns) in their order, (n_columns, n): as rows, which lie in one piece."""
+    ordered = np.array(samples.T, order="C")
     ordered.sort(axis=1)
     return ordered
+
+
+def _between(ordered: NDArray[Any], share: float, kind: Any) -> NDArray[Any]:
+    """The quantile of every row, interpolated linearly."""
+    last = ordered.shape[1] - 1
+    below = int(share * last)
+    part = kind(share * last - below)
+    low, high = (ordered[:, k].astype(kind) for k in (below, min(below + 1, last)))
+    return np.asarray(low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part))

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.ranks import median
 
 SIGMA_PER_MEDIAN = 1.4826
 """Standard deviation of a normal distribution over the median of its absolute deviations."""
@@ -15,7 +16,7 @@ def robust_sigma(deviations: ArrayLike) -> float:
     ``deviations`` are those from a centre that the caller knows: a median, a fit, or 0. For a normal distribution this
     is its standard deviation; a minority of outliers hardly moves it.
     """
-    return SIGMA_PER_MEDIAN * float(np.median(np.abs(np.asarray(deviations))))
+    return SIGMA_PER_MEDIAN * median(np.abs(np.asarray(deviations)))
 
 
 def robust_sigmas(deviations: ArrayLike) -> Coordinates:

@@ -5,6 +5,7 @@ from scipy.ndimage import grey_opening, uniform_filter1d
 
 from endoct.modalities.oct.bscan import reduce_theta
 from endoct.stitching.arrays import Image
+from endoct.stitching.ranks import quantiles
 
 SECTORS = 128
 WINDOW = 0.05
@@ -22,7 +23,7 @@ def share_brightening(bscan: Image) -> float:
     Thin lines are left out, since they do both, and what is there all around.
     """
     sectors = reduce_theta(bscan, min(SECTORS, bscan.shape[0]))
-    sectors = (sectors - np.quantile(sectors, STEADY, axis=0)).astype(np.float32)
+    sectors = (sectors - quantiles(sectors, STEADY)).astype(np.float32)
     size = max(3, round(WINDOW * sectors.shape[1]))
     smooth = uniform_filter1d(grey_opening(sectors, size=(1, size | 1)), size, axis=1)
     rise = smooth[:, size:] - smooth[:, :-size]

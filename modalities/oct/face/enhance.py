@@ -9,6 +9,7 @@ import pywt
 
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import pad_circle
+from endoct.stitching.ranks import median, quantile_pair
 
 
 def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
@@ -18,7 +19,7 @@ def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
     the threshold is 0, the image is returned unchanged.
     """
     coefficients = pywt.wavedec2(image, "db2", mode="periodization", level=2)
-    sigma = float(np.median(np.abs(coefficients[-1][2]))) / 0.6745
+    sigma = median(np.abs(coefficients[-1][2])) / 0.6745
     if threshold_sigmas * sigma == 0:
         return image  # nothing to shrink by; PyWavelets would make 0/0 of coefficients that are 0
     shrunk = [
@@ -34,8 +35,8 @@ def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
 
 def equalise(image: Image, clip_limit: float, tile_depth_px: float) -> Image:
     """Return ``image`` after contrast-limited adaptive histogram equalisation, float32 0…255."""
-    low, high = np.percentile(image, (0.5, 99.5))
-    grey = np.clip((image - low) * (255 / max(float(high - low), 1e-12)), 0, 255).astype(np.uint8)
+    low, high = quantile_pair(image, 0.005, 0.995)
+    grey = np.clip((image - low) * (255 / max(high - low, 1e-12)), 0, 255).astype(np.uint8)
     pad = image.shape[0] // 4
     wrapped = pad_circle(grey, pad, axis=0)
     tiles = max(1, round(image.shape[1] / tile_depth_px)), 6

@@ -11,6 +11,7 @@ from endoct.modalities.oct.face.enhance import equalise, local_threshold, wavele
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
+from endoct.stitching.ranks import median
 from endoct.stitching.robust import robust_sigma
 
 POINTS_PER_COLUMN = 8
@@ -67,7 +68,7 @@ def line_points(image: Image, raster: Raster, parameters: OctParameters) -> Poin
     equal = equalise(denoised, parameters.clahe_clip_limit, parameters.clahe_tile_mm / mm_per_px)
     bright = local_threshold(equal, parameters.threshold_window_mm / mm_per_px)
     ridge = _ridge(denoised, mm_per_px)
-    noise = robust_sigma(ridge - np.median(ridge))
+    noise = robust_sigma(ridge - median(ridge))
     column, row, height = _peaks(ridge, bright, np.float32(WEAKEST_POINT_SIGMAS * noise))
     before, after = ridge[column, row - 1], ridge[column, row + 1]
     shift = 0.5 * (before - after) / np.minimum(before - 2 * height + after, -1e-9)

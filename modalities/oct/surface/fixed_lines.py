@@ -21,7 +21,7 @@ from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
-from endoct.stitching.ranks import ranked
+from endoct.stitching.ranks import quantiles, ranked
 from endoct.stitching.robust import robust_sigma
 
 LINE_SIGMAS = 1.0
@@ -192,7 +192,7 @@ def with_lines_of(level: Image, background: Background, face: Circle, mm_per_px:
     turning = _turning_points(face, level.shape[1], mm_per_px)
     rows = np.flatnonzero(maximum_filter1d(turning, 4 * far + 1))  # these, and what they are compared with
     dark = np.zeros(turning.size, np.float32)
-    dark[rows] = np.quantile(np.ascontiguousarray(some.T[rows]), DARK_SHARE, axis=1)
+    dark[rows] = quantiles(some[:, rows], DARK_SHARE)
     padded = np.pad(uniform_filter1d(dark, far - near, mode="nearest"), far, mode="edge")
     middle = (near + far) // 2
     around = np.maximum(padded[far - middle :][: dark.size], padded[far + middle :][: dark.size])
