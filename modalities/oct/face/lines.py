@@ -3,6 +3,7 @@
 Each is taken for a circle of the capillary's radius, seen from off its axis.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -93,25 +94,61 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
     scored = np.linspace(0, angle_rad.size, SCORED_COLUMNS, endpoint=False).astype(int)
     cosine, sine = np.cos(angle_rad[scored]), np.sin(angle_rad[scored])
     rows = _rows_of_circles(circles, cosine, sine, radius_mm, mm_per_px, n_rows)
-    left = np.ones(len(points), bool)
-    lines: list[Circle] = []
-    supports: list[float] = []
+    found = _strongest(
+        circles,
+        rows,
+        scored,
+        strength,
+        (column, np.minimum(row, n_rows - 1)),
+        (np.cos(points.angle_rad), np.sin(points.angle_rad), points.depth_mm, points.strength.copy()),
+        radius_mm,
+        mm_per_px,
+    )
+    x, y, depth, support = found.T.copy()
+    return Lines(x, y, depth, support, radius_mm)
+
+
+@compiled
+def _strongest(
+    circles: Coordinates,
+    rows: NDArray[np.int32],
+    scored: NDArray[np.intp],
+    strength: Image,
+    places: tuple[NDArray[np.intp], NDArray[np.intp]],
+    points: tuple[Coordinates, Coordinates, Coordinates, Coordinates],
+    radius_mm: float,
+    mm_per_px: float,
+) -> Coordinates:
+    """Lines, one after another the strongest that is left: x, y, depth of the axis and support, float64 (n, 4).
+
+    ``rows`` are those at which the ``scored`` columns of ``strength`` (column, row) see ``circles``. ``points`` are
+    cosine, sine, depth and strength, at ``places`` of ``strength``; what lies on a line is taken out of both.
+    """
+    lines = np.empty((MOST_LINES, 4))
+    count = 0
+    cosine, sine, depth_mm, left = points
+    column, row = places
     for _ in range(MOST_LINES):
         support = _support(strength[scored], rows)
-        best = int(np.argmax(support))
+        best = np.argmax(support)
         if support[best] < LEAST_SUPPORT:
             break
-        x, y, depth = (float(value) for value in circles[best])
-        line = fit_circle(points.where(left), Circle(x, y, depth, radius_mm), width_mm=3 * mm_per_px)
-        on = left & (np.abs(points.beyond_mm(line)) < 3.5 * mm_per_px)
-        if line.offset_mm < FARTHEST * radius_mm:
-            lines.append(line)
-            supports.append(float(points.strength[on].sum() / angle_rad.size))
-        left &= ~on
-        strength[column[on], np.minimum(row[on], n_rows - 1)] = 0
-        if not on.any():
+        x, y, axis = _fit(circles[best], cosine, sine, depth_mm, left, radius_mm, 3 * mm_per_px, 0.0, 0.0)
+        total, none = 0.0, True
+        for i in range(depth_mm.size):
+            across = x * sine[i] - y * cosine[i]
+            distance = math.sqrt(max(radius_mm**2 - across**2, 0.0)) - (x * cosine[i] + y * sine[i])
+            if left[i] > 0 and abs(depth_mm[i] - axis - distance) < 3.5 * mm_per_px:
+                total += left[i]
+                left[i] = 0
+                strength[column[i], row[i]] = 0
+                none = False
+        if math.hypot(x, y) < FARTHEST * radius_mm:
+            lines[count] = x, y, axis, total / len(strength)
+            count += 1
+        if none:
             break
-    return Lines.of(lines, supports, radius_mm)
+    return lines[:count]
 
 
 @compiled
