@@ -192,3 +192,7 @@ POINT_WIDTH_PX = 0.0625
 ROLL_OFF_LEFT_DB = 0.6
 # Side lobes 58 dB down, where cubics leave as much as 5 % of them.
 SIDE_LOBE_DB = 0.8
+# The same spectra through the simulator's reconstruction: rounding to its counts of 0.5 dB.
+REBUILT_DB = 0.27
+# The wall on raw spectra against the wall on B-scans that share part of their noise: a depth sample.
+SAME_WALL_MM = 0.0051

@@ -103,7 +103,7 @@ class OctAcquisition(Acquisition):
 MANIFEST = Manifest(
     name="oct",
     title="Catheter OCT pullback",
-    suffixes=(".tif", ".tiff", ".btf", ".npy", ".png"),
+    suffixes=(".tif", ".tiff", ".btf", ".npy", ".png", ".bin"),
     acquisition=OctAcquisition,
     provides=frozenset({"intensity", "depth", "volume"}),
     frame_dim="slice",

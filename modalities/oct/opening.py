@@ -7,15 +7,36 @@ import numpy as np
 from endoct.modalities.contract import Frame, inward_positions_mm
 from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, LEAST_ASCANS, LEAST_SAMPLES, SpectraKeys
 from endoct.modalities.oct.spectra.recognising import seems_spectra
 from endoct.modalities.recording import ImageStack, open_stack
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 
-LEAST_ASCANS = 64
-LEAST_DEPTH = 48
+LEAST_DEPTH = LEAST_SAMPLES // 2
 FARTHEST_WALL = 10.0  # from the capillary, in depths of a B-scan; beyond that, nothing could be seen of the bore
+
+
+class UnstatedSpectra(EndoctError):
+    """A recording of raw spectra, as it seems, which its sidecar does not say."""
+
+
+def open_pages(path: Path, spectra: SpectraKeys | None) -> ImageStack:
+    """Open a stack of B-scans (depth, A-scan), or one that is made of raw ``spectra`` page by page.
+
+    Raises :class:`EndoctError` where there is nothing to read.
+    """
+    if spectra is not None:
+        from endoct.modalities.oct.spectra.reading import open_spectra  # which loads a compiler
+
+        return open_spectra(path, spectra)
+    try:
+        return open_stack(path)
+    except EndoctError:
+        if (why := seems_spectra(path)) is None:
+            raise
+        remedy = "state them in a table 'spectra' of the sidecar"
+        raise UnstatedSpectra(f"{path} holds no B-scans", found=why, remedy=remedy) from None
 
 
 class Pullback:
@@ -25,12 +46,8 @@ class Pullback:
     """
 
     def __init__(self, path: Path, acquisition: OctAcquisition) -> None:
-        if acquisition.spectra is None:
-            self._stack: ImageStack = _open_bscans(path)
-        else:
-            from endoct.modalities.oct.spectra.reading import open_spectra  # which loads a compiler
-
-            self._stack = open_spectra(path, acquisition.spectra)
+        self._stack: ImageStack = open_pages(path, acquisition.spectra)
+        if acquisition.spectra is not None:
             acquisition = acquisition.model_copy(update={"intensity": "log", "db_per_count": 1 / COUNTS_PER_DB})
         if acquisition.positions_mm is None:
             by_number = positions_by_number(self._stack.files, acquisition.pullback_pitch_mm)
@@ -87,14 +104,3 @@ class Pullback:
 
     def __getitem__(self, index: int) -> Frame:
         return Frame(index=index, samples=self._stack[index].T, z_mm=float(self.z_mm[index]))
-
-
-def _open_bscans(path: Path) -> ImageStack:
-    try:
-        return open_stack(path)
-    except EndoctError:
-        if (why := seems_spectra(path)) is None:
-            raise
-        raise EndoctError(
-            f"{path} holds no B-scans", found=why, remedy="state them in a table 'spectra' of the sidecar"
-        ) from None

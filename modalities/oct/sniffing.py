@@ -11,10 +11,9 @@ from scipy.ndimage import uniform_filter1d
 from endoct.modalities.acquisition import read_keys, sidecar_path, validate
 from endoct.modalities.contract import Preview, Sniff
 from endoct.modalities.oct.depth_order import UPSIDE_DOWN, share_brightening
-from endoct.modalities.oct.opening import LEAST_ASCANS, LEAST_DEPTH
-from endoct.modalities.oct.spectra.keys import StatedSpectra
-from endoct.modalities.oct.spectra.recognising import seems_spectra
-from endoct.modalities.recording import ImageStack, open_stack, some_frames
+from endoct.modalities.oct.opening import LEAST_DEPTH, UnstatedSpectra, open_pages
+from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, SpectraKeys, StatedSpectra
+from endoct.modalities.recording import some_frames
 from endoct.stitching.arrays import Image
 from endoct.stitching.errors import EndoctError
 
@@ -36,12 +35,14 @@ ENDS_SHOW = 0.25
 def sniff_pullback(path: Path) -> Sniff:
     """Claim a stack of grey pages that are layered along depth, and say whether they hold full turns."""
     try:
-        stack = _open(path)
+        stack = open_pages(path, _stated_spectra(path))
         if len(stack.frame_shape) != 2:
             return Sniff(False, "its pages are colour images")
         pages = some_frames(stack)
+    except UnstatedSpectra as error:
+        return Sniff(True, error.found, "likely")
     except EndoctError as error:
-        return Sniff(False, str(error)) if (why := seems_spectra(path)) is None else Sniff(True, why, "likely")
+        return Sniff(False, str(error))
     rows, columns = stack.frame_shape
     preview = Preview(len(stack), f"{columns} A-scans × {rows} depth samples", str(stack.dtype), tuple(pages))
     if len(stack) < 2:
@@ -64,14 +65,11 @@ def sniff_pullback(path: Path) -> Sniff:
     return Sniff(True, seen, "likely" if full_turn else "unsure", preview)
 
 
-def _open(path: Path) -> ImageStack:
-    """Open a stack of pages, or what the sidecar says of raw spectra as one."""
+def _stated_spectra(path: Path) -> SpectraKeys | None:
+    """Return what the sidecar says of raw spectra, whether or not the rest of it is filled in."""
     if (keys := read_keys(path).get("spectra")) is None:
-        return open_stack(path)
-    from endoct.modalities.oct.spectra.reading import open_spectra  # which loads a compiler
-
-    where = str(sidecar_path(path))
-    return open_spectra(path, validate(StatedSpectra, {"spectra": keys}, where).spectra)
+        return None
+    return validate(StatedSpectra, {"spectra": keys}, str(sidecar_path(path))).spectra
 
 
 def _reduced(page: NDArray[Any]) -> Image:

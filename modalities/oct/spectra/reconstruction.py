@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from endoct.modalities.oct.spectra.kernels import TOGETHER, Counts, add_up, join_halves, resample, write_levels
+from endoct.modalities.oct.spectra.keys import LEAST_ASCANS
 from endoct.modalities.oct.spectra.resampling import Taps
 from endoct.stitching.arrays import Coordinates, Image
 
-BLOCK = 64
-"""A-scans at a time, so that what lies between two steps stays in a processor's cache."""
+BLOCK = LEAST_ASCANS
+"""A-scans at a time, so that what lies between two steps stays in a processor's cache. Every slice has so many."""
 ALIGNED = 64
 
 
