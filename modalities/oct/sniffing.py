@@ -35,7 +35,8 @@ ENDS_SHOW = 0.25
 def sniff_pullback(path: Path) -> Sniff:
     """Claim a stack of grey pages that are layered along depth, and say whether they hold full turns."""
     try:
-        stack = open_pages(path, _stated_spectra(path))
+        spectra = _stated_spectra(path)
+        stack = open_pages(path, spectra)
         if len(stack.frame_shape) != 2:
             return Sniff(False, "its pages are colour images")
         pages = some_frames(stack)
@@ -60,6 +61,8 @@ def sniff_pullback(path: Path) -> Sniff:
     seen = "grey pages, layered along depth, whose last A-scan " + (
         "continues in the first, as in a full turn" if full_turn else "does not continue in the first"
     )
+    if spectra is not None and _is_turned_around(path, spectra, pages[0]):
+        seen += "; the chirp seems to be turned around: with the other chirp_gives they are sharper"
     if np.mean([share_brightening(bscan) for bscan in bscans]) < UPSIDE_DOWN:
         seen += "; they seem to be upside down: export them with depth downward"
     return Sniff(True, seen, "likely" if full_turn else "unsure", preview)
@@ -70,6 +73,15 @@ def _stated_spectra(path: Path) -> SpectraKeys | None:
     if (keys := read_keys(path).get("spectra")) is None:
         return None
     return validate(StatedSpectra, {"spectra": keys}, str(sidecar_path(path))).spectra
+
+
+def _is_turned_around(path: Path, spectra: SpectraKeys, bscan: NDArray[Any]) -> bool:
+    from endoct.modalities.oct.spectra.reading import is_sharper_turned_around
+
+    try:
+        return is_sharper_turned_around(path, spectra, bscan)
+    except EndoctError:  # it is no chirp that way round
+        return False
 
 
 def _reduced(page: NDArray[Any]) -> Image:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.folders import is_folder
 from endoct.modalities.oct.spectra.kernels import Counts
-from endoct.modalities.oct.spectra.keys import EVEN, SpectraKeys
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, EVEN, SpectraKeys
 from endoct.modalities.oct.spectra.reconstruction import Reconstruction, reconstruction
 from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places, taps, window
 from endoct.modalities.oct.spectra.vectors import read_vector
@@ -20,6 +20,9 @@ from endoct.stitching.names import inside
 
 LEAST_COVERED = 0.5
 """Share of the even wavenumbers that a chirp must reach; places in other units reach none or all too few."""
+
+SHARPER = 1.5
+SHALLOW = 4  # of the depth, this part
 
 
 class ReadSpectra:
@@ -54,6 +57,22 @@ def open_spectra(path: Path, keys: SpectraKeys) -> ImageStack:
     file = inside(folder, keys.file, "'spectra.file' in the sidecar") if is_folder(path) else path
     n_slices = _count_slices(file, keys)
     return ImageStack(path, n_slices, ReadSpectra(file, keys, chain_of(folder, keys)))
+
+
+def is_sharper_turned_around(path: Path, keys: SpectraKeys, bscan: NDArray[np.uint16]) -> bool:
+    """Say whether ``bscan`` (depth, A-scan), that of the first slice, is sharper with the other ``chirp_gives``."""
+    if keys.chirp == EVEN:
+        return False
+    other = "sample" if keys.chirp_gives == "wavenumber" else "wavenumber"
+    turned = open_spectra(path, keys.model_copy(update={"chirp_gives": other}))[0]
+    return _sharpness(turned) > SHARPER * _sharpness(bscan)
+
+
+def _sharpness(bscan: NDArray[np.uint16]) -> float:
+    """Return the contrast of power, where a chirp that is wrong blurs most: away from depth 0."""
+    level_db = bscan[len(bscan) // SHALLOW :].astype(np.float64) / COUNTS_PER_DB
+    power = 10 ** ((level_db - level_db.max()) / 10)
+    return float(np.mean(power**2) / np.mean(power) ** 2)
 
 
 def chain_of(folder: Path, keys: SpectraKeys) -> Reconstruction:

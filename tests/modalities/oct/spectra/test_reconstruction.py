@@ -20,6 +20,7 @@ from tolerances import (
 )
 
 from endoct.modalities.oct.spectra.resampling import dispersion_phase
+from endoct.stitching.parallel import thread_map
 from tests.modalities.oct.spectra.fringes import (
     AMPLITUDE,
     Array,
@@ -235,6 +236,13 @@ def test_a_dead_slice_is_dark_and_a_glaring_one_bright() -> None:
     assert levels_db(chain(EVEN).bscan(glaring.astype(np.uint16)))[0, 0] == pytest.approx(
         20 * math.log10(65535), abs=COUNT_DB
     )
+
+
+def test_threads_do_not_meet() -> None:
+    slices = np.random.default_rng(0).integers(0, 4096, (12, 200, N)).astype(np.uint16)
+    through = chirped(quadratic_chirp(N))
+    for found, one in zip(thread_map(through.bscan, slices, 4), slices, strict=True):
+        np.testing.assert_array_equal(found, through.bscan(one))
 
 
 def test_a_chain_is_picklable() -> None:

@@ -10,6 +10,7 @@ from tolerances import RAW_SPECTRA_DB, REBUILT_DB, SAME_WALL_MM
 
 from endoct.modalities.conformance import CHECKS, Check, Subject
 from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.registry import manifests, open_recording
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, chirp, counts, digitised, reconstruct, spectrometer
@@ -77,6 +78,14 @@ def test_the_wrong_way_round_it_blurs(specimen: Path) -> None:
         power = 10 ** (levels_db(stream[5].samples)[:, 150:] / 10)
         sharpness.append(np.mean(power**2) / np.mean(power) ** 2)
     assert sharpness[0] > 2 * sharpness[1]
+
+
+def test_a_chirp_the_wrong_way_round_is_said(specimen: Path, tmp_path: Path) -> None:
+    assert "turned around" not in OCT.sniff(specimen / "oct-spectra").reason
+    moved = shutil.copytree(specimen / "oct-spectra", tmp_path / "turned")
+    sidecar = moved / "acquisition.toml"
+    sidecar.write_text(sidecar.read_text().replace('chirp = "', 'chirp_gives = "sample", chirp = "'))
+    assert "the chirp seems to be turned around" in OCT.sniff(moved).reason
 
 
 def test_the_wall_lies_where_it_lies_in_the_written_bscans(specimen: Path) -> None:
