@@ -22,7 +22,7 @@ ASIDE_MM, TILT_RAD, DEPTH_MM = 2.0, float(np.radians(4.0)), 2.0
 AXES_MM = 0.5
 """Between two axes, at their middle and at their ends."""
 ROWS_MM, COLUMNS = 0.3, 48
-AXES_AT_A_TIME = 64
+AXES_AT_A_TIME = 32
 LEAST_VARIANCE = 1e-3
 
 
@@ -127,7 +127,12 @@ def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[to
     wall = wall - wall.mean(dim=(1, 2), keepdim=True)
 
     def spectrum(image: torch.Tensor) -> torch.Tensor:
-        found: torch.Tensor = torch.fft.rfft2(image, s=size)
+        """Return a spectrum by θ and z, (…, n_theta / 2 + 1, n_z), of which rows are transformed back fastest."""
+        return torch.fft.rfft2(image, s=size).transpose(-1, -2).contiguous()
+
+    def at_depths(product: torch.Tensor, depths: int) -> torch.Tensor:
+        along = torch.fft.ifft(product)[..., :depths]  # around only at depths where all of a pattern lies on the wall
+        found: torch.Tensor = torch.fft.irfft(along.transpose(-1, -2), n=n_theta)
         return found
 
     of_wall, of_square = spectrum(wall), spectrum(wall * wall)
@@ -135,7 +140,7 @@ def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[to
         depths = n_z - pattern.air.shape[0] + 1
         weight, total = spectrum(pattern.weight).conj(), float(pattern.weight.sum())
         products = [of_wall * spectrum(pattern.weight * pattern.air).conj(), of_wall * weight, of_square * weight]
-        common, mean, square = (torch.fft.irfft2(one, s=size)[:, :depths] for one in products)
+        common, mean, square = (at_depths(one, depths) for one in products)
         # a wall that is all bone, or all air, is like nothing
         of_walls = (square - mean * mean / total).clamp_min(LEAST_VARIANCE * total)
         yield common / torch.sqrt(of_walls * (pattern.weight * pattern.air**2).sum().clamp_min(1e-9))

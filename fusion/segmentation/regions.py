@@ -5,7 +5,7 @@ from typing import Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from endoct.fusion.segmentation.parameters import SegmentParameters
@@ -53,15 +53,21 @@ def label(mask: Mask) -> tuple[Labels, int]:
 
     Samples that touch at a corner are connected.
     """
-    labels, n = ndimage.label(mask, structure=np.ones((3, 3)))
+    pieces, region_of = _pieces(mask)
+    return region_of[pieces], int(region_of.max())
+
+
+def _pieces(mask: Mask) -> tuple[Labels, Labels]:
+    """Return labels of cells that are cut at the seam of θ, and, by such a label, the cell that it is a piece of."""
+    n, labels = cv2.connectedComponents(np.ascontiguousarray(mask).view(np.uint8), connectivity=8, ltype=cv2.CV_32S)
     # columns −1 and 0 are neighbours: a row with itself and with the rows above and below
     last, first = np.pad(labels[:, -1], 1), labels[:, 0]
     left, right = np.stack([last[:-2], last[1:-1], last[2:]]), np.broadcast_to(first, (3, first.size))
     touch = (left > 0) & (right > 0)
-    graph = sparse.coo_array((np.ones(touch.sum()), (left[touch], right[touch])), shape=(n + 1, n + 1))
-    n_joined, component = connected_components(graph, directed=False)
+    graph = sparse.coo_array((np.ones(touch.sum()), (left[touch], right[touch])), shape=(n, n))
     # the background, 0, is visited first and stays 0
-    return component.astype(np.int32)[labels], int(n_joined) - 1
+    region_of = connected_components(graph, directed=False)[1]
+    return np.asarray(labels), region_of.astype(np.int32)
 
 
 def label_in_order(mask: Mask) -> Labels:
@@ -81,10 +87,10 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
     """Return ``mask`` without connected cells of fewer than ``smallest_px`` samples."""
     if smallest_px <= 1:
         return mask
-    labels, _ = label(mask)
-    keep = np.bincount(labels.ravel()) >= smallest_px
+    pieces, region_of = _pieces(mask)
+    keep = np.bincount(region_of, np.bincount(pieces.ravel())) >= smallest_px
     keep[0] = False
-    return np.asarray(keep[labels])
+    return np.asarray(keep[region_of][pieces])
 
 
 def clean(
