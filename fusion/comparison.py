@@ -100,24 +100,31 @@ def _compared(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[L
         bore = Bore(a.grid.radius_mm, orientations_of(a.panorama, b.panorama), z_scale_range)
         judged = align_by_hand(a, b, search_result, pairs, bore)
         search_result, by_hand = judged.alignment, judged.said
-    compared = _placed(a, b, search_result, by_hand, parameters)
+    # segment
+    alignment = search_result if isinstance(search_result, Alignment) else None
+    segmented = segment_sides(a, b, alignment, parameters, parameters.polarity)
+    compared = _placed(segmented, search_result, by_hand, parameters)
     noted: dict[str, object] = {"notes": {b.name: on_bore}} if on_bore else {}
     if by_hand is not None:
         noted["by_hand"] = by_hand
     return replace(compared, result=compared.result.model_copy(update=noted))
 
 
-def compare_placed(a: Side, b: Side, alignment: Alignment, parameters: CompareParameters) -> Comparison:
-    """Compare two sides of which it is known how B lies in A's frame: nothing is searched for."""
-    return _placed(a, b, alignment, None, parameters)
+def compare_placed(
+    a: SegmentedSide, b: SegmentedSide, alignment: Alignment, parameters: CompareParameters
+) -> Comparison:
+    """Compare two sides with their cells, of which it is known how B lies in A's frame: nothing is searched for."""
+    return _placed((a, b), alignment, None, parameters)
 
 
 def _placed(
-    a: Side, b: Side, search_result: Alignment | NotAligned, by_hand: ByHand | None, parameters: CompareParameters
+    segmented: tuple[SegmentedSide, SegmentedSide],
+    search_result: Alignment | NotAligned,
+    by_hand: ByHand | None,
+    parameters: CompareParameters,
 ) -> Comparison:
     alignment = search_result if isinstance(search_result, Alignment) else None
-    # segment
-    segmented = segment_sides(a, b, alignment, parameters, parameters.polarity)
+    a, b = (each.side for each in segmented)
     # place
     samplings = Sampling(a.grid, IN_PLACE), Sampling(b.grid, alignment or IN_PLACE)
     grid = common_grid(*samplings, dz_mm=parameters.dz_mm, n_theta=parameters.n_theta)

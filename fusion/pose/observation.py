@@ -6,9 +6,8 @@ import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import segment
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.circle import masked_gaussian
 
 ROWS_MM, COLUMNS = 0.2, 64
@@ -69,16 +68,19 @@ class Observation:
         return float(np.ptp(self.z_mm))
 
 
-def observe(side: Side) -> Observation:
-    """Return what ``side`` shows: where it has depth, the air at some depths, else the cells in its intensity."""
+def observe(side: Side, cells: Mask | None = None) -> Observation:
+    """Return what ``side`` shows: where it has depth, the air at some depths, else the cells in its intensity.
+
+    ``cells``: these, bool (n_z, n_theta), if they are at hand.
+    """
     panorama = side.panorama
     rows = np.arange(panorama.z_mm[0], panorama.z_mm[-1] + 1e-9, ROWS_MM)
     evidence = side.evidence
     if evidence.kind == "relief":
         layers = tuple(_layer_at(evidence, behind, rows) for behind in LAYERS_MM)
     else:
-        cells = segment(side, SegmentParameters())
-        layers = (_layer(evidence, cells.astype(np.float32), evidence.valid.astype(np.float32), rows, 0.0),)
+        shown = segment(side) if cells is None else cells
+        layers = (_layer(evidence, shown.astype(np.float32), evidence.valid.astype(np.float32), rows, 0.0),)
     places = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
     steps = np.diff(places)
     driven = steps.size > 1 and float(np.std(steps)) < EVEN_STEPS * float(np.mean(steps))

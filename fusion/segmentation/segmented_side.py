@@ -59,6 +59,17 @@ def segment_sides(
     )
 
 
+def segment_side(
+    side: Side, parameters: SegmentParameters, polarity: Polarity, polarity_from: str = "given"
+) -> SegmentedSide:
+    """Return ``side`` with its cells, which are dark or bright, as ``polarity``, where it is segmented by intensity.
+
+    Raises :class:`EndoctError` where all evidence is alike.
+    """
+    evidence = side.cell_evidence(parameters.segment, polarity)
+    return SegmentedSide(side, find_cells(evidence, parameters), None if evidence.knows_cells else polarity_from)
+
+
 def _segmented(
     side: Side,
     parameters: SegmentParameters,
@@ -67,11 +78,9 @@ def _segmented(
     agreement: float | None,
 ) -> SegmentedSide:
     """Return ``side`` with its cells; ``agreement`` is its correlation with ``other``, None where that says nothing."""
-    evidence = side.cell_evidence(parameters.segment)
-    if evidence.knows_cells:
-        return SegmentedSide(side, find_cells(evidence, parameters), None)
-    dark_or_bright, known_from = _polarity(side, polarity, other, agreement)
-    return SegmentedSide(side, find_cells(side.contrast(dark_or_bright), parameters), known_from)
+    if side.cell_evidence(parameters.segment).knows_cells:
+        return segment_side(side, parameters, "dark")
+    return segment_side(side, parameters, *_polarity(side, polarity, other, agreement))
 
 
 def _polarity(

@@ -15,7 +15,7 @@ from endoct.modalities.ct_volume import CtVolume
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.posing.prediction import COLUMNS, ROWS_MM
+from endoct.workbench.posing.each_side import COLUMNS, ROWS_MM
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     DEPTH_COLOURS,

@@ -2,14 +2,13 @@
 
 import torch
 
-from endoct.fusion.evidence.side import Side
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.answer import PoseAnswer
 from endoct.fusion.pose.finding import Found, answer, find_alone
 from endoct.fusion.pose.observation import observe
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.posing.each_side import EachSide, one_thread
+from endoct.workbench.posing.each_side import EachSide, OneSide, one_thread
 from endoct.workbench.running.progress import Stages
 
 
@@ -28,6 +27,7 @@ def find(air: AirAround, plan: Trajectory, each: EachSide, device: str, stages: 
 
 
 @one_thread()
-def find_side(air: AirAround, side: Side, device: str) -> Found:
-    """Return where ``side`` alone lies in ``air``."""
-    return find_alone(air.to(device), observe(side))
+def find_side(one: OneSide, device: str) -> Found:
+    """Return where a side alone lies in the air around the plan."""
+    cells = None if one.side.relief is not None else one.segmented.segmentation.mask
+    return find_alone(one.air.to(device), observe(one.side, cells))

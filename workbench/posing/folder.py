@@ -2,13 +2,11 @@
 
 from pathlib import Path
 
-from endoct.fusion.evidence.side import Side
-from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.pose import BorePose
 from endoct.modalities.ct_volume import CtVolume
 from endoct.modalities.markups import write_line
 from endoct.workbench.pipeline.inputs import json_text
-from endoct.workbench.posing.each_side import EachSide, one_thread
+from endoct.workbench.posing.each_side import EachSide, OneSide, one_thread
 from endoct.workbench.posing.figures import draw_cut, draw_wall
 from endoct.workbench.posing.handover import write_handover
 from endoct.workbench.posing.page import pose_page
@@ -42,9 +40,9 @@ def write_folder(
 
 
 @one_thread()
-def write_side(air: AirAround, side: Side, pose: BorePose, made: Made, folder: Path) -> Drawn:
-    """Write ``side`` beside what the CT predicts of it into the ``folder`` of a pose; return their figure."""
-    prediction = predicted(air, pose, side)
-    if (compared := compare_with(prediction, pose, side)) is not None:
-        save_compared(compared, prediction, side, made, folder / PREDICTED / side.name)
-    return draw_wall(side, prediction)
+def write_side(one: OneSide, pose: BorePose, made: Made, folder: Path) -> Drawn:
+    """Write a side beside what the CT predicts of it into the ``folder`` of a pose; return their figure."""
+    prediction = predicted(one.air, pose, one.side)
+    if (compared := compare_with(prediction, pose, one)) is not None:
+        save_compared(compared, prediction, one.side, made, folder / PREDICTED / one.side.name)
+    return draw_wall(one.side, prediction)

@@ -10,9 +10,9 @@ from endoct.fusion.comparison import Comparison, compare_placed, save_comparison
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.cell_table import write_cells
 from endoct.fusion.geometry.placement import IN_PLACE
-from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.segmentation.segmented_side import segment_side
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
@@ -20,11 +20,10 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.posing.each_side import COLUMNS, PARAMETERS, OneSide
 from endoct.workbench.posing.result import Made
 
 MODALITY = "ct"
-ROWS_MM, COLUMNS = 0.05, 1024
-"""Of the comparison: far finer than a CT."""
 ROWS_AT_A_TIME = 256
 NOTE = (
     "This side is what the CT has on the wall at the pose that `endoct pose` found: it lies where it does by that "
@@ -55,16 +54,16 @@ def predicted(air: AirAround, pose: BorePose, side: Side) -> Panorama:
     )
 
 
-def compare_with(prediction: Panorama, pose: BorePose, side: Side) -> Comparison | None:
-    """Return ``side`` and what the CT predicts of it as a comparison; None where either shows no cells.
+def compare_with(prediction: Panorama, pose: BorePose, one: OneSide) -> Comparison | None:
+    """Return a side and what the CT predicts of it as a comparison; None where either shows no cells.
 
     Its alignment is that of the pose, which nothing was searched for, with the correlation that the pose was found by.
     """
-    agreement = pose.fit.agreement[pose.names.index(side.name)]
+    agreement = pose.fit.agreement[pose.names.index(one.side.name)]
     in_place = replace(IN_PLACE, confidence=max(agreement, 0.0), correlation=agreement)
-    parameters = CompareParameters(dz_mm=ROWS_MM, n_theta=COLUMNS, polarity="dark")
     try:
-        compared = compare_placed(side, Side(MODALITY, prediction), in_place, parameters)
+        of_ct = segment_side(Side(MODALITY, prediction), PARAMETERS, "dark")
+        compared = compare_placed(one.segmented, of_ct, in_place, PARAMETERS)
     except EndoctError:
         return None
     # what is doubted of a recording, as lost frames, does not concern a CT
