@@ -16,6 +16,7 @@ from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.ranks import medians
 
 SAME_LINE_MM = 0.02
@@ -94,9 +95,11 @@ def _dark_behind(
     """
     mm_per_px, gap_mm = acquisition.mm_per_px, acquisition.gap_mm
     n_px = round(2.5 * gap_mm / mm_per_px)
-    profiles = [
-        _known(medians(samples_behind(slices[i], lines.circle(k), mm_per_px, n_px))) for k, i in enumerate(index)
-    ]
+
+    def profile_behind(k: int) -> Image:
+        return _known(medians(samples_behind(slices[index[k]], lines.circle(k), mm_per_px, n_px)))
+
+    profiles = list(thread_map(profile_behind, range(len(index))))
     profile = _known(medians(np.asarray(profiles, dtype=np.float32)))
     first, last = round(0.04 / mm_per_px), max(round(0.3 * gap_mm / mm_per_px), round(0.08 / mm_per_px))
     if profile.size <= last + 2 or not np.isfinite(profile[first:last]).all():

@@ -13,6 +13,8 @@ from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.evidence import relative_power
 from endoct.modalities.oct.surface.fixed_lines import bridge_rows
 from endoct.stitching.arrays import Image
+from endoct.stitching.parallel import thread_map
+from endoct.stitching.ranks import median
 from endoct.stitching.robust import SIGMA_PER_MEDIAN
 
 MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
@@ -32,16 +34,19 @@ def measure_levels(
     mm_per_px, gap_mm = acquisition.mm_per_px, acquisition.gap_mm
     first, last = round(CLEARANCE_MM / mm_per_px), round((CLEARANCE_MM + max(0.3 * gap_mm, 0.08)) / mm_per_px)
     n_px = max(round(2.5 * gap_mm / mm_per_px), 2 * last)
-    dark, bright = [], []
-    for i in map(int, np.flatnonzero(~faces.bridged)):
+
+    def dark_and_bright(i: int) -> tuple[list[Image], float]:
         features = slices[i]
         filled = replace(features, ascans=bridge_rows(features.ascans - floor, line_excess > 0))
         samples = samples_behind(filled, faces.capillary.circle(i), mm_per_px, n_px)
-        dark += _darkest(samples[:, first:last])
+        dark = _darkest(samples[:, first:last])
         samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
         smooth = uniform_filter1d(samples, max(1, round(SMOOTH_MM / mm_per_px)), axis=1)
-        bright.append(np.median(smooth[:, first:].max(axis=1)))
-    noise_samples = np.concatenate(dark)
+        return dark, median(smooth[:, first:].max(axis=1))
+
+    levels = list(thread_map(dark_and_bright, np.flatnonzero(~faces.bridged)))
+    bright = [wall for _, wall in levels]
+    noise_samples = np.concatenate([band for dark, _ in levels for band in dark])
     noise_samples = noise_samples[np.isfinite(noise_samples)]
     noise = _median_between_counts(noise_samples)
     sigma = SIGMA_PER_MEDIAN * _median_between_counts(np.abs(noise_samples - noise))

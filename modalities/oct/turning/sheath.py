@@ -6,8 +6,9 @@ bright before the capillary makes one pattern over angle and depth; each slice i
 likeliest in the pattern of all. Lines that cross, fade or run into the speckle behind them need not be told apart.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,9 +69,9 @@ def sheath_mark(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, mm_
     for blur in BLURS:
         likelihood = _Likelihood.of(pattern.rate(*blur))
         pattern = _Pattern.of(depth_mm.size)
-        for i, sight in enumerate(thread_map(seen, range(n))):
-            direction[:, i] = likelihood.turned(sight)
-            pattern.add(sight, direction[0, i])
+        for i, (sight, turned) in enumerate(thread_map(partial(_placed, seen, likelihood), range(n))):
+            direction[:, i] = turned
+            pattern.add(sight, turned[0])
     apart = wrap_rad(direction[1] - direction[2]) / 2
     usual = robust_sigma(apart)
     return Mark(wrap_rad(direction[0]), np.hypot(usual, apart) / np.sqrt(2)) if usual < RIGID_RAD else None
@@ -180,6 +181,12 @@ class _Likelihood:
             sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
             found.append(-(k + sub) * 2 * np.pi / N_ANGLES)
         return found
+
+
+def _placed(seen: Callable[[int], _Sight], likelihood: _Likelihood, i: int) -> tuple[_Sight, list[float]]:
+    """What is seen in slice ``i``, and where it is then."""
+    sight = seen(i)
+    return sight, likelihood.turned(sight)
 
 
 @compiled
