@@ -46,6 +46,7 @@ CHECKS: tuple[Check, ...] = (
     unrolling.calibration_is_complete,
     unrolling.survey_does_not_depend_on_workers,
     unrolling.unrolling_is_pure,
+    unrolling.reading_once_changes_nothing,
     unrolling.strips_lie_on_the_grid,
     unrolling.strips_are_sound,
     unrolling.theta_is_a_circle,

@@ -22,7 +22,7 @@ from endoct.modalities.conformance.subject import (
     same,
     same_strip,
 )
-from endoct.modalities.contract import LocatingModality, VolumetricModality
+from endoct.modalities.contract import LocatingModality, ReadingOnce, VolumetricModality
 from endoct.modalities.illustrating import places_of
 from endoct.stitching.blend import blend
 from endoct.stitching.panorama import Panorama
@@ -67,6 +67,20 @@ def unrolling_is_pure(subject: Subject) -> None:
         before = frame.samples.copy()
         demand(same_strip(strip, subject.modality.unroll(frame, calibration)), f"frame {index} unrolls otherwise again")
         demand(same(before, frame.samples), f"unrolling changes frame {index}")
+
+
+def reading_once_changes_nothing(subject: Subject) -> None:
+    """What a plug-in keeps of the frames, if it does, is surveyed and unrolled as they are, to the last bit."""
+    if not hasattr(subject.modality, "reading_once"):
+        return
+    modality = cast(ReadingOnce[Any, Any], subject.modality)
+    with modality.reading_once(subject.open(), modality.parameters()) as kept:
+        other = subject.survey(kept)
+        for key, values in subject.calibration.per_frame.items():
+            demand(same(values, other.per_frame[key]), f"per_frame['{key}'] is another where frames are kept")
+        for index, strip in subject.strips.items():
+            again = modality.unroll(kept[index], other)
+            demand(same_strip(strip, again), f"frame {index} unrolls otherwise where it was kept")
 
 
 def strips_lie_on_the_grid(subject: Subject) -> None:

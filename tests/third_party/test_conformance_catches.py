@@ -4,6 +4,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.conformance import CHECKS, NotConforming, Subject, check_modality
+from endoct.modalities.conformance.subject import Replaced
 from endoct.modalities.contract import Sniff
 from endoct.stitching.errors import EndoctError
 
@@ -99,6 +101,10 @@ def _scribbling(right: Any, frame: Any, calibration: Any) -> Any:
     frame.samples.flags.writeable = True
     np.add(frame.samples, 1, out=frame.samples)
     return strip
+
+
+def _kept_brighter(right: Any, stream: Any, parameters: Any) -> Any:
+    return nullcontext(Replaced(stream, tuple(range(len(stream))), lambda samples: samples * 1.01))
 
 
 CALLS = count()
@@ -202,6 +208,7 @@ BREACHES: dict[str, tuple[str, Callable[[SimpleNamespace], Any]]] = {
     ),
     "unrolling that counts": ("unrolling_is_pure", broken(unroll=_counting)),
     "unrolling that scribbles": ("unrolling_is_pure", broken(unroll=_scribbling)),
+    "kept frames that were changed": ("reading_once_changes_nothing", broken(reading_once=_kept_brighter)),
     "a strip between the rows": (
         "strips_lie_on_the_grid",
         broken(unroll=_changed_strip(lambda s, c: replace(s, z_mm=s.z_mm + 0.05))),
