@@ -110,25 +110,32 @@ def _seen(features: SliceFeatures, face: Circle, depth_mm: Coordinates, clear_mm
     column = np.mod(points.angle_rad, 2 * np.pi) * (N_ANGLES / (2 * np.pi))
     density = _density(column, points.depth_mm / BIN_MM, points.strength, depth_mm.size)
     angle = 2 * np.pi * np.arange(N_ANGLES) / N_ANGLES
-    covered = (depth_mm < face.depth_mm(angle)[:, None] - clear_mm).astype(np.float64)
-    half = (np.arange(N_ANGLES) * SECTORS // N_ANGLES % 2 == 0)[:, None]
-    parts = np.stack([half, ~half])
-    return _Sight(np.fft.rfft(density * parts, axis=1), np.fft.rfft(covered * parts, axis=1))
+    covered = _covered(np.searchsorted(depth_mm, face.depth_mm(angle) - clear_mm), depth_mm.size)
+    return _Sight(np.fft.rfft(density, axis=1), np.fft.rfft(covered, axis=1))
 
 
 @compiled
 def _density(column: Coordinates, row: Coordinates, strength: Coordinates, n_depth: int) -> Field:
-    """Points over angle and depth, float64 (N_ANGLES, n_depth), each shared among the four bins around it."""
-    density = np.zeros((N_ANGLES, n_depth))
+    """Points over angle and depth, float64 (2, N_ANGLES, n_depth), each shared among the four bins around it."""
+    density = np.zeros((2, N_ANGLES, n_depth))
     for i in range(row.size):
         if 0 <= row[i] < n_depth - 1:
             first, top = int(column[i]), int(row[i])
             across, down = column[i] - first, row[i] - top
-            density[first % N_ANGLES, top] += strength[i] * (1 - across) * (1 - down)
-            density[first % N_ANGLES, top + 1] += strength[i] * (1 - across) * down
-            density[(first + 1) % N_ANGLES, top] += strength[i] * across * (1 - down)
-            density[(first + 1) % N_ANGLES, top + 1] += strength[i] * across * down
+            for to, share in ((first % N_ANGLES, 1 - across), ((first + 1) % N_ANGLES, across)):
+                half = to * SECTORS // N_ANGLES % 2
+                density[half, to, top] += strength[i] * share * (1 - down)
+                density[half, to, top + 1] += strength[i] * share * down
     return density
+
+
+@compiled
+def _covered(n_before: NDArray[np.intp], n_depth: int) -> Field:
+    """1 in the first ``n_before`` (N_ANGLES,) bins of every angle, 0 behind, float64 (2, N_ANGLES, n_depth)."""
+    covered = np.zeros((2, N_ANGLES, n_depth))
+    for angle in range(N_ANGLES):
+        covered[angle * SECTORS // N_ANGLES % 2, angle, : n_before[angle]] = 1
+    return covered
 
 
 @dataclass(frozen=True, eq=False)
