@@ -2,7 +2,7 @@
 
     python -m benchmarks.mirrors_in_spectra
 
-The chirp is the simulator's, a fit to the rig's: towards one end of the detector samples lie 1.25 even wavenumbers apart,
+The chirp is the simulator's, a fit to the rig's: at one end of the detector samples lie 1.25 even wavenumbers apart,
 where depths beyond 0.8 of the range cannot be told from their mirror images by any means.
 """
 

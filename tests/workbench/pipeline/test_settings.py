@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from endoct.modalities.acquisition import overridden
 from endoct.modalities.registry import manifests
 from endoct.stitching.digests import LISTED_FILES, digests
 from endoct.stitching.errors import EndoctError
@@ -33,6 +34,16 @@ def test_keys_go_where_they_are_known() -> None:
     overrides, parameters = split({"axial_pixel_mm": 0.004, "undistort": "sine"}, manifests()["oct"])
     assert overrides == {"axial_pixel_mm": 0.004}
     assert parameters.undistort == "sine"
+
+
+def test_a_key_of_a_table_goes_with_the_sidecars() -> None:
+    overrides, _ = split(parse(("spectra.window=flat", "spectra.dispersion_rad=[1, 2]")), manifests()["oct"])
+    assert overrides == {"spectra.window": "flat", "spectra.dispersion_rad": [1, 2]}
+    assert overridden({"spectra": {"window": "hann", "samples": 96}, "a": 1}, overrides) == {
+        "spectra": {"window": "flat", "dispersion_rad": [1, 2], "samples": 96},
+        "a": 1,
+    }
+    assert overridden({}, {"annulus.x": 3}) == {"annulus": {"x": 3}}
 
 
 def test_a_misspelt_key_is_answered_with_the_nearest_of_both() -> None:
