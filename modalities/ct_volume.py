@@ -80,6 +80,19 @@ def read_ct(path: Path, stated: Convention | None = None) -> CtVolume:
     return CtVolume(itk.GetArrayFromImage(image), origin, steps[::-1].copy(), coordinates)
 
 
+def part_around(ct: CtVolume, places_mm: Coordinates, margin_mm: float) -> CtVolume:
+    """Return the part of a volume that holds places (n, 3) LPS, and ``margin_mm`` more, as far as it reaches.
+
+    It has no voxels where the places lie farther away than that.
+    """
+    index = (places_mm - ct.origin_mm) @ np.linalg.inv(ct.steps_mm)
+    margin = margin_mm / np.linalg.norm(ct.steps_mm, axis=1)
+    first = np.clip(np.floor(index.min(axis=0) - margin), 0, ct.voxels.shape).astype(int)
+    end = np.clip(np.ceil(index.max(axis=0) + margin) + 1, first, ct.voxels.shape).astype(int)
+    voxels = ct.voxels[tuple(slice(a, b) for a, b in zip(first, end, strict=True))]
+    return CtVolume(voxels, ct.origin_mm + first @ ct.steps_mm, ct.steps_mm, ct.coordinates)
+
+
 def holds_labels(ct: CtVolume, name: str, remedy: str) -> bool:
     """Whether a volume, called ``name``, holds labels, 0 for air, and not Hounsfield units.
 

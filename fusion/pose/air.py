@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from scipy import ndimage
 
-from endoct.modalities.ct_volume import LABEL_SIGMA_VOXELS, CtVolume, holds_labels
+from endoct.modalities.ct_volume import LABEL_SIGMA_VOXELS, CtVolume, holds_labels, part_around
 from endoct.modalities.trajectory import Trajectory, as_point
 from endoct.stitching.arrays import Image
 from endoct.stitching.errors import EndoctError
@@ -15,6 +15,8 @@ STEP_MM = 0.15
 """Of the samples, half a clinical voxel: a cubic spline between voxels, and straight lines between these samples."""
 ASIDE_MM, BEYOND_MM = 7.0, 7.0
 AIR_HU, BONE_HU = -1000.0, 300.0
+SPLINE_VOXELS = 16
+"""Voxels farther away than this move a cubic spline by less than a billionth of what they are."""
 LEAST_INSIDE = 0.7
 """Of the samples around the plan that lie in the CT."""
 
@@ -59,16 +61,21 @@ def air_around(ct: CtVolume, plan: Trajectory, device: str = "cpu") -> AirAround
     corner = np.array([-ASIDE_MM, -ASIDE_MM, -BEYOND_MM])
     across = 1 + round(2 * ASIDE_MM / STEP_MM)
     shape = (1 + round((plan.length_mm + 2 * BEYOND_MM) / STEP_MM), across, across)
-    to_index = np.linalg.inv(ct.steps_mm)
     axes = plan.to_lps[:3, :3]
+    ends = np.stack([corner, corner + STEP_MM * (np.array(shape[::-1]) - 1)])
+    corners = np.stack(np.meshgrid(*ends.T), axis=-1).reshape(-1, 3) @ axes.T + plan.to_lps[:3, 3]
+    # of a CT of the whole head, only this part is turned into splines
+    part = part_around(ct, corners, SPLINE_VOXELS * float(np.linalg.norm(ct.steps_mm, axis=1).max()))
+    to_index = np.linalg.inv(ct.steps_mm)
     matrix = (STEP_MM * axes[:, ::-1].T @ to_index).T
-    offset = (axes @ corner + plan.to_lps[:3, 3] - ct.origin_mm) @ to_index
+    offset = (axes @ corner + plan.to_lps[:3, 3] - part.origin_mm) @ to_index
 
     def resampled(values: Image, order: int, outside: str) -> Image:
         at = ndimage.affine_transform(values, matrix, offset, shape, np.float32, order, outside)
         return np.asarray(at, dtype=np.float32)
 
-    inside = float(resampled(np.ones(ct.voxels.shape, np.float32), 0, "constant").mean())
+    everywhere = np.ones(part.voxels.shape, np.float32)
+    inside = float(resampled(everywhere, 0, "constant").mean()) if part.voxels.size else 0.0
     if inside < LEAST_INSIDE:
         raise EndoctError(
             "the plan lies outside the CT",
@@ -77,10 +84,10 @@ def air_around(ct: CtVolume, plan: Trajectory, device: str = "cpu") -> AirAround
             remedy="check entry, target and --coordinates",
         )
     if holds_labels(ct, "the CT", remedy="export Hounsfield units, air at about -1000"):
-        air = ndimage.gaussian_filter((ct.voxels == 0).astype(np.float32), LABEL_SIGMA_VOXELS)
+        air = ndimage.gaussian_filter((part.voxels == 0).astype(np.float32), LABEL_SIGMA_VOXELS)
         share = resampled(air, 1, "nearest")
     else:
-        hounsfield = resampled(ct.voxels.astype(np.float32), 3, "nearest")
+        hounsfield = resampled(part.voxels.astype(np.float32), 3, "nearest")
         dense = hounsfield[hounsfield > BONE_HU]
         if dense.size < 0.02 * hounsfield.size:
             raise EndoctError(

@@ -79,18 +79,19 @@ class BorePose:
         return float(np.sqrt(by.numpy() @ of_side @ by.numpy()))
 
     def depth_of(self, name: str, z_mm: Coordinates) -> Coordinates:
-        """Return the depth along the bore, mm, of rows of a side's panorama at ``z_mm`` (n,)."""
+        """Return the depth along the bore, mm, of rows of a side's panorama at ``z_mm`` (…)."""
         number, side, sense = self._of(name)
         depth = along_axis(side, sense, torch.as_tensor(self.fit.of_side(number)), torch.as_tensor(z_mm))
         return np.asarray(depth.numpy(), dtype=np.float64)
 
     def to_lps(self, name: str, theta_rad: Coordinates, z_mm: Coordinates, behind_mm: Coordinates) -> Coordinates:
-        """Return where places of a side's panorama lie in the patient: three (n,) to (n, 3) LPS, mm."""
+        """Return where places of a side's panorama lie in the patient, LPS, mm: three that broadcast to (…, 3)."""
         number, side, sense = self._of(name)
         own = self.fit.of_side(number)
         angle = sense.turning * np.asarray(theta_rad) + own[TURN] + self._twist(number, z_mm)
         radius = side.radius_mm + own[RADIUS] + np.asarray(behind_mm)
-        local = np.stack([radius * np.cos(angle), radius * np.sin(angle), self.depth_of(name, z_mm)], axis=-1)
+        places = np.broadcast_arrays(radius * np.cos(angle), radius * np.sin(angle), self.depth_of(name, z_mm))
+        local = np.stack(places, axis=-1)
         to_lps = self.bore_to_lps
         return np.asarray(local @ to_lps[:3, :3].T + to_lps[:3, 3])
 

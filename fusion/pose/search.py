@@ -128,7 +128,8 @@ def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[to
 
     def spectrum(image: torch.Tensor) -> torch.Tensor:
         """Return a spectrum by θ and z, (…, n_theta / 2 + 1, n_z), of which rows are transformed back fastest."""
-        return torch.fft.rfft2(image, s=size).transpose(-1, -2).contiguous()
+        found: torch.Tensor = torch.fft.rfft2(image, s=size)
+        return found.transpose(-1, -2).contiguous()
 
     def at_depths(product: torch.Tensor, depths: int) -> torch.Tensor:
         along = torch.fft.ifft(product)[..., :depths]  # around only at depths where all of a pattern lies on the wall

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
 from endoct.fusion.pose.clinical import LEVEL, Estimate, sampled_axes
 from endoct.fusion.pose.pose import BorePose
-from endoct.modalities.ct_volume import CtVolume
+from endoct.modalities.ct_volume import CtVolume, part_around
 from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 
 FACIAL_NERVE = 2
@@ -66,21 +65,18 @@ def structures_near(labels: CtVolume, plan: Trajectory) -> tuple[Structure, ...]
         values = f"{least:g} among its values" if least < 0 else "numbers that are not whole"
         raise EndoctError("the labels are none", found=values, expected="a segmentation, whole numbers from 0 on")
     ends = np.array([plan.entry_mm, plan.target_mm])
-    index = (ends - labels.origin_mm) @ np.linalg.inv(labels.steps_mm)
-    reach = NEAR_MM / np.linalg.norm(labels.steps_mm, axis=1)
-    first = np.maximum(np.floor(index.min(axis=0) - reach), 0).astype(int)
-    last = np.minimum(np.ceil(index.max(axis=0) + reach) + 1, labels.voxels.shape).astype(int)
-    near = labels.voxels[tuple(slice(a, max(a, b)) for a, b in zip(first, last, strict=True))]
-    found = [int(label) for label in np.unique(near) if label not in NO_STRUCTURES]
+    near = part_around(labels, ends, NEAR_MM)
+    there = np.unique(near.voxels)
+    found = [int(label) for label in there if label not in NO_STRUCTURES]
     if not found:
         raise EndoctError(
             "there is no labelled structure near the plan",
-            found=f"labels {', '.join(map(str, np.unique(near)[:8])) or 'nowhere near'} within {NEAR_MM:g} mm",
+            found=f"labels {', '.join(map(str, there[:8])) or 'nowhere near'} within {NEAR_MM:g} mm",
             expected="labels other than 0, air, and 1, bone",
             remedy="check that the labels lie in the world of the CT",
         )
     voxel = float(np.linalg.norm(labels.steps_mm, axis=1).max())
-    return tuple(Structure(label, _surface(near == label, first, labels), voxel) for label in found)
+    return tuple(Structure(label, _surface(near, label), voxel) for label in found)
 
 
 def clearance(pose: BorePose, structure: Structure, radius_mm: float, generator: np.random.Generator) -> Clearance:
@@ -127,7 +123,7 @@ def _beyond(
     return np.asarray(outside + np.minimum(np.maximum(aside, past), 0))
 
 
-def _surface(inside: Mask, first: NDArray[np.intp], labels: CtVolume) -> Coordinates:
-    """Return the surface of a structure, of voxels that begin at index ``first`` of ``labels``."""
-    index = marching_cubes(np.pad(inside, 1).astype(np.float32), 0.5)[0] - 1 + first
+def _surface(labels: CtVolume, label: int) -> Coordinates:
+    """Return the surface of a structure."""
+    index = marching_cubes(np.pad(labels.voxels == label, 1).astype(np.float32), 0.5)[0] - 1
     return np.asarray(index.astype(np.float64) @ labels.steps_mm + labels.origin_mm)

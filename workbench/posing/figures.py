@@ -11,7 +11,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import NO_STRUCTURES, name_of
 from endoct.fusion.pose.summary import radius_of
-from endoct.modalities.ct_volume import CtVolume
+from endoct.modalities.ct_volume import CtVolume, part_around
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -140,12 +140,9 @@ def _around(
     local = np.zeros((aside.size, z.size, 3))
     local[..., axis], local[..., 2] = aside[:, None], z
     to_lps = pose.bore_to_lps
-    index = (local @ to_lps[:3, :3].T + to_lps[:3, 3] - volume.origin_mm) @ np.linalg.inv(volume.steps_mm)
-    ends = index.reshape(-1, 3)
-    first = np.clip(np.floor(ends.min(axis=0)).astype(int), 0, np.array(volume.voxels.shape) - 1)
-    last = np.clip(np.ceil(ends.max(axis=0)).astype(int) + 2, first + 1, volume.voxels.shape)
-    part = volume.voxels[tuple(slice(a, b) for a, b in zip(first, last, strict=True))]
-    return part, np.moveaxis(index - first, -1, 0)
+    places = local @ to_lps[:3, :3].T + to_lps[:3, 3]
+    part = part_around(volume, places.reshape(-1, 3), float(np.linalg.norm(volume.steps_mm, axis=1).max()))
+    return part.voxels, np.moveaxis((places - part.origin_mm) @ np.linalg.inv(part.steps_mm), -1, 0)
 
 
 def _window(ct: CtVolume) -> tuple[float, float]:

@@ -86,9 +86,7 @@ def save_compared(compared: Comparison, prediction: Panorama, side: Side, made: 
 
 
 def _bone(air: AirAround, pose: BorePose, side: Side, grid: SurfaceGrid, z_mm: Coordinates, behind_mm: float) -> Image:
-    theta = grid.theta_rad
-    rows, columns = np.repeat(z_mm, theta.size), np.tile(theta, z_mm.size)
-    places = pose.to_lps(side.name, columns, rows, np.full(rows.size, behind_mm))
+    places = pose.to_lps(side.name, grid.theta_rad, z_mm[:, None], np.array(behind_mm))
     to_plan = np.linalg.inv(pose.plan.to_lps)
     local = torch.as_tensor(places @ to_plan[:3, :3].T + to_plan[:3, 3])
-    return np.asarray(1 - air.share(local).numpy(), dtype=np.float32).reshape(z_mm.size, theta.size)
+    return np.asarray(1 - air.share(local).numpy(), dtype=np.float32)
