@@ -89,6 +89,12 @@ def read_contents(folder: Path) -> Contents | None:
     return contents
 
 
+def whole_of(folder: Path) -> Path | None:
+    """Return the output that lists the files in ``folder`` as its own; None where no folder above it does."""
+    folder = folder.resolve()
+    return next((above for above in folder.parents if _lists(above, folder)), None)
+
+
 def differences(folder: Path, contents: Contents) -> Differences:
     """Hold everything in ``folder`` against its ``contents``, parts against theirs. Reads every byte once."""
     altered, missing, added = [], [], []
@@ -201,6 +207,13 @@ def _digest(path: Path) -> tuple[int, str] | None:
 
 def _is_plain(path: Path) -> bool:
     return path.is_file() and not path.is_symlink()
+
+
+def _lists(whole: Path, folder: Path) -> bool:
+    """Say whether what ``whole`` holds lists files of ``folder``, and not as a part that says of itself."""
+    contents = read_contents(whole)
+    within = f"{folder.relative_to(whole).as_posix()}/"
+    return contents is not None and any(name.startswith(within) for name in contents.files)
 
 
 def _few(paths: tuple[str, ...], most: int = 3) -> str:

@@ -2,17 +2,31 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypedDict
 
 from tyro.conf import Positional
 
+from endoct.modalities.trajectory import Point
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
+from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.status import DONE, UNTOLD
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.result import PoseResult
+
+
+class _Asked(TypedDict):
+    """What is asked with a recording and without one."""
+
+    entry_mm: Point | None
+    target_mm: Point | None
+    plan: Path | None
+    coordinates: Literal["ras", "lps"] | None
+    device: Literal["cpu", "cuda"]
+    overwrite: bool
+    progress: Stages
 
 
 def pose(
@@ -68,22 +82,20 @@ def pose(
         "--set-a": set_a, "--set-b": set_b,
     }  # fmt: skip
     _check_options(plan_only, of_sides, {"--radius": radius, "--seen": seen})
+    asked: _Asked = {
+        "entry_mm": parse_place("entry", entry),
+        "target_mm": parse_place("target", target),
+        "plan": plan,
+        "coordinates": coordinates,
+        "device": device,
+        "overwrite": overwrite,
+        "progress": command_stages(json),
+    }
     if plan_only:
         from endoct.workbench.posing.outlook import RADIUS_MM, pose_outlook
 
-        outlook = pose_outlook(
-            ct,
-            output,
-            entry_mm=parse_place("entry", entry),
-            target_mm=parse_place("target", target),
-            plan=plan,
-            coordinates=coordinates,
-            radius_mm=RADIUS_MM if radius is None else radius,
-            seen_mm=seen,
-            device=device,
-            overwrite=overwrite,
-            progress=command_stages(json),
-        )
+        radius_mm = RADIUS_MM if radius is None else radius
+        outlook = pose_outlook(ct, output, radius_mm=radius_mm, seen_mm=seen, **asked)
         if json:
             print_json(outlook.to_json())
         else:
@@ -94,18 +106,12 @@ def pose(
         sides,
         ct,
         output,
-        entry_mm=parse_place("entry", entry),
-        target_mm=parse_place("target", target),
-        plan=plan,
-        coordinates=coordinates,
         labels=labels,
         modality_a=modality_a,
         modality_b=modality_b,
         settings_a=parse(set_a),
         settings_b=parse(set_b),
-        device=device,
-        overwrite=overwrite,
-        progress=command_stages(json),
+        **asked,
     )
     if json:
         print_json(result.to_json())

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from pathlib import Path
 
-from endoct.stitching.contents import is_marked, marked, read_contents
+from endoct.stitching.contents import is_marked, marked, read_contents, whole_of
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
 from endoct.stitching.panorama import Panorama
@@ -69,8 +69,7 @@ def write_panorama_report(store: Path, panorama: Panorama) -> Path:
 
 def _check(folder: Path) -> None:
     """Raise :class:`EndoctError` where a report may not be written, before any work is put into it."""
-    whole = next((whole for whole in folder.resolve().parents if _lists(whole, folder.resolve())), None)
-    if whole is not None:
+    if (whole := whole_of(folder)) is not None:
         raise EndoctError(
             f"{folder} is a part of {whole.name}, which lists all that it holds",
             found="a part without a report of its own",
@@ -81,13 +80,6 @@ def _check(folder: Path) -> None:
             raise EndoctError(f"{part} is a link", expected="what endoct wrote", remedy="move it away")
     check_output(folder / PAGE, REPORT, overwrite=True, is_ours=is_marked)
     check_output(folder / "figures", FIGURES, overwrite=True)
-
-
-def _lists(whole: Path, folder: Path) -> bool:
-    """Say whether what ``whole`` holds lists files of ``folder``, and not as a part that says of itself."""
-    contents = read_contents(whole)
-    within = f"{folder.relative_to(whole).as_posix()}/"
-    return contents is not None and any(name.startswith(within) for name in contents.files)
 
 
 def _write(folder: Path, shown: Shown, drawn: Sequence[Drawn], sections: Sequence[Section], data: str) -> Path:

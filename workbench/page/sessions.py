@@ -32,6 +32,7 @@ from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import orientations_of
 from endoct.fusion.registration.by_hand import Bore, distance, distances, judge
 from endoct.fusion.result import ByHand, PairDistance, Result
+from endoct.stitching.contents import whole_of
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import SMALL_BYTES, read_small, sha256_of
 from endoct.stitching.output import new_output
@@ -182,7 +183,6 @@ def session_of(folder: Path, outline: ComparisonOutline) -> Sessions:
     """Return what the page knows of landmarks on the comparison in ``folder``."""
     result = outline.result
     outlines = tuple(read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names)
-    turned = "The rows of this comparison were turned (correct_twist), so that landmarks cannot be placed on them."
     by_hand = result.by_hand
     return Sessions(
         folder=folder,
@@ -192,8 +192,17 @@ def session_of(folder: Path, outline: ComparisonOutline) -> Sessions:
         present=outline.alignment,
         used=() if by_hand is None else _used(by_hand),
         parameters=_parameters(result),
-        refused=turned if result.twist is not None else "",
+        refused=_refusal(folder, result),
     )
+
+
+def _refusal(folder: Path, result: Result) -> str:
+    """Return why there can be no session of the comparison in ``folder``, else ""."""
+    if result.twist is not None:
+        return "The rows of this comparison were turned (correct_twist), so that landmarks cannot be placed on them."
+    if (whole := whole_of(folder)) is not None:
+        return f"This is a part of {whole.name}, which lists all that it holds. To place landmarks, copy this folder."
+    return ""
 
 
 def _automatic(outline: ComparisonOutline) -> Alignment | NotAligned:

@@ -100,6 +100,7 @@ def _rehearsed(
     from endoct.fusion.pose.outlook import REHEARSALS, SEED, Outlook, Prospect, rehearsed
     from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
     from endoct.fusion.pose.wall_facts import facts_of, wall_of_plan
+    from endoct.workbench.posing.each_side import one_thread
     from endoct.workbench.posing.finding import check_device
     from endoct.workbench.posing.outlook_result import OutlookResult
     from endoct.workbench.posing.result import Made
@@ -115,7 +116,8 @@ def _rehearsed(
         with stages.stage(f"rehearsals by {instrument.name}") as advance:
             tried = []
             for number in range(REHEARSALS):
-                tried.append(rehearsed(air, instrument, radius_mm, seen_mm, number, device))
+                with one_thread():
+                    tried.append(rehearsed(air, instrument, radius_mm, seen_mm, number, device))
                 advance((number + 1) / REHEARSALS)
         prospects.append(Prospect(instrument.name, tuple(tried)))
     made = Made(

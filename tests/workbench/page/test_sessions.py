@@ -1,6 +1,7 @@
 """Landmarks over the server: judged as on the command line, saved into one file, and anything else is refused."""
 
 import json
+import shutil
 from contextlib import suppress
 from dataclasses import replace
 from http.client import HTTPConnection
@@ -12,7 +13,10 @@ import pytest
 from workbench_page import Served, serving, written
 
 from endoct.fusion.files.session import Session, read_session, session_from
+from endoct.stitching.contents import NAME as LIST_NAME
+from endoct.stitching.contents import seal
 from endoct.stitching.errors import EndoctError
+from endoct.workbench import verify
 from endoct.workbench.page.opening import open_shown
 
 PAIR = {
@@ -82,6 +86,19 @@ def test_a_session_is_saved_loaded_and_saved_again(folder: Path):
         assert "was changed meanwhile" in text
         assert len(read_session(folder / "session.json").pairs) == 2
     assert sorted(path.name for path in folder.iterdir() if path.name.startswith((".", "session"))) == ["session.json"]
+
+
+def test_a_part_of_another_output_takes_no_landmarks(folder: Path, tmp_path: Path):
+    part = tmp_path / "pose" / "predicted" / "oct"
+    shutil.copytree(folder, part)
+    (part / LIST_NAME).unlink(missing_ok=True)
+    seal(tmp_path / "pose", "pose")
+    with serving(part) as served:
+        assert "a part of pose" in json.loads(served.get("/session.json")[1])["refused"]
+        status, text = post(served, "/session.json", {"pairs": [PAIR], "based_on": None})
+    assert status == 409
+    assert "copy this folder" in text
+    assert verify(tmp_path / "pose", progress=False)[0].intact
 
 
 @pytest.mark.parametrize("text", ["my notes", "{}", '{"format": "endoct-session-9"}'])
