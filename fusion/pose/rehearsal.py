@@ -9,8 +9,6 @@ from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import (
     ALONG_BY_CELLS_MM,
     ALONG_BY_DEPTH_MM,
-    ASIDE_BY_CELLS_MM,
-    ASIDE_BY_DEPTH_MM,
     BLUR_MM,
     COLUMNS,
     DRIVEN_STRETCH_MM,
@@ -19,6 +17,7 @@ from endoct.fusion.pose.observation import (
     LEAST_KNOWN,
     ROWS_MM,
     STITCHED_STRETCH_MM,
+    STRETCH_ASIDE_MM,
     STRETCH_MM,
     Layer,
     Observation,
@@ -53,9 +52,9 @@ class Instrument:
     along_mm: float
 
 
-WITH_DEPTH = Instrument("depth", LAYERS_MM, DRIVEN_STRETCH_MM, ASIDE_BY_DEPTH_MM, ALONG_BY_DEPTH_MM)
+WITH_DEPTH = Instrument("depth", LAYERS_MM, DRIVEN_STRETCH_MM, STRETCH_ASIDE_MM, ALONG_BY_DEPTH_MM)
 """Like OCT."""
-BY_CELLS = Instrument("cells", (0.0,), STITCHED_STRETCH_MM, ASIDE_BY_CELLS_MM, ALONG_BY_CELLS_MM)
+BY_CELLS = Instrument("cells", (0.0,), STITCHED_STRETCH_MM, STRETCH_ASIDE_MM, ALONG_BY_CELLS_MM)
 """Like an endoscope."""
 
 
