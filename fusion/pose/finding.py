@@ -25,7 +25,7 @@ ROUGH, FINE = SOFTNESS[:3], SOFTNESS[3:]
 LEAST_STANDING = 2.0
 """Spreads of the controls' scores by which a pattern has to stand above their mean."""
 LEAST_BY_DEPTH, LEAST_BY_CELLS = 0.4, 0.45
-"""Least agreement with the CT near edges. By cells alone, mirrored bores (preset 'patient', 2000 to 2030) reach 0.44."""
+"""Least agreement with the CT near edges. By cells alone, mirrored bores of the preset 'patient' reach 0.44."""
 CLOSE_AGREEMENT = 0.05
 """A second pose that fits as well but for that, and lies apart, leaves it open which is right."""
 
