@@ -124,6 +124,24 @@ def test_the_page_is_one_file_that_says_what_it_is_not_for(files: Path, found: P
     }
 
 
+def test_one_processor_finds_the_same_and_writes_the_same(
+    files: Path, found: PoseResult, case: PoseCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # both sides here, one after the other
+    again = pose(
+        [case.panorama("ranger", turn_rad=2.0, columns=96), files / "camera.zarr"],
+        files / "ct.nrrd",
+        tmp_path / "again",
+        entry_mm=case.plan.entry_mm,
+        target_mm=case.plan.target_mm,
+        labels=files / "labels.nrrd",
+        progress=False,
+    )
+    assert again.to_json() | {"seconds": {}} == found.to_json() | {"seconds": {}}
+    for drawn in (files / "both" / "figures").iterdir():
+        assert (tmp_path / "again" / "figures" / drawn.name).read_bytes() == drawn.read_bytes()
+
+
 def test_the_output_is_replaced_only_on_request(files: Path, found: PoseResult, case: PoseCase) -> None:
     del found
     assert verify(files / "both")
