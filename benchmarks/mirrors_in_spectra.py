@@ -20,12 +20,12 @@ NEAR_PX = 12  # of a mirror belongs to it
 
 
 def main() -> None:
-    """Print a table in Markdown."""
+    """Print a table in Markdown: cubic, linear and sinc interpolation side by side."""
     places = sample_places(chirp(N), "wavenumber")
     print("| depth, samples of 512 | level, dB | place, samples | highest false echo, dB |\n|---|---|---|---|")
     for depth_px in (50.3, 100.3, 200.3, 300.3, 350.3, 400.3, 450.3):
         rows = []
-        for interpolation in ("cubic", "linear"):
+        for interpolation in ("cubic", "linear", "sinc"):
             chain = reconstruction(taps(places, interpolation), window("hann", places))
             phase = np.arange(ASCANS)[:, None] * 2 * np.pi / ASCANS
             spectra = 30_000 + AMPLITUDE * np.cos(2 * np.pi * depth_px * chirp(N) / N + phase)
@@ -37,8 +37,8 @@ def main() -> None:
             top = at + (before - after) ** 2 / (8 * (2 * at - before - after))
             beside = np.abs(np.arange(N // 2) - depth_px) > NEAR_PX
             rows.append((top.mean(), np.abs(place).max(), (level_db[:, beside].max(axis=1) - top).max()))
-        cubic, linear = rows
-        cells = (f"{a:.{digits}f} ({b:.{digits}f})" for a, b, digits in zip(cubic, linear, (2, 3, 0), strict=True))
+        for_each = zip(*rows, (2, 3, 0), strict=True)
+        cells = (" · ".join(f"{value:.{digits}f}" for value in values) for *values, digits in for_each)
         print(f"| {depth_px:g} | {' | '.join(cells)} |")
 
 

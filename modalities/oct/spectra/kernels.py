@@ -41,19 +41,30 @@ def resample(
 ) -> None:
     """Write ``spectra`` (A-scan, n) at even wavenumbers, less ``background`` (n,), to ``fringes`` float32 (A-scan, n).
 
-    ``first`` (n,) and ``weights`` float32 (n, 4) are taps; ``samples`` float32 (:data:`TOGETHER`, n) is room for as
-    many A-scans, whose number divides that of ``spectra``.
+    ``first`` (n,) and ``weights`` float32 (n, taps) are taps, four or a multiple of it; ``samples`` float32
+    (:data:`TOGETHER`, n) is room for as many A-scans, whose number divides that of ``spectra``.
     """
     second, third, fourth = samples[:, 1:], samples[:, 2:], samples[:, 3:]
     for start in range(0, spectra.shape[0], TOGETHER):
         for i in range(TOGETHER):
             for p in range(first.size):
                 samples[i, p] = np.float32(spectra[start + i, p])
-        for k in range(first.size):
-            p = first[k]
-            a, b, c, d, less = weights[k, 0], weights[k, 1], weights[k, 2], weights[k, 3], background[k]
-            for i in range(TOGETHER):
-                fringes[start + i, k] = a * samples[i, p] + b * second[i, p] + c * third[i, p] + d * fourth[i, p] - less
+        for quad in range(weights.shape[1] // 4):
+            shift, t = np.uint32(4 * quad), 4 * quad
+            for k in range(first.size):
+                near = np.uint32(first[k] + shift)
+                a, b, c, d = weights[k, t], weights[k, t + 1], weights[k, t + 2], weights[k, t + 3]
+                if quad == 0:
+                    less = background[k]
+                    for i in range(TOGETHER):
+                        fringes[start + i, k] = (
+                            a * samples[i, near] + b * second[i, near] + c * third[i, near] + d * fourth[i, near] - less
+                        )
+                else:
+                    for i in range(TOGETHER):
+                        fringes[start + i, k] += (
+                            a * samples[i, near] + b * second[i, near] + c * third[i, near] + d * fourth[i, near]
+                        )
 
 
 @compiled

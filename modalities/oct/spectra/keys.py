@@ -49,8 +49,8 @@ class SpectraKeys(BaseModel):
         default="mean",
         description="what is subtracted: the mean over the A-scans of a slice (and with it any offset), or the offset",
     )
-    interpolation: Literal["cubic", "linear"] = Field(
-        default="cubic", description="how samples are read at even wavenumbers"
+    interpolation: Literal["cubic", "linear", "sinc"] = Field(
+        default="cubic", description="how samples are read at even wavenumbers: by 4 samples, 2, or 8"
     )
     window: Literal["hann", "hamming", "blackman", "flat"] = Field(
         default="hann", description="window over the spectrum: narrower points or lower side lobes"

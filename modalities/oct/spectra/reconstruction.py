@@ -23,8 +23,8 @@ ALIGNED = 64
 class Reconstruction:
     """How spectra of n samples become A-scans of n / 2; picklable.
 
-    Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, 4), the taps with window, electrons and the scale in
-    them that gives a cosine of amplitude 1 the level 0 dB, whatever n and the window are; ``gain`` float32 (n / 2,),
+    Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, taps), with window, electrons and the scale in them
+    that gives a cosine of amplitude 1 the level 0 dB, whatever n and the window are; ``gain`` float32 (n / 2,),
     by which powers are multiplied to make up for the roll-off of the interpolation; ``background`` float64 (n,),
     counts, None: the mean over the A-scans of a slice; ``cos_sin`` float32 (2, n) of the dispersion's phase, if any.
     """

@@ -10,7 +10,10 @@ from scipy.interpolate import PchipInterpolator
 
 from endoct.stitching.arrays import Coordinates
 
-N_TAPS = 4
+Interpolation = Literal["sinc", "cubic", "linear"]
+N_TAPS = {"sinc": 8, "cubic": 4, "linear": 4}
+KAISER_BETA = 5.0
+"""Of the window over a sinc of 8 samples: it ends where the waves of 0.7 of the depth range are still whole."""
 COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 0.08), "flat": (1.0,)}
 """Windows as a₀ − a₁·cos 2πu + a₂·cos 4πu, u from 0 to 1 (Harris 1978)."""
 
@@ -19,7 +22,8 @@ COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 
 class Taps:
     """How n even wavenumbers are read: k is the sum of ``weights[k]`` × samples ``first[k]``, ``first[k]`` + 1, ….
 
-    Attributes: ``first``, int32 (n,), from 0 to n − 4; ``weights``, float64 (n, 4), zero where k was not recorded.
+    Attributes: ``first``, int32 (n,), from 0 to n less the taps; ``weights``, float64 (n, taps), zero where k was not
+    recorded.
     """
 
     first: NDArray[np.int32]
@@ -38,21 +42,26 @@ def sample_places(chirp: Coordinates, gives: Literal["wavenumber", "sample"]) ->
     return np.asarray(PchipInterpolator(chirp, even, extrapolate=False)(even), dtype=np.float64)
 
 
-def taps(places: Coordinates, interpolation: Literal["cubic", "linear"]) -> Taps:
+def taps(places: Coordinates, interpolation: Interpolation) -> Taps:
     """Return the taps that read n samples at ``places``, float64 (n,), NaN where there is nothing to read.
 
-    Cubic: the polynomial through the four nearest samples (Lagrange); at the ends those four that there are.
+    Cubic: the polynomial through the four nearest samples (Lagrange). Sinc: the eight nearest, by a sinc in a Kaiser
+    window, whose weights are made to sum to one. At the ends those four or eight that there are.
     """
-    n = places.size
+    n, n_taps = places.size, N_TAPS[interpolation]
     recorded = np.isfinite(places)
     at = np.where(recorded, places, 0.0)
-    first = np.clip(np.floor(at).astype(np.int32) - 1, 0, n - N_TAPS)
+    first = np.clip(np.floor(at).astype(np.int32) - n_taps // 2 + 1, 0, n - n_taps)
     part = at - first
-    nodes = np.arange(N_TAPS)
+    nodes = np.arange(n_taps)
     if interpolation == "linear":
         weights = np.maximum(0.0, 1 - np.abs(part[:, None] - nodes))
+    elif interpolation == "sinc":
+        apart = part[:, None] - nodes
+        weights = np.sinc(apart) * np.i0(KAISER_BETA * np.sqrt(np.clip(1 - (2 * apart / n_taps) ** 2, 0, 1)))
+        weights /= weights.sum(axis=1, keepdims=True)
     else:
-        weights = np.ones((n, N_TAPS))
+        weights = np.ones((n, n_taps))
         for node in nodes:
             for other in nodes[nodes != node]:
                 weights[:, node] *= (part - other) / (node - other)

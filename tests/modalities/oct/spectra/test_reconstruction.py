@@ -100,19 +100,19 @@ def test_a_mirror_beyond_the_last_depth_folds_back() -> None:
     assert (level.argmax(axis=1) == N - 600).all()
 
 
-def test_cubics_see_deeper_than_lines() -> None:
+def false_echo_db(interpolation: str, depth_px: int) -> float:
+    """The highest level away from a mirror behind a chirp, over that of the mirror."""
     chirp = quadratic_chirp(N)
-    apart = np.abs(np.arange(N // 2) - 350) > 12
-    ghosts = []
-    for interpolation in ("cubic", "linear"):
-        level = levels_db(chirped(chirp, interpolation).bscan(mirror(chirp, 350.0)))
-        ghosts.append(float((level[:, apart].max(axis=1) - level[:, 350]).max()))
-    assert ghosts[0] < ghosts[1] - 4
-    near, far = (
-        levels_db(chirped(chirp, interpolation).bscan(mirror(chirp, 200.0)))[0] for interpolation in ("cubic", "linear")
-    )
-    beside = np.abs(np.arange(N // 2) - 200) > 12
-    assert near[beside].max() < far[beside].max() - 8
+    level = levels_db(chirped(chirp, interpolation).bscan(mirror(chirp, float(depth_px))))
+    beside = np.abs(np.arange(N // 2) - depth_px) > 12
+    return float((level[:, beside].max(axis=1) - level[:, depth_px]).max())
+
+
+@pytest.mark.parametrize(("depth_px", "cubic_db", "sinc_db"), [(200, 8, 25), (350, 4, 15)])
+def test_cubics_see_deeper_than_lines_and_sincs_than_cubics(depth_px: int, cubic_db: float, sinc_db: float) -> None:
+    linear = false_echo_db("linear", depth_px)
+    assert false_echo_db("cubic", depth_px) < linear - cubic_db
+    assert false_echo_db("sinc", depth_px) < linear - sinc_db
 
 
 @pytest.mark.parametrize("depth_px", [50.0, 150.0, 250.0, 350.0])
@@ -124,7 +124,7 @@ def test_what_interpolation_takes_from_waves_is_given_back(depth_px: float) -> N
 
 def test_noise_of_the_detector_is_as_high_at_all_depths() -> None:
     noise = np.random.default_rng(0).normal(2000, 100, (4096, N)).round().astype(np.uint16)
-    for interpolation in ("cubic", "linear"):
+    for interpolation in ("sinc", "cubic", "linear"):
         through = chirped(quadratic_chirp(N), interpolation)
         power_db = 10 * np.log10((10 ** (levels_db(through.bscan(noise)) / 10)).mean(axis=0))
         np.testing.assert_allclose(power_db[4:], power_db[4:].mean(), atol=5 * 4.34 / math.sqrt(4096))
