@@ -13,77 +13,21 @@ of the processors.
 """
 
 import argparse
-import os
-import shutil
-import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
-import cv2
-import numpy as np
-import tifffile
-from numpy.typing import NDArray
+from endoct.workbench.bench.cases.long_recordings import write_recording
+from endoct.workbench.running.measured import measure_program
 
-from endoct.modalities.recording import open_stack
-
-Frames = Callable[[int], NDArray[Any]]
 IMPORTED = "import xarray, zarr, endoct.workbench.api, endoct.modalities.{}.plugin"
 BYTES_OF_PANORAMA = {"oct": 13, "endoscope": 9}  # a sample: float32 of intensity, weight and depth, and valid
 
 
-def thinned(specimen: Path, side: str, ascans: int, width: int) -> tuple[int, Frames]:
-    """Return how many frames the simulated recording has, and what reads one of them made small."""
-    stack = open_stack(specimen / side if side == "endoscope" else specimen / side / "pullback.tif")
-
-    def frame(index: int) -> NDArray[Any]:
-        image = np.ascontiguousarray(stack[index])
-        size = (ascans, image.shape[0]) if side == "oct" else (width, round(width * image.shape[0] / image.shape[1]))
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
-
-    return len(stack), frame
-
-
-def repeated(n: int, frame: Frames, count: int, forth_and_back: bool) -> Iterator[NDArray[Any]]:
-    """Yield ``count`` frames of ``n``, each with noise of its own."""
-    for k in range(count):
-        turn, place = divmod(k, n)
-        image = frame(n - 1 - place if forth_and_back and turn % 2 else place)
-        noise = np.random.default_rng(k).integers(-1, 2, image.shape)
-        top = np.iinfo(image.dtype).max if image.dtype.kind == "u" else np.inf
-        yield np.clip(image + noise, 0, top).astype(image.dtype)
-
-
-def write(specimen: Path, side: str, count: int, ascans: int, width: int, folder: Path) -> int:
-    """Write a recording of ``count`` frames with its sidecar; return its bytes."""
-    n, frame = thinned(specimen, side, ascans, width)
-    first = frame(0)
-    folder.mkdir(parents=True)
-    shutil.copy(specimen / side / "acquisition.toml", folder)
-    tifffile.imwrite(
-        folder / "recording.tif",
-        repeated(n, frame, count, forth_and_back=side == "oct"),
-        shape=(count, *first.shape),
-        dtype=first.dtype,
-        photometric="rgb" if first.ndim == 3 else "minisblack",
-        bigtiff=count * first.nbytes > 2**31,
-    )
-    return count * int(first.nbytes)
-
-
 def measured(command: list[str]) -> tuple[float, float, float]:
-    """Run a command; return its largest resident set, MB, and seconds of clock and processors. Exits where it fails."""
-    start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise SystemExit(f"{' '.join(command)} failed with {process.returncode}")
-    peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    return peak / 1e6, time.perf_counter() - start, usage.ru_utime + usage.ru_stime
+    """Run a command; return its largest resident set, MB, and seconds of clock and processors."""
+    run = measure_program(command, None)
+    return run.peak_mb, run.seconds[0], run.cpu_seconds[0]
 
 
 def main() -> None:
@@ -116,7 +60,8 @@ def main() -> None:
             )
             panorama = root / f"{recording.name}.zarr"
             if not recording.exists():
-                write(specimen, arguments.side, count, arguments.ascans, arguments.width, recording)
+                width = arguments.ascans if arguments.side == "oct" else arguments.width
+                write_recording(specimen, arguments.side, count, width, recording)
             recorded = (recording / "recording.tif").stat().st_size
             command = [arguments.endoct, "unroll", str(recording), "-o", str(panorama), "--overwrite"]
             peak_mb, seconds, busy = measured(command)

@@ -20,6 +20,7 @@ from endoct.workbench.bench.results.differences import Difference, differences
 from endoct.workbench.bench.results.files import bench_facts, write_csv, write_differences, write_json
 from endoct.workbench.bench.results.frame import score_names
 from endoct.workbench.bench.results.plots import draw_plots
+from endoct.workbench.bench.results.summary import by_word
 from endoct.workbench.bench.results.tables import difference_table, footnotes, table
 from endoct.workbench.bench.runner import Plan, Row, run
 from endoct.workbench.bench.task import AnyTask
@@ -196,7 +197,8 @@ def _write(results: Results, facts: Facts, folder: Path, stages: Stages) -> None
     write_csv(rows, task, folder / "results.csv")
     write_json(facts, folder / "bench.json")
     with stages.stage("plots"):
-        draw_plots(rows, task, folder / "plots")
+        for word, some in by_word(rows, task.by):
+            draw_plots(some, task, folder / "plots" / (word or ""))
         if task.against and differing:
             write_differences(differing, task.against, folder / "differences.csv")
             draw_differences(differing, task.against, task, folder / "plots" / "differences.png")

@@ -93,6 +93,8 @@ class Task(Generic[Given, Truth, Answer]):
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
     methods: methods that the task itself provides, in addition to those that are registered.
     against: the method from which the others' differences are taken, case by case, unless the user names one.
+    by: a condition of words whose cases have nothing in common but their scores: results are summarised for each word
+        apart.
     """
 
     name: str
@@ -107,6 +109,7 @@ class Task(Generic[Given, Truth, Answer]):
     own: Callable[[Path], Sequence[Case[Given, Truth]]] | None = None
     methods: Mapping[str, Callable[..., Answer]] = field(default_factory=dict)
     against: str | None = None
+    by: str | None = None
 
 
 AnyTask = Task[Any, Any, Any]

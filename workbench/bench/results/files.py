@@ -69,7 +69,7 @@ def bench_facts(plan: Plan, rows: Sequence[Row], *, workers: int, seconds: float
     return plan_facts(plan) | {
         "title": task.title,
         "scores": dict(task.scores),
-        "summary": [asdict(summary) for summary in summarise(rows, [*task.scores])],
+        "summary": [asdict(summary) for summary in summarise(rows, [*task.scores], task.by)],
         "seconds": round(seconds, 1),
         "workers": workers,
         "machine": machine(),

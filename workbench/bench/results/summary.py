@@ -38,10 +38,12 @@ class Summary:
 
     ``scores`` are over the cases that have the score: those it answered, and of declined comparisons what each side
     scores by itself. Of the cases it answered it called ``doubted`` doubtful itself. ``success`` is over all cases,
-    declined and failed ones included, or None where the task does not judge success.
+    declined and failed ones included, or None where the task does not judge success. ``word`` is the one that these
+    cases have in common, where the task is summarised by a condition's words.
     """
 
     method: str
+    word: str | None
     cases: int
     ok: int
     doubted: int
@@ -66,19 +68,34 @@ def share(k: int, n: int) -> Share:
     return Share(k, n, float(interval.low), float(interval.high))
 
 
-def summarise(rows: Sequence[Row], listed: Sequence[str] = ()) -> list[Summary]:
-    """Return a summary for every method of ``rows``, in the order in which they were run."""
-    frame = frame_of(rows)
+def summarise(rows: Sequence[Row], listed: Sequence[str] = (), by: str | None = None) -> list[Summary]:
+    """Return a summary for every method of ``rows``, in the order in which they were run.
+
+    With ``by``, for every word of that condition and method, words in the order of the alphabet.
+    """
     names = score_names(rows, listed)
-    return [_summary(str(method), own, names) for method, own in frame.groupby("method", sort=False)]
+    return [
+        _summary(str(method), word, own, names)
+        for word, some in by_word(rows, by)
+        for method, own in frame_of(some).groupby("method", sort=False)
+    ]
 
 
-def _summary(method: str, own: pd.DataFrame, names: Sequence[str]) -> Summary:
+def by_word(rows: Sequence[Row], by: str | None) -> list[tuple[str | None, list[Row]]]:
+    """Return the rows of every word of the condition ``by``; without one, all rows and None."""
+    if by is None:
+        return [(None, list(rows))]
+    words = sorted({str(row.conditions[by]) for row in rows})
+    return [(word, [row for row in rows if row.conditions[by] == word]) for word in words]
+
+
+def _summary(method: str, word: str | None, own: pd.DataFrame, names: Sequence[str]) -> Summary:
     status = own["status"].value_counts()
-    values = {name: own[f"{SCORE}{name}"].dropna() for name in names}
+    values = {name: own[f"{SCORE}{name}"].dropna() for name in names if f"{SCORE}{name}" in own}
     reasons = own.loc[own["reason"] != "", ["status", "reason"]].drop_duplicates()
     return Summary(
         method=method,
+        word=word,
         cases=len(own),
         ok=int(status.get("ok", 0)),
         doubted=count_true(own, DOUBTED),

@@ -18,32 +18,37 @@ MOST_REASONS = 3
 
 
 def table(rows: Sequence[Row], task: AnyTask) -> Table:
-    """Return the table for the console, a line a method."""
-    summaries = summarise(rows, [*task.scores])
+    """Return the table for the console, a line a method, or a line a word and method that answered anything."""
+    summaries = summarise(rows, [*task.scores], task.by)
+    if task.by is not None:
+        summaries = [summary for summary in summaries if summary.declined < summary.cases]
     scores = score_names(rows, [*task.scores])[:MOST_COLUMNS]
     judged = any(summary.success is not None for summary in summaries)
     doubts = any(DOUBTED in row.scores for row in rows)
     counted = ["ok", *(["doubted"] if doubts else []), "declined", "failed"]
-    lines = Table("method", *(["success (95 %)"] if judged else []), *scores, *counted, "s", box=None)
-    lines.columns[0].no_wrap = True
-    for column in lines.columns[1:]:
+    named = ["method"] if task.by is None else [task.by, "method"]
+    lines = Table(*named, *(["success (95 %)"] if judged else []), *scores, *counted, "s", box=None)
+    for column in lines.columns[: len(named)]:
+        column.no_wrap = True
+    for column in lines.columns[len(named) :]:
         column.justify, column.overflow = "right", "fold"
     for summary in summaries:
         success = [_share(summary.success)] if judged else []
         values = [_spread(summary.scores.get(name)) for name in scores]
         counts = [str(getattr(summary, name)) for name in counted]
-        lines.add_row(summary.method, *success, *values, *counts, f"{summary.seconds.median:.2g}")
+        word = [] if summary.word is None else [summary.word]
+        lines.add_row(*word, summary.method, *success, *values, *counts, f"{summary.seconds.median:.2g}")
     return lines
 
 
 def footnotes(rows: Sequence[Row], task: AnyTask) -> list[str]:
     """Return what there is to know when reading the table: what the scores are, and why methods failed."""
-    summaries = summarise(rows, [*task.scores])
+    summaries = summarise(rows, [*task.scores], task.by)
     lines = ["median (quartiles) over the cases that have the score; success over all cases; s: median seconds a case"]
     if any(summary.doubted for summary in summaries):
         lines.append("doubted: of the cases it answered, those in which it called its own answer doubtful")
     lines += [f"{name}: {what}" for name, what in task.scores.items() if any(name in s.scores for s in summaries)]
-    return lines + [f"{s.method}: {reason}" for s in summaries for reason in _first_reasons(s)]
+    return lines + [f"{_name(s)}: {reason}" for s in summaries for reason in _first_reasons(s)]
 
 
 def difference_table(differing: Sequence[Difference], reference: str) -> Table:
@@ -59,6 +64,10 @@ def difference_table(differing: Sequence[Difference], reference: str) -> Table:
         counts = f"{first.higher}/{first.lower}/{first.spread.n}" if first else "–"
         lines.add_row(method, *(_signed(one) for one in own), counts)
     return lines
+
+
+def _name(summary: Summary) -> str:
+    return summary.method if summary.word is None else f"{summary.word}, {summary.method}"
 
 
 def _first_reasons(summary: Summary) -> list[str]:
