@@ -19,6 +19,7 @@ from endoct.modalities.registry import open_recording
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import per_frame
 from endoct.workbench.bench.cases.speed_jobs import Work, grey, levels_db, view_of
 from endoct.workbench.bench.rivals.alignment import ecc, phase_correlation
 from endoct.workbench.bench.task import Declined
@@ -100,7 +101,7 @@ def unroll_literally(folder: Path, few: int) -> Panorama:
         False,
         False,
         frame_dim="slice",
-        per_frame={"slice_index": np.arange(few)[order], "slice_z_mm": z_mm[order]},
+        per_frame=per_frame({"slice_index": np.arange(few)[order], "slice_z_mm": z_mm[order]}, {}),
         provenance={"acquisition": acquisition.model_dump(mode="json", exclude_none=True)},
     )
 
@@ -144,7 +145,7 @@ def _behind_face(bscan: Any) -> tuple[Image, Image]:
     places = np.broadcast_arrays(np.arange(n_ascans)[:, np.newaxis], face[:, np.newaxis] + depth)
     level = ndimage.map_coordinates(image, places, order=1, cval=0.0)
     brightest = np.argmax(level, axis=1)
-    return np.float32(depth[brightest]), level[np.arange(n_ascans), brightest]
+    return depth[brightest].astype(np.float32), np.asarray(level[np.arange(n_ascans), brightest], np.float32)
 
 
 def _polar_strips(
