@@ -1,0 +1,113 @@
+"""The task "speed" of the bench, small: answers agree and what was measured is there; never how long it took."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.table import Table
+
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.bench.cases.long_recordings import place_of
+from endoct.workbench.bench.cases.speed_jobs import Work
+from endoct.workbench.bench.command import Request, run_bench
+from endoct.workbench.bench.rivals.speed import opencv, reading, textbook
+from endoct.workbench.bench.task import Case, Declined
+from endoct.workbench.bench.tasks.alignment import AlignmentCase
+from endoct.workbench.bench.tasks.speed import TASK, SpeedCase, cases, ours
+from endoct.workbench.running.measured import Measured
+from endoct.workbench.running.progress import SilentStages
+
+SMALL = {
+    "repeats": (2.0, 2.0),
+    "slices": (18.0, 18.0),
+    "ascans": (400.0, 400.0),
+    "frames": (4.0, 4.0),
+    "frame_px": (320.0, 320.0),
+}
+Method = Callable[[Work], Measured[Any]]
+
+
+def small(job: str) -> SpeedCase:
+    return cases(1000, 0, {**SMALL, "job": (job,)})
+
+
+def scores(case: SpeedCase, method: Method) -> dict[str, float]:
+    answer = method(case.given)
+    assert len(answer.seconds) in (1, case.given.repeats)
+    judged = dict(TASK.judge(case, answer))
+    assert set(judged) == {"success", *TASK.scores}
+    assert all(judged[name] > 0 for name in ("seconds", "peak_mb", "per_s"))
+    return judged
+
+
+@pytest.mark.parametrize("job", ["strips", "threshold", "spectra"])
+def test_the_textbook_and_endoct_agree(job: str) -> None:
+    case = small(job)
+    assert scores(case, ours)["success"] == scores(case, textbook)["success"] == 1
+    assert np.isfinite(TASK.judge(case, ours(case.given))["instrument"]) == (job != "threshold")
+
+
+def test_strips_by_opencv_agree() -> None:
+    assert scores(small("strips"), opencv)["success"] == 1
+    with pytest.raises(Declined, match="no function for this job"):
+        opencv(Work("threshold", (np.zeros(3),), 1))
+
+
+def test_pairs_that_hardly_lie_apart_are_aligned(easy: AlignmentCase) -> None:
+    case = Case("easy", Work("alignment", easy.given, 1), easy, {**small("threshold").conditions, "job": "alignment"})
+    assert scores(case, ours)["success"] == 1
+    assert scores(case, textbook)["error"] < 20
+
+
+def test_a_pullback_longer_than_the_one_it_is_made_of_is_unrolled_and_judged() -> None:
+    case = small("pullback")
+    try:
+        assert scores(case, ours)["error"] < 0.2
+        read = scores(case, reading)
+        assert (read["success"], read["error"]) == (1, 0)
+        assert (
+            scores(case, textbook)["error"] < 1
+        )  # it overlaps with the truth; whether that will do is not ours to say
+        assert TASK.judge(case, Measured(17, (1.0,), (1.0,), 1.0))["success"] == 0
+    finally:
+        assert case.scratch is not None
+        case.scratch.cleanup()
+
+
+def test_answers_that_are_wrong_do_not_succeed() -> None:
+    case = small("threshold")
+    wrong = Measured(1.1 * case.truth, (1.0,), (1.0,), 1.0)
+    assert TASK.judge(case, wrong)["success"] == 0
+    with pytest.raises(EndoctError, match="nothing was measured; found float"):
+        TASK.judge(case, 0.3)
+
+
+def test_jobs_take_turns_and_the_table_has_a_line_for_each_with_its_methods() -> None:
+    wanted = [f"{name}={int(low)}..{int(high)}" for name, (low, high) in SMALL.items()]
+    request = Request("speed", ["job=threshold|spectra", *wanted], ["endoct", "reading"], seeds="1000-1001")
+    facts, lines = run_bench(request, stages=SilentStages())
+    assert [(one["word"], one["method"]) for one in facts["summary"]] == [
+        ("spectra", "endoct"),
+        ("spectra", "reading"),
+        ("threshold", "endoct"),
+        ("threshold", "reading"),
+    ]
+    table = lines[0]
+    assert isinstance(table, Table)
+    assert [column.header for column in table.columns][:7] == [
+        "job",
+        "method",
+        "success (95 %)",
+        "seconds",
+        "instrument",
+        "peak_mb",
+        "error",
+    ]
+    assert table.row_count == 2  # none for a method that does neither job
+    assert "spectra, reading: declined: this job is in memory" in lines
+
+
+def test_frames_go_forth_and_back() -> None:
+    assert [place_of(k, 3, forth_and_back=True) for k in range(7)] == [0, 1, 2, 2, 1, 0, 0]
+    assert [place_of(k, 3, forth_and_back=False) for k in range(4)] == [0, 1, 2, 0]
