@@ -5,6 +5,7 @@ started it.
 """
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -76,7 +77,11 @@ def _calls(function: Callable[..., Out], arguments: tuple[object, ...], repeats:
 def _program(command: tuple[str, ...]) -> tuple[float, float, float]:
     """Run a program; return seconds of the clock and of all processors, and its largest resident set, MB."""
     start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    ignoring = signal.signal(signal.SIGINT, signal.SIG_DFL)  # so that the program is interrupted with the caller
+    try:
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGINT, ignoring)
     if process.stderr is None:
         raise ValueError("a pipe was asked for")
     said = process.stderr.read()
