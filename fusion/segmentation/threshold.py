@@ -1,8 +1,12 @@
 """Minimum cross-entropy threshold after Li and Tam (1998), from a histogram."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.compiled import compiled
 from endoct.stitching.errors import EndoctError
 
 N_BINS = 65_536
@@ -20,20 +24,18 @@ def li_threshold(values: NDArray[np.generic]) -> float:
     """
     flat = np.asarray(values).ravel()
     whole = flat.dtype.kind in "iub"
-    if not whole:
-        flat = flat[np.isfinite(flat)]
-    if flat.size == 0:
+    if flat.dtype.kind == "b" or flat.dtype == np.float16:
+        flat = flat.astype(np.uint8 if whole else np.float32)
+    n_finite, least, most = _extremes(flat)
+    if n_finite == 0:
         raise EndoctError("nothing to threshold", found="no valid sample")
-    least, most = float(flat.min()), float(flat.max())
     if least == most:
         raise EndoctError(
             "nothing to threshold", found=f"every valid sample is {least:g}", expected="wall and cells that differ"
         )
     width = max((most - least) / N_BINS, 1.0 if whole else 0.0)
-    above = flat.astype(np.float64) - least
-    bins = np.minimum((above / width).astype(np.intp), N_BINS)
-    count = np.bincount(bins).astype(np.float64)
-    total = np.bincount(bins, weights=above)
+    count, total = np.zeros(N_BINS + 1), np.zeros(N_BINS + 1)
+    _fill(flat, least, width, count, total)
     filled = count > 0
     centre, count, total = total[filled] / count[filled], count[filled], total[filled]
     below_count, below_total = np.cumsum(count), np.cumsum(total)
@@ -50,3 +52,26 @@ def li_threshold(values: NDArray[np.generic]) -> float:
             break
         threshold = (mean_above - mean_below) / (np.log(mean_above) - np.log(mean_below))
     return float(threshold + least)
+
+
+@compiled
+def _extremes(flat: NDArray[Any]) -> tuple[int, float, float]:
+    """Return how many samples are finite, and the least and the largest of them."""
+    n_finite, least, most = 0, np.inf, -np.inf
+    for value in flat:
+        number = np.float64(value)
+        if np.isfinite(number):
+            n_finite += 1
+            least, most = min(least, number), max(most, number)
+    return n_finite, least, most
+
+
+@compiled
+def _fill(flat: NDArray[Any], least: float, width: float, count: Coordinates, total: Coordinates) -> None:
+    """Add up the finite samples of each bin: how many, and by how much they lie above ``least``."""
+    for value in flat:
+        above = np.float64(value) - least
+        if np.isfinite(above):
+            k = min(int(above / width), N_BINS)
+            count[k] += 1
+            total[k] += above
