@@ -61,7 +61,9 @@ def unroll(
         if volume:
             raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
         return unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages).panorama
-    with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch:
+    with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch, second_process() as process:
+        if process is not None:
+            process.preload("endoct.workbench.report.figures.all")
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
         save_panorama(made.panorama, scratch)
         if volume:
@@ -70,7 +72,7 @@ def unroll(
             from endoct.workbench.page.report import write_panorama_report  # only who draws loads matplotlib
 
             save_sample_frames(made, scratch, made.panorama.modality)
-            write_panorama_report(scratch, made.panorama)
+            write_panorama_report(scratch, made.panorama, process)
     return made.panorama
 
 

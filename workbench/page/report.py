@@ -20,6 +20,7 @@ from endoct.workbench.report.illustrated import recording_sections, report_secti
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.sections import Section
 from endoct.workbench.running.kinds import FIGURES, REPORT
+from endoct.workbench.running.second_process import beside
 
 PAGE = "report.html"
 REMARK = "The figures lie next to this page, lossless, in figures/."
@@ -43,7 +44,7 @@ def write_report(
                 expected="a panorama written by `endoct unroll`, or a folder written by `endoct compare`",
                 remedy=f"unroll the recording again, or look at it by `endoct serve {path}`",
             )
-        return write_panorama_report(path, load_panorama(path))
+        return write_panorama_report(path, load_panorama(path), process)
     _check(path)
     findings, shown = read_findings(path), open_shown(path)
     there = None if process is None else process.call(_draw_there, path, of_sides is None)
@@ -54,17 +55,20 @@ def write_report(
     return _write(path, shown, drawn, report_sections(findings, drawn), data)
 
 
-def write_panorama_report(store: Path, panorama: Panorama) -> Path:
+def write_panorama_report(store: Path, panorama: Panorama, process: WorkerProcess | None = None) -> Path:
     """Write ``figures/*.png`` and ``report.html`` of one recording into the ``store`` of its ``panorama``.
 
-    Returns the page's path. Raises :class:`EndoctError` where they cannot be written.
+    Figures are drawn in ``process`` where there is one. Returns the page's path. Raises :class:`EndoctError` where they
+    cannot be written.
     """
     _check(store)
     shown = open_shown(store)
     side = alone(panorama, load_pictures(store / PICTURES).get(panorama.modality, {}))
-    drawn = draw_recording(side)
+    drawing = beside(process, draw_recording, side)
+    data = frozen_data(shown)
+    drawn = drawing.result()
     sections = recording_sections(side, shown.side(side.name).outline, drawn)
-    return _write(store, shown, drawn, sections, frozen_data(shown))
+    return _write(store, shown, drawn, sections, data)
 
 
 def _check(folder: Path) -> None:
