@@ -45,7 +45,7 @@ def measure_levels(
         return dark, median(smooth[:, first:].max(axis=1))
 
     levels = list(thread_map(dark_and_bright, np.flatnonzero(~faces.bridged)))
-    bright = [wall for _, wall in levels]
+    bright = np.array([wall for _, wall in levels], np.float32)
     noise_samples = np.concatenate([band for dark, _ in levels for band in dark])
     noise_samples = noise_samples[np.isfinite(noise_samples)]
     noise = _median_between_counts(noise_samples)
