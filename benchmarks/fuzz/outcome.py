@@ -169,8 +169,18 @@ def _on_event(event: str, arguments: tuple[object, ...]) -> None:
         nearby = whole.startswith(str(Path(case).parent) + os.sep)
         if not inside and (whole in _FORBIDDEN or nearby or "/../" in name):
             events.append(f"{event} {name}")
-    else:
+    elif not _loads_machine_code():
         events.append(f"{event} {str(arguments)[:200]}")
+
+
+def _loads_machine_code() -> bool:
+    """Say whether numba is at work: at the first call of a loop it reads pickles of its own, beside the modules."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None:
+        if str(frame.f_globals.get("__name__", "")).startswith("numba."):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _reset_peak() -> None:

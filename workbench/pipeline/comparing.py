@@ -22,7 +22,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_drawings, write_mask
 from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
-from endoct.workbench.pipeline.side_parts import SidePart, write_sides
+from endoct.workbench.pipeline.side_parts import SidePart, draw_sides, write_sides
 from endoct.workbench.pipeline.sources import Made, Source, inputs_of, open_both, read_sides, unroll_sources
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Unrolled
@@ -60,11 +60,13 @@ def compare_sources(
     sides = read_sides(made)
     if placed is not None:
         check_sides(placed, [identity_of(side.name, side.panorama) for side in sides], str(session))
+    written: Future[None] | None = None
     of_sides: Future[list[Drawn]] | None = None
     if folder is not None:
         folder.mkdir()
         parts = [_part(*of) for of in zip(sides, sources, made, strict=True)]
-        of_sides = beside(process, write_sides, folder, parts)
+        written = beside(process, write_sides, folder, parts)
+        of_sides = beside(process, draw_sides, folder, [side.name for side in sides])
     with stages.stage("align, segment, score"):
         comparison = compare_sides(*sides, parameters, () if placed is None else placed.pairs)
         drawn = {path_text(path): _truth(path, sides[0].panorama) for path in truth}
@@ -76,6 +78,8 @@ def compare_sources(
             if against.consensus is not None:
                 write_mask(against.consensus, comparison.grid, folder / "consensus.png")
             write_drawings(against, comparison.grid, folder)
+            if written is not None:
+                written.result()
     of_inputs = tuple(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
     doubted = comparison.result
     if comparison.alignment is not None and (doubt := doubt_of_inputs(*of_inputs)):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import save_panorama
+from endoct.stitching.store import load_panorama, save_panorama
 from endoct.workbench.pipeline.sample_frames import copy_sample_frames, save_sample_frames
 from endoct.workbench.pipeline.unrolling import Unrolled
 from endoct.workbench.report.pictures import PICTURES, load_pictures
@@ -27,8 +27,8 @@ class SidePart:
     pictured: Unrolled | Path | None
 
 
-def write_sides(folder: Path, sides: Sequence[SidePart]) -> "list[Drawn]":
-    """Write ``panoramas`` and ``pictures`` into ``folder``; return the figures that show one side alone.
+def write_sides(folder: Path, sides: Sequence[SidePart]) -> None:
+    """Write ``panoramas`` and ``pictures`` of ``sides`` into ``folder``.
 
     Nothing here depends on how the sides lie on each other: it can be done while that is found out.
     """
@@ -38,9 +38,14 @@ def write_sides(folder: Path, sides: Sequence[SidePart]) -> "list[Drawn]":
             save_sample_frames(side.pictured, folder, side.name)
         elif side.pictured is not None:
             copy_sample_frames(side.pictured, folder, side.name)
+
+
+def draw_sides(folder: Path, names: Sequence[str]) -> "list[Drawn]":
+    """Return the figures that show one side alone, of what :func:`write_sides` wrote into ``folder``."""
     from endoct.workbench.report.figures.all import draw_side  # only who draws loads matplotlib
     from endoct.workbench.report.findings import alone
 
     pictures = load_pictures(folder / PICTURES)
-    found = [replace(alone(side.panorama, pictures.get(side.name, {})), name=side.name) for side in sides]
+    panoramas = {name: load_panorama(folder / "panoramas" / f"{name}.zarr") for name in names}
+    found = [replace(alone(panoramas[name], pictures.get(name, {})), name=name) for name in names]
     return [figure for side in found for figure in draw_side(side)]
