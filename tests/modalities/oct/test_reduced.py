@@ -37,7 +37,7 @@ class Counted:
 
     @property
     def acquisition(self) -> OctAcquisition:
-        raise NotImplementedError
+        pytest.fail("what is kept of a B-scan does not depend on the sidecar")
 
     def __len__(self) -> int:
         return len(self.read)
