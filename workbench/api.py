@@ -65,14 +65,15 @@ def unroll(
         if process is not None:
             process.preload("endoct.workbench.report.figures.all")
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
+        from endoct.workbench.page.report import begin_drawing, write_panorama_report  # which nothing needs before
+
+        drawing = begin_drawing(made.panorama, process)
         save_panorama(made.panorama, scratch)
         if volume:
             write_volume(made, scratch, stages)
         with stages.stage("report"):
-            from endoct.workbench.page.report import write_panorama_report  # only who draws loads matplotlib
-
             save_sample_frames(made, scratch, made.panorama.modality)
-            write_panorama_report(scratch, made.panorama, process)
+            write_panorama_report(scratch, made.panorama, process, drawing)
     return made.panorama
 
 

@@ -1,13 +1,18 @@
 """Where a part of one side fits the other best, around where an alignment puts it."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 
 from endoct.fusion.evidence.evidence import Evidence, on_grid, reoriented
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.arrays import Coordinates, Mask
+from endoct.stitching.compiled import compiled
+
+Spectra = NDArray[np.complex128]
 
 STEP_MM = 0.05
 N_THETA = 256
@@ -81,24 +86,62 @@ def _summit(three: Coordinates) -> float:
 def _correlations(a: Evidence, b: Evidence, rows: int, columns: int) -> Coordinates:
     """Return the masked correlation of ``b`` with ``a``, (2 rows + 1, 2 columns + 1), by how far ``b`` is moved.
 
-    Padfield 2012, Masked object registration in the Fourier domain. Cyclic in θ; rows moved beyond either end meet
-    nothing.
+    Padfield 2012, Masked object registration in the Fourier domain, here along θ alone: parts are few rows high, and
+    moved by few columns. Cyclic in θ; rows moved beyond either end meet nothing.
     """
-    n = fft.next_fast_len(a.z_mm.size + rows, real=True)
-
-    def spectrum(image: Image | Mask) -> np.ndarray:
-        return np.asarray(fft.rfft2(image.astype(np.float64), s=(n, N_THETA)))
-
-    def moved(of_a: np.ndarray, of_b: np.ndarray) -> Coordinates:
-        plane = fft.irfft2(of_a * np.conj(of_b), s=(n, N_THETA))
-        return np.asarray(np.roll(plane, (rows, columns), axis=(0, 1))[: 2 * rows + 1, : 2 * columns + 1])
-
-    of_a, of_b = ([spectrum(e.valid), spectrum(e.values * e.valid), spectrum(e.values**2 * e.valid)] for e in (a, b))
-    count = np.maximum(moved(of_a[0], of_b[0]), 1)
-    sum_a, sum_b = moved(of_a[1], of_b[0]), moved(of_a[0], of_b[1])
-    common = moved(of_a[1], of_b[1]) - sum_a * sum_b / count
-    spread_a = moved(of_a[2], of_b[0]) - sum_a**2 / count
-    spread_b = moved(of_a[0], of_b[2]) - sum_b**2 / count
+    observed = np.flatnonzero(b.valid.any(axis=1))
+    if not observed.size:
+        return np.zeros((2 * rows + 1, 2 * columns + 1))
+    first, end = int(observed[0]), int(observed[-1]) + 1
+    of_a, of_b = _spectra(a), _spectra(rows_of(b, slice(first, end)))
+    back = _back_to_columns(columns)
+    count, sum_a, sum_b, both, square_a, square_b = (
+        moved.real @ back.real - moved.imag @ back.imag for moved in _moved_along(of_a, of_b, first, rows)
+    )
+    count = np.maximum(count, 1)
+    common = both - sum_a * sum_b / count
+    spread_a, spread_b = square_a - sum_a**2 / count, square_b - sum_b**2 / count
     product = np.maximum(spread_a, 0) * np.maximum(spread_b, 0)
     enough = (count >= LEAST_SAMPLES * max(b.valid.sum(), 1)) & (product > 1e-9 * float(product.max()))
     return np.asarray(np.where(enough, common / np.sqrt(np.maximum(product, 1e-300)), 0.0))
+
+
+def _spectra(evidence: Evidence) -> Spectra:
+    """The spectra along θ of what is observed, of its values and of their squares, (3, n_z, N_THETA / 2 + 1)."""
+    values = np.where(evidence.valid, evidence.values, 0).astype(np.float64)
+    return np.asarray(fft.rfft(np.stack([evidence.valid.astype(np.float64), values, values**2]), axis=2))
+
+
+@lru_cache(maxsize=8)
+def _back_to_columns(columns: int) -> Spectra:
+    """What takes a spectrum of real samples back to those at −``columns`` … ``columns``."""
+    k, column = np.arange(N_THETA // 2 + 1)[:, None], np.arange(-columns, columns + 1)
+    weight = np.where((k == 0) | (k == N_THETA // 2), 1, 2) / N_THETA
+    return np.asarray(weight * np.exp(2j * np.pi * k * column / N_THETA))
+
+
+@compiled
+def _moved_along(of_a: Spectra, of_b: Spectra, first: int, rows: int) -> Spectra:
+    """Sums of the rows of A times those of B, which begin at A's row ``first``, moved by −``rows`` … ``rows``.
+
+    Of: observed × observed, values × observed, observed × values, values × values, squares × observed, observed ×
+    squares; (6, 2 rows + 1, n).
+    """
+    n_rows, n = of_a.shape[1:]
+    sums = np.zeros((6, 2 * rows + 1, n), np.complex128)
+    for shift in range(2 * rows + 1):
+        for row in range(of_b.shape[1]):
+            at = first + row + shift - rows
+            if at < 0 or at >= n_rows:
+                continue
+            for k in range(n):
+                seen_a, value_a, square_a = of_a[0, at, k], of_a[1, at, k], of_a[2, at, k]
+                seen_b = of_b[0, row, k].conjugate()
+                value_b, square_b = of_b[1, row, k].conjugate(), of_b[2, row, k].conjugate()
+                sums[0, shift, k] += seen_a * seen_b
+                sums[1, shift, k] += value_a * seen_b
+                sums[2, shift, k] += seen_a * value_b
+                sums[3, shift, k] += value_a * value_b
+                sums[4, shift, k] += square_a * seen_b
+                sums[5, shift, k] += seen_a * square_b
+    return sums

@@ -3,11 +3,13 @@
 import base64
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from typing import Any
+
+from PIL import Image as Pillow
 
 from endoct.stitching.parallel import thread_map
 from endoct.workbench.page.description import Description
@@ -15,7 +17,6 @@ from endoct.workbench.page.document import document
 from endoct.workbench.page.layer import is_blank, png_of
 from endoct.workbench.page.relief import MOST_SAMPLES
 from endoct.workbench.page.shown import Shown
-from endoct.workbench.page.wall import TILE_PX, Tile
 from endoct.workbench.report.sections import Section
 
 PACKAGE = "endoct.workbench.page"
@@ -102,20 +103,18 @@ def tiles_of(shown: Shown) -> dict[str, list[dict[str, str]]]:
 
 
 def _level(shown: Shown, key: str, level: int) -> dict[str, str]:
-    tiles = list(_tiles(shown, level))
+    def coded(row: int) -> dict[str, str]:
+        tiles = enumerate(shown.row_of_tiles(key, level, row))
+        return {f"{column}_{row}": _base64(tile) for column, tile in tiles if not is_blank(tile)}
 
-    def coded(tile: Tile) -> str | None:
-        picture = shown.tile(key, tile)
-        return None if is_blank(picture) else base64.b64encode(png_of(picture)).decode("ascii")
-
-    found = zip(tiles, thread_map(coded, tiles), strict=True)
-    return {f"{tile.column}_{tile.row}": one for tile, one in found if one is not None}
+    held: dict[str, str] = {}
+    for one in thread_map(coded, range(shown.wall.rows_of_tiles(level))):
+        held |= one
+    return held
 
 
-def _tiles(shown: Shown, level: int) -> Iterator[Tile]:
-    for row in range(-(-shown.wall.height_px(level) // TILE_PX)):
-        for column in range(shown.wall.width_px(level) // TILE_PX):
-            yield Tile(level, column, row)
+def _base64(tile: Pillow.Image) -> str:
+    return base64.b64encode(png_of(tile)).decode("ascii")
 
 
 def _digest(text: str) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.window import StoredImage
-from endoct.workbench.page.placing import Placing, Spans, column_spans, row_spans
+from endoct.workbench.page.placing import Indices, Placing, Spans, column_spans, row_spans
 from endoct.workbench.page.wall import TILE_PX, Pixels, Wall
 
 MOST_OVERVIEW_SAMPLES = 1_500_000
@@ -185,27 +186,27 @@ def _block_means(of: Averaged, down: int, across: int) -> Averaged:
 
 def _means(of: Averaged, rows: Spans, columns: Spans) -> Averaged:
     """Return the mean of the observed samples in every span; columns go on around."""
-    n_theta = of.values.shape[1]
-    left, right = int(columns.start.min()), int(columns.stop.max())
-    top, bottom = int(rows.start.min()), int(max(rows.stop.max(), rows.start.min() + 1))
-    around = slice(left, right) if left >= 0 and right <= n_theta else np.arange(left, right) % n_theta
-    weight = of.observed[top:bottom, around]
-    total = of.values[top:bottom, around] * weight
-    rows = Spans(rows.start - top, rows.stop - top)
-    columns = Spans(columns.start - left, columns.stop - left)
-    sums, weights = (_sums(_sums(image, columns).T, rows).T for image in (total, weight))
-    count = np.maximum(np.outer(rows.stop - rows.start, columns.stop - columns.start), 1)
-    means = np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0)
-    return Averaged(means, (weights / count).astype(np.float32))
+    return Averaged(*_means_and_shares(of.values, of.observed, rows.start, rows.stop, columns.start, columns.stop))
 
 
-def _sums(values: Image, columns: Spans) -> Image:
-    """Return the sums over every span of columns."""
-    if (columns.start[1:] == columns.stop[:-1]).all() and (columns.start < columns.stop).all():
-        return np.asarray(np.add.reduceat(values[:, : columns.stop[-1]], columns.start, axis=1))
-    count = columns.stop - columns.start
-    if count.max() <= 1:
-        return np.where(count, values[:, np.minimum(columns.start, values.shape[1] - 1)], np.float32(0))
-    sums = np.cumsum(values, axis=1, dtype=np.float64)
-    sums = np.concatenate([np.zeros((values.shape[0], 1)), sums], axis=1)
-    return np.asarray(sums[:, columns.stop] - sums[:, columns.start], dtype=np.float32)
+@compiled
+def _means_and_shares(
+    values: Image, observed: Image, top: Indices, bottom: Indices, left: Indices, right: Indices
+) -> tuple[Image, Image]:
+    n_theta = values.shape[1]
+    means, shares = np.zeros((top.size, left.size), np.float32), np.zeros((top.size, left.size), np.float32)
+    for row in range(top.size):
+        if row > 0 and top[row] == top[row - 1] and bottom[row] == bottom[row - 1]:
+            means[row], shares[row] = means[row - 1], shares[row - 1]  # magnified
+            continue
+        for column in range(left.size):
+            total = weights = 0.0
+            for i in range(top[row], bottom[row]):
+                for j in range(left[column], right[column]):
+                    weight = observed[i, j % n_theta]
+                    total += values[i, j % n_theta] * weight
+                    weights += weight
+            if weights > 0:
+                means[row, column] = total / weights
+                shares[row, column] = weights / ((bottom[row] - top[row]) * (right[column] - left[column]))
+    return means, shares

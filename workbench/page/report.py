@@ -13,9 +13,8 @@ from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown
-from endoct.workbench.report.figures.all import draw_recording, draw_shapes, draw_side, draw_walls
-from endoct.workbench.report.figures.drawing import Drawn, write_figures
-from endoct.workbench.report.findings import Findings, alone, read_findings
+from endoct.workbench.report.figures.rendered import Drawn, write_figures
+from endoct.workbench.report.findings import Findings, SideFindings, alone, read_findings
 from endoct.workbench.report.illustrated import recording_sections, report_sections
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.sections import Section
@@ -48,25 +47,36 @@ def write_report(
     _check(path)
     findings, shown = read_findings(path), open_shown(path)
     there = None if process is None else process.call(_draw_there, path, of_sides is None)
-    walls = draw_walls(findings)
+    walls = _draw_walls(findings)
     data = frozen_data(shown)
     others = _draw(findings, of_sides is None) if there is None else there.result()
     drawn = [*walls, *others, *(of_sides.result() if of_sides is not None else ())]
     return _write(path, shown, drawn, report_sections(findings, drawn), data)
 
 
-def write_panorama_report(store: Path, panorama: Panorama, process: WorkerProcess | None = None) -> Path:
+def begin_drawing(panorama: Panorama, process: WorkerProcess | None) -> "Future[list[Drawn]]":
+    """Have ``process`` draw what can be drawn of a recording before its pictures of frames are there."""
+    return beside(process, _draw_wall, alone(panorama, {}))
+
+
+def write_panorama_report(
+    store: Path,
+    panorama: Panorama,
+    process: WorkerProcess | None = None,
+    of_wall: "Future[list[Drawn]] | None" = None,
+) -> Path:
     """Write ``figures/*.png`` and ``report.html`` of one recording into the ``store`` of its ``panorama``.
 
-    Figures are drawn in ``process`` where there is one. Returns the page's path. Raises :class:`EndoctError` where they
-    cannot be written.
+    Figures are drawn in ``process`` where there is one; ``of_wall`` are those of :func:`begin_drawing` where it was
+    begun already. Returns the page's path. Raises :class:`EndoctError` where they cannot be written.
     """
     _check(store)
-    shown = open_shown(store)
     side = alone(panorama, load_pictures(store / PICTURES).get(panorama.modality, {}))
-    drawing = beside(process, draw_recording, side)
+    of_wall = of_wall or begin_drawing(panorama, process)
+    of_frames = beside(process, _draw_pictures, side)
+    shown = open_shown(store)
     data = frozen_data(shown)
-    drawn = drawing.result()
+    drawn = [*of_wall.result(), *of_frames.result()]
     sections = recording_sections(side, shown.side(side.name).outline, drawn)
     return _write(store, shown, drawn, sections, data)
 
@@ -95,10 +105,33 @@ def _write(folder: Path, shown: Shown, drawn: Sequence[Drawn], sections: Sequenc
     return page
 
 
+# Whoever draws loads matplotlib; where the other process does, this one need not.
+
+
+def _draw_wall(side: SideFindings) -> list[Drawn]:
+    from endoct.workbench.report.figures.all import draw_wall
+
+    return draw_wall(side)
+
+
+def _draw_pictures(side: SideFindings) -> list[Drawn]:
+    from endoct.workbench.report.figures.all import draw_pictures
+
+    return draw_pictures(side)
+
+
+def _draw_walls(findings: Findings) -> list[Drawn]:
+    from endoct.workbench.report.figures.all import draw_walls
+
+    return draw_walls(findings)
+
+
 def _draw_there(folder: Path, with_sides: bool) -> list[Drawn]:
     return _draw(read_findings(folder), with_sides)
 
 
 def _draw(findings: Findings, with_sides: bool) -> list[Drawn]:
+    from endoct.workbench.report.figures.all import draw_shapes, draw_side
+
     sides = [one for side in findings.sides for one in draw_side(side)] if with_sides else []
     return [*draw_shapes(findings), *sides]

@@ -18,7 +18,7 @@ from endoct.workbench.page.recorded import Reader
 from endoct.workbench.page.relief import MOST_SAMPLES, relief_bytes
 from endoct.workbench.page.sessions import Sessions
 from endoct.workbench.page.volume import volume_bytes
-from endoct.workbench.page.wall import NoSuchTile, Tile, Wall
+from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, NoSuchTile, Tile, Wall, pixels_of, row_of_tiles
 from endoct.workbench.report.pictures import load_pictures
 from endoct.workbench.report.sections import Section
 
@@ -56,7 +56,14 @@ class Shown:
             raise NoSuchTile("there is no such layer", found=key, expected=", ".join(self.layers))
         if tile.level > finest[key]:
             raise NoSuchTile("there is no such tile", found=f"level {tile.level}", expected=f"{finest[key]} at most")
-        return self.layers[key].picture(self.wall, tile)
+        return self.layers[key].picture(self.wall, tile.level, pixels_of(self.wall, tile))
+
+    def row_of_tiles(self, key: str, level: int, row: int) -> list[Pillow.Image]:
+        """Return the tiles of a row of the layer ``key``, which has them, faster than one by one."""
+        pixels = row_of_tiles(self.wall, level, row)
+        picture = self.layers[key].picture(self.wall, level, pixels)
+        wide, high = TILE_PX + 2 * OVERLAP_PX, pixels.shape[0]
+        return [picture.crop((left, 0, left + wide, high)) for left in range(0, self.wall.width_px(level), TILE_PX)]
 
     def outlines(self) -> dict[str, tuple[tuple[float, ...], ...]]:
         """Return the outlines of cells by layer, as :func:`~endoct.workbench.page.outlines.outlines` has them."""

@@ -6,7 +6,7 @@ neighbours, around the circle too, so that no seam shows where they are drawn sc
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from endoct.stitching.errors import EndoctError
 
@@ -54,6 +54,10 @@ class Wall:
         """Return how many pixels lie along z; the last one may reach beyond the wall."""
         return math.ceil((self.bottom_mm - self.top_mm) / self.pixel_mm(level) - 1e-6)
 
+    def rows_of_tiles(self, level: int) -> int:
+        """Return how many rows of tiles show it."""
+        return -(-self.height_px(level) // TILE_PX)
+
     def level_for(self, sample_mm: float) -> int:
         """Return the coarsest level whose pixels are no larger than ``sample_mm``, or the finest that there is."""
         level = math.ceil(math.log2(self.circumference_mm / (TILE_PX * sample_mm)) - 1e-6)
@@ -89,11 +93,16 @@ def pixels_of(wall: Wall, tile: Tile) -> Pixels:
     """
     if not 0 <= tile.level <= FINEST_LEVEL:
         raise NoSuchTile("there is no such tile", found=f"level {tile.level}", expected=f"0 to {FINEST_LEVEL}")
-    height_px, n_columns = wall.height_px(tile.level), wall.width_px(tile.level) // TILE_PX
-    n_rows = -(-height_px // TILE_PX)
+    n_columns, n_rows = wall.width_px(tile.level) // TILE_PX, wall.rows_of_tiles(tile.level)
     if not (0 <= tile.column < n_columns and 0 <= tile.row < n_rows):
         found, expected = f"column {tile.column}, row {tile.row}", f"{n_columns} columns and {n_rows} rows of tiles"
         raise NoSuchTile("there is no such tile", found=found, expected=expected)
-    top, left = tile.row * TILE_PX, tile.column * TILE_PX
+    left = tile.column * TILE_PX
+    return replace(row_of_tiles(wall, tile.level, tile.row), columns=(left - OVERLAP_PX, left + TILE_PX + OVERLAP_PX))
+
+
+def row_of_tiles(wall: Wall, level: int, row: int) -> Pixels:
+    """Return the pixels of all tiles of a row together, with those by which they reach into their neighbours."""
+    top, height_px = row * TILE_PX, wall.height_px(level)
     rows = max(top - OVERLAP_PX, 0), min(top + TILE_PX + OVERLAP_PX, height_px)
-    return Pixels(rows, (left - OVERLAP_PX, left + TILE_PX + OVERLAP_PX))
+    return Pixels(rows, (-OVERLAP_PX, wall.width_px(level) + OVERLAP_PX))

@@ -30,7 +30,7 @@ from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.second_process import beside
 
 if TYPE_CHECKING:
-    from endoct.workbench.report.figures.drawing import Drawn
+    from endoct.workbench.report.figures.rendered import Drawn
 
 
 def compare_sources(

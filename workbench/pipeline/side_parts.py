@@ -12,7 +12,7 @@ from endoct.workbench.pipeline.unrolling import Unrolled
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 
 if TYPE_CHECKING:
-    from endoct.workbench.report.figures.drawing import Drawn
+    from endoct.workbench.report.figures.rendered import Drawn
 
 
 @dataclass(frozen=True)

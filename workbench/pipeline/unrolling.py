@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Any, cast
 
 from endoct.modalities.acquisition import Acquisition
@@ -53,10 +54,11 @@ class Opened:
 
 
 class _Watched:
-    """A stream that reports how much of it has been read."""
+    """A stream that reports how much of it has been read; ``whole`` is set once that is all of it."""
 
     def __init__(self, stream: FrameStream, advance: Advance) -> None:
         self._stream, self._advance, self._read = stream, advance, 0
+        self.whole = Event()
 
     @property
     def acquisition(self) -> Acquisition:
@@ -69,6 +71,8 @@ class _Watched:
         frame = self._stream[index]
         self._read += 1
         self._advance(min(1.0, self._read / len(self._stream)))
+        if self._read >= len(self._stream):
+            self.whole.set()
         return frame
 
 
@@ -94,9 +98,13 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     implementation = manifest.load()
     title = f"{label} {manifest.name}".strip()
     with ThreadPoolExecutor(1) as pool, _read_once(implementation, stream, parameters) as frames:
-        inputs = pool.submit(digests, opened.path)
         with stages.stage(f"survey {title}") as advance:
-            calibration = implementation.survey(_Watched(frames, advance), parameters)
+            watched = _Watched(frames, advance)
+            inputs = pool.submit(_digests_after, watched.whole, opened.path)
+            try:
+                calibration = implementation.survey(watched, parameters)
+            finally:
+                watched.whole.set()
         with stages.stage(f"unroll {title}") as advance:
             strips = thread_map(partial(implementation.unroll, calibration=calibration), _Watched(frames, advance))
             blended = assemble(
@@ -127,6 +135,12 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
         )
     panorama = replace(panorama, doubts=(*panorama.doubts, *doubts_of_observed(panorama)))
     return Unrolled(panorama, manifest, stream, calibration)
+
+
+def _digests_after(read: Event, path: Path) -> dict[str, str]:
+    """Return the digests of what was ``read``: until then all processors are busy, afterwards rarely all of them."""
+    read.wait()
+    return digests(path)
 
 
 def _read_once(

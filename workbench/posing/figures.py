@@ -26,13 +26,13 @@ from endoct.workbench.report.figures.drawing import (
     PURPLE,
     SKY,
     VERMILION,
-    Drawn,
     journal_style,
     new_figure,
     place,
     render,
     robust_limits,
 )
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import (
     colour_bar,
     panel_figure,

@@ -12,7 +12,7 @@ from endoct.workbench.posing.handover import write_handover
 from endoct.workbench.posing.page import pose_page
 from endoct.workbench.posing.prediction import compare_with, predicted, save_compared
 from endoct.workbench.posing.result import Made, PoseResult
-from endoct.workbench.report.figures.drawing import Drawn, write_figures
+from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.running.progress import Stages
 
 PREDICTED = "predicted"

@@ -15,7 +15,8 @@ from endoct.workbench.page.heading import Heading, Score
 from endoct.workbench.posing.outlook_result import OutlookResult
 from endoct.workbench.posing.page import REMARK, STYLE, provenance
 from endoct.workbench.posing.result import NOTICE
-from endoct.workbench.report.figures.drawing import INTENSITY_COLOURS, Drawn, journal_style, render, write_figures
+from endoct.workbench.report.figures.drawing import INTENSITY_COLOURS, journal_style, render
+from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.report.figures.wall_panels import colour_bar, panel_figure, scale_text, show_surface, wall_panel
 from endoct.workbench.report.illustrated import numbered
 from endoct.workbench.report.sections import Section

@@ -9,7 +9,7 @@ from endoct.stitching.contents import marked
 from endoct.workbench.page.document import document
 from endoct.workbench.page.heading import Heading, Score
 from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text
-from endoct.workbench.report.figures.drawing import Drawn
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.illustrated import numbered
 from endoct.workbench.report.sections import Section
 from endoct.workbench.report.verdict import Verdict

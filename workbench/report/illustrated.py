@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.report.figures.drawing import Drawn
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.findings import Findings, SideFindings
 from endoct.workbench.report.quality import quality_of
 from endoct.workbench.report.sections import ORDER, Section, comparison_sections, panorama_sections, quality_name

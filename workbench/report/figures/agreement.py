@@ -16,12 +16,12 @@ from endoct.workbench.report.figures.drawing import (
     PAPER,
     SKY,
     VERMILION,
-    Drawn,
     journal_style,
     new_figure,
     place,
     render,
 )
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.findings import Findings
 
 CAUSE_COLOURS = {"alignment": SKY, "sampling": ORANGE, "visibility": GREEN, "segmentation": VERMILION}

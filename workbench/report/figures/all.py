@@ -6,9 +6,9 @@ from functools import partial
 
 from endoct.workbench.report.figures.agreement import draw_budget, draw_scores
 from endoct.workbench.report.figures.cylinder import draw_cylinder
-from endoct.workbench.report.figures.drawing import Drawn
 from endoct.workbench.report.figures.frames import draw_depth, draw_frames
 from endoct.workbench.report.figures.quality import draw_other_numbers, draw_quality
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panorama, draw_panoramas
 from endoct.workbench.report.findings import Findings, SideFindings
 
@@ -30,9 +30,14 @@ def draw_side(side: SideFindings) -> list[Drawn]:
     return _drawn(partial(one, side) for one in (draw_depth, draw_frames, draw_quality, draw_other_numbers))
 
 
-def draw_recording(side: SideFindings) -> list[Drawn]:
-    """Draw every figure of one recording by itself."""
-    return _drawn(partial(one, side) for one in (draw_panorama, draw_frames, draw_quality, draw_other_numbers))
+def draw_wall(side: SideFindings) -> list[Drawn]:
+    """Draw every figure of one recording by itself that needs no pictures of its frames."""
+    return _drawn(partial(one, side) for one in (draw_panorama, draw_quality, draw_other_numbers))
+
+
+def draw_pictures(side: SideFindings) -> list[Drawn]:
+    """Draw the pictures of single frames of one recording."""
+    return _drawn([partial(draw_frames, side)])
 
 
 def _shapes(findings: Findings) -> Iterator[Drawing]:

@@ -28,7 +28,6 @@ from endoct.workbench.report.figures.drawing import (
     DEPTH_COLOURS,
     INTENSITY_COLOURS,
     PAGE_WIDTH_IN,
-    Drawn,
     bar_under,
     journal_style,
     new_figure,
@@ -36,6 +35,7 @@ from endoct.workbench.report.figures.drawing import (
     render,
     robust_limits,
 )
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import thinned
 from endoct.workbench.report.findings import SideFindings
 

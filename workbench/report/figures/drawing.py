@@ -1,12 +1,10 @@
-"""What all figures share: paper, type, colours, and how they become files."""
+"""What all figures share: paper, type, colours, and how they become pictures."""
 
 import io
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from endoct.stitching.arrays import Mask
+from endoct.workbench.report.figures.rendered import Rendered
 
 PAGE_WIDTH_IN = 7.2
 """Text width of a two-column journal page, 183 mm."""
@@ -55,44 +54,6 @@ PLACES = (PURPLE, ORANGE, BLUE)
 INTENSITY_COLOURS, DEPTH_COLOURS = "gray", "magma_r"
 """Perceptually uniform both; depth runs from the pale of bone to black, so that cells are dark in every panel."""
 MASK_COLOURS = ListedColormap([PAPER, INK])
-
-
-@dataclass(frozen=True)
-class Rendered:
-    """A figure as the lossless PNG that lies in figures/ under ``name``, and the WebP copy that a page embeds.
-
-    ``width_in`` is its printed width.
-    """
-
-    name: str
-    width_in: float
-    png: bytes
-    webp: bytes
-
-    @property
-    def file(self) -> str:
-        """The name of its file."""
-        return f"{self.name}.png"
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """One figure of a report: how it looks, what it is called and what there is to know when reading it.
-
-    ``section`` groups figures.
-    """
-
-    rendered: Rendered
-    section: str
-    title: str
-    caption: str
-
-
-def write_figures(drawn: Iterable[Drawn], folder: Path) -> None:
-    """Write figures as PNG into a new ``folder``."""
-    folder.mkdir()
-    for one in drawn:
-        (folder / one.rendered.file).write_bytes(one.rendered.png)
 
 
 def journal_style() -> AbstractContextManager[None]:

@@ -18,7 +18,6 @@ from endoct.workbench.report.figures.drawing import (
     PLACES,
     SKY,
     VERMILION,
-    Drawn,
     hatch_not_observed,
     journal_style,
     new_figure,
@@ -28,6 +27,7 @@ from endoct.workbench.report.figures.drawing import (
     unit_of,
     wrapped,
 )
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import (
     LEFT_IN,
     MAX_PANEL_HEIGHT_IN,

@@ -14,13 +14,12 @@ from endoct.workbench.report.figures.drawing import (
     INK,
     PAGE_WIDTH_IN,
     VERMILION,
-    Drawn,
-    Rendered,
     journal_style,
     new_figure,
     place,
     render,
 )
+from endoct.workbench.report.figures.rendered import Drawn, Rendered
 from endoct.workbench.report.findings import SideFindings
 from endoct.workbench.report.flags import flagged_frames
 from endoct.workbench.report.per_frame import Number, main_and_others

@@ -21,13 +21,13 @@ from endoct.workbench.report.figures.drawing import (
     MASK_COLOURS,
     ORANGE,
     PAPER,
-    Drawn,
     journal_style,
     letters,
     render,
     robust_limits,
     width_of,
 )
+from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import (
     ABOVE_PT,
     colour_bar,
