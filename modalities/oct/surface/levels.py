@@ -21,6 +21,7 @@ MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
 CLEARANCE_MM = 0.03  # from the outer face to the first sample that shows no more of it
 DARKEST_PERCENT = 40
 SMOOTH_MM = 0.04
+HALF = 0.5
 
 
 def measure_levels(
@@ -35,11 +36,14 @@ def measure_levels(
     first, last = round(CLEARANCE_MM / mm_per_px), round((CLEARANCE_MM + max(0.3 * gap_mm, 0.08)) / mm_per_px)
     n_px = max(round(2.5 * gap_mm / mm_per_px), 2 * last)
 
+    lines = line_excess > 0
+
     def dark_and_bright(i: int) -> tuple[list[Image], float]:
-        features = slices[i]
-        filled = replace(features, ascans=bridge_rows(features.ascans - floor, line_excess > 0))
-        samples = samples_behind(filled, faces.capillary.circle(i), mm_per_px, n_px)
-        dark = _darkest(samples[:, first:last])
+        features, face = slices[i], faces.capillary.circle(i)
+        ascans = features.ascans - floor
+        noise = replace(features, ascans=np.where(lines, np.float32(np.nan), ascans))
+        dark = _darkest(samples_behind(noise, face, mm_per_px, last)[:, first:])
+        samples = samples_behind(replace(features, ascans=bridge_rows(ascans, lines)), face, mm_per_px, n_px)
         samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
         smooth = uniform_filter1d(samples, max(1, round(SMOOTH_MM / mm_per_px)), axis=1)
         return dark, median(smooth[:, first:].max(axis=1))
@@ -64,8 +68,11 @@ def _darkest(band: Image) -> list[Image]:
     halves = band[:, : band.shape[1] - half], band[:, half:]
     taken = []
     for judged, other in (halves, halves[::-1]):
-        means = judged.mean(axis=1)
-        taken.append(other[means <= np.nanpercentile(means, DARKEST_PERCENT)].ravel())
+        known = np.isfinite(judged)
+        means = np.where(known, judged, 0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+        means[known.mean(axis=1) < HALF] = np.nan
+        if np.isfinite(means).any():
+            taken.append(other[means <= np.nanpercentile(means, DARKEST_PERCENT)].ravel())
     return taken
 
 
