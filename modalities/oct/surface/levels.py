@@ -20,8 +20,9 @@ from endoct.stitching.robust import SIGMA_PER_MEDIAN
 MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
 CLEARANCE_MM = 0.03  # from the outer face to the first sample that shows no more of it
 DARKEST_PERCENT = 40
+MOST_OF_GAP = 0.75  # between glass and wall, where lines cover what is nearest to the glass
 SMOOTH_MM = 0.04
-HALF = 0.5
+CLEAR_SHARE = 0.5  # of the samples that an A-scan is judged by: of fewer, none knows how dark it is
 
 
 def measure_levels(
@@ -30,27 +31,29 @@ def measure_levels(
     """Return the noise of the dark space behind the outer face, and the wall's level: the brightest depth behind that.
 
     ``slices`` in the order of ``faces``; ``line_excess``, float32 (n_depth,), of the detector's fixed lines;
-    ``floor``, float32 (n_depth,), of the noise.
+    ``floor``, float32 (n_depth,), of the noise. Rows under lines do not count as noise, unless all dark space is under
+    them: what :func:`bridge_rows` puts there is a mean of two samples, repeated, which is fainter in the median.
     """
-    mm_per_px, gap_mm = acquisition.mm_per_px, acquisition.gap_mm
+    mm_per_px, gap_mm, lines = acquisition.mm_per_px, acquisition.gap_mm, line_excess > 0
     first, last = round(CLEARANCE_MM / mm_per_px), round((CLEARANCE_MM + max(0.3 * gap_mm, 0.08)) / mm_per_px)
-    n_px = max(round(2.5 * gap_mm / mm_per_px), 2 * last)
+    reach, n_px = max(round(MOST_OF_GAP * gap_mm / mm_per_px), last), max(round(2.5 * gap_mm / mm_per_px), 2 * last)
 
-    lines = line_excess > 0
-
-    def dark_and_bright(i: int) -> tuple[list[Image], float]:
+    def dark_and_bright(i: int) -> tuple[list[Image], list[Image], float]:
         features, face = slices[i], faces.capillary.circle(i)
         ascans = features.ascans - floor
-        noise = replace(features, ascans=np.where(lines, np.float32(np.nan), ascans))
-        dark = _darkest(samples_behind(noise, face, mm_per_px, last)[:, first:])
-        samples = samples_behind(replace(features, ascans=bridge_rows(ascans, lines)), face, mm_per_px, n_px)
+        clear = replace(features, ascans=np.where(lines, np.float32(np.nan), ascans))
+        filled = replace(features, ascans=bridge_rows(ascans, lines))
+        samples = samples_behind(filled, face, mm_per_px, n_px)
+        dark = _darkest(_foremost(samples_behind(clear, face, mm_per_px, reach)[:, first:], last - first))
+        under_lines = [] if dark else _darkest(samples[:, first:last])
         samples = np.nan_to_num(samples, nan=float(np.nanmin(samples)))
         smooth = uniform_filter1d(samples, max(1, round(SMOOTH_MM / mm_per_px)), axis=1)
-        return dark, median(smooth[:, first:].max(axis=1))
+        return dark, under_lines, median(smooth[:, first:].max(axis=1))
 
     levels = list(thread_map(dark_and_bright, np.flatnonzero(~faces.bridged)))
-    bright = np.array([wall for _, wall in levels], np.float32)
-    noise_samples = np.concatenate([band for dark, _ in levels for band in dark])
+    bright = np.array([wall for _, _, wall in levels], np.float32)
+    bands = [band for dark, _, _ in levels for band in dark] or [band for _, under, _ in levels for band in under]
+    noise_samples = np.concatenate(bands)
     noise_samples = noise_samples[np.isfinite(noise_samples)]
     noise = _median_between_counts(noise_samples)
     sigma = SIGMA_PER_MEDIAN * _median_between_counts(np.abs(noise_samples - noise))
@@ -58,8 +61,14 @@ def measure_levels(
     return Background(noise, sigma, float(np.median(bright)), line_excess, floor, float(power.mean()))
 
 
+def _foremost(samples: Image, count: int) -> Image:
+    """The first ``count`` samples of every A-scan that are not NaN, (n_ascans, count); NaN where there are fewer."""
+    order = np.argsort(np.isnan(samples), axis=1, kind="stable")[:, :count]
+    return np.take_along_axis(samples, order, axis=1)
+
+
 def _darkest(band: Image) -> list[Image]:
-    """Samples of the darkest A-scans of a dark band, float32 (n_ascans, n_px).
+    """Samples of the darkest A-scans of a dark band, float32 (n_ascans, n_px), NaN where a sample does not count.
 
     Which A-scans are dark is judged by one half of the band, the samples are taken from the other: the noise that
     happens to be darkest is darker than noise is.
@@ -68,11 +77,12 @@ def _darkest(band: Image) -> list[Image]:
     halves = band[:, : band.shape[1] - half], band[:, half:]
     taken = []
     for judged, other in (halves, halves[::-1]):
-        known = np.isfinite(judged)
-        means = np.where(known, judged, 0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-        means[known.mean(axis=1) < HALF] = np.nan
-        if np.isfinite(means).any():
-            taken.append(other[means <= np.nanpercentile(means, DARKEST_PERCENT)].ravel())
+        counts = np.isfinite(judged)
+        judgeable = counts.mean(axis=1) >= CLEAR_SHARE
+        means = np.where(counts, judged, 0)[judgeable].sum(axis=1) / counts[judgeable].sum(axis=1, dtype=np.float32)
+        chosen = other[judgeable][means <= np.percentile(means, DARKEST_PERCENT)] if means.size else other[:0]
+        if np.isfinite(chosen).any():
+            taken.append(chosen.ravel())
     return taken
 
 
