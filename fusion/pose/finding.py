@@ -98,10 +98,14 @@ def find_alone(air: AirAround, side: Observation) -> Found:
 def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
     """Return the pose of sides that were found alone: one axis, each side's own depth and turn.
 
-    It begins at the axis of the side that stands out most. A side that found another axis looks along that one anew;
-    where none has to, the fit is only made finer, so that no side leaves the place that it found.
+    The axis is by those that can tell it alone, if any can: another one may lie anywhere, and would pull it there. The
+    fit begins at the axis of that which stands out most of these. A side that found another axis looks along that one
+    anew; where none has to, the fit is only made finer, so that no side leaves the place that it found.
     """
-    leader = max(found, key=lambda one: one.standing)
+    leading = [one.reason is None for one in found]
+    if not any(leading):
+        leading = [True] * len(found)
+    leader = max((one for one, leads in zip(found, leading, strict=True) if leads), key=lambda one: one.standing)
     axis = leader.fit.parameters[:SHARED]
     start, senses = [torch.as_tensor(axis)], []
     softness: Sequence[float] = FINE
@@ -119,7 +123,7 @@ def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
         softness = SOFTNESS
     sides = [one.fit.sides[0] for one in found]
     dispersion = [one.fit.dispersion[0] for one in found]
-    return fit_pose(air, sides, senses, torch.cat(start), softness=softness, dispersion=dispersion)
+    return fit_pose(air, sides, senses, torch.cat(start), softness=softness, dispersion=dispersion, leading=leading)
 
 
 def _standing(score: float, of_controls: Coordinates) -> float:

@@ -69,12 +69,15 @@ def fit_pose(
     *,
     softness: Sequence[float] = SOFTNESS,
     dispersion: Sequence[float] | None = None,
+    leading: Sequence[bool] | None = None,
 ) -> Fit:
     """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
 
     ``softness``: residuals, in shares of air, beyond which samples count less and less, in turn. ``dispersion``, of
-    fits of each alone, says how much less a side counts than its residuals would let it.
+    fits of each alone, says how much less a side counts than its residuals would let it. ``leading``: which sides move
+    the axis, all unless said; the others only find their own depth and turn along it.
     """
+    leading = leading or [True] * len(sides)
     at = start.to(device=air.values.device, dtype=torch.float64).clone()
     levels, dispersion = [(1.0, 0.0)] * len(sides), dispersion or [1.0] * len(sides)
     # of a side that counts less its own priors do too, or they would move it off the place that its wall shows
@@ -86,6 +89,8 @@ def fit_pose(
             for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
                 seen = _compared(air, side, sense, at, number)
                 levels[number], moved, counts, residual = _weighed(side, seen, levels[number], soft)
+                if not leading[number]:
+                    moved = torch.cat([torch.zeros_like(moved[:, :SHARED]), moved[:, SHARED:]], dim=1)
                 part = _part(number)
                 information[part[:, None], part] += moved.T @ (moved * counts[:, None]) / dispersion[number]
                 gradient[part] += moved.T @ (counts * residual) / dispersion[number]
@@ -94,7 +99,7 @@ def fit_pose(
             at = at + move * min(1.0, MOST_MOVE_MM / max(ends_mm, 1e-9))
             if ends_mm < LEAST_MOVE_MM:
                 break
-    return _finished(air, sides, senses, at, levels)
+    return _finished(air, sides, senses, at, levels, leading)
 
 
 def _part(number: int) -> torch.Tensor:
@@ -169,11 +174,12 @@ def _finished(
     senses: Sequence[Sense],
     at: torch.Tensor,
     levels: Sequence[tuple[float, float]],
+    leading: Sequence[bool],
 ) -> Fit:
     """Return the fit with its covariance.
 
     Of each side alone that is the scatter of the tiles' pulls between the inverses of the information, and what no fit
-    can tell. The axis of all sides together is as good as their weighted mean.
+    can tell. The axis of all leading sides together is as good as their weighted mean.
     """
     n = at.numel()
     covariance, precision = np.zeros((n, n)), np.zeros((SHARED, SHARED))
@@ -190,11 +196,12 @@ def _finished(
         own = (inverse @ (prior + tiles.T @ tiles) @ inverse).cpu().numpy()
         own[:SHARED, :SHARED] += _untold(side, pulling, moved, inverse)
         own[SHARED + DEPTH, SHARED + DEPTH] += side.along_mm**2
-        precision += np.linalg.inv(own[:SHARED, :SHARED])
         part = _part(number).numpy()
         covariance[np.ix_(part[SHARED:], part[SHARED:])] = own[SHARED:, SHARED:]
-        covariance[np.ix_(part, part)] += np.pad(own[:SHARED, SHARED:], ((0, OF_SIDE), (SHARED, 0)))
-        covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
+        if leading[number]:
+            precision += np.linalg.inv(own[:SHARED, :SHARED])
+            covariance[np.ix_(part, part)] += np.pad(own[:SHARED, SHARED:], ((0, OF_SIDE), (SHARED, 0)))
+            covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
         agreement.append(_correlation(seen))
         alone = torch.diag(inverse)[:SHARED].cpu().numpy()
         dispersion.append(float(np.mean(np.diag(own)[:SHARED] / alone)))

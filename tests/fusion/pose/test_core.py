@@ -123,6 +123,16 @@ def test_a_side_that_cannot_tell_alone_is_doubted(found: Found) -> None:
     assert answer(air, PLAN, [replace(found, standing=0.5)]).doubts == ()
 
 
+def test_a_side_that_cannot_tell_alone_does_not_move_the_axis(found: Found) -> None:
+    """It shows another bone, and agrees somewhere by chance."""
+    air = a_bone(1)
+    other = find_alone(air, a_side(a_bone(2)))
+    assert other.reason is not None
+    together = answer(air, PLAN, [found, other]).pose.fit
+    np.testing.assert_allclose(together.parameters[:SHARED], found.fit.parameters[:SHARED], atol=1e-3)
+    np.testing.assert_allclose(together.covariance[:SHARED, :SHARED], found.fit.covariance[:SHARED, :SHARED], rtol=0.05)
+
+
 @pytest.mark.parametrize("seed", [2, 3])
 def test_in_another_bone_it_cannot_be_told(seed: int) -> None:
     assert find_alone(a_bone(seed), a_side(a_bone(1))).reason is not None
