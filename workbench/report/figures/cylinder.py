@@ -1,4 +1,4 @@
-"""The bore as a solid, cut open lengthwise, cast ray by ray in NumPy.
+"""The bore as a solid, cut open lengthwise, cast ray by ray.
 
 The bone is what lies between the wall, r = R + depth(θ, z), and an outer radius. Its axis lies in the cut; one
 half shell is drawn at a time, the mouth to the left, θ growing upwards, from a little beyond the mouth, so that
@@ -23,6 +23,7 @@ from matplotlib.colors import Normalize, to_rgb
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
     DEPTH_COLOURS,
@@ -48,6 +49,8 @@ SLOPE_CAP = 3.0
 """Steeper walls are shaded as if so steep: the flank of a cell rises within one sample."""
 
 CUT_FACE, END_FACE, NOT_OBSERVED = (np.array(to_rgb(c), np.float32) for c in ("#e2d6bd", "#c4b595", "#b4bfd6"))
+NOTHING, ON_CUT, ON_END, ON_WALL = 0, 1, 2, 3
+"""What a ray meets."""
 Floats = NDArray[np.float32]
 
 
@@ -120,47 +123,64 @@ def cast_half(
     pixel_mm = max((far_mm - start_mm) * math.cos(TILT_RAD) / PIXELS_ALONG, 2 * outer_mm / PIXELS_ACROSS)
     n_along = math.ceil((far_mm - start_mm) * math.cos(TILT_RAD) / pixel_mm)
     n_across = math.ceil(2 * outer_mm / pixel_mm)
-    z0 = np.linspace(start_mm, far_mm, n_along, dtype=np.float32)[np.newaxis, :]
-    v = np.linspace(outer_mm, -outer_mm, n_across, dtype=np.float32)[:, np.newaxis]
-    z0, v = (plane.ravel() for plane in np.broadcast_arrays(z0, v))
-    entry: Floats = np.maximum(0, (near_mm - z0) / slope).astype(np.float32)
-    image = np.zeros((z0.size, 4), np.float32)
-
-    def place(index: NDArray[np.intp], w: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-        theta = np.arctan2(v[index], w) + np.float32(middle_rad)
-        row = np.rint((z0[index] + w * slope - np.float32(grid.z0_mm)) / np.float32(grid.dz_mm)).astype(np.intp)
-        column = np.rint((theta - np.float32(grid.theta0_rad)) / np.float32(grid.dtheta_rad)).astype(np.intp)
-        return np.clip(row, 0, grid.n_z - 1), column % grid.n_theta, np.hypot(v[index], w)
-
-    active = np.flatnonzero(np.hypot(v, entry) < outer_mm)
-    row, column, r = place(active, entry[active])
-    in_bone = r >= grid.radius_mm + depth_mm[row, column]
-    face = active[in_bone]
-    image[face, :3] = np.where((entry[face] > 0)[:, np.newaxis], END_FACE, CUT_FACE)
-    image[face, 3] = 1
-    active = active[~in_bone]
-    # nothing can be met before the shallowest place of the wall
-    inner_mm = max(0.0, grid.radius_mm + float(depth_mm.min()))
-    w = np.maximum(entry[active], np.sqrt(np.maximum(0, np.float32(inner_mm) ** 2 - v[active] ** 2)))
-    normal = _normals(grid, depth_mm)
-    while active.size:
-        beyond = z0[active] + w * slope > far_mm  # out through the far end
-        active, w = active[~beyond], w[~beyond]
-        row, column, r = place(active, w)
-        hit = (r >= grid.radius_mm + depth_mm[row, column]) | (r >= outer_mm)
-        if hit.any():
-            pixels, rows, columns = active[hit], row[hit], column[hit]
-            coloured_by = (
-                np.minimum(r[hit] - grid.radius_mm, depth_mm[rows, columns]) if by_depth else values[rows, columns]
-            )
-            colour = mapping.to_rgba(coloured_by)[:, :3].astype(np.float32)
-            colour[~observed[rows, columns]] = NOT_OBSERVED
-            image[pixels, :3] = colour * _light(normal, rows, columns, np.arctan2(v[pixels], w[hit]))[:, np.newaxis]
-            image[pixels, 3] = 1
-            active, w = active[~hit], w[~hit]
-        w = w + np.float32(STEP_MM)
+    z0_mm = np.linspace(start_mm, far_mm, n_along, dtype=np.float32)
+    v_mm = np.linspace(outer_mm, -outer_mm, n_across, dtype=np.float32)
+    turned_rad = middle_rad - grid.theta0_rad
+    ends = near_mm, far_mm, outer_mm, slope
+    samples = grid.z0_mm, grid.dz_mm, turned_rad, grid.dtheta_rad, grid.radius_mm
+    met, rows, columns, r_mm, angle_rad = _cast(depth_mm, z0_mm, v_mm, *(np.float32(x) for x in (*ends, *samples)))
+    image = np.zeros((n_across, n_along, 4), np.float32)
+    image[met == ON_CUT, :3], image[met == ON_END, :3] = CUT_FACE, END_FACE
+    image[met != NOTHING, 3] = 1
+    wall = met == ON_WALL
+    rows, columns = rows[wall], columns[wall]
+    coloured_by = (
+        np.minimum(r_mm[wall] - grid.radius_mm, depth_mm[rows, columns]) if by_depth else values[rows, columns]
+    )
+    colour = mapping.to_rgba(coloured_by)[:, :3].astype(np.float32)
+    colour[~observed[rows, columns]] = NOT_OBSERVED
+    image[wall, :3] = colour * _light(_normals(grid, depth_mm), rows, columns, angle_rad[wall])[:, np.newaxis]
     extent = (start_mm, far_mm, -outer_mm, outer_mm)
-    return np.clip(image, 0, 1).reshape(n_across, n_along, 4), extent
+    return np.clip(image, 0, 1), extent
+
+
+@compiled
+def _cast(
+    depth_mm: Floats, z0_mm: Floats, v_mm: Floats, near_mm: np.float32, far_mm: np.float32, outer_mm: np.float32,
+    slope: np.float32, first_mm: np.float32, dz_mm: np.float32, turned_rad: np.float32, dtheta_rad: np.float32,
+    radius_mm: np.float32,
+) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.int32], Floats, Floats]:  # fmt: skip
+    """What the ray through each pixel meets, and of a wall the row, the column, the radius and the angle there."""
+    shape = v_mm.size, z0_mm.size
+    met = np.full(shape, NOTHING, np.uint8)
+    rows, columns = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+    radii_mm, angles_rad = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    n_z, n_theta = depth_mm.shape
+    shallowest_mm = max(np.float32(0), radius_mm + depth_mm.min())
+    for i in range(v_mm.size):
+        v = v_mm[i]
+        for j in range(z0_mm.size):
+            w = max(np.float32(0), (near_mm - z0_mm[j]) / slope)
+            if np.sqrt(v * v + w * w) >= outer_mm:
+                continue
+            at_face = True
+            while z0_mm[j] + w * slope <= far_mm:
+                angle = np.arctan2(v, w)
+                row = min(max(int(np.rint((z0_mm[j] + w * slope - first_mm) / dz_mm)), 0), n_z - 1)
+                column = int(np.rint((angle + turned_rad) / dtheta_rad)) % n_theta
+                r = np.sqrt(v * v + w * w)
+                if r >= min(radius_mm + depth_mm[row, column], outer_mm):
+                    met[i, j] = ON_WALL
+                    if at_face:
+                        met[i, j] = ON_END if w > 0 else ON_CUT
+                    rows[i, j], columns[i, j], radii_mm[i, j], angles_rad[i, j] = row, column, r, angle
+                    break
+                if at_face:  # nothing can be met before the shallowest place of the wall
+                    w = max(w, np.sqrt(max(np.float32(0), shallowest_mm * shallowest_mm - v * v)))
+                    at_face = False
+                else:
+                    w = w + np.float32(STEP_MM)
+    return met, rows, columns, radii_mm, angles_rad
 
 
 def _scale_bar(axes: Axes, x_mm: float, bottom_mm: float, length_mm: float = 1.0) -> None:
