@@ -1,6 +1,6 @@
 """The layers of a comparison, or of a panorama, with what the page is told of each."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
@@ -13,7 +13,7 @@ from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.parallel import thread_map
-from endoct.stitching.store import PanoramaOutline, read_outline
+from endoct.stitching.store import PanoramaOutline
 from endoct.stitching.window import ChunkCache, stored_image
 from endoct.workbench.page.description import ClassPart, LayerPart
 from endoct.workbench.page.layer import Classes, Layer, scalar, shown_range
@@ -59,11 +59,13 @@ def panorama_layers(store: Path, outline: PanoramaOutline, wall: Wall, cache: Ch
         )
 
 
-def comparison_layers(folder: Path, outline: ComparisonOutline, wall: Wall, cache: ChunkCache) -> Iterator[Described]:
-    """Yield the layers of a comparison: images on the samples of their own side, cells on the common grid."""
+def comparison_layers(
+    folder: Path, outline: ComparisonOutline, sides: Sequence[PanoramaOutline], wall: Wall, cache: ChunkCache
+) -> Iterator[Described]:
+    """Yield the layers of a comparison of ``sides``: images on their own samples, cells on the common grid."""
     common = folder / "comparison.zarr"
     masks = [_plane(common, "mask", (k,), placing_of(outline.grid), wall, cache) for k in (0, 1)]
-    images = [list(_images(folder, outline, k, wall, cache)) for k in (0, 1)]
+    images = [list(_images(folder, outline, sides[k], k, wall, cache)) for k in (0, 1)]
     both = [plane for of_side in images for _, plane in of_side]
     list(thread_map(Plane.overview, both))  # every scale needs one: made side by side, they are there sooner
     for k, side in enumerate(outline.names):
@@ -100,11 +102,10 @@ def is_drawn_key(key: str) -> bool:
 
 
 def _images(
-    folder: Path, outline: ComparisonOutline, k: int, wall: Wall, cache: ChunkCache
+    folder: Path, outline: ComparisonOutline, panorama: PanoramaOutline, k: int, wall: Wall, cache: ChunkCache
 ) -> Iterator[tuple[str, Plane]]:
     """Yield the images of the side ``k`` by their names in its store."""
     own = folder / "panoramas" / f"{outline.names[k]}.zarr"
-    panorama = read_outline(own)
     # where every row of B was turned by itself, only the common grid shows where it was put
     is_rigid = k == 0 or outline.result.twist is None
     placing = placing_of(panorama.grid, outline.alignment if k else None) if is_rigid else placing_of(outline.grid)

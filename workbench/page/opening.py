@@ -7,7 +7,7 @@ from pathlib import Path
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.store import is_panorama
+from endoct.stitching.store import PanoramaOutline, is_panorama
 from endoct.stitching.store import read_outline as read_panorama
 from endoct.stitching.window import ChunkCache
 from endoct.workbench.page.cells import cell_parts
@@ -62,9 +62,10 @@ def open_shown(path: Path) -> Shown:
 def _comparison(folder: Path) -> Shown:
     outline = read_comparison(folder / "comparison.zarr")
     wall = wall_of(outline.grid)
-    described = list(comparison_layers(folder, outline, wall, ChunkCache(CACHE_BYTES)))
+    outlines = [read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names]
+    described = list(comparison_layers(folder, outline, outlines, wall, ChunkCache(CACHE_BYTES)))
     aligned = outline.alignment is not None
-    sides = {name: _side(folder / "panoramas" / f"{name}.zarr", folder / PICTURES) for name in outline.names}
+    sides = {name: _side(of_side, folder / PICTURES) for name, of_side in zip(outline.names, outlines, strict=True)}
     frames = [
         frames_part(name, side.outline, outline.alignment if k else None, side.pictures)
         for k, (name, side) in enumerate(sides.items())
@@ -85,7 +86,7 @@ def _comparison(folder: Path) -> Shown:
         has_volume=False,
     )
     layers = {one.part.key: one.layer for one in described}
-    sections, session = comparison_sections(outline.result), session_of(folder, outline)
+    sections, session = comparison_sections(outline.result), session_of(folder, outline, (outlines[0], outlines[1]))
     return Shown(heading, sections, description, wall, layers, sides, session)
 
 
@@ -109,12 +110,11 @@ def _panorama(store: Path) -> Shown:
         has_volume=has_volume(store),
     )
     layers = {one.part.key: one.layer for one in described}
-    sides = {outline.modality: _side(store, store / PICTURES)}
+    sides = {outline.modality: _side(outline, store / PICTURES)}
     return Shown(heading, panorama_sections(outline), description, wall, layers, sides, panorama=store)
 
 
-def _side(store: Path, pictures: Path) -> ShownSide:
-    outline = read_panorama(store)
+def _side(outline: PanoramaOutline, pictures: Path) -> ShownSide:
     recording = recording_of(outline)
     return ShownSide(outline, pictures, None if recording is None else Reader(recording))
 

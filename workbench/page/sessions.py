@@ -37,7 +37,6 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import SMALL_BYTES, read_small, sha256_of
 from endoct.stitching.output import new_output
 from endoct.stitching.store import PanoramaOutline, load_panorama
-from endoct.stitching.store import read_outline as read_panorama
 
 KIND = "session"
 PLAIN = ("corrected-by-hand", "aligned-by-hand")
@@ -179,15 +178,14 @@ class Sessions:
         return session, hashlib.sha256(data).hexdigest()
 
 
-def session_of(folder: Path, outline: ComparisonOutline) -> Sessions:
-    """Return what the page knows of landmarks on the comparison in ``folder``."""
+def session_of(folder: Path, outline: ComparisonOutline, sides: tuple[PanoramaOutline, PanoramaOutline]) -> Sessions:
+    """Return what the page knows of landmarks on the comparison in ``folder`` of two ``sides``."""
     result = outline.result
-    outlines = tuple(read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names)
     by_hand = result.by_hand
     return Sessions(
         folder=folder,
         names=outline.names,
-        outlines=(outlines[0], outlines[1]),
+        outlines=sides,
         automatic=_automatic(outline),
         present=outline.alignment,
         used=() if by_hand is None else _used(by_hand),
