@@ -45,11 +45,12 @@ def write_report(
             )
         return write_panorama_report(path, load_panorama(path), process)
     _check(path)
-    findings, shown = read_findings(path), open_shown(path)
     there = None if process is None else process.call(_draw_there, path, of_sides is None)
+    findings, shown = read_findings(path), open_shown(path)
     walls = _draw_walls(findings)
     data = frozen_data(shown)
-    others = _draw(findings, of_sides is None) if there is None else there.result()
+    # where the other process has not come to it yet, it is done here meanwhile
+    others = _draw(findings, of_sides is None) if there is None or there.cancel() else there.result()
     drawn = [*walls, *others, *(of_sides.result() if of_sides is not None else ())]
     return _write(path, shown, drawn, report_sections(findings, drawn), data)
 
