@@ -7,6 +7,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Before a library reads it: threads of processes that share the cores wait for each other by turning round and round.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS", "1")
+
 # No test may depend on the machine's speed.
 settings.register_profile("endoct", deadline=None, derandomize=True)
 settings.load_profile("endoct")
