@@ -1,5 +1,6 @@
 """Fixtures that tests of several folders share."""
 
+import gc
 import os
 import shutil
 from pathlib import Path
@@ -7,13 +8,21 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# Before a library reads it: threads of processes that share the cores wait for each other by turning round and round.
+# Read as a process starts: by those that share the tests, and by what tests start. Two processes of two threads each on
+# two cores wait for each other by turning round and round; and arrays that are taken and given back a thousand times
+# are to stay with the process in between (glibc asks the system for each one anew).
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS", "1")
+os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(256 << 20))
+os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(512 << 20))
 
 # No test may depend on the machine's speed.
 settings.register_profile("endoct", deadline=None, derandomize=True)
 settings.load_profile("endoct")
+
+
+def pytest_collection_finish() -> None:
+    """Whatever is loaded by now stays: the collector of garbage need not look through it again and again."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
