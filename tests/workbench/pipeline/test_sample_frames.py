@@ -14,7 +14,7 @@ def test_a_comparison_has_the_pictures_of_its_panoramas(short: Path, tmp_path: P
         stores.append(tmp_path / f"{name}.zarr")
         settings = {"feed_sigma": 0.2 if name == "first" else 0.25}
         unroll(short / "endoscope", stores[-1], settings=settings, progress=False)
-    compare(*stores, tmp_path / "result", progress=False)
+    compare(*stores, tmp_path / "result", settings={"n_theta": 512}, progress=False)
     found = load_pictures(tmp_path / "result" / PICTURES)
     assert set(found) == {"endoscope-1", "endoscope-2"}
     for store, side in zip(stores, found.values(), strict=True):
