@@ -20,6 +20,8 @@ from endoct.stitching.store import load_panorama
 from endoct.workbench import cli, compare, unroll
 
 Run = Callable[..., tuple[int, str]]
+COARSE = "--set", "n_theta=512"
+"""For what does not depend on how fine the common grid is."""
 
 OCT_PER_SLICE = {
     "sine_amplitude_mm",
@@ -187,7 +189,7 @@ def test_a_mask_drawn_over_a_panorama_is_a_side_and_a_truth(compared: Path, tmp_
     assert panorama.depth_mm is not None
     drawn = tmp_path / "drawn.png"
     cv2.imwrite(str(drawn), np.where(panorama.depth_mm > 0.05, 255, 0).astype(np.uint8))
-    status, said = run("compare", oct_store, drawn, "-o", tmp_path / "c", "--truth", drawn, "--json")
+    status, said = run("compare", oct_store, drawn, "-o", tmp_path / "c", "--truth", drawn, "--json", *COARSE)
     result = json.loads(said)
     assert status == 0
     assert result["sides"] == ["oct", "mask"]
@@ -204,7 +206,7 @@ def test_two_different_patterns_are_not_aligned_and_status_3(tmp_path: Path, run
             cv2.circle(mask, centre, int(rng.integers(5, 20)), 255, -1)
         cv2.imwrite(str(tmp_path / f"{name}.png"), mask)
         (tmp_path / f"{name}.toml").write_text('modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.04\n')
-    status, said = run("compare", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "c", "--json")
+    status, said = run("compare", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "c", "--json", *COARSE)
     result = json.loads(said)
     assert status == 3
     assert result["aligned"] is False
@@ -213,9 +215,8 @@ def test_two_different_patterns_are_not_aligned_and_status_3(tmp_path: Path, run
     assert result["dice"] is None
     assert result["alignment"] is None
     # asked for all the same, it is shown, and says so
-    status, said = run(
-        "compare", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "forced", "--force", "--strict"
-    )
+    sides = tmp_path / "a.png", tmp_path / "b.png"
+    status, said = run("compare", *sides, "-o", tmp_path / "forced", "--force", "--strict", *COARSE)
     forced = json.loads((tmp_path / "forced" / "result.json").read_text())
     assert status == 3  # for the doubt; everything is written
     assert (tmp_path / "forced" / "report.html").is_file()
@@ -230,14 +231,14 @@ def test_two_different_patterns_are_not_aligned_and_status_3(tmp_path: Path, run
 
 
 def test_a_doubt_of_one_recording_is_said_once_and_status_3_if_strict(
-    quick_specimen: Path, tmp_path: Path, run: Run
+    short: Path, quick_specimen: Path, tmp_path: Path, run: Run
 ) -> None:
     store = tmp_path / "x.zarr"
-    arguments = "unroll", quick_specimen / "oct", "-o", store, "--set", "bore_diameter_mm=2.1", "--overwrite"
-    status, said = run(*arguments)
+    arguments = "-o", store, "--set", "bore_diameter_mm=2.1", "--overwrite"
+    status, said = run("unroll", short / "oct", *arguments)
     assert status == 0
     assert said.count("\nDOUBT: The wall lies") == said.count("The wall lies") == 1
-    status, said = run(*arguments, "--strict", "--json")
+    status, said = run("unroll", quick_specimen / "oct", *arguments, "--strict", "--json")
     assert status == 3
     (doubt,) = json.loads(said)["doubts"]
     assert (doubt["code"], doubt["unit"], doubt["expected"]) == ("wall-far-from-nominal", "mm", 2.1)
@@ -249,7 +250,7 @@ def test_a_doubt_of_one_recording_is_said_once_and_status_3_if_strict(
 def test_scores_against_truth_are_printed(compared: Path, quick_specimen: Path, tmp_path: Path, run: Run) -> None:
     a, b = (compared / "panoramas" / f"{name}.zarr" for name in ("endoscope", "oct"))
     truth = quick_specimen / "truth"
-    status, said = run("compare", a, b, "-o", tmp_path / "again", "--truth", truth)
+    status, said = run("compare", a, b, "-o", tmp_path / "again", "--truth", truth, *COARSE)
     assert status == 0
     scores = json.loads((tmp_path / "again" / "result.json").read_text())["truth"][str(truth)]
     expected = ", ".join(f"{side} {scores[side]['jaccard']:.3f}" for side in ("endoscope", "oct"))
@@ -268,16 +269,16 @@ def test_a_recording_is_not_compared_with_itself(short: Path, tmp_path: Path, ru
 
 def test_a_copy_of_a_recording_is_compared_with_a_doubt(short: Path, tmp_path: Path, run: Run) -> None:
     shutil.copytree(short / "oct", tmp_path / "copy")
-    status, said = run("compare", short / "oct", tmp_path / "copy", "-o", tmp_path / "c", "--strict")
+    status, said = run("compare", short / "oct", tmp_path / "copy", "-o", tmp_path / "c", "--strict", *COARSE)
     assert status == 3
     assert "DOUBT: Both sides were made from the same files" in said
     stored = json.loads((tmp_path / "c" / "result.json").read_text())
     assert stored["doubts"][0]["code"] == "compared-with-itself"
     # the same of one path with settings that differ, and of two other recordings not
-    same = short / "oct"
-    by_settings = compare(same, same, settings_b={"undistort": "sine"}, progress=False)
+    same, coarse = short / "oct", {"n_theta": 512}
+    by_settings = compare(same, same, settings=coarse, settings_b={"undistort": "sine"}, progress=False)
     assert by_settings.doubts[0].code == "compared-with-itself"
-    other = compare(short / "endoscope", same, settings={"force": True}, progress=False)
+    other = compare(short / "endoscope", same, settings={"force": True, **coarse}, progress=False)
     assert "compared-with-itself" not in {doubt.code for doubt in other.doubts}
 
 
