@@ -122,9 +122,8 @@ def test_it_is_compared_with_an_oct_recording(installed: Path, quick_specimen: P
         diameter_mm = 2 * truth.attrs["bore_radius_mm"]
         every = round(PITCH_MM / float(truth["z"][1] - truth["z"][0]))
         _record(tmp_path / "wall", diameter_mm / 2 + truth["relief_mm"].values[::every, ::2], diameter_mm)
-    run = _endoct(
-        installed, "compare", str(tmp_path / "wall"), str(quick_specimen / "oct"), "-o", str(tmp_path / "out")
-    )
+    sides = tmp_path / "wall", quick_specimen / "oct"
+    run = _endoct(installed, "compare", *map(str, sides), "-o", str(tmp_path / "out"), "--set", "n_theta=512")
     assert run.returncode == 0, run.stderr
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     assert result["sides"] == ["profilometer", "oct"]

@@ -37,6 +37,7 @@ def _narrow(task: AnyTask, **ranges: Range) -> dict[str, Range]:
     return {**task.ranges, **task.usual, **ranges}
 
 
+@pytest.mark.slow
 def test_alignment(monkeypatch: pytest.MonkeyPatch) -> None:
     # the same scene on an eighth of the rows and columns
     for name, value in {

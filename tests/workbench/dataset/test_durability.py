@@ -13,6 +13,7 @@ from cheap_specimens import Cheap, contents, leftovers
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.scratch import HeldError, clear_dead_scratch, held, scratch_beside
+from endoct.workbench.dataset import contact_sheet
 from endoct.workbench.dataset.building import forecast, make_dataset
 from endoct.workbench.dataset.plan import Job, Plan
 
@@ -27,6 +28,12 @@ with {what}:
     print("held", flush=True)
     sys.stdin.read()
 """
+
+
+@pytest.fixture(autouse=True)
+def small_sheet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Show two specimens on the contact sheet, whose drawing takes longer than all else here."""
+    monkeypatch.setattr(contact_sheet, "N_SPECIMENS", 2)
 
 
 @pytest.fixture

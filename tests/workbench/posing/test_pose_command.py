@@ -113,7 +113,8 @@ def test_a_side_of_a_comparison_that_endoct_made_is_a_side(
 ) -> None:
     answered(None)
     compared = tmp_path / "compared"
-    compare(files / "camera.zarr", case.panorama("ranger", turn_rad=2.0, columns=96), compared, progress=False)
+    ranger = case.panorama("ranger", turn_rad=2.0, columns=96)
+    compare(files / "camera.zarr", ranger, compared, settings={"n_theta": 512}, progress=False)
     plan = ("--ct", files / "ct.nrrd", *plan_of(case), "-o", tmp_path / "out")
     assert command(f"{compared}:camera", *plan)[:2] == (0, [])
     said = json.loads((tmp_path / "out" / "pose.json").read_text(encoding="utf-8"))
