@@ -27,7 +27,8 @@ MARK_PX = 3.0
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
-    with browser(SOFTWARE_WEBGL) as started:
+    # the page itself is drawn without: the emulated card is for the cylinder
+    with browser((*SOFTWARE_WEBGL, "--disable-gpu-compositing")) as started:
         page = started.new_page()
         has_webgl = page.evaluate("() => !!document.createElement('canvas').getContext('webgl2')")
         page.close()
