@@ -28,7 +28,7 @@ from threading import Lock
 from typing import IO, Any, TypeVar
 
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.garbage import collect_rarely
+from endoct.stitching.own_process import settle_in
 
 OUT_OF_MEMORY = 12
 """Exit status of a process that had no memory for a request."""
@@ -120,7 +120,7 @@ def worker_process() -> Iterator[WorkerProcess]:
 
 def serve() -> None:
     """Answer the calls of one process, the parent of this one, until it closes its end or is no more."""
-    collect_rarely()
+    settle_in()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller is interrupted as well, and ends this process
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer

@@ -4,7 +4,7 @@ import os
 import sys
 from io import TextIOWrapper
 
-from endoct.stitching.garbage import collect_rarely
+from endoct.stitching.own_process import settle_in
 from endoct.workbench.running.interruption import watch
 from endoct.workbench.running.status import DONE, INTERRUPTED, UNUSABLE_INPUT
 
@@ -12,7 +12,7 @@ from endoct.workbench.running.status import DONE, INTERRUPTED, UNUSABLE_INPUT
 def main() -> None:
     """Run `endoct`: exit status 0 done, 1 unusable input, 2 wrong usage, 3 not aligned, 130 interrupted."""
     watch()
-    collect_rarely()
+    settle_in()
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may lack letters, as those of a file's name
     try:
