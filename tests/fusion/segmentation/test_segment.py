@@ -15,7 +15,7 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.segmentation.believing import believability_of, doubts_of_cells
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import label, morphology, remove_small
+from endoct.fusion.segmentation.regions import label, morphology, quantiles, remove_small
 from endoct.fusion.segmentation.segment import find_cells, segment
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.errors import EndoctError
@@ -170,3 +170,15 @@ def test_a_wall_within_its_own_spread_is_still_thresholded() -> None:
     values = np.tile(np.where(np.arange(400) % 2, 0.1, -0.1).astype(np.float32), (100, 1))
     evidence = replace(uneven_wall(2, 0.5), values=values)
     assert find_cells(evidence, SegmentParameters(smooth_mm=0, outlines=False)).threshold is not None
+
+
+def test_a_quantile_of_every_label_is_one_of_its_values():
+    rng = np.random.default_rng(0)
+    values, labels = rng.normal(size=500).astype(np.float32), rng.integers(0, 6, 500)
+    values[rng.random(500) < 0.1] = np.nan
+    values[labels == 2] = np.nan
+    for share in (0.0, 0.5, 0.95, 1.0):
+        found = quantiles(values, labels, 7, share)
+        for k in range(8):
+            own = np.sort(values[(labels == k) & np.isfinite(values)])
+            assert np.isnan(found[k]) if not own.size else found[k] == own[int(share * (own.size - 1))]

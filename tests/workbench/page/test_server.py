@@ -14,6 +14,7 @@ from workbench_page import Served, written
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.serving import listening_socket
+from endoct.workbench.page.wall import Tile
 
 
 def test_the_page_and_its_description(served: Served):
@@ -41,6 +42,15 @@ def test_a_tile_is_a_picture_with_what_was_not_observed_transparent(served: Serv
     picture = Image.open(io.BytesIO(served.get("/tiles/v/difference/0/0_0.png")[1]))
     assert picture.mode == "P"
     assert picture.info["transparency"] == 255
+
+
+def test_tiles_of_a_row_are_those_one_by_one(comparison: Path):
+    shown = open_shown(comparison)
+    for layer in shown.description.layers:
+        level = min(2, layer.finest_level)
+        for row in range(shown.wall.rows_of_tiles(level)):
+            for column, tile in enumerate(shown.row_of_tiles(layer.key, level, row)):
+                assert tile.tobytes() == shown.tile(layer.key, Tile(level, column, row)).tobytes()
 
 
 def test_values_are_those_of_the_place(served: Served):
