@@ -24,6 +24,9 @@ TILE_MM = 2.0
 LEAST_VARIANCE = 1e-4
 ACROSS = 2
 """Parameters that move the axis aside: x and y."""
+ALIKE = 0.35
+"""How alike two sides err, which look for the same cells in the same CT: the correlation of their errors across the
+axis at the target, from 46 simulated bores of the preset 'patient', seeds 2000 to 2062."""
 AWAY_FROM_EDGES = 0.1
 """Weight of samples far from any edge that a side shows, over that of those at one.
 
@@ -179,10 +182,10 @@ def _finished(
     """Return the fit with its covariance.
 
     Of each side alone that is the scatter of the tiles' pulls between the inverses of the information, and what no fit
-    can tell. The axis of all leading sides together is as good as their weighted mean.
+    can tell.
     """
     n = at.numel()
-    covariance, precision = np.zeros((n, n)), np.zeros((SHARED, SHARED))
+    covariance, of_axis = np.zeros((n, n)), []
     agreement, dispersion = [], []
     for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
         seen = _compared(air, side, sense, at, number)
@@ -199,14 +202,26 @@ def _finished(
         part = _part(number).numpy()
         covariance[np.ix_(part[SHARED:], part[SHARED:])] = own[SHARED:, SHARED:]
         if leading[number]:
-            precision += np.linalg.inv(own[:SHARED, :SHARED])
+            of_axis.append(own[:SHARED, :SHARED])
             covariance[np.ix_(part, part)] += np.pad(own[:SHARED, SHARED:], ((0, OF_SIDE), (SHARED, 0)))
             covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
         agreement.append(_correlation(seen))
         alone = torch.diag(inverse)[:SHARED].cpu().numpy()
         dispersion.append(float(np.mean(np.diag(own)[:SHARED] / alone)))
-    covariance[:SHARED, :SHARED] = np.linalg.inv(precision)
+    covariance[:SHARED, :SHARED] = _together(of_axis)
     return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement), tuple(dispersion))
+
+
+def _together(each: Sequence[Coordinates]) -> Coordinates:
+    """Return the covariance of the weighted mean of axes that err alike, ``each`` as good as its covariance says."""
+    weights, roots = [np.linalg.inv(one) for one in each], [np.linalg.cholesky(one) for one in each]
+    mean = np.linalg.inv(np.sum(weights, axis=0))
+    spread = np.linalg.inv(mean)
+    for one in range(len(each)):
+        for other in range(len(each)):
+            if one != other:
+                spread += weights[one] @ (ALIKE * roots[one] @ roots[other].T) @ weights[other]
+    return np.asarray(mean @ spread @ mean)
 
 
 def _untold(side: Observation, pulling: torch.Tensor, moved: torch.Tensor, inverse: torch.Tensor) -> Coordinates:

@@ -9,7 +9,7 @@ import torch
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.controls import shuffled_patterns, turned_patterns
 from endoct.fusion.pose.finding import Found, answer, find_alone
-from endoct.fusion.pose.fit import fit_pose
+from endoct.fusion.pose.fit import ALIKE, _together, fit_pose
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM, Pattern, correlations, pattern_of
@@ -136,3 +136,11 @@ def test_a_side_that_cannot_tell_alone_does_not_move_the_axis(found: Found) -> N
 @pytest.mark.parametrize("seed", [2, 3])
 def test_in_another_bone_it_cannot_be_told(seed: int) -> None:
     assert find_alone(a_bone(seed), a_side(a_bone(1))).reason is not None
+
+
+def test_two_sides_that_err_alike_are_less_than_twice_as_good_as_one():
+    one = np.array([[4.0, 1.0], [1.0, 2.0]]) * 1e-4
+    np.testing.assert_allclose(_together([one]), one)
+    np.testing.assert_allclose(_together([one, one]), (1 + ALIKE) / 2 * one)
+    much_better = _together([one, 1e-6 * one])
+    assert (np.diag(much_better) < 1e-5 * np.diag(one)).all()
