@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal, TypedDict
 
 from tyro.conf import Positional
 
-from endoct.modalities.trajectory import Point
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
@@ -14,14 +13,15 @@ from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.status import DONE, UNTOLD
 
 if TYPE_CHECKING:
+    from endoct.modalities.trajectory import Point
     from endoct.workbench.posing.result import PoseResult
 
 
 class _Asked(TypedDict):
     """What is asked with a recording and without one."""
 
-    entry_mm: Point | None
-    target_mm: Point | None
+    entry_mm: "Point | None"
+    target_mm: "Point | None"
     plan: Path | None
     coordinates: Literal["ras", "lps"] | None
     device: Literal["cpu", "cuda"]
