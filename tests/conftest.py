@@ -12,8 +12,8 @@ from hypothesis import settings
 # two cores wait for each other by turning round and round; and arrays that are taken and given back a thousand times
 # are to stay with the process in between (glibc asks the system for each one anew).
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(256 << 20))
-os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(512 << 20))
+os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(32 << 20))
+os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(128 << 20))
 
 # No test may depend on the machine's speed.
 settings.register_profile("endoct", deadline=None, derandomize=True)
