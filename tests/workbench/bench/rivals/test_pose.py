@@ -31,6 +31,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> bores.PoseCase:
     return Case("bore", ((panorama,), ct, bore.plan), bores.TrueBore(bore.to_lps, LENGTH_MM, (side,)), {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_a_rival_finds_a_small_bore(case: bores.PoseCase, library: str) -> None:
     pytest.importorskip(library, reason=f"{library} is not installed", exc_type=ImportError)
