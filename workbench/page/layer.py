@@ -15,7 +15,7 @@ from endoct.workbench.page.plane import Averaged, Plane
 from endoct.workbench.page.wall import Pixels, Wall
 
 CODES = 255
-"""The code of the high end of a layer's numbers; no sample of a tile has it, since it lies beyond them all."""
+"""The code of the high end of a layer's numbers. No sample has it: what lies there is shown as one less."""
 _NOT_OBSERVED = 255
 """The place in the palette of what was not observed: transparent."""
 _GREY = [(grey, grey, grey) for grey in range(256)]

@@ -56,7 +56,7 @@ def _panes(shown: Shown) -> list[Pillow.Image]:
 def _pane(shown: Shown, part: LayerPart) -> Pillow.Image:
     """Return a layer from its coarsest tiles, without what they share with their neighbours."""
     pixels = []
-    for row in range(-(-shown.wall.height_px(0) // TILE_PX)):
+    for row in range(shown.wall.rows_of_tiles(0)):
         tile = np.asarray(shown.tile(part.key, Tile(0, 0, row)).convert("RGBA"))
         first = OVERLAP_PX if row else 0
         pixels.append(tile[first : first + TILE_PX, OVERLAP_PX:-OVERLAP_PX])

@@ -1,25 +1,24 @@
 """The levels of noise and wall."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.levels import measure_levels
-from tests.modalities.oct.turning.drawn_slices import AXIS_MM, N_COLUMNS, NOMINAL, RADIUS_MM, drawn_slice, faces_of
-
-N_DEPTH, PIXEL_MM, BORE_MM = 500, 0.005, 1.25
-FACE_ROW = round((AXIS_MM + RADIUS_MM) / PIXEL_MM)
-ACQUISITION = OctAcquisition(
-    modality="oct",
-    axial_pixel_mm=PIXEL_MM,
-    pullback_pitch_mm=0.2,
-    bore_diameter_mm=2 * BORE_MM,
-    capillary_outer_diameter_mm=2 * RADIUS_MM,
+from tests.modalities.oct.turning.drawn_slices import (
+    ACQUISITION,
+    AXIS_MM,
+    N_NOISE,
+    PIXEL_MM,
+    RADIUS_MM,
+    faces_of,
+    noisy_slice,
 )
+
+N_DEPTH = 500
+FACE_ROW = round((AXIS_MM + RADIUS_MM) / PIXEL_MM)
 LEVEL_DB, SPREAD_DB = 10 * math.log10(math.log(2)), 4.95
 """Of noise whose power is exponentially distributed, with mean 1; by the median."""
 
@@ -31,11 +30,8 @@ def levels_with_line(first: int, last: int, offset_mm: float) -> Background:
     excess[first:last] = 20
     slices = []
     for i in range(20):
-        ascans = (10 * np.log10(rng.exponential(1, (96, N_DEPTH)))).astype(np.float32) + excess
-        angle = NOMINAL[:: N_COLUMNS // 96][:96]
-        slices.append(
-            replace(drawn_slice(np.zeros(N_COLUMNS), 0.0, offset_mm + 0j, i), ascans=ascans, ascan_angle_rad=angle)
-        )
+        power = rng.exponential(1, (N_NOISE, N_DEPTH)) * 10 ** (excess / 10)
+        slices.append(noisy_slice(power, offset_mm + 0j, i))
     return measure_levels(slices, faces_of(slices), excess, np.zeros(N_DEPTH, np.float32), ACQUISITION)
 
 

@@ -1,6 +1,7 @@
 """Slices drawn by formula: lines as a catheter sees them whose turns are uneven and start anywhere."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,21 @@ from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.face.slices import SliceFeatures
+from endoct.modalities.oct.manifest import OctAcquisition
 
 RADIUS_MM = 0.85
 AXIS_MM = 0.3
 SHEATHS_MM = ((-0.4, 0.02, 0.7), (-0.3, 0.022, 2.9), (-0.2, 0.018, 5.0))  # depth of the axis, wobble, its direction
 N_COLUMNS = 256
 NOMINAL = 2 * np.pi * (np.arange(N_COLUMNS) + 0.5) / N_COLUMNS
+N_NOISE, PIXEL_MM, BORE_MM = 96, 0.005, 1.25
+ACQUISITION = OctAcquisition(
+    modality="oct",
+    axial_pixel_mm=PIXEL_MM,
+    pullback_pitch_mm=0.2,
+    bore_diameter_mm=2 * BORE_MM,
+    capillary_outer_diameter_mm=2 * RADIUS_MM,
+)
 Array = NDArray[np.float64]
 
 
@@ -43,6 +53,15 @@ def drawn_slice(error: Array, start: float, offset: complex, seed: int, *, sheat
         lines=Lines.of(lines, [1.0] * len(lines), RADIUS_MM),
         ascans=np.zeros((4, 600), np.float32),
         ascan_angle_rad=NOMINAL[::64],
+    )
+
+
+def noisy_slice(power: Array, offset: complex, seed: int) -> SliceFeatures:
+    """A slice of even turns whose A-scans, :data:`N_NOISE` of them, are of this ``power`` (A-scan, depth)."""
+    return replace(
+        drawn_slice(np.zeros(N_COLUMNS), 0.0, offset, seed),
+        ascans=(10 * np.log10(power)).astype(np.float32),
+        ascan_angle_rad=NOMINAL[:: N_COLUMNS // N_NOISE][:N_NOISE],
     )
 
 
