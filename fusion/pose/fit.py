@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import STRETCH_MM, Observation
@@ -19,8 +18,6 @@ ROUNDS, LEAST_MOVE_MM, MOST_MOVE_MM = 8, 1e-3, 0.3
 GAINS = (0.7, 1.4)
 PATCH_MM = 0.35
 """Samples closer than this are about one."""
-TILE_MM = 2.0
-"""Of wall whose errors are about one: a cell."""
 LEAST_VARIANCE = 1e-4
 ACROSS = 2
 """Parameters that move the axis aside: x and y."""
@@ -40,7 +37,7 @@ class Fit:
     """A pose fitted to sides: ``parameters`` (n,) as :mod:`endoct.fusion.pose.wall` says, ``covariance`` (n, n).
 
     By side, ``agreement``: the correlation of what it shows near edges with what the CT has there;
-    ``dispersion``: the variance of the axis by the scatter of its pulls, over that by its residuals alone.
+    ``dispersion``: the variance of the axis as stated, over that which residuals alone would leave.
     """
 
     sides: tuple[Observation, ...]
@@ -179,26 +176,14 @@ def _finished(
     levels: Sequence[tuple[float, float]],
     leading: Sequence[bool],
 ) -> Fit:
-    """Return the fit with its covariance.
-
-    Of each side alone that is the scatter of the tiles' pulls between the inverses of the information, and what no fit
-    can tell.
-    """
+    """Return the fit with its covariance."""
     n = at.numel()
     covariance, of_axis = np.zeros((n, n)), []
     agreement, dispersion = [], []
     for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
         seen = _compared(air, side, sense, at, number)
         _, moved, counts, residual = _weighed(side, seen, levels[number], SOFTNESS[-1])
-        pulling = moved * counts[:, None]
-        pulls = pulling * residual[:, None]
-        tile = torch.as_tensor(_tiles(side), device=at.device).repeat(len(side.layers))
-        tiles = pulls.new_zeros(int(tile.max()) + 1, pulls.shape[1]).index_add_(0, tile, pulls)
-        prior = torch.diag(prior_deviations((side,)).to(at.device) ** -2)
-        inverse = torch.linalg.inv(prior + pulling.T @ moved)
-        own = (inverse @ (prior + tiles.T @ tiles) @ inverse).cpu().numpy()
-        own[:SHARED, :SHARED] += _untold(side, pulling, moved, inverse)
-        own[SHARED + DEPTH, SHARED + DEPTH] += side.along_mm**2
+        own, ideal = _of_one(side, moved, counts, residual)
         part = _part(number).numpy()
         covariance[np.ix_(part[SHARED:], part[SHARED:])] = own[SHARED:, SHARED:]
         if leading[number]:
@@ -206,8 +191,7 @@ def _finished(
             covariance[np.ix_(part, part)] += np.pad(own[:SHARED, SHARED:], ((0, OF_SIDE), (SHARED, 0)))
             covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
         agreement.append(_correlation(seen))
-        alone = torch.diag(inverse)[:SHARED].cpu().numpy()
-        dispersion.append(float(np.mean(np.diag(own)[:SHARED] / alone)))
+        dispersion.append(float(np.mean((np.diag(own) / ideal)[:SHARED])))
     covariance[:SHARED, :SHARED] = _together(of_axis)
     return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement), tuple(dispersion))
 
@@ -224,30 +208,35 @@ def _together(each: Sequence[Coordinates]) -> Coordinates:
     return np.asarray(mean @ spread @ mean)
 
 
-def _untold(side: Observation, pulling: torch.Tensor, moved: torch.Tensor, inverse: torch.Tensor) -> Coordinates:
-    """Return the covariance (SHARED, SHARED) that the axis has since stretches of bore each lie aside by chance.
+def _of_one(
+    side: Observation, moved: torch.Tensor, counts: torch.Tensor, residual: torch.Tensor
+) -> tuple[Coordinates, Coordinates]:
+    """Return the covariance (n, n) of one side's fit, and the variances (n,) that its residuals alone would leave.
 
-    ``pulling`` (m, n): how a residual of each sample pulls; ``moved`` (m, n): how each parameter changes it;
-    ``inverse`` (n, n) of the information. Where few stretches hold the pattern, these decide.
+    The covariance is that of the jackknife, each stretch of bore left out in turn: few of them hold the pattern, and
+    their residuals are small because the fit went through them. To it comes what no fit can tell: that every stretch
+    lies aside by chance.
     """
-    n_theta = side.layers[0].air.shape[1]
-    stretch = torch.as_tensor(np.floor((side.z_mm - side.z_mm[0]) / STRETCH_MM).astype(np.int64), device=moved.device)
-    of_sample = stretch.repeat_interleave(n_theta).repeat(len(side.layers))
-    shifts = []
-    for number in range(int(stretch.max()) + 1):
-        here = of_sample == number
-        shifts.append(inverse @ (pulling[here].T @ moved[here, :ACROSS]))
-    shift = torch.cat(shifts, dim=1)[:SHARED] * side.aside_mm
-    return np.asarray((shift @ shift.T).cpu().numpy(), dtype=np.float64)
-
-
-def _tiles(side: Observation) -> NDArray[np.int64]:
-    """Return for each sample of a layer the tile of wall it lies on, (n_z · n_theta,)."""
-    n_z, n_theta = side.layers[0].air.shape
-    step = float(side.z_mm[1] - side.z_mm[0])
-    rows = np.arange(n_z) * step // TILE_MM
-    around = max(1, round(2 * np.pi * side.radius_mm / TILE_MM))
-    return np.asarray(rows[:, None] * around + np.arange(n_theta) * around // n_theta, dtype=np.int64).ravel()
+    pulling = moved * counts[:, None]
+    prior = torch.diag(prior_deviations((side,)).to(moved.device) ** -2)
+    information = prior + pulling.T @ moved
+    inverse = torch.linalg.inv(information)
+    covariance = inverse @ prior @ inverse
+    shape = side.layers[0].air.shape
+    n_rows = max(1, round(STRETCH_MM / float(side.z_mm[1] - side.z_mm[0])))
+    stretches = [
+        torch.split(one.reshape(-1, *shape, one.shape[-1]), n_rows, dim=1)
+        for one in (pulling, moved, residual[:, None])
+    ]
+    for one in zip(*stretches, strict=True):
+        pulls, moves, left = (each.flatten(0, 2) for each in one)
+        of_stretch = pulls.T @ moves
+        left_out = torch.linalg.solve(information - of_stretch, pulls.T @ left)
+        aside = inverse[:SHARED] @ of_stretch[:, :ACROSS] * side.aside_mm
+        covariance += left_out @ left_out.T
+        covariance[:SHARED, :SHARED] += aside @ aside.T
+    covariance[SHARED + DEPTH, SHARED + DEPTH] += side.along_mm**2
+    return covariance.cpu().numpy(), torch.diag(inverse).cpu().numpy()
 
 
 def _correlation(seen: _Compared) -> float:

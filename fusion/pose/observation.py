@@ -22,12 +22,12 @@ EVEN_STEPS = 0.03
 """Relative spread of the steps between frames below which a drive made them, not a stitching."""
 DRIVEN_STRETCH_MM, STITCHED_STRETCH_MM = 0.02, 0.12
 """How far places along the bore may lie off, the scale of the whole aside."""
-STRETCH_ASIDE_MM = 0.035
+STRETCH_ASIDE_MM = 0.06
 """By how much a stretch of ``STRETCH_MM`` of bore seems to lie aside of where it is, by what unrolling and segmentation
-leave: from 42 simulated bores of the preset 'patient', seeds 2000 to 2042."""
+leave: from 97 simulated bores of the preset 'patient', seeds 2000 to 2099, and ten in real bone."""
 ALONG_BY_DEPTH_MM, ALONG_BY_CELLS_MM = 0.02, 0.075
 """By how much the whole lies off along the bore: from twelve such bores, seeds 100 to 111."""
-STRETCH_MM = 5.0
+STRETCH_MM = 1.0
 
 
 @dataclass(frozen=True, eq=False)
