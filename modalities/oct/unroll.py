@@ -49,7 +49,8 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     background = calibration.background
     recorded = background.levelled(logarithmic(image, acquisition.intensity))
     if parameters.fixed_lines:
-        background = with_lines_of(recorded, background, calibration.capillary.circle(frame.index), mm)
+        circle = calibration.capillary.circle(frame.index)
+        background = with_lines_of(recorded, background, circle, calibration.glass.path_mm, mm)
     level, lines = without_lines(recorded, background), background.lines
     spacing = Spacing(mm, calibration.grid.dtheta_mm)
     if parameters.wall == "maximum":

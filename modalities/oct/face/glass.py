@@ -37,6 +37,11 @@ class Glass:
     thickness_mm: float = 0.0
     medium_index: float = 1.0
 
+    @property
+    def path_mm(self) -> float:
+        """How far the inner face's line lies before the outer one's, as lengths in the medium; 0 where not known."""
+        return GLASS_INDEX / self.medium_index * self.thickness_mm
+
     def bend_rad(self, passing_mm: Coordinates) -> Coordinates:
         """Return by how much beams that pass the axis at ``passing_mm`` (signed) are turned back, rad.
 

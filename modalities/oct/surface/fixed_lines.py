@@ -180,16 +180,19 @@ def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) 
     return bool(typical > HALF * sigma and np.mean(there) >= 1 - MOST_MISSED)
 
 
-def with_lines_of(level: Image, background: Background, face: Circle, mm_per_px: float) -> Background:
+def with_lines_of(
+    level: Image, background: Background, face: Circle, glass_path_mm: float, mm_per_px: float
+) -> Background:
     """Return ``background`` with the lines added that only this one logarithmic B-scan (θ, depth) holds.
 
-    A spectrometer's mean over a turn is subtracted from every A-scan. The capillary's ``face`` hardly changes its depth
-    where it is nearest and farthest, is part of that mean there, and so appears, faintly, in every A-scan of the turn.
-    Such a line shows in the darkest A-scans too, and is brighter than what lies before and behind it.
+    A spectrometer's mean over a turn is subtracted from every A-scan. The faces of the capillary, the outer ``face``
+    and the inner one ``glass_path_mm`` before it (0 where that is not seen), hardly change their depth where they are
+    nearest and farthest, are part of that mean there, and so appear, faintly, in every A-scan of the turn. Such a line
+    shows in the darkest A-scans too, and is brighter than what lies before and behind it.
     """
     some = without_lines(level[:: max(1, len(level) // JUDGED_ASCANS)], background)
     near, far = (round(reach / mm_per_px) for reach in LINE_AROUND_MM)
-    turning = _turning_points(face, level.shape[1], mm_per_px)
+    turning = _turning_points(face, glass_path_mm, level.shape[1], mm_per_px)
     rows = np.flatnonzero(maximum_filter1d(turning, 4 * far + 1))  # these, and what they are compared with
     dark = np.zeros(turning.size, np.float32)
     dark[rows] = quantiles(some[:, rows], DARK_SHARE)
@@ -201,10 +204,11 @@ def with_lines_of(level: Image, background: Background, face: Circle, mm_per_px:
     return replace(background, line_excess=np.maximum(background.line_excess, excess)) if excess.any() else background
 
 
-def _turning_points(face: Circle, n_depth: int, mm_per_px: float) -> Mask:
-    """Which depths lie near the face's nearest or farthest one, bool (n_depth,)."""
+def _turning_points(face: Circle, glass_path_mm: float, n_depth: int, mm_per_px: float) -> Mask:
+    """Which depths lie near the nearest or the farthest one of either face, bool (n_depth,)."""
     depth_mm = np.arange(n_depth) * mm_per_px
-    ends = face.axis_depth_mm + face.radius_mm + face.offset_mm * np.array([-1, 1])
+    outer = face.axis_depth_mm + face.radius_mm + face.offset_mm * np.array([-1, 1])
+    ends = np.concatenate([outer, outer - glass_path_mm])
     return np.asarray(np.abs(depth_mm[:, None] - ends).min(axis=1) < TURNING_MM)
 
 

@@ -32,15 +32,17 @@ def face_of(*, nearest_row: int) -> Circle:
     return Circle(0.2, 0.0, nearest_row * PIXEL_MM + 0.2 - 0.85, 0.85)
 
 
-def test_a_line_of_one_bscan_is_not_the_wall() -> None:
+@pytest.mark.parametrize("glass_rows", [0, 25])
+def test_a_line_of_one_bscan_is_not_the_wall(glass_rows: int) -> None:
     """A face at its turning point draws a line into every A-scan of its turn, before the wall and across a cell."""
+    face = face_of(nearest_row=62 + glass_rows)
     wall = np.round(110 + 12 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
     wall[400:450] = N_DEPTH
     rows = []
     for seed in range(8):
         image = speckled(np.full(N_THETA, 5.0), wall, seed)
         image[:, 60:65] = np.maximum(image[:, 60:65], 12)
-        background = with_lines_of(image, SPECKLE, face_of(nearest_row=62), PIXEL_MM)
+        background = with_lines_of(image, SPECKLE, face, glass_rows * PIXEL_MM, PIXEL_MM)
         assert np.flatnonzero(background.line_excess).tolist()[:5] == [60, 61, 62, 63, 64]
         assert np.count_nonzero(background.line_excess) <= 6
         rows.append(first_edge(without_lines(image, background), FIRST_ROW, background, SPACING, OctParameters()))
@@ -50,10 +52,10 @@ def test_a_line_of_one_bscan_is_not_the_wall() -> None:
 
 def test_a_wall_all_around_at_one_depth_is_no_line() -> None:
     image = speckled(np.full(N_THETA, 5.0), np.full(N_THETA, 80))
-    assert not with_lines_of(image, SPECKLE, face_of(nearest_row=10), PIXEL_MM).line_excess.any()
+    assert not with_lines_of(image, SPECKLE, face_of(nearest_row=10), 0.0, PIXEL_MM).line_excess.any()
 
 
 def test_what_stands_out_far_from_where_a_face_turns_is_no_line_of_one_bscan() -> None:
     image = speckled(np.full(N_THETA, 5.0), np.full(N_THETA, 150))
     image[:, 60:65] = np.maximum(image[:, 60:65], 12)
-    assert not with_lines_of(image, SPECKLE, face_of(nearest_row=30), PIXEL_MM).line_excess.any()
+    assert not with_lines_of(image, SPECKLE, face_of(nearest_row=30), 0.0, PIXEL_MM).line_excess.any()
