@@ -26,6 +26,8 @@ LEAST_STANDING = 2.0
 """Spreads of the controls' scores by which a pattern has to stand above their mean."""
 LEAST_BY_DEPTH, LEAST_BY_CELLS = 0.4, 0.45
 """Least agreement with the CT near edges. By cells alone, mirrored bores of the preset 'patient' reach 0.44."""
+MOST_APART = 28.5
+"""Square of how far two sides' axes may lie apart over their covariance: of four degrees of freedom, 1 in 100 000."""
 CLOSE_AGREEMENT = 0.05
 """A second pose that fits as well but for that, and lies apart, leaves it open which is right."""
 
@@ -133,16 +135,21 @@ def _standing(score: float, of_controls: Coordinates) -> float:
 
 
 def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:
-    """Return how two sides that each can tell contradict each other, None where they do not."""
-    if len(found) < 2 or any(one.reason is not None for one in found):
+    """Return how two sides that each stand out contradict each other, None where they do not.
+
+    One of them may show edges too poorly to tell alone, and still be right about where the bore is not.
+    """
+    if len(found) < 2 or any(one.standing < LEAST_STANDING for one in found):
         return None
-    one, other = (BorePose(Trajectory((0, 0, 0), (0, 0, air.length_mm)), each.fit) for each in found)
-    for z_mm in (0.0, air.length_mm):
-        apart = (one.axis_lps(np.array([z_mm])) - other.axis_lps(np.array([z_mm])))[0]
-        spread = float(np.trace(one.axis_covariance(z_mm) + other.axis_covariance(z_mm)))
-        if (distance := float(np.linalg.norm(apart))) > APART_MM + 3 * np.sqrt(spread):
-            return f"{one.names[0]} and {other.names[0]} find axes {distance:.2f} mm apart"
-    return None
+    (one, by_one), (other, by_other) = ((each.fit.parameters[:SHARED], each.fit.covariance) for each in found)
+    apart = one - other
+    if apart @ np.linalg.solve((by_one + by_other)[:SHARED, :SHARED], apart) < MOST_APART:
+        return None
+    axes = [BorePose(Trajectory((0, 0, 0), (0, 0, air.length_mm)), each.fit) for each in found]
+    ends = [axis.axis_lps(np.array([0.0, air.length_mm])) for axis in axes]
+    distance = float(np.linalg.norm(ends[0] - ends[1], axis=1).max())
+    names = [axis.names[0] for axis in axes]
+    return f"{names[0]} and {names[1]} find axes that lie {distance:.2f} mm apart, more than either could be off"
 
 
 Summary = tuple[tuple[float, float, float, float], float, float]

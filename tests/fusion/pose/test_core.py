@@ -114,6 +114,21 @@ def test_a_side_that_counts_less_stays_where_its_wall_is(found: Found) -> None:
     np.testing.assert_allclose(less, alone, atol=0.02)
 
 
+@pytest.mark.parametrize(("aside_mm", "told"), [(0.03, True), (0.7, False)])
+def test_two_sides_that_stand_out_and_contradict_each_other_tell_nothing(
+    found: Found, aside_mm: float, told: bool
+) -> None:
+    moved = found.fit.parameters.copy()
+    moved[0] += aside_mm
+    aside = replace(found, fit=replace(found.fit, parameters=moved, agreement=(0.2,)))
+    assert aside.reason is not None
+    for sides in ([found, aside], [aside, found]):
+        reason = answer(a_bone(1), PLAN, sides).reason
+        assert (reason is None) == told
+        assert told or (reason is not None and f"{aside_mm:.2f} mm apart" in reason)
+    assert answer(a_bone(1), PLAN, [found, replace(aside, standing=0.5)]).reason is None
+
+
 def test_a_side_that_cannot_tell_alone_is_doubted(found: Found) -> None:
     air = a_bone(1)
     assert answer(air, PLAN, [found, found]).doubts == ()
