@@ -63,7 +63,7 @@ def unroll(
         return unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages).panorama
     with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch, second_process() as process:
         if process is not None:
-            process.preload("endoct.workbench.report.figures.all")
+            process.preload("endoct.workbench.report.figures.of_one")
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
         from endoct.workbench.page.report import begin_drawing, write_panorama_report  # which nothing needs before
 

@@ -154,7 +154,8 @@ def _report(path: Path) -> None:
 
 
 def _figures(path: Path) -> None:
-    from endoct.workbench.report.figures.all import draw_shapes, draw_side, draw_walls
+    from endoct.workbench.report.figures.of_both import draw_shapes, draw_walls
+    from endoct.workbench.report.figures.of_one import draw_side
     from endoct.workbench.report.findings import read_findings
     from endoct.workbench.report.illustrated import report_sections
 

@@ -61,7 +61,8 @@ def ring_of(outline: PanoramaOutline, place: int) -> dict[str, float] | None:
 
 
 def _points(curve: NDArray[np.float64]) -> Sequence[Sequence[float | None]]:
-    return [[float(f"{x:.5g}"), float(f"{y:.5g}")] if np.isfinite([x, y]).all() else [None, None] for x, y in curve]
+    places = zip(np.isfinite(curve).all(axis=1), curve.tolist(), strict=True)
+    return [[float(f"{x:.5g}"), float(f"{y:.5g}")] if good else [None, None] for good, (x, y) in places]
 
 
 def _seen(seen: Seen | None) -> dict[str, Any] | None:

@@ -14,10 +14,11 @@ from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
-from endoct.workbench.report.findings import Findings, SideFindings, alone, read_findings
+from endoct.workbench.report.findings import Findings, read_findings
 from endoct.workbench.report.illustrated import recording_sections, report_sections
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.sections import Section
+from endoct.workbench.report.side_findings import SideFindings, alone
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.second_process import beside
 
@@ -110,19 +111,19 @@ def _write(folder: Path, shown: Shown, drawn: Sequence[Drawn], sections: Sequenc
 
 
 def _draw_wall(side: SideFindings) -> list[Drawn]:
-    from endoct.workbench.report.figures.all import draw_wall
+    from endoct.workbench.report.figures.of_one import draw_wall
 
     return draw_wall(side)
 
 
 def _draw_pictures(side: SideFindings) -> list[Drawn]:
-    from endoct.workbench.report.figures.all import draw_pictures
+    from endoct.workbench.report.figures.of_one import draw_pictures
 
     return draw_pictures(side)
 
 
 def _draw_walls(findings: Findings) -> list[Drawn]:
-    from endoct.workbench.report.figures.all import draw_walls
+    from endoct.workbench.report.figures.of_both import draw_walls
 
     return draw_walls(findings)
 
@@ -132,7 +133,8 @@ def _draw_there(folder: Path, with_sides: bool) -> list[Drawn]:
 
 
 def _draw(findings: Findings, with_sides: bool) -> list[Drawn]:
-    from endoct.workbench.report.figures.all import draw_shapes, draw_side
+    from endoct.workbench.report.figures.of_both import draw_shapes
+    from endoct.workbench.report.figures.of_one import draw_side
 
     sides = [one for side in findings.sides for one in draw_side(side)] if with_sides else []
     return [*draw_shapes(findings), *sides]

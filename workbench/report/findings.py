@@ -6,47 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
 from endoct.fusion.files.store import load_comparison
 from endoct.fusion.result import Overlap, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import PlacedSide
 from endoct.modalities.contract import Picture
-from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.contents import check_intact
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.report.pictures import load_pictures
-
-
-@dataclass(frozen=True, eq=False)
-class SideFindings:
-    """One side of a comparison.
-
-    ``intensity``, ``depth_mm`` (None where the side has no depth), ``mask`` (cells) and ``valid`` lie on the
-    comparison's grid, (n_z, n_theta); ``panorama`` is the side on its own rows; ``pictures`` of single
-    frames by the frame's place in the order of ascending z.
-    """
-
-    name: str
-    intensity: Image
-    depth_mm: Image | None
-    mask: Mask
-    valid: Mask
-    panorama: Panorama
-    pictures: Mapping[int, tuple[Picture, ...]]
-
-    @property
-    def is_drawn_mask(self) -> bool:
-        """Whether the side is a mask drawn by hand: it has no intensity worth showing."""
-        return self.panorama.modality == MASK_MODALITY
-
-    @property
-    def frame_z_mm(self) -> Coordinates:
-        """Place of every frame, float64 (n_frames,), mm, in the side's own frame; empty where unknown."""
-        places = self.panorama.per_frame.get(f"{self.panorama.frame_dim}_z_mm")
-        return np.empty(0) if places is None else np.asarray(places.values, dtype=np.float64)
+from endoct.workbench.report.side_findings import SideFindings
 
 
 @dataclass(frozen=True)
@@ -96,13 +65,6 @@ def _side(side: PlacedSide, folder: Path, pictures: Mapping[int, tuple[Picture, 
         panorama=load_panorama(folder / "panoramas" / f"{side.name}.zarr"),
         pictures=pictures,
     )
-
-
-def alone(panorama: Panorama, pictures: Mapping[int, tuple[Picture, ...]]) -> SideFindings:
-    """Return one recording as a side of its own, on its own rows; nothing of it was segmented as cells."""
-    no_cells = np.zeros(panorama.grid.shape, np.bool_)
-    of = panorama.intensity, panorama.depth_mm, no_cells, panorama.valid
-    return SideFindings(panorama.modality, *of, panorama=panorama, pictures=pictures)
 
 
 def overlaps_of(result: Result) -> tuple[NamedOverlap, ...]:

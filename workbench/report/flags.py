@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from endoct.stitching.arrays import Mask
-from endoct.workbench.report.findings import SideFindings
+from endoct.workbench.report.side_findings import SideFindings
 
 
 def flagged_frames(side: SideFindings) -> list[tuple[str, Mask]]:

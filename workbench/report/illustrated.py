@@ -6,9 +6,10 @@ from html import escape
 
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.report.figures.rendered import Drawn
-from endoct.workbench.report.findings import Findings, SideFindings
+from endoct.workbench.report.findings import Findings
 from endoct.workbench.report.quality import quality_of
 from endoct.workbench.report.sections import ORDER, Section, comparison_sections, panorama_sections, quality_name
+from endoct.workbench.report.side_findings import SideFindings
 from endoct.workbench.report.tables import side_table
 
 CSS_PIXELS_PER_INCH = 148

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.circle import wrap_rad
-from endoct.workbench.report.findings import SideFindings
+from endoct.workbench.report.side_findings import SideFindings
 from endoct.workbench.report.wording import NOTHING
 
 MAX_COMPONENTS = 4

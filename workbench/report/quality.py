@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from html import escape
 
-from endoct.workbench.report.findings import SideFindings
 from endoct.workbench.report.flags import flag_rows
 from endoct.workbench.report.per_frame import number_rows
+from endoct.workbench.report.side_findings import SideFindings
 from endoct.workbench.report.wording import table
 
 

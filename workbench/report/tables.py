@@ -10,8 +10,9 @@ import numpy as np
 from endoct.fusion.result import Result, Threshold
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.by_hand import by_hand_tables
-from endoct.workbench.report.findings import Findings, NamedOverlap, SideFindings, overlaps_of
+from endoct.workbench.report.findings import Findings, NamedOverlap, overlaps_of
 from endoct.workbench.report.placement import alignment_rows
+from endoct.workbench.report.side_findings import SideFindings
 from endoct.workbench.report.wording import (
     NOTHING,
     area_text,

@@ -38,7 +38,7 @@ from endoct.workbench.report.figures.drawing import (
 )
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import thinned
-from endoct.workbench.report.findings import SideFindings
+from endoct.workbench.report.side_findings import SideFindings
 
 TILT_RAD = math.radians(25)
 REST_MM = 0.25

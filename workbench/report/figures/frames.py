@@ -37,7 +37,7 @@ from endoct.workbench.report.figures.wall_panels import (
     wall_panel,
     z_stretch,
 )
-from endoct.workbench.report.findings import SideFindings
+from endoct.workbench.report.side_findings import SideFindings
 
 Style = tuple[str, str, Any]
 """Of a curve: what a caption calls it, its colour, and its dashes."""

@@ -20,9 +20,9 @@ from endoct.workbench.report.figures.drawing import (
     render,
 )
 from endoct.workbench.report.figures.rendered import Drawn, Rendered
-from endoct.workbench.report.findings import SideFindings
 from endoct.workbench.report.flags import flagged_frames
 from endoct.workbench.report.per_frame import Number, main_and_others
+from endoct.workbench.report.side_findings import SideFindings
 
 TICK_STEPS = (1, 2, 2.5, 5, 10)
 USUAL = "#dcefe4"

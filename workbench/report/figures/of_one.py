@@ -1,0 +1,44 @@
+"""The figures of one recording, or of one side of a comparison by itself."""
+
+import gc
+from collections.abc import Callable, Iterable
+from functools import partial
+
+from endoct.workbench.report.figures.frames import draw_depth, draw_frames
+from endoct.workbench.report.figures.quality import draw_other_numbers, draw_quality
+from endoct.workbench.report.figures.rendered import Drawn
+from endoct.workbench.report.figures.walls import draw_panorama
+from endoct.workbench.report.side_findings import SideFindings
+
+Drawing = Callable[[], Drawn | None]
+
+
+def draw_side(side: SideFindings) -> list[Drawn]:
+    """Draw what one side of a comparison saw in its own frame: nothing that depends on the other side."""
+    return drawn(partial(one, side) for one in (draw_depth, draw_frames, draw_quality, draw_other_numbers))
+
+
+def draw_wall(side: SideFindings) -> list[Drawn]:
+    """Draw every figure of one recording by itself that needs no pictures of its frames."""
+    return drawn(partial(one, side) for one in (draw_panorama, draw_quality, draw_other_numbers))
+
+
+def draw_pictures(side: SideFindings) -> list[Drawn]:
+    """Draw the pictures of single frames of one recording."""
+    return drawn([partial(draw_frames, side)])
+
+
+def drawn(drawings: Iterable[Drawing]) -> list[Drawn]:
+    """Return what ``drawings`` give, one after the other, less those that have nothing to draw."""
+    figures = []
+    gc.collect()
+    gc.freeze()  # what there was before need not be looked through after every figure
+    try:
+        for draw in drawings:
+            figure = draw()
+            gc.collect()  # a figure refers to itself in circles, and holds megabytes
+            if figure is not None:
+                figures.append(figure)
+    finally:
+        gc.unfreeze()
+    return figures
