@@ -30,7 +30,7 @@ from endoct.stitching.parallel import thread_map
 
 
 def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
-    """Survey ``stream`` in one pass.
+    """Survey ``stream`` in one pass: by several threads as it is read, then by one, which waits for no interpreter.
 
     Raises :class:`NotSeen` where it shows no capillary or nothing, or is upside down.
     """

@@ -18,7 +18,6 @@ from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.points import Points, tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.circle import harmonics
-from endoct.stitching.parallel import thread_map
 
 REACH_MM = 0.015, 0.009, 0.009
 """How far from the face points still count, in every round of the fit."""
@@ -66,7 +65,7 @@ def measure_course(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass) 
     ``slices``, in the order of ``faces``, with nominal angles: those corrected by the face hold the stated diameter.
     """
     shown = np.flatnonzero(~faces.bridged)
-    waves = thread_map(lambda i: _second_harmonic(slices[i].points, faces.capillary.circle(i)), shown)
+    waves = (_second_harmonic(slices[i].points, faces.capillary.circle(i)) for i in shown)
     known = [each for each in waves if each]
     of_circle, seen = [unit for unit, _ in known], [wave for _, wave in known]
     if not seen:

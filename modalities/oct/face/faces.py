@@ -18,7 +18,6 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import NotSeen
-from endoct.stitching.parallel import thread_map
 
 CERTAIN_FRACTION = 0.5  # of columns: a face seen in so many need not be near its neighbours'
 WIDTHS = (3.0, 1.5)  # of Tukey's weights, in tolerances
@@ -80,8 +79,7 @@ def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, p
         raise _no_capillary("it in no slice")
     axis_mm = float(np.nanmedian(lines.axis_depth_mm))
     starts = bridged(lines)
-    every = range(len(slices))
-    fits = list(thread_map(lambda i: _fit_face(slices[i], starts.circle(i), axis_mm, parameters), every))
+    fits = [_fit_face(slices[i], starts.circle(i), axis_mm, parameters) for i in range(len(slices))]
     capillary = Capillary.of([fit.circle for fit in fits], lines.radius_mm)
     fraction = np.array([fit.inlier_fraction for fit in fits])
     good = fraction >= parameters.least_inlier_fraction
@@ -96,7 +94,7 @@ def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, p
         points, circle = slices[i].points if good[i] else Points.none(), capillary.circle(i)
         return slice_sine(points, circle, i, parameters), fit_ripple(points, circle, parameters.face_tolerance_mm)
 
-    courses = list(thread_map(course, every))
+    courses = [course(i) for i in range(len(slices))]
     return Faces(
         capillary=capillary,
         bridged=~good,
@@ -118,13 +116,11 @@ def refit_faces(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctPa
         values.copy() for values in (faces.inlier_fraction, faces.residual_mm, faces.ripple_mm)
     )
 
-    def fitted(i: int) -> tuple[_FaceFit, Coordinates]:
+    for i in seen:
         features = slices[i]
         fit = _fit_face(features, circles[i], axis_mm, parameters)
-        return fit, fit_ripple(features.points, fit.circle, parameters.face_tolerance_mm)
-
-    for i, (fit, of_face) in zip(seen, thread_map(fitted, seen), strict=True):
-        circles[i], fraction[i], residual[i], ripple[i] = fit.circle, fit.inlier_fraction, fit.residual_mm, of_face
+        circles[i], fraction[i], residual[i] = fit.circle, fit.inlier_fraction, fit.residual_mm
+        ripple[i] = fit_ripple(features.points, fit.circle, parameters.face_tolerance_mm)
     capillary = Capillary.of(circles, faces.capillary.radius_mm)
     return replace(faces, capillary=capillary, inlier_fraction=fraction, residual_mm=residual, ripple_mm=ripple)
 

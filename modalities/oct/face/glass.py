@@ -18,7 +18,6 @@ from endoct.modalities.oct.face.points import tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.compiled import compiled
-from endoct.stitching.parallel import thread_map
 
 GLASS_INDEX = 1.46  # fused silica and borosilicate near 1300 nm
 THICKNESS_MM = (0.04, 0.45)
@@ -97,7 +96,7 @@ def _thickness_mm(slices: Sequence[SliceFeatures], faces: Faces, index: float) -
     capillary = faces.capillary
     tried_mm = np.arange(*THICKNESS_MM, STEP_MM)
     off_axis = np.flatnonzero(~faces.bridged & (capillary.offset_mm > LEAST_OFFSET_MM))
-    shown = list(thread_map(lambda i: _shown(slices[i], capillary.circle(i), tried_mm, index), off_axis))
+    shown = [_shown(slices[i], capillary.circle(i), tried_mm, index) for i in off_axis]
     if not shown:
         return 0.0
     share = np.array(shown)

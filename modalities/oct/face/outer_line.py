@@ -16,7 +16,6 @@ from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.parallel import thread_map
 from endoct.stitching.ranks import medians
 
 SAME_LINE_MM = 0.02
@@ -99,7 +98,7 @@ def _dark_behind(
     def profile_behind(k: int) -> Image:
         return _known(medians(samples_behind(slices[index[k]], lines.circle(k), mm_per_px, n_px)))
 
-    profiles = list(thread_map(profile_behind, range(len(index))))
+    profiles = [profile_behind(k) for k in range(len(index))]
     profile = _known(medians(np.asarray(profiles, dtype=np.float32)))
     first, last = round(0.04 / mm_per_px), max(round(0.3 * gap_mm / mm_per_px), round(0.08 / mm_per_px))
     if profile.size <= last + 2 or not np.isfinite(profile[first:last]).all():

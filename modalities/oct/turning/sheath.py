@@ -6,9 +6,8 @@ bright before the capillary makes one pattern over angle and depth; each slice i
 likeliest in the pattern of all. Lines that cross, fade or run into the speckle behind them need not be told apart.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,6 @@ from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.compiled import compiled
-from endoct.stitching.parallel import thread_map
 from endoct.stitching.robust import robust_sigma
 
 LEAST_PRESENCE = 0.6
@@ -69,9 +67,10 @@ def sheath_mark(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, mm_
     for blur in BLURS:
         likelihood = _Likelihood.of(pattern.rate(*blur))
         pattern = _Pattern.of(depth_mm.size)
-        for i, (sight, turned) in enumerate(thread_map(partial(_placed, seen, likelihood), range(n))):
-            direction[:, i] = turned
-            pattern.add(sight, turned[0])
+        for i in range(n):
+            sight = seen(i)
+            direction[:, i] = likelihood.turned(sight)
+            pattern.add(sight, direction[0, i])
     apart = wrap_rad(direction[1] - direction[2]) / 2
     usual = robust_sigma(apart)
     return Mark(wrap_rad(direction[0]), np.hypot(usual, apart) / np.sqrt(2)) if usual < RIGID_RAD else None
@@ -188,12 +187,6 @@ class _Likelihood:
             sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
             found.append(-(k + sub) * 2 * np.pi / N_ANGLES)
         return found
-
-
-def _placed(seen: Callable[[int], _Sight], likelihood: _Likelihood, i: int) -> tuple[_Sight, list[float]]:
-    """What is seen in slice ``i``, and where it is then."""
-    sight = seen(i)
-    return sight, likelihood.turned(sight)
 
 
 @compiled

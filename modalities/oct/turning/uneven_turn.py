@@ -27,7 +27,6 @@ from endoct.modalities.oct.turning.turn_fit import (
     unknowns,
 )
 from endoct.stitching.arrays import Coordinates
-from endoct.stitching.parallel import thread_map
 from endoct.stitching.robust import robust_sigmas
 
 STRETCH_SIGMA = 0.02  # 1–3 % of jitter in published catheters
@@ -95,11 +94,9 @@ def measure_turns(
     starts = _starting_circles(slices, faces)
     # no more than the factors are kept: a fit's matrices are larger than its slice
     every = range(len(slices))
-    first = list(thread_map(lambda i: _fit_alone(slices[i], starts[i], recording), every))
+    first = [_fit_alone(slices[i], starts[i], recording) for i in every]
     expected = _expected(first, usual)
-    turns = list(
-        thread_map(lambda i: _fit_about(slices[i], starts[i], expected[i], recording, bool(faces.bridged[i])), every)
-    )
+    turns = [_fit_about(slices[i], starts[i], expected[i], recording, bool(faces.bridged[i])) for i in every]
     factors = np.array([turn.factors for turn in turns])
     rotation = replace(
         even_rotation(len(slices)),
