@@ -1,7 +1,8 @@
 """Which way depth runs in B-scans: tissue is brightest at its surface and fades behind it."""
 
+import cv2
 import numpy as np
-from scipy.ndimage import grey_opening, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from endoct.modalities.oct.bscan import reduce_theta
 from endoct.stitching.arrays import Image
@@ -25,6 +26,8 @@ def share_brightening(bscan: Image) -> float:
     sectors = reduce_theta(bscan, min(SECTORS, bscan.shape[0]))
     sectors = (sectors - quantiles(sectors, STEADY)).astype(np.float32)
     size = max(3, round(WINDOW * sectors.shape[1]))
-    smooth = uniform_filter1d(grey_opening(sectors, size=(1, size | 1)), size, axis=1)
+    window, ends = np.ones((1, size | 1), np.uint8), cv2.BORDER_REFLECT
+    opened = cv2.dilate(cv2.erode(sectors, window, borderType=ends), window, borderType=ends)
+    smooth = uniform_filter1d(opened, size, axis=1)
     rise = smooth[:, size:] - smooth[:, :-size]
     return float(np.mean(rise.max(axis=1) > -rise.min(axis=1)))

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from endoct.modalities.illustrating import illustrated
+from endoct.stitching.free_memory import give_back
 from endoct.workbench.pipeline.unrolling import Unrolled
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 
@@ -18,6 +19,7 @@ def save_sample_frames(made: Unrolled, folder: Path, name: str) -> None:
     for place in sorted({round(share * (len(order) - 1)) for share in PLACES}):
         pictures = illustrated(made.manifest.load(), made.stream[int(order[place])], made.calibration)
         save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)
+    give_back()
 
 
 def copy_sample_frames(store: Path, folder: Path, name: str) -> None:

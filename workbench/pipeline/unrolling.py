@@ -24,6 +24,7 @@ from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.files import State, check_unchanged, state_of
+from endoct.stitching.free_memory import give_back
 from endoct.stitching.observed import doubts_of_observed
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.parallel import thread_map
@@ -105,6 +106,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
                 calibration = implementation.survey(watched, parameters)
             finally:
                 watched.whole.set()
+        give_back()
         with stages.stage(f"unroll {title}") as advance:
             strips = thread_map(partial(implementation.unroll, calibration=calibration), _Watched(frames, advance))
             blended = assemble(
@@ -124,6 +126,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
             axial_scale=stream.acquisition.axial_scale,
             provenance={**settled.provenance, "inputs": inputs.result()},
         )
+    give_back()
     check_unchanged(opened.path, opened.files)
     if not panorama.valid.any():
         raise NotSeen(

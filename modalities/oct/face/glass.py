@@ -14,7 +14,6 @@ import numpy as np
 
 from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
-from endoct.modalities.oct.face.points import tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.compiled import compiled
@@ -114,7 +113,29 @@ def _shown(features: SliceFeatures, face: Circle, tried_mm: Coordinates, index: 
     before_mm = -points.beyond_mm(face)
     of_points = before_mm > 0
     before_mm, within = before_mm[of_points], (across[of_points] / GLASS_INDEX) ** 2
-    inner_mm2 = (face.radius_mm - tried_mm[:, None]) ** 2
-    through_mm = np.sqrt(face.radius_mm**2 - within) - np.sqrt(np.maximum(inner_mm2 - within, 1e-6))
-    on = tukey_weight(before_mm - index * through_mm, WIDTH_MM)
-    return np.asarray(np.sum(on * points.strength[of_points], axis=1) / features.n_columns)
+    on_face = _on_inner_face(before_mm, within, points.strength[of_points], tried_mm, face.radius_mm, index)
+    return on_face / features.n_columns
+
+
+@compiled
+def _on_inner_face(
+    before_mm: Coordinates,
+    within_mm2: Coordinates,
+    strength: Coordinates,
+    tried_mm: Coordinates,
+    radius_mm: float,
+    index: float,
+) -> Coordinates:
+    """The strength of all points on the inner face, float64 (n_tried,), by Tukey's weights, for each thickness.
+
+    Points lie ``before_mm`` the outer face; ``within_mm2`` is the square of how far off the axis their beams pass in
+    the glass.
+    """
+    total = np.zeros(tried_mm.size)
+    for i in range(before_mm.size):
+        to_outer = math.sqrt(radius_mm**2 - within_mm2[i])
+        for k in range(tried_mm.size):
+            to_inner = math.sqrt(max((radius_mm - tried_mm[k]) ** 2 - within_mm2[i], 1e-6))
+            away = (before_mm[i] - index * (to_outer - to_inner)) / WIDTH_MM
+            total[k] += max(1 - away**2, 0.0) ** 2 * strength[i]
+    return total

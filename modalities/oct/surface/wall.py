@@ -82,22 +82,23 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
     n_steps = n_theta + 2 * lead
     gathered = np.empty((n_steps, n_states), np.float32)
     highest = np.empty(n_steps, np.intp)
-    falling = np.empty(n_states, np.float32)
+    falling, rising = np.empty(n_states, np.float32), np.empty(n_states, np.float32)
     for step in range(n_steps):
         here, best = evidence[(step - lead) % n_theta], gathered[step]
         if step == 0:
             best[:] = here
         else:
             before = gathered[step - 1]
-            top = before[n_states - 1] - ramp[n_states - 1]
-            for state in range(n_states - 1, -1, -1):
-                top = max(top, before[state] - ramp[state])
-                falling[state] = top + ramp[state]
+            from_behind, from_before = before[n_states - 1] - ramp[n_states - 1], before[0]
+            for state in range(n_states):  # both ways at once: neither has to wait for the other
+                back = n_states - 1 - state
+                from_behind = max(from_behind, before[back] - ramp[back])
+                from_before = max(from_before, before[state] + ramp[state])
+                falling[back], rising[state] = from_behind, from_before
             jump = before[highest[step - 1]] - jump_cost
-            top = before[0]
             for state in range(n_states):
-                top = max(top, before[state] + ramp[state])
-                best[state] = max(max(top - ramp[state], falling[state]), jump) + here[state]
+                near_by = max(rising[state] - ramp[state], falling[state] + ramp[state])
+                best[state] = max(near_by, jump) + here[state]
         highest[step] = np.argmax(best)
         if step:
             best -= best[highest[step]]

@@ -39,6 +39,8 @@ RIPPLE = slice(FACTORS.stop, FACTORS.stop + N_RIPPLE)
 N_UNKNOWN = RIPPLE.stop
 """Unknowns of a slice: x, y and depth of the axis; stretch and harmonics of the rotation; ripple of the face."""
 
+_AROUND = smooth_basis(np.linspace(0, 2 * np.pi, 90, endpoint=False))
+
 
 def unknowns(circle: Circle, factors: Coordinates) -> Coordinates:
     """Return the unknowns of a slice from its ``circle`` and the ``factors`` of its rotation, without ripple."""
@@ -101,8 +103,7 @@ class TurnFit:
 
 def mean_variance(covariance: Coordinates) -> float:
     """Return the variance of α(a) that factors of ``covariance`` (N_FACTORS, N_FACTORS) make, rad², over the turn."""
-    every = smooth_basis(np.linspace(0, 2 * np.pi, 90, endpoint=False))
-    return float(np.mean(np.einsum("ij,jk,ik->i", every, covariance, every)))
+    return float(np.mean(np.einsum("ij,jk,ik->i", _AROUND, covariance, _AROUND)))
 
 
 def fit_turn(

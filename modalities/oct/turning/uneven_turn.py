@@ -39,6 +39,7 @@ LEAST_INFORMATION = 0.5  # at most this share of the prior's variance may be lef
 MOST_UNEVEN = 0.7  # of the mean speed
 NEIGHBOURS = 4
 LEAST_NEIGHBOURS = 3
+_AROUND = smooth_basis(np.linspace(0, 2 * np.pi, 180))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,5 +199,5 @@ def _plausible(fit: TurnFit, features: SliceFeatures, usual: Coordinates, share:
     """Whether at least a ``share`` of sectors showed the face, and the fit is a possible rotation."""
     if np.unique(features.points.angle_rad[fit.weight > 0]).size < share * features.n_columns:
         return False
-    rate = np.diff(smooth_basis(np.linspace(0, 2 * np.pi, 180)) @ fit.factors) / (2 * np.pi / 179)
+    rate = np.diff(_AROUND @ fit.factors) / (2 * np.pi / 179)
     return bool(np.abs(rate).max() < MOST_UNEVEN and np.all(np.abs(fit.factors) < 5 * usual))
