@@ -31,7 +31,6 @@ def draw_pictures(side: SideFindings) -> list[Drawn]:
 def drawn(drawings: Iterable[Drawing]) -> list[Drawn]:
     """Return what ``drawings`` give, one after the other, less those that have nothing to draw."""
     figures = []
-    gc.collect()
     gc.freeze()  # what there was before need not be looked through after every figure
     try:
         for draw in drawings:
