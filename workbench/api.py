@@ -67,8 +67,8 @@ def unroll(
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
         from endoct.workbench.page.report import begin_drawing, write_panorama_report  # which nothing needs before
 
-        save_panorama(made.panorama, scratch)
         drawing = begin_drawing(made.panorama, process)
+        save_panorama(made.panorama, scratch)
         if volume:
             write_volume(made, scratch, stages)
         with stages.stage("report"):

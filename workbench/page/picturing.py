@@ -61,7 +61,8 @@ def ring_of(outline: PanoramaOutline, place: int) -> dict[str, float] | None:
 
 
 def _points(curve: NDArray[np.float64]) -> Sequence[Sequence[float | None]]:
-    places = zip(np.isfinite(curve).all(axis=1), curve.tolist(), strict=True)
+    known = np.isfinite(curve)
+    places = zip(known[:, 0] & known[:, 1], curve.tolist(), strict=True)
     return [[float(f"{x:.5g}"), float(f"{y:.5g}")] if good else [None, None] for good, (x, y) in places]
 
 

@@ -65,7 +65,7 @@ def measure_course(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass) 
     ``slices``, in the order of ``faces``, with nominal angles: those corrected by the face hold the stated diameter.
     """
     shown = np.flatnonzero(~faces.bridged)
-    waves = (_second_harmonic(slices[i].points, faces.capillary.circle(i)) for i in shown)
+    waves = (_second_harmonic(slices[i].points, faces.capillary.circle(i)) for i in map(int, shown))
     known = [each for each in waves if each]
     of_circle, seen = [unit for unit, _ in known], [wave for _, wave in known]
     if not seen:

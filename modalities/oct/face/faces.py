@@ -110,13 +110,13 @@ def refit_faces(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctPa
 
     The sines remain those of nominal angles; bridged slices remain unchanged.
     """
-    seen, axis_mm = np.flatnonzero(~faces.bridged), faces.typical_axis_mm
+    axis_mm = faces.typical_axis_mm
     circles = [faces.capillary.circle(i) for i in range(len(slices))]
     fraction, residual, ripple = (
         values.copy() for values in (faces.inlier_fraction, faces.residual_mm, faces.ripple_mm)
     )
 
-    for i in seen:
+    for i in map(int, np.flatnonzero(~faces.bridged)):
         features = slices[i]
         fit = _fit_face(features, circles[i], axis_mm, parameters)
         circles[i], fraction[i], residual[i] = fit.circle, fit.inlier_fraction, fit.residual_mm

@@ -95,7 +95,7 @@ def _thickness_mm(slices: Sequence[SliceFeatures], faces: Faces, index: float) -
     capillary = faces.capillary
     tried_mm = np.arange(*THICKNESS_MM, STEP_MM)
     off_axis = np.flatnonzero(~faces.bridged & (capillary.offset_mm > LEAST_OFFSET_MM))
-    shown = [_shown(slices[i], capillary.circle(i), tried_mm, index) for i in off_axis]
+    shown = [_shown(slices[i], capillary.circle(i), tried_mm, index) for i in map(int, off_axis)]
     if not shown:
         return 0.0
     share = np.array(shown)

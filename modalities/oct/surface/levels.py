@@ -49,7 +49,7 @@ def measure_levels(
         smooth = uniform_filter1d(samples, max(1, round(SMOOTH_MM / mm_per_px)), axis=1)
         return dark, under_lines, median(smooth[:, first:].max(axis=1))
 
-    levels = [dark_and_bright(i) for i in np.flatnonzero(~faces.bridged)]
+    levels = [dark_and_bright(i) for i in map(int, np.flatnonzero(~faces.bridged))]
     bright = np.array([wall for _, _, wall in levels], np.float32)
     bands = [band for dark, _, _ in levels for band in dark] or [band for _, under, _ in levels for band in under]
     noise_samples = np.concatenate(bands)
