@@ -54,8 +54,8 @@ def read_npz(path: Path) -> Mapping[str, NDArray[Any]]:
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays by name as a ``.npz`` file, as they are: compression takes long and leaves two thirds of speckle."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as members:
+    """Write arrays by name as a ``.npz`` file, compressed a little: NumPy's own takes three times as long."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as members:
         for name, array in arrays.items():
             with members.open(f"{name}.npy", "w", force_zip64=True) as inner:
                 np.lib.format.write_array(inner, array, allow_pickle=False)
