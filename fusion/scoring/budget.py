@@ -250,7 +250,7 @@ def _intervals(stages: list[list[Count]], observed: Count, jaccard: float) -> li
     holding = observed[1] + stages[0][0][1] > 0
     if holding.sum() < 2:
         return [None] * len(PARTS)
-    drawn = weights(int(holding.sum())).astype(np.float64)
+    drawn = weights(int(holding.sum()))
     which = np.random.default_rng(SEED).integers(DRAWS, size=RESAMPLES)
     rows = np.arange(RESAMPLES)
 

@@ -1,6 +1,7 @@
 """Bootstrap intervals over things that were drawn independently: cells, patches of wall, specimens. Never pixels."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +17,19 @@ FEWEST = 5
 Interval = tuple[float, float] | None
 
 
-def weights(n: int) -> NDArray[np.int32]:
+@lru_cache(maxsize=4)
+def weights(n: int) -> NDArray[np.float64]:
     """Return how often each of ``n`` things is drawn in every resample, (RESAMPLES, n); always the same."""
-    return np.random.default_rng(SEED).multinomial(n, np.full(n, 1 / n), size=RESAMPLES).astype(np.int32)
+    drawn = np.random.default_rng(SEED).multinomial(n, np.full(n, 1 / n), size=RESAMPLES).astype(np.float64)
+    drawn.flags.writeable = False
+    return drawn
 
 
 def ratio_interval(numerators: Coordinates, denominators: Coordinates) -> Interval:
     """Return the percentile bootstrap interval of Σ numerators / Σ denominators over their n things, (n,) each."""
     if numerators.size < FEWEST:
         return None
-    drawn = weights(numerators.size).astype(np.float64)
+    drawn = weights(numerators.size)
     below = drawn @ denominators
     above = drawn @ numerators
     return percentiles(above[below > 0] / below[below > 0])
