@@ -18,6 +18,11 @@ def median(samples: NDArray[Any]) -> float:
     return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2)
 
 
+def quantile(samples: NDArray[Any], share: float) -> float:
+    """Return the quantile ``share``, 0 to 1, of ``samples`` of any shape."""
+    return float(_between(np.sort(samples, axis=None)[None], share, np.float64)[0])
+
+
 def quantile_pair(samples: NDArray[Any], low: float, high: float) -> tuple[float, float]:
     """Return the quantiles ``low`` and ``high``, 0 to 1, of ``samples`` of any shape."""
     ordered = np.sort(samples, axis=None)[None]

@@ -12,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
+from endoct.modalities.endoscope.mirror.disc_opening import opened
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
-from endoct.stitching.robust import robust_sigma
+from endoct.stitching.equations import solve
+from endoct.stitching.ranks import quantile
+from endoct.stitching.robust import SIGMA_PER_MEDIAN
 
 N_RAYS = 360
 TRACE_RAYS = 240
@@ -107,35 +110,46 @@ def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> ND
     return np.roll(path[half : half + n], half)
 
 
-def fit_circle(
-    x_px: Coordinates, y_px: Coordinates, start: tuple[float, float, float], fixed_radius: bool = False
-) -> tuple[float, float, float]:
+def fit_circle(x_px: Coordinates, y_px: Coordinates, start: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return (x, y, radius) of the circle through most of the points, float64 (n,) each.
 
-    Starts from the best of 200 circles through three points (a fixed sequence, so the answer is always the same)
-    unless the radius is fixed, then Gauss-Newton with Tukey weights. Where that runs away, as it does from points
+    Starts from the best of 200 circles through three points (a fixed sequence, so the answer is always the same),
+    then Gauss-Newton with Tukey weights. Where that runs away, as it does from points
     on a line, it is the circle it started from.
     """
     circle = np.array(start, dtype=np.float64)
-    if not fixed_radius and x_px.size >= FEWEST_POINTS:
+    if x_px.size >= FEWEST_POINTS:
         circle = _consensus(x_px, y_px, circle)
     begun = circle.copy()
-    for _ in range(15):
-        dx, dy = x_px - circle[0], y_px - circle[1]
-        distance = np.maximum(np.hypot(dx, dy), 1e-9)
-        residual = distance - circle[2]
-        scale = max(0.1, robust_sigma(residual))
-        weight = np.clip(1 - (residual / (4.0 * scale)) ** 2, 0, None) ** 2
-        jacobian = np.stack([-dx / distance, -dy / distance, -np.ones_like(distance)], axis=1)
-        jacobian = jacobian[:, :2] if fixed_radius else jacobian
-        normal = jacobian.T @ (weight[:, None] * jacobian) + 1e-9 * np.eye(jacobian.shape[1])
-        change = np.linalg.solve(normal, -jacobian.T @ (weight * residual))
-        circle[: change.size] += change
-        if np.abs(change).max() < 1e-4:
-            break
+    _refine_circle(x_px, y_px, circle)
     if not start[2] / MOST_GROWTH < circle[2] < MOST_GROWTH * start[2]:
         circle = begun
     return float(circle[0]), float(circle[1]), float(circle[2])
+
+
+@compiled
+def _refine_circle(x_px: Coordinates, y_px: Coordinates, circle: Coordinates) -> None:
+    """Fit ``circle`` (x, y, radius) to the points by Gauss-Newton with Tukey weights; it is overwritten."""
+    residual, slope = np.empty(x_px.size), np.empty((x_px.size, 3))
+    for _ in range(15):
+        for i in range(x_px.size):
+            dx, dy = x_px[i] - circle[0], y_px[i] - circle[1]
+            distance = max(np.sqrt(dx * dx + dy * dy), 1e-9)
+            residual[i] = distance - circle[2]
+            slope[i, 0], slope[i, 1], slope[i, 2] = dx / distance, dy / distance, 1.0
+        scale = max(0.1, SIGMA_PER_MEDIAN * np.median(np.abs(residual)))
+        normal, change = 1e-9 * np.eye(3), np.zeros(3)
+        for i in range(x_px.size):
+            inside = max(1 - (residual[i] / (4.0 * scale)) ** 2, 0.0)
+            weight = inside * inside
+            for j in range(3):
+                change[j] += weight * slope[i, j] * residual[i]
+                for k in range(3):
+                    normal[j, k] += weight * slope[i, j] * slope[i, k]
+        solve(normal, change)
+        circle += change
+        if np.abs(change).max() < 1e-4:
+            break
 
 
 def edge_points(image: Image, ring: Ring, reach_px: float, n_rays: int = N_RAYS) -> tuple[Coordinates, Coordinates]:
@@ -186,9 +200,7 @@ def describe(image: Image, dark: float, ring: Ring) -> Ring:
 
 def without_thin_lines(image: Image) -> Image:
     """Return ``image`` without bright lines and spots narrower than a thirtieth of its shorter side; steps stay."""
-    size = 2 * round(0.8 * _reach(image)) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return np.asarray(cv2.morphologyEx(image, cv2.MORPH_OPEN, disc), dtype=np.float32)
+    return opened(image, 2 * round(0.8 * _reach(image)) + 1)
 
 
 def dark_level(image: Image) -> float:
@@ -196,7 +208,7 @@ def dark_level(image: Image) -> float:
 
     Every fourth pixel says it well enough.
     """
-    return 0.05 * max(float(np.percentile(image[::2, ::2], 95)), 1e-6)
+    return 0.05 * max(quantile(image[::2, ::2], 0.95), 1e-6)
 
 
 def lasting_contrast(image: Image, ring: Ring) -> float:
@@ -299,8 +311,9 @@ def _agreeing(
 ) -> Coordinates:
     """Return how many points each circle has within ``tolerance``, those farther from it counting less."""
     score = np.zeros(x.size)
-    for k in range(x.size):
-        for i in range(x_px.size):
-            away = (np.sqrt((x_px[i] - x[k]) ** 2 + (y_px[i] - y[k]) ** 2) - radius[k]) / tolerance
+    for i in range(x_px.size):
+        for k in range(x.size):  # inside, where each adds to a score of its own: so several are added at once
+            dx, dy = x_px[i] - x[k], y_px[i] - y[k]
+            away = (np.sqrt(dx * dx + dy * dy) - radius[k]) / tolerance
             score[k] += max(1 - away * away, 0.0)
     return score
