@@ -26,15 +26,16 @@ def brightness(samples: NDArray[Any], scale: float) -> Image:
 
     Green sees tissue with the most contrast and saturates after red under the warm light of an endoscope.
     """
-    return np.asarray(_green(samples).astype(np.float32) / np.float32(scale), dtype=np.float32)
+    return np.asarray(green(samples).astype(np.float32) / np.float32(scale), dtype=np.float32)
 
 
 def saturated(samples: NDArray[Any], scale: float) -> Mask:
     """Say where the brightness of a frame is saturated, bool (row, column)."""
-    return np.asarray(_green(samples) >= SATURATED * scale)
+    return np.asarray(green(samples) >= SATURATED * scale)
 
 
-def _green(samples: NDArray[Any]) -> NDArray[Any]:
+def green(samples: NDArray[Any]) -> NDArray[Any]:
+    """Return the samples of a frame's green, (row, column), a view; those of a grey frame."""
     return samples[..., 1] if samples.ndim == 3 else samples
 
 

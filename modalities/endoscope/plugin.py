@@ -1,11 +1,13 @@
 """The endoscope plug-in with the methods that the contract requires; every step has a module of its own."""
 
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream, LocatingModality, Picture, Places, Sniff
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.green import green_frames
 from endoct.modalities.endoscope.locating import locate_in_frame
 from endoct.modalities.endoscope.opening import EndoscopeRecording, open_frames
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
@@ -34,6 +36,14 @@ class EndoscopeModality:
     def survey(self, stream: FrameStream, parameters: EndoscopeParameters) -> EndoscopeCalibration:
         """Find annulus, light, feed and roll, in one pass."""
         return survey_frames(stream, parameters)
+
+    def reading_once(
+        self,
+        stream: FrameStream,
+        parameters: EndoscopeParameters,  # noqa: ARG002 – the contract's
+    ) -> AbstractContextManager[FrameStream]:
+        """Give the recording's frames without what nobody looks at, each read from ``stream`` once."""
+        return green_frames(stream)
 
     def unroll(self, frame: Frame, calibration: EndoscopeCalibration) -> Strip:
         """Turn one frame into a strip. Pure."""

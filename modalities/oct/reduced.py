@@ -1,18 +1,16 @@
 """B-scans averaged over the columns of the panorama: all that survey and unrolling need, made as each is read once."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from threading import Lock
+from functools import partial
 
 import numpy as np
 
-from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.kept_frames import kept_frames
 from endoct.modalities.oct.bscan import sector_means
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.stitching.arrays import Image
-from endoct.stitching.kept import Kept
 
 MOST_COLUMNS = 2048
 JUDGED_ASCANS = 64
@@ -57,40 +55,9 @@ def columns_of(frame: Frame, parameters: OctParameters) -> int:
     return min(parameters.n_theta or MOST_COLUMNS, ascans_of(frame))
 
 
-@contextmanager
-def reduced_pullback(stream: FrameStream, parameters: OctParameters) -> Iterator[FrameStream]:
-    """Give a stream of the :class:`ReducedBscan` of ``stream``; each is read from there when it is first asked for.
-
-    On leaving, what was kept is forgotten.
-    """
-    with Kept[ReducedBscan]() as kept:
-        yield _ReducedPullback(stream, columns_of(stream[0], parameters), kept)
-
-
-class _ReducedPullback:
-    """A stream that reduces every B-scan once, in whichever thread comes first."""
-
-    def __init__(self, stream: FrameStream, n_columns: int, kept: Kept[ReducedBscan]) -> None:
-        self._stream, self._n_columns, self._kept = stream, n_columns, kept
-        self._places: dict[int, int] = {}
-        self._lock = Lock()
-
-    @property
-    def acquisition(self) -> Acquisition:
-        return self._stream.acquisition
-
-    def __len__(self) -> int:
-        return len(self._stream)
-
-    def __getitem__(self, index: int) -> ReducedBscan:
-        place = self._places.get(index)
-        if place is not None:
-            return self._kept[place]
-        bscan = reduced(self._stream[index], self._n_columns)
-        with self._lock:
-            self._places[index] = len(self._kept)
-            self._kept.append(bscan)
-        return bscan
+def reduced_pullback(stream: FrameStream, parameters: OctParameters) -> AbstractContextManager[FrameStream]:
+    """Give a stream of the :class:`ReducedBscan` of ``stream``; each is read from there when it is first asked for."""
+    return kept_frames(stream, partial(reduced, n_columns=columns_of(stream[0], parameters)))
 
 
 def _saturated(frame: Frame) -> bool:

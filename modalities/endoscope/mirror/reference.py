@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from endoct.modalities.contract import FrameStream
-from endoct.modalities.endoscope.light import brightness, full_scale, reduced
+from endoct.modalities.endoscope.green import full_scale_of
+from endoct.modalities.endoscope.light import brightness, reduced
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.annulus import Annulus, follow
 from endoct.modalities.endoscope.mirror.finding import FoundRing, find_ring, ring_at
@@ -39,10 +40,10 @@ def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Re
     Raises :class:`NotSeen` where they show no annulus and the sidecar gives none.
     """
     chosen = np.unique(np.linspace(0, len(stream) - 1, min(len(stream), REFERENCE_FRAMES)).round().astype(int))
-    frames = [stream[int(k)].samples for k in chosen]
-    scale = max(full_scale(samples) for samples in frames)
-    factor = max(1, min(frames[0].shape[:2]) // SURVEY_SIDE_PX)
-    images = [reduced(brightness(samples, scale), factor) for samples in frames]
+    frames = [stream[int(k)] for k in chosen]
+    scale = max(map(full_scale_of, frames))
+    factor = max(1, min(frames[0].samples.shape[:2]) // SURVEY_SIDE_PX)
+    images = [reduced(brightness(frame.samples, scale), factor) for frame in frames]
     given = acquisition.annulus
     if given is not None:
         stated = Annulus(given.x, given.y, given.inner_px, given.x, given.y, given.outer_px)
