@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.robust import robust_sigma
 
 WALL_QUANTILE = 0.6
@@ -41,6 +42,13 @@ class FlatField:
         """Return the flat field of rows outward in the image as that of rows by ascending z."""
         step = slice(None, None, rim_sign)
         return FlatField(self.log_light[step], self.pattern[step], self.usable[step])
+
+    def transmission(self, rows: Coordinates, columns: Coordinates) -> Image:
+        """Return how much light there is at every pair of fractional rows and columns, θ a circle; NaN under dirt.
+
+        Interpolated bilinearly, dirt as well: under it is what mostly is.
+        """
+        return np.exp(_pairs(self.log_light, self.usable, rows, np.mod(columns, self.usable.shape[1])))
 
 
 def enough_frames(n: int) -> list[int]:
@@ -157,3 +165,27 @@ def _pattern(residual: Image) -> Image:
     ground = cv2.medianBlur(padded, reach)[reach:-reach, reach:-reach]
     local = residual - (ground.astype(np.float32) - 128) / 127 * 1.5
     return np.asarray(local * (local**2 / (local**2 + SURE_PATTERN**2)), dtype=np.float32)
+
+
+@compiled
+def _pairs(image: Image, usable: Mask, rows: Coordinates, columns: Coordinates) -> Image:
+    """Return ``image`` bilinearly, cyclic in θ, at pairs of ``rows`` and ``columns``; NaN where half is not usable."""
+    n_rows, n_theta = image.shape
+    across, known = np.empty((n_rows, columns.size), np.float32), np.empty((n_rows, columns.size), np.float32)
+    for k in range(n_rows):
+        for j in range(columns.size):
+            whole = int(columns[j])
+            share = np.float32(columns[j] - whole)
+            left, beside = whole % n_theta, (whole + 1) % n_theta
+            across[k, j] = image[k, left] + share * (image[k, beside] - image[k, left])
+            known[k, j] = (np.float32(1) - share) * usable[k, left] + share * usable[k, beside]
+    pairs = np.empty((rows.size, columns.size), np.float32)
+    for i in range(rows.size):
+        row = min(max(rows[i], 0.0), n_rows - 1.0)
+        top = min(int(row), n_rows - 2)
+        share = np.float32(row - top)
+        one, two, of_one, of_two = across[top], across[top + 1], known[top], known[top + 1]
+        for j in range(columns.size):
+            clean = of_one[j] + share * (of_two[j] - of_one[j]) > np.float32(0.5)
+            pairs[i, j] = one[j] + share * (two[j] - one[j]) if clean else np.float32(np.nan)
+    return pairs

@@ -1,15 +1,19 @@
 """One frame as a strip of the wall: sampled on the panorama's rows and divided by the light of the probe."""
 
+import cv2
 import numpy as np
 
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.light import brightness, log_light, saturated
-from endoct.modalities.endoscope.mirror.resampling import Circles, means, sample, sample_cyclic, sample_mask
-from endoct.stitching.arrays import Coordinates
+from endoct.modalities.endoscope.light import DARKEST, brightness, saturated
+from endoct.modalities.endoscope.mirror.resampling import Circles
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.strip import Strip
 
 LEAST_WEIGHT = 1e-3
+UNSEEN = 1e12
+"""Brightness of pixels that say nothing: the least share of one makes a sample brighter than any that is seen."""
 
 
 def unroll_frame(frame: Frame, calibration: EndoscopeCalibration) -> Strip:
@@ -26,25 +30,31 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration) -> Strip:
     annulus = c.annuli[frame.index].with_drift(*c.drift_px).moved(*c.shift_px)
     columns, rows = Circles(annulus, c.optics.r_px(fine_z)).pixel_map(fine_angle)
 
-    light, inside = sample(brightness(frame.samples, c.full_scale), columns, rows)
-    clipped = sample_mask(saturated(frame.samples, c.full_scale), columns, rows)
+    light = _sampled(frame, c.full_scale, columns, rows)
     flat_rows = (fine_z - c.strip_z_mm[0]) / (c.strip_z_mm[1] - c.strip_z_mm[0])
     flat_columns = fine_angle / (2 * np.pi) * c.flat.log_light.shape[1]
-    flat = sample_cyclic(c.flat.log_light, flat_rows, flat_columns)
-    clean = sample_cyclic(c.flat.usable.astype(np.float32), flat_rows, flat_columns) > 0.5
+    on_bone = c.flat.transmission(flat_rows, flat_columns)
     shape = z_mm.size, theta_rad.size
-    good = means((inside & ~clipped & clean).astype(np.float32), *shape) > 0.99
-    intensity = means(np.exp(log_light(light) - flat - np.float32(c.exposure[frame.index])), *shape)
+    intensity, good = np.empty(shape, np.float32), np.empty(shape, np.bool_)
+    _average(light, on_bone, np.exp(c.exposure[frame.index]), intensity, good)
 
     return Strip(
         z_mm=z_mm,
         theta_rad=theta_rad,
-        intensity=np.where(good, intensity, 0.0),
+        intensity=intensity,
         depth_mm=None,
         valid=good,
         weight=np.broadcast_to(_row_weight(c, z_mm - centre_mm, half_mm)[:, None], shape),
         diagnostics={"valid_fraction": float(good.mean())},
     )
+
+
+def _sampled(frame: Frame, full_scale: float, columns: Image, rows: Image) -> Image:
+    """Return a frame's brightness at fractional places; far above 1 where a pixel of it is saturated or outside."""
+    image = brightness(frame.samples, full_scale)
+    np.copyto(image, UNSEEN, where=saturated(frame.samples, full_scale))
+    samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=UNSEEN)
+    return np.asarray(samples, np.float32)
 
 
 def _subdivided(centres: Coordinates, step: float, parts: int) -> Coordinates:
@@ -59,3 +69,22 @@ def _row_weight(calibration: EndoscopeCalibration, from_centre_mm: Coordinates, 
     to_edge = np.clip((half_mm - np.abs(from_centre_mm)) / (2 * half_mm * calibration.taper), 0, 1)
     fade = np.sin(np.pi / 2 * to_edge) ** 2
     return np.asarray(r_px / calibration.optics.r_px(np.zeros(1)) * np.maximum(fade, LEAST_WEIGHT))
+
+
+@compiled
+def _average(light: Image, on_bone: Image, exposure: float, intensity: Image, seen: Mask) -> None:
+    """Write the means of ``light`` over its share ``on_bone``, of equal blocks, and where all of a block is seen."""
+    by_row, by_column = light.shape[0] // intensity.shape[0], light.shape[1] // intensity.shape[1]
+    per_sample = 1 / (exposure * by_row * by_column)
+    total = np.empty(light.shape[1], np.float32)
+    for i in range(intensity.shape[0]):
+        total[:] = 0
+        for k in range(i * by_row, (i + 1) * by_row):
+            bright, share = light[k], on_bone[k]
+            for j in range(total.size):
+                ratio = max(bright[j], np.float32(DARKEST)) / share[j]
+                total[j] += ratio if bright[j] <= 1 else np.float32(np.nan)
+        for j in range(intensity.shape[1]):
+            of_block = total[j * by_column : (j + 1) * by_column].sum()
+            seen[i, j] = of_block == of_block  # not NaN
+            intensity[i, j] = of_block * per_sample if seen[i, j] else 0.0

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,9 +21,18 @@ class Circles:
     def pixel_map(self, angle_rad: Coordinates) -> tuple[Image, Image]:
         """Return column and row of the image, float32 (n_rows, n_theta), at angles (n_theta,) of every circle."""
         x, y = self.annulus.centre_at(self.r_px)
-        columns = self.annulus.columns(x[:, None] + self.r_px[:, None] * np.cos(angle_rad))
-        rows = y[:, None] + self.r_px[:, None] * np.sin(angle_rad)
-        return columns.astype(np.float32), rows.astype(np.float32)
+        along = self.annulus.columns(x), self.annulus.pixels * np.cos(angle_rad)
+        return _around(*along, self.r_px), _around(y, np.sin(angle_rad), self.r_px)
+
+
+@compiled
+def _around(centre: Coordinates, direction: Coordinates, r_px: Coordinates) -> Image:
+    """Return a coordinate of every place on circles, float32 (n_circles, n_directions)."""
+    places = np.empty((r_px.size, direction.size), np.float32)
+    for i in range(r_px.size):
+        for j in range(direction.size):
+            places[i, j] = centre[i] + r_px[i] * direction[j]
+    return places
 
 
 def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
@@ -30,35 +40,6 @@ def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
     inside = (columns >= 0) & (rows >= 0) & (columns <= image.shape[1] - 1) & (rows <= image.shape[0] - 1)
     samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(samples, dtype=np.float32), inside
-
-
-def sample_mask(mask: Mask, columns: Image, rows: Image) -> Mask:
-    """Return where any of the four pixels around a place is set; False outside the image."""
-    touched = cv2.remap(
-        mask.astype(np.float32), columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0
-    )
-    return np.asarray(touched > 0)
-
-
-def sample_cyclic(image: Image, rows: Coordinates, columns: Coordinates) -> Image:
-    """Return ``image`` (n_rows, n_theta), θ a circle, bilinearly at every pair of fractional rows and columns."""
-    wrapped = np.mod(columns, image.shape[1])
-    padded = np.concatenate([image, image[:, :1]], axis=1)
-    shape = rows.size, columns.size
-    x = np.broadcast_to(wrapped.astype(np.float32), shape)
-    y = np.broadcast_to(rows.astype(np.float32)[:, None], shape)
-    return np.asarray(
-        cv2.remap(
-            padded, np.ascontiguousarray(x), np.ascontiguousarray(y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        ),
-        dtype=np.float32,
-    )
-
-
-def means(values: Image, n_rows: int, n_columns: int) -> Image:
-    """Return the means of equal blocks, float32 (n_rows, n_columns)."""
-    blocks = values.reshape(n_rows, values.shape[0] // n_rows, n_columns, values.shape[1] // n_columns)
-    return np.asarray(blocks.mean(axis=(1, 3)), dtype=np.float32)
 
 
 def recentred(logs: NDArray[np.float16], old: Circles, new: Circles) -> NDArray[np.float16]:
