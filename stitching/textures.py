@@ -54,7 +54,7 @@ def keep_textures(
             columns = (
                 np.concatenate([blocks[at] for at in range(k, len(blocks), len(parts))]) for k in range(len(parts))
             )
-            fixed = np.concatenate([_nanmedian(column, 0, whole) for column in columns])
+            fixed = np.concatenate([_nanmedians(column.T, whole) for column in columns])
         for first in range(0, len(blocks), len(parts)):
             images = np.concatenate([blocks[first + k] for k in range(len(parts))], axis=1)
             if fixed is not None:
@@ -64,7 +64,7 @@ def keep_textures(
 
 
 def _without_rows(image: Image, whole: bool) -> Image:
-    return image - _nanmedian(image.copy(), 1, whole)[:, None]
+    return image - _nanmedians(image, whole)[:, None]
 
 
 def _edges(image: Image, sigma_rows: float, sigma_columns: float) -> Texture:
@@ -76,14 +76,16 @@ def _edges(image: Image, sigma_rows: float, sigma_columns: float) -> Texture:
     return edges, seen
 
 
-def _nanmedian(values: Image, axis: int, whole: bool) -> Image:
-    """Median without NaN, and 0 where there is nothing else; it overwrites ``values``.
+def _nanmedians(values: Image, whole: bool) -> Image:
+    """Median of every row without NaN, and 0 where there is nothing else.
 
     Of two in the middle the mean where the strips are ``whole``, without any NaN, else the lower.
     """
+    ordered = np.array(values, order="C")
+    ordered.sort(axis=1)
     if whole:
-        return np.asarray(np.median(values, axis=axis, overwrite_input=True), dtype=np.float32)
-    count = np.sum(~np.isnan(values), axis=axis, keepdims=True)
-    values.sort(axis=axis)
-    middle = np.take_along_axis(values, np.maximum((count - 1) // 2, 0), axis=axis)
-    return np.asarray(np.where(count > 0, middle, 0).squeeze(axis), dtype=np.float32)
+        n = ordered.shape[1]
+        return np.asarray((ordered[:, (n - 1) // 2] + ordered[:, n // 2]) / 2, np.float32)
+    count = np.count_nonzero(~np.isnan(ordered), axis=1)
+    middle = ordered[np.arange(count.size), np.maximum((count - 1) // 2, 0)]
+    return np.where(count > 0, middle, np.float32(0))

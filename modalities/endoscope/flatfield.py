@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
+from endoct.stitching.ranks import quantile
 from endoct.stitching.robust import robust_sigma
 
 WALL_QUANTILE = 0.6
@@ -25,7 +26,7 @@ SURE_PATTERN = 0.06
 SATURATED_LOG = -0.01
 SURE_EXPOSURE = 0.06
 EVEN_COLUMNS = 512
-EVEN_LIMITS = (-0.3, 0.3)
+LEAST_EVEN, MOST_EVEN = np.float32(-0.3), np.float32(0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +81,7 @@ def frame_exposure(logs: Iterable[NDArray[np.floating[Any]]], flat: FlatField) -
     move even that by a few per cent, so only what goes beyond is taken for a change of exposure.
     """
     bright = [
-        float(np.quantile(seen, 0.8))
-        if (seen := (frame - flat.log_light)[flat.usable & np.isfinite(frame)]).size
-        else 0.0
+        quantile(seen, 0.8) if (seen := (frame - flat.log_light)[flat.usable & np.isfinite(frame)]).size else 0.0
         for frame in logs
     ]
     change = np.array(bright) - np.median(bright)
@@ -94,9 +93,22 @@ def even_strip(logs: NDArray[np.floating[Any]], flat: FlatField, exposure: float
 
     Limited on both sides, so that neither a specular spot nor a deep cell decides how frames are matched.
     """
-    even = np.clip(logs.astype(np.float32) - flat.log_light - np.float32(exposure), *EVEN_LIMITS)
-    even[~flat.usable] = np.nan
-    return np.asarray(even.reshape(len(even), EVEN_COLUMNS, -1).mean(axis=2), np.float32)
+    even = np.empty((len(logs), EVEN_COLUMNS), np.float32)
+    _evened(logs.astype(np.float32), flat.log_light, flat.usable, np.float32(exposure), even)
+    return even
+
+
+@compiled
+def _evened(logs: Image, light: Image, usable: Mask, exposure: np.float32, even: Image) -> None:
+    """Write the means of ``logs`` less light and exposure within limits, of equal parts of every row."""
+    n = logs.shape[1] // even.shape[1]
+    for k in range(even.shape[0]):
+        for j in range(even.shape[1]):
+            total = np.float32(0)
+            for i in range(j * n, (j + 1) * n):
+                part = min(max(logs[k, i] - light[k, i] - exposure, LEAST_EVEN), MOST_EVEN)
+                total += part if usable[k, i] else np.float32(np.nan)
+            even[k, j] = total / np.float32(n)
 
 
 def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:
@@ -124,36 +136,38 @@ def _light(typical: Image, harmonics: int) -> Image:
     coarse = typical[:, every].astype(np.float64)
     seen = np.isfinite(coarse)
     coarse = np.where(seen, coarse, 0.0)
-    basis = _basis(waves[:, every], along)
+    few = waves[:, every]
     profile = _row_quantiles(coarse, seen, 0.6)
-    weight_of_wave = np.zeros(len(basis))
+    weight_of_wave = np.zeros((2, len(few)))
     clipped = coarse >= SATURATED_LOG
     for tightness in np.geomspace(8, 1, 12).tolist() + [1.0] * 8:
-        misfit = coarse - profile[:, None] - np.tensordot(weight_of_wave, basis, 1)
+        misfit = coarse - profile[:, None] - _waving(weight_of_wave, few, along)
         above = misfit[seen & (misfit > 0)]
         scale = max(0.02, robust_sigma(above)) if above.size else 0.02
         reach = np.where(misfit < 0, 1.5 * scale, 3 * scale) * tightness
         weight = np.where(seen, 1 / (1 + (misfit / reach) ** 2) ** 2, 0.0)
         weight[clipped & (misfit < 0)] = 0  # the light may well be brighter than the camera could say
-        flat = basis.reshape(len(basis), -1)
+        # every wave depends on the column alone, so sums over rows are taken first
         ridge = 1e-4 * weight.sum() + 1e-9
-        normal = (flat * weight.ravel()) @ flat.T + ridge * np.eye(len(basis))
-        weight_of_wave += np.linalg.solve(normal, flat @ (weight * misfit).ravel() - ridge * weight_of_wave)
-        rest = coarse - np.tensordot(weight_of_wave, basis, 1)
+        sums = [along**power @ weight for power in range(3)]
+        normal = np.block([[few * sums[i + j] @ few.T for j in (0, 1)] for i in (0, 1)])
+        pull = np.concatenate([few @ (along**power @ (weight * misfit)) for power in (0, 1)])
+        pull -= ridge * weight_of_wave.ravel()
+        weight_of_wave += np.linalg.solve(normal + ridge * np.eye(pull.size), pull).reshape(2, -1)
+        rest = coarse - _waving(weight_of_wave, few, along)
         total = weight.sum(axis=1)
         profile = np.where(total > 1e-6, (weight * rest).sum(axis=1) / np.maximum(total, 1e-6), profile)
-    return np.asarray(profile[:, None] + np.tensordot(weight_of_wave, _basis(waves, along), 1), dtype=np.float32)
+    return np.asarray(profile[:, None] + _waving(weight_of_wave, waves, along), dtype=np.float32)
 
 
-def _basis(waves: Coordinates, along: Coordinates) -> Coordinates:
-    """Return every wave, even along r and growing with it, (2 × waves, n_rows, n_theta)."""
-    shape = along.size, waves.shape[1]
-    even = [np.broadcast_to(wave, shape) for wave in waves]
-    return np.stack(even + [along[:, None] * wave for wave in waves])
+def _waving(weights: Coordinates, waves: Coordinates, along: Coordinates) -> Coordinates:
+    """Return the sum of all ``waves`` (n, n_theta), even along r and growing with it, by ``weights`` (2, n)."""
+    even, growing = weights @ waves
+    return np.asarray(even + along[:, None] * growing)
 
 
 def _row_quantiles(values: Coordinates, seen: Mask, share: float) -> Coordinates:
-    return np.array([np.quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, seen, strict=True)])
+    return np.array([quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, seen, strict=True)])
 
 
 def _pattern(residual: Image) -> Image:
