@@ -20,7 +20,11 @@ def median(samples: NDArray[Any]) -> float:
 
 def quantile(samples: NDArray[Any], share: float) -> float:
     """Return the quantile ``share``, 0 to 1, of ``samples`` of any shape."""
-    return float(_between(np.sort(samples, axis=None)[None], share, np.float64)[0])
+    below = int(share * (samples.size - 1))
+    parted = np.partition(samples, below, axis=None)
+    low, high = float(parted[below]), float(parted[below + 1 :].min(initial=np.inf))
+    part = share * (samples.size - 1) - below
+    return low + (high - low) * part if part else low
 
 
 def quantile_pair(samples: NDArray[Any], low: float, high: float) -> tuple[float, float]:

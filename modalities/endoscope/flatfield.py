@@ -185,21 +185,28 @@ def _pattern(residual: Image) -> Image:
 def _pairs(image: Image, usable: Mask, rows: Coordinates, columns: Coordinates) -> Image:
     """Return ``image`` bilinearly, cyclic in θ, at pairs of ``rows`` and ``columns``; NaN where half is not usable."""
     n_rows, n_theta = image.shape
+    left, beside, beyond = (
+        np.empty(columns.size, np.int64),
+        np.empty(columns.size, np.int64),
+        columns.astype(np.float32),
+    )
+    for j in range(columns.size):
+        whole = int(columns[j])
+        left[j], beside[j], beyond[j] = whole % n_theta, (whole + 1) % n_theta, columns[j] - whole
     across, known = np.empty((n_rows, columns.size), np.float32), np.empty((n_rows, columns.size), np.float32)
     for k in range(n_rows):
         for j in range(columns.size):
-            whole = int(columns[j])
-            share = np.float32(columns[j] - whole)
-            left, beside = whole % n_theta, (whole + 1) % n_theta
-            across[k, j] = image[k, left] + share * (image[k, beside] - image[k, left])
-            known[k, j] = (np.float32(1) - share) * usable[k, left] + share * usable[k, beside]
+            one, two = image[k, left[j]], image[k, beside[j]]
+            across[k, j] = one + beyond[j] * (two - one)
+            of_one, of_two = np.float32(usable[k, left[j]]), np.float32(usable[k, beside[j]])
+            known[k, j] = of_one + beyond[j] * (of_two - of_one)
     pairs = np.empty((rows.size, columns.size), np.float32)
     for i in range(rows.size):
         row = min(max(rows[i], 0.0), n_rows - 1.0)
         top = min(int(row), n_rows - 2)
         share = np.float32(row - top)
-        one, two, of_one, of_two = across[top], across[top + 1], known[top], known[top + 1]
+        near, far, of_near, of_far = across[top], across[top + 1], known[top], known[top + 1]
         for j in range(columns.size):
-            clean = of_one[j] + share * (of_two[j] - of_one[j]) > np.float32(0.5)
-            pairs[i, j] = one[j] + share * (two[j] - one[j]) if clean else np.float32(np.nan)
+            clean = of_near[j] + share * (of_far[j] - of_near[j]) > np.float32(0.5)
+            pairs[i, j] = near[j] + share * (far[j] - near[j]) if clean else np.float32(np.nan)
     return pairs

@@ -95,6 +95,6 @@ def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[
     strip, inside = sample(image, columns, rows)
     logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
     clipped = reduced(saturated(frame.samples, reference.full_scale).astype(np.float32), reference.factor)
-    clipped = squared(clipped, pixels)
-    fraction = float(sample(clipped, columns, rows)[0][inside].mean()) if inside.any() else 0.0
+    clipped, _ = sample(squared(clipped, pixels), columns, rows)
+    fraction = float(clipped[inside].mean()) if inside.any() else 0.0
     return followed, alone, fraction, logs

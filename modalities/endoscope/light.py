@@ -1,5 +1,6 @@
 """Brightness of a frame: one channel of full scale 1, reduced in size where a survey needs no more."""
 
+from math import ceil
 from typing import Any
 
 import cv2
@@ -26,12 +27,13 @@ def brightness(samples: NDArray[Any], scale: float) -> Image:
 
     Green sees tissue with the most contrast and saturates after red under the warm light of an endoscope.
     """
-    return np.asarray(green(samples).astype(np.float32) / np.float32(scale), dtype=np.float32)
+    return np.asarray(np.divide(green(samples), np.float32(scale), dtype=np.float32))
 
 
 def saturated(samples: NDArray[Any], scale: float) -> Mask:
     """Say where the brightness of a frame is saturated, bool (row, column)."""
-    return np.asarray(green(samples) >= SATURATED * scale)
+    least = SATURATED * scale
+    return np.asarray(green(samples) >= (least if samples.dtype.kind == "f" else ceil(least)))  # as whole numbers
 
 
 def green(samples: NDArray[Any]) -> NDArray[Any]:

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from endoct.modalities.endoscope.mirror.edges import edge_points
 from endoct.modalities.endoscope.mirror.rings import (
     FEWEST_POINTS,
     Ring,
     dark_level,
     describe,
-    edge_points,
     find_rings,
     fit_circle,
     lasting_contrast,

@@ -25,7 +25,6 @@ LEAST_SUPPORT = 0.1
 MOST_CONTRAST = 1.5
 FEWEST_POINTS = 12
 MOST_GROWTH = 3.0
-TOWARDS_LINEAR = 1.25
 
 
 @dataclass(frozen=True)
@@ -150,30 +149,6 @@ def _refine_circle(x_px: Coordinates, y_px: Coordinates, circle: Coordinates) ->
         circle += change
         if np.abs(change).max() < 1e-4:
             break
-
-
-def edge_points(image: Image, ring: Ring, reach_px: float, n_rays: int = N_RAYS) -> tuple[Coordinates, Coordinates]:
-    """Return x and y, float64 (n,), of the steepest edge on each ray within ``reach_px`` of ``ring``.
-
-    A blurred edge is steepest in its middle only where the image is linear in light: its logarithm, or a camera's
-    gamma, moves it towards the dark. As the gamma is not known, a little of a usual one is undone. Rays without a clear
-    edge are left out.
-    """
-    radii = ring.radius_px + np.arange(-reach_px - 2, reach_px + 2.25, 0.5)
-    profile, inside = rays(image, ring.x_px, ring.y_px, radii, n_rays)
-    slope = gaussian_filter1d(np.maximum(profile, 0) ** TOWARDS_LINEAR, 2.0, axis=1, order=1, mode="nearest") * (
-        1 if ring.rising else -1
-    )
-    slope = np.where(inside, slope, 0.0)[:, 2:-2]
-    peak = np.clip(np.argmax(slope, axis=1), 1, slope.shape[1] - 2)
-    row = np.arange(n_rays)
-    before, at, after = slope[row, peak - 1], slope[row, peak], slope[row, peak + 1]
-    bend = before - 2 * at + after
-    shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, -1.0), 0.0)
-    radius = radii[2:-2][peak] + 0.5 * np.clip(shift, -1, 1)
-    clear = at > 0.3 * max(float(np.median(at[at > 0])) if (at > 0).any() else 0.0, 1e-6)
-    angle = 2 * np.pi / n_rays * row
-    return (ring.x_px + radius * np.cos(angle))[clear], (ring.y_px + radius * np.sin(angle))[clear]
 
 
 def describe(image: Image, dark: float, ring: Ring) -> Ring:

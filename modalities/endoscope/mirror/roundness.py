@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 
 from endoct.modalities.endoscope.mirror.annulus import locate_outer_rim
-from endoct.modalities.endoscope.mirror.rings import Ring, edge_points
+from endoct.modalities.endoscope.mirror.edges import edge_points
+from endoct.modalities.endoscope.mirror.rings import Ring
 from endoct.stitching.arrays import Coordinates, Image
 
 REACH = 0.14
