@@ -27,7 +27,7 @@ def brightness(samples: NDArray[Any], scale: float) -> Image:
 
     Green sees tissue with the most contrast and saturates after red under the warm light of an endoscope.
     """
-    return np.asarray(np.divide(green(samples), np.float32(scale), dtype=np.float32))
+    return np.asarray(green(samples).astype(np.float32) / np.float32(scale), dtype=np.float32)
 
 
 def saturated(samples: NDArray[Any], scale: float) -> Mask:
