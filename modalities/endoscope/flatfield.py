@@ -42,7 +42,7 @@ class FlatField:
     def by_z(self, rim_sign: int) -> "FlatField":
         """Return the flat field of rows outward in the image as that of rows by ascending z."""
         step = slice(None, None, rim_sign)
-        return FlatField(self.log_light[step], self.pattern[step], self.usable[step])
+        return FlatField(*(np.ascontiguousarray(rows[step]) for rows in (self.log_light, self.pattern, self.usable)))
 
     def transmission(self, rows: Coordinates, columns: Coordinates) -> Image:
         """Return how much light there is at every pair of fractional rows and columns, θ a circle; NaN under dirt.
@@ -185,11 +185,8 @@ def _pattern(residual: Image) -> Image:
 def _pairs(image: Image, usable: Mask, rows: Coordinates, columns: Coordinates) -> Image:
     """Return ``image`` bilinearly, cyclic in θ, at pairs of ``rows`` and ``columns``; NaN where half is not usable."""
     n_rows, n_theta = image.shape
-    left, beside, beyond = (
-        np.empty(columns.size, np.int64),
-        np.empty(columns.size, np.int64),
-        columns.astype(np.float32),
-    )
+    left, beside = np.empty(columns.size, np.int64), np.empty(columns.size, np.int64)
+    beyond = np.empty(columns.size, np.float32)
     for j in range(columns.size):
         whole = int(columns[j])
         left[j], beside[j], beyond[j] = whole % n_theta, (whole + 1) % n_theta, columns[j] - whole

@@ -28,6 +28,6 @@ def full_scale_of(frame: Frame) -> float:
 
 
 def _green_frame(frame: Frame) -> GreenFrame:
-    samples = np.ascontiguousarray(green(frame.samples))
+    samples = np.ascontiguousarray(green(frame.samples)).view()
     samples.flags.writeable = False
     return GreenFrame(index=frame.index, samples=samples, z_mm=frame.z_mm, full_scale=full_scale(frame.samples))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from endoct.modalities.endoscope.flatfield import estimate_flat_field, frame_exposure
+from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
 from endoct.stitching.circle import gaussian
 
@@ -101,3 +101,15 @@ def test_brightness_and_saturation_of_colours_are_those_of_green() -> None:
 def test_reducing_averages_whole_blocks() -> None:
     image = np.arange(20, dtype=np.float32).reshape(4, 5)
     np.testing.assert_allclose(reduced(image, 2), [[3, 5], [13, 15]])
+
+
+def test_light_between_rows_and_columns_goes_around_and_is_unknown_under_dirt() -> None:
+    log_light = np.log(np.arange(1, 13, dtype=np.float32)).reshape(3, 4)
+    usable = np.ones((3, 4), np.bool_)
+    usable[2, 1] = False
+    flat = FlatField(log_light, np.zeros_like(log_light), usable)
+    at = flat.transmission(np.array([-5.0, 0.0, 0.4, 1.6]), np.array([0.0, 3.5, 4.0, -3.0, -1e-18]))
+    expected = np.array([[1, 2, 1, 2, 1]] * 2, np.float32)
+    np.testing.assert_allclose(at[:2], expected, rtol=1e-6)
+    np.testing.assert_allclose(at[2, [0, 3]], [5**0.4, 2**0.6 * 6**0.4], rtol=1e-6)
+    assert np.isnan(at[3]).tolist() == [False, False, False, True, False]
