@@ -42,7 +42,8 @@ class FlatField:
     def by_z(self, rim_sign: int) -> "FlatField":
         """Return the flat field of rows outward in the image as that of rows by ascending z."""
         step = slice(None, None, rim_sign)
-        return FlatField(*(np.ascontiguousarray(rows[step]) for rows in (self.log_light, self.pattern, self.usable)))
+        rows = np.ascontiguousarray
+        return FlatField(rows(self.log_light[step]), rows(self.pattern[step]), rows(self.usable[step]))
 
     def transmission(self, rows: Coordinates, columns: Coordinates) -> Image:
         """Return how much light there is at every pair of fractional rows and columns, θ a circle; NaN under dirt.

@@ -28,11 +28,12 @@ def _least(image: Image, half_px: NDArray[np.int64]) -> Image:
     n_rows, n_columns = image.shape
     reach = half_px.size // 2
     length = n_columns + 2 * reach
-    least = np.full(image.shape, np.float32(np.inf))
+    least = np.full_like(image, np.inf)
     chord, pair = np.empty(length, np.float32), np.empty(length, np.float32)
     for k in range(n_rows):
         chord[:] = np.inf
-        chord[reach : reach + n_columns] = image[k]
+        for i in range(n_columns):
+            chord[reach + i] = image[k, i]
         half = 0
         for j in range(reach + 1):
             while half < half_px[j]:  # from the disc's edge to its middle, chords become longer

@@ -137,7 +137,7 @@ def _refine_circle(x_px: Coordinates, y_px: Coordinates, circle: Coordinates) ->
             residual[i] = distance - circle[2]
             slope[i, 0], slope[i, 1], slope[i, 2] = dx / distance, dy / distance, 1.0
         scale = max(0.1, SIGMA_PER_MEDIAN * np.median(np.abs(residual)))
-        normal, change = 1e-9 * np.eye(3), np.zeros(3)
+        normal, change = np.zeros((3, 3)), np.zeros(3)
         for i in range(x_px.size):
             inside = max(1 - (residual[i] / (4.0 * scale)) ** 2, 0.0)
             weight = inside * inside
@@ -145,9 +145,11 @@ def _refine_circle(x_px: Coordinates, y_px: Coordinates, circle: Coordinates) ->
                 change[j] += weight * slope[i, j] * residual[i]
                 for k in range(3):
                     normal[j, k] += weight * slope[i, j] * slope[i, k]
+        for j in range(3):
+            normal[j, j] += 1e-9
         solve(normal, change)
         circle += change
-        if np.abs(change).max() < 1e-4:
+        if max(abs(change[0]), abs(change[1]), abs(change[2])) < 1e-4:
             break
 
 
