@@ -19,7 +19,7 @@ def median(samples: NDArray[Any]) -> float:
 
 
 def quantile(samples: NDArray[Any], share: float) -> float:
-    """Return the quantile ``share``, 0 to 1, of ``samples`` of any shape."""
+    """Return the quantile ``share``, 0 to 1, of ``samples`` of any shape, by selecting one of them, which is faster."""
     below = int(share * (samples.size - 1))
     parted = np.partition(samples, below, axis=None)
     low, high = float(parted[below]), float(parted[below + 1 :].min(initial=np.inf))

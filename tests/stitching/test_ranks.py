@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.stitching.ranks import median, medians, quantile_pair, quantiles, ranked
+from endoct.stitching.ranks import median, medians, quantile, quantile_pair, quantiles, ranked
 
 SAMPLES = np.random.default_rng(1).normal(size=(37, 20)).astype(np.float32)
 
@@ -27,6 +27,8 @@ def test_medians_leave_out_what_is_not_finite() -> None:
 @pytest.mark.parametrize("share", [0.0, 0.2, 0.93, 1.0])
 def test_quantiles(share: float) -> None:
     np.testing.assert_allclose(quantiles(SAMPLES, share), np.quantile(SAMPLES, share, axis=0), rtol=1e-5)
+    assert quantile(SAMPLES, share) == pytest.approx(float(np.quantile(SAMPLES, share)), rel=1e-6)
+    assert quantile(SAMPLES[0, :1], share) == SAMPLES[0, 0]
     both = quantile_pair(SAMPLES, share, 0.5)
     np.testing.assert_allclose(both, np.quantile(SAMPLES, (share, 0.5)), rtol=1e-6)
 
