@@ -154,14 +154,13 @@ def _report(path: Path) -> None:
 
 
 def _figures(path: Path) -> None:
-    from endoct.workbench.report.figures.of_both import draw_shapes, draw_walls
-    from endoct.workbench.report.figures.of_one import draw_side
+    from endoct.workbench.report.figures.of_both import drawings_of
+    from endoct.workbench.report.figures.of_one import drawn
     from endoct.workbench.report.findings import read_findings
     from endoct.workbench.report.illustrated import report_sections
 
     findings = read_findings(path)
-    of_sides = [one for side in findings.sides for one in draw_side(side)]
-    report_sections(findings, [*draw_walls(findings), *draw_shapes(findings), *of_sides])
+    report_sections(findings, drawn(drawings_of(findings, with_sides=True)))
 
 
 def _exports(path: Path) -> None:

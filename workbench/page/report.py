@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from concurrent.futures import Future
+from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endoct.stitching.contents import is_marked, marked, read_contents, whole_of
 from endoct.stitching.errors import EndoctError
@@ -22,6 +24,9 @@ from endoct.workbench.report.side_findings import SideFindings, alone
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.second_process import beside
 
+if TYPE_CHECKING:
+    from endoct.workbench.report.figures.of_one import Drawing
+
 PAGE = "report.html"
 REMARK = "The figures lie next to this page, lossless, in figures/."
 
@@ -31,9 +36,9 @@ def write_report(
 ) -> Path:
     """Write ``figures/*.png`` and ``report.html`` into ``path``, replacing older ones; return the page's path.
 
-    ``path`` is what ``endoct compare`` or ``endoct unroll`` wrote; nothing else in it is changed. Half of the figures
-    of a comparison are drawn in ``process`` where there is one; ``of_sides`` are those of :func:`draw_side` where they
-    are drawn already. Raises :class:`EndoctError` where ``path`` is neither, not whole, or cannot be written.
+    ``path`` is what ``endoct compare`` or ``endoct unroll`` wrote; nothing else in it is changed. Figures are drawn
+    here and in ``process``, where there is one; ``of_sides`` are those of each side alone where they are drawn already.
+    Raises :class:`EndoctError` where ``path`` is neither, not whole, or cannot be written.
     """
     if is_panorama(path):
         contents = read_contents(path)
@@ -46,13 +51,18 @@ def write_report(
             )
         return write_panorama_report(path, load_panorama(path), process)
     _check(path)
-    there = None if process is None else process.call(_draw_there, path, of_sides is None)
+    with_sides = of_sides is None
+    if process is not None:
+        process.call(_ready_to_draw, path, with_sides)
     findings, shown = read_findings(path), open_shown(path)
-    walls = _draw_walls(findings)
+    drawings = _drawings_of(findings, with_sides)
+    there = [] if process is None else [process.call(_draw_there, path, with_sides, k) for k in range(len(drawings))]
     data = frozen_data(shown)
-    # where the other process has not come to it yet, it is done here meanwhile
-    others = _draw(findings, of_sides is None) if there is None or there.cancel() else there.result()
-    drawn = [*walls, *others, *(of_sides.result() if of_sides is not None else ())]
+    parts: list[list[Drawn]] = [[] for _ in drawings]
+    # the other process begins with the first figure, this one with the last
+    for k in reversed(range(len(drawings))):
+        parts[k] = _drawn(drawings[k]) if not there or there[k].cancel() else there[k].result()
+    drawn = [one for part in parts for one in part] + ([] if of_sides is None else of_sides.result())
     return _write(path, shown, drawn, report_sections(findings, drawn), data)
 
 
@@ -122,19 +132,27 @@ def _draw_pictures(side: SideFindings) -> list[Drawn]:
     return draw_pictures(side)
 
 
-def _draw_walls(findings: Findings) -> list[Drawn]:
-    from endoct.workbench.report.figures.of_both import draw_walls
+def _drawings_of(findings: Findings, with_sides: bool) -> "list[Drawing]":
+    from endoct.workbench.report.figures.of_both import drawings_of
 
-    return draw_walls(findings)
-
-
-def _draw_there(folder: Path, with_sides: bool) -> list[Drawn]:
-    return _draw(read_findings(folder), with_sides)
+    return drawings_of(findings, with_sides=with_sides)
 
 
-def _draw(findings: Findings, with_sides: bool) -> list[Drawn]:
-    from endoct.workbench.report.figures.of_both import draw_shapes
-    from endoct.workbench.report.figures.of_one import draw_side
+def _drawn(drawing: "Drawing") -> list[Drawn]:
+    from endoct.workbench.report.figures.of_one import drawn
 
-    sides = [one for side in findings.sides for one in draw_side(side)] if with_sides else []
-    return [*draw_shapes(findings), *sides]
+    return drawn([drawing])
+
+
+@lru_cache(maxsize=1)
+def _drawings_there(folder: Path, with_sides: bool) -> "list[Drawing]":
+    """What draws a comparison's figures, read once for all calls of one report: a process serves a single one."""
+    return _drawings_of(read_findings(folder), with_sides)
+
+
+def _ready_to_draw(folder: Path, with_sides: bool) -> None:
+    _drawings_there(folder, with_sides)
+
+
+def _draw_there(folder: Path, with_sides: bool, number: int) -> list[Drawn]:
+    return _drawn(_drawings_there(folder, with_sides)[number])

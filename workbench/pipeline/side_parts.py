@@ -42,10 +42,10 @@ def write_sides(folder: Path, sides: Sequence[SidePart]) -> None:
 
 def draw_sides(folder: Path, names: Sequence[str]) -> "list[Drawn]":
     """Return the figures that show one side alone, of what :func:`write_sides` wrote into ``folder``."""
-    from endoct.workbench.report.figures.of_one import draw_side  # only who draws loads matplotlib
+    from endoct.workbench.report.figures.of_one import drawings_of_side, drawn  # only who draws loads matplotlib
     from endoct.workbench.report.side_findings import alone
 
     pictures = load_pictures(folder / PICTURES)
     panoramas = {name: load_panorama(folder / "panoramas" / f"{name}.zarr") for name in names}
     found = [replace(alone(panoramas[name], pictures.get(name, {})), name=name) for name in names]
-    return [figure for side in found for figure in draw_side(side)]
+    return drawn(one for side in found for one in drawings_of_side(side))

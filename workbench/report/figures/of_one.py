@@ -13,9 +13,9 @@ from endoct.workbench.report.side_findings import SideFindings
 Drawing = Callable[[], Drawn | None]
 
 
-def draw_side(side: SideFindings) -> list[Drawn]:
-    """Draw what one side of a comparison saw in its own frame: nothing that depends on the other side."""
-    return drawn(partial(one, side) for one in (draw_depth, draw_frames, draw_quality, draw_other_numbers))
+def drawings_of_side(side: SideFindings) -> list[Drawing]:
+    """Return what draws one side of a comparison in its own frame: nothing that depends on the other side."""
+    return [partial(one, side) for one in (draw_depth, draw_frames, draw_quality, draw_other_numbers)]
 
 
 def draw_wall(side: SideFindings) -> list[Drawn]:
