@@ -12,7 +12,15 @@ from endoct.fusion.pose.controls import shuffled_patterns, turned_patterns
 from endoct.fusion.pose.fit import SOFTNESS, Fit, fit_pose, start_of
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.search import Candidate, axes_around, candidates_along, pattern_of, senses_of
+from endoct.fusion.pose.search import (
+    ASIDE_MM,
+    TILT_RAD,
+    Candidate,
+    axes_around,
+    candidates_along,
+    pattern_of,
+    senses_of,
+)
 from endoct.fusion.pose.wall import SHARED
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.arrays import Coordinates
@@ -21,6 +29,8 @@ from endoct.stitching.circle import wrap_rad
 STARTS = 3
 """Places of the search, apart from each other, that a fit begins at."""
 APART_MM, APART_RAD = 0.8, 0.35
+BEYOND = 1.25
+"""Times as far off the plan as axes are looked for: a fit that ends farther off has left what it began from."""
 ROUGH, FINE = SOFTNESS[:3], SOFTNESS[3:]
 LEAST_STANDING = 2.0
 """Spreads of the controls' scores by which a pattern has to stand above their mean."""
@@ -54,6 +64,12 @@ class Found:
             return (
                 f"the {name}'s pattern fits hardly better than rearranged ones would: "
                 f"{self.standing:.1f} of their spreads above their mean, {LEAST_STANDING:g} at least"
+            )
+        aside_mm, tilt_rad = (float(np.hypot(*self.fit.parameters[one : one + 2])) for one in (0, 2))
+        if aside_mm > BEYOND * ASIDE_MM or tilt_rad > BEYOND * TILT_RAD:
+            return (
+                f"the {name}'s pattern fits best {aside_mm:.1f} mm and {np.degrees(tilt_rad):.1f}° off the plan, "
+                f"where bores are looked for within {ASIDE_MM:g} mm and {np.degrees(TILT_RAD):g}°"
             )
         if self.second is not None and self.second > agreement - CLOSE_AGREEMENT:
             return f"the {name}'s pattern fits as well at another place"

@@ -114,6 +114,18 @@ def test_a_side_that_counts_less_stays_where_its_wall_is(found: Found) -> None:
     np.testing.assert_allclose(less, alone, atol=0.02)
 
 
+@pytest.mark.parametrize(
+    ("parameter", "value", "told"), [(0, 1.9, True), (1, 2.6, False), (2, 0.06, True), (3, 0.09, False)]
+)
+def test_an_axis_far_off_the_plan_is_not_told(found: Found, parameter: int, value: float, told: bool) -> None:
+    moved = found.fit.parameters.copy()
+    moved[:4] = 0
+    moved[parameter] = value
+    reason = replace(found, fit=replace(found.fit, parameters=moved)).reason
+    assert (reason is None) == told
+    assert told or (reason is not None and "off the plan" in reason)
+
+
 @pytest.mark.parametrize(("aside_mm", "told"), [(0.03, True), (0.7, False)])
 def test_two_sides_that_stand_out_and_contradict_each_other_tell_nothing(
     found: Found, aside_mm: float, told: bool
