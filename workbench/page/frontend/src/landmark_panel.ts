@@ -29,6 +29,7 @@ export class LandmarkPanel {
     this.element.append(this.heading, this.hint,
       element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads)), this.body)),
       this.foot);
+    this.element.hidden = true; // until it is known what pairs there are
     state.on("landmarks", () => this.follow());
     window.addEventListener("beforeunload", (event) => {
       if (!state.landmarks.isSaved) event.preventDefault();
