@@ -1,6 +1,4 @@
-"""Medians and quantiles by sorting: with the instructions of today's processors that is several times as fast as
-the selection that NumPy's own use.
-"""
+"""Medians and quantiles by sorting, a single one by selecting: several times as fast as NumPy's own."""
 
 from typing import Any
 
@@ -19,7 +17,7 @@ def median(samples: NDArray[Any]) -> float:
 
 
 def quantile(samples: NDArray[Any], share: float) -> float:
-    """Return the quantile ``share``, 0 to 1, of ``samples`` of any shape, by selecting one of them, which is faster."""
+    """Return the quantile ``share``, 0 to 1, of ``samples`` of any shape."""
     below = int(share * (samples.size - 1))
     parted = np.partition(samples, below, axis=None)
     low, high = float(parted[below]), float(parted[below + 1 :].min(initial=np.inf))

@@ -7,16 +7,15 @@ as it is inside.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.edges import edge_points
 from endoct.modalities.endoscope.mirror.rings import Ring, find_rings, fit_circle, rays
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.ranks import medians
 
 GRAIN = 1 / 320
 """Of the image's shorter side: noise is averaged over this (σ), and the wall's texture is coarser."""
@@ -63,12 +62,12 @@ def movement(images: Sequence[Image], places: Sequence[Ring], outer: Ring) -> Mo
         cv2.GaussianBlur(_moved(image, outer.x_px - place.x_px, outer.y_px - place.y_px), (0, 0), sigma)
         for image, place in zip(images, places, strict=True)
     ])  # fmt: skip
-    median = _median(still)
+    median = medians(still.reshape(len(still), -1)).reshape(still.shape[1:])
     within = _distance_px(median, outer) < outer.radius_px
     bright = within & (median > 0.25 * np.percentile(median[within], 90))
     gains = np.array([np.quantile(image[bright] / median[bright], BRIGHT_SIDE) for image in still])
     still = still / np.clip(gains, 1 / MOST_GAIN, MOST_GAIN).astype(np.float32)[:, None, None]
-    median = _median(still)
+    median = medians(still.reshape(len(still), -1)).reshape(still.shape[1:])
     light = np.mean(np.abs(still - median), axis=0)
     slope = np.hypot(*np.gradient(median))
     light = np.sqrt(np.maximum(light**2 - (LEFT_PX * slope) ** 2, 0)).astype(np.float32)
@@ -139,12 +138,6 @@ def _inside(ring: Ring, outer: Ring) -> bool:
 
 def _support(ring: Ring) -> float:
     return ring.contrast * ring.coverage
-
-
-def _median(images: NDArray[Any]) -> Image:
-    """Return the median of every pixel of images (n, row, column)."""
-    ordered = np.sort(images, axis=0)
-    return np.asarray((ordered[(len(images) - 1) // 2] + ordered[len(images) // 2]) / 2, np.float32)
 
 
 def _moved(image: Image, dx_px: float, dy_px: float) -> Image:
