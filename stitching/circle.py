@@ -1,6 +1,5 @@
 """Arithmetic and filters on the bore wall, where axis −1 (θ) is a circle and axis −2 (z) ends."""
 
-from collections.abc import Sequence
 from typing import TypeVar
 
 import cv2
@@ -20,12 +19,6 @@ def wrap_rad(angle_rad: ArrayLike) -> Coordinates:
 def mean_angle_rad(angle_rad: ArrayLike, axis: int | None = None) -> Coordinates:
     """Return the mean direction of ``angle_rad`` along ``axis`` (all of it for None), in (−π, π]; NaN are left out."""
     return np.asarray(np.angle(np.nansum(np.exp(1j * np.asarray(angle_rad, dtype=np.float64)), axis=axis)))
-
-
-def harmonics(angle_rad: ArrayLike, orders: Sequence[int]) -> Coordinates:
-    """Return cosine and sine of multiples of the angles (n,), float64 (n, 2·len(orders)): cos k, sin k, for each k."""
-    multiples = np.asarray(angle_rad, dtype=np.float64)[:, None] * np.asarray(orders)
-    return np.stack([np.cos(multiples), np.sin(multiples)], axis=2).reshape(len(multiples), 2 * len(orders))
 
 
 def turned_harmonic(factors: Coordinates, by_rad: ArrayLike) -> Coordinates:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import harmonics
+from endoct.stitching.harmonics import harmonics
 from endoct.stitching.robust import SIGMA_PER_MEDIAN, robust_sigmas
 
 WALL_HARMONICS = 2

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import harmonics
+from endoct.stitching.harmonics import harmonics
 from endoct.stitching.robust import robust_sigma
 
 WAVES = 2

@@ -8,7 +8,6 @@ from tolerances import COORDINATE_ATOL, IMAGE_ATOL
 
 from endoct.stitching.circle import (
     gaussian,
-    harmonics,
     largest_divisor,
     mean_angle_rad,
     pad_circle,
@@ -69,13 +68,6 @@ def test_the_input_is_not_changed_and_zero_sigma_changes_nothing() -> None:
 def test_the_mean_of_angles_does_not_mind_the_seam() -> None:
     assert mean_angle_rad([6.2, 0.1, np.nan]) == pytest.approx((6.2 + 0.1) / 2 - np.pi, abs=COORDINATE_ATOL)
     np.testing.assert_allclose(mean_angle_rad([[1.0, 2.0], [3.0, 3.0]], axis=1), [1.5, 3.0], atol=COORDINATE_ATOL)
-
-
-def test_harmonics_come_as_cosine_and_sine_of_each_order() -> None:
-    angle = np.array([0.0, 0.3, 4.0])
-    columns = [np.cos(2 * angle), np.sin(2 * angle), np.cos(5 * angle), np.sin(5 * angle)]
-    np.testing.assert_array_equal(harmonics(angle, (2, 5)), np.stack(columns, axis=1))
-    assert harmonics([], (2, 5)).shape == (0, 4)
 
 
 def test_a_turned_harmonic_is_the_same_wave() -> None:

@@ -108,6 +108,7 @@ def circle_distance_mm(
     """
     angle = np.asarray(angle_rad, dtype=np.float64)
     x, y = np.asarray(offset_x_mm, np.float64), np.asarray(offset_y_mm, np.float64)
-    along = x * np.cos(angle) + y * np.sin(angle)
-    across = x * np.sin(angle) - y * np.cos(angle)
+    cos, sin = np.cos(angle), np.sin(angle)
+    along = x * cos + y * sin
+    across = x * sin - y * cos
     return np.asarray(np.sqrt(np.maximum(radius_mm**2 - across**2, 0.0)) - along)

@@ -17,7 +17,7 @@ from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.points import Points, tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
-from endoct.stitching.circle import harmonics
+from endoct.stitching.harmonics import harmonics
 
 REACH_MM = 0.015, 0.009, 0.009
 """How far from the face points still count, in every round of the fit."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from endoct.modalities.oct.bscan import Spacing
 from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.circle import harmonics
 from endoct.stitching.compiled import compiled
+from endoct.stitching.harmonics import harmonics
 
 BLOCK_MM = 0.03
 SEARCH_MM = 0.06

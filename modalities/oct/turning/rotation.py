@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.circle import harmonics
 from endoct.stitching.compiled import compiled
+from endoct.stitching.harmonics import harmonics
 
 HARMONICS = 4
 N_SMOOTH = 2 * HARMONICS
@@ -115,8 +115,11 @@ def _error(
     for i in range(nominal_rad.size):
         angle = nominal_rad[i]
         error[i] = stretch * (angle - math.pi)
-        for h in range(1, HARMONICS + 1):
-            error[i] += smooth_rad[2 * h - 2] * math.cos(h * angle) + smooth_rad[2 * h - 1] * math.sin(h * angle)
+        cos, sin = math.cos(angle), math.sin(angle)
+        re, im = 1.0, 0.0
+        for h in range(HARMONICS):
+            re, im = re * cos - im * sin, re * sin + im * cos
+            error[i] += smooth_rad[2 * h] * re + smooth_rad[2 * h + 1] * im
         if angle >= lost_at_rad:  # never where it is NaN
             error[i] += lost_rad
     return error

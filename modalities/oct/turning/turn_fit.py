@@ -33,6 +33,7 @@ LOST_GAIN = 28.0  # twice the logarithm of the likelihoods' ratio
 LOST_RAD = (0.01, 0.15)
 FARTHEST = 0.8  # of the radius: an offset of the catheter beyond that is no fit
 TINY = 1e-6  # steps of derivatives, rad and mm
+COS_TINY, SIN_TINY = math.cos(TINY), math.sin(TINY)
 N_FACTORS = 1 + N_SMOOTH
 FACTORS = slice(3, 3 + N_FACTORS)
 RIPPLE = slice(FACTORS.stop, FACTORS.stop + N_RIPPLE)
@@ -182,7 +183,8 @@ def _iterate(
                 ripple += face[i, k] * unknown[RIPPLE.start + k]
             residual[i] = depth[i] - unknown[2] - distance - ripple
             weight[i] = max(1 - (residual[i] / width) ** 2, 0) ** 2 * strength[i]
-            turned = face_distance(math.cos(beam + TINY), math.sin(beam + TINY), x, y, radius_mm, thickness_mm)
+            by_angle = cosine * COS_TINY - sine * SIN_TINY, sine * COS_TINY + cosine * SIN_TINY
+            turned = face_distance(by_angle[0], by_angle[1], x, y, radius_mm, thickness_mm)
             slope[i] = (turned - distance) / TINY
             if weight[i] > 0:
                 by_x = face_distance(cosine, sine, x + TINY, y, radius_mm, thickness_mm)
