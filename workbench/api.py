@@ -54,6 +54,7 @@ def unroll(
     from endoct.stitching.store import save_panorama
     from endoct.workbench.pipeline.sample_frames import save_sample_frames
     from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
+    from endoct.workbench.report.figures.requested import begin_drawing
 
     stages = stages_for(progress)
     path = Path(path)
@@ -65,9 +66,9 @@ def unroll(
         if process is not None:
             process.preload("endoct.workbench.report.figures.of_one")
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
-        from endoct.workbench.page.report import begin_drawing, write_panorama_report  # which nothing needs before
-
         drawing = begin_drawing(made.panorama, process)
+        from endoct.workbench.page.report import write_panorama_report  # which nothing needs before
+
         save_panorama(made.panorama, scratch)
         if volume:
             write_volume(made, scratch, stages)
