@@ -51,23 +51,27 @@ def unroll(
     >>> wall.to_xarray()["depth_mm"].dims
     ('z', 'theta')
     """
-    from endoct.stitching.store import save_panorama
-    from endoct.workbench.pipeline.sample_frames import save_sample_frames
-    from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
-    from endoct.workbench.report.figures.requested import begin_drawing
-
     stages = stages_for(progress)
     path = Path(path)
     if output is None:
+        from endoct.workbench.pipeline.unrolling import open_side, unroll_recording
+
         if volume:
             raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
         return unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages).panorama
+    # the second process loads its libraries while this one does
     with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch, second_process() as process:
         if process is not None:
             process.preload("endoct.workbench.report.figures.of_one")
+        from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
+
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
+        from endoct.workbench.report.figures.requested import begin_drawing
+
         drawing = begin_drawing(made.panorama, process)
-        from endoct.workbench.page.report import write_panorama_report  # which nothing needs before
+        from endoct.stitching.store import save_panorama
+        from endoct.workbench.page.report import write_panorama_report
+        from endoct.workbench.pipeline.sample_frames import save_sample_frames
 
         save_panorama(made.panorama, scratch)
         if volume:
