@@ -127,8 +127,10 @@ def compare(
             folder = until_done.enter_context(made)
         # it loads its libraries while this process does, and has ended before what was made is put in its place
         process = until_done.enter_context(second_process() if output is not None or len(given) == 2 else nullcontext())
-        if process is not None:
-            process.preload("endoct.workbench.pipeline.side_by_side")
+        if process is not None and not isinstance(b, Panorama):
+            from endoct.workbench.pipeline.side_by_side import make_ready
+
+            process.call(make_ready, Path(b), modality_b)
         from endoct.fusion.parameters import CompareParameters
         from endoct.workbench.pipeline.comparing import compare_sources
         from endoct.workbench.pipeline.sources import Source
