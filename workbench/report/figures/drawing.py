@@ -2,12 +2,15 @@
 
 import io
 import re
+import struct
 import textwrap
+import zlib
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
+from imagecodecs import png_encode
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -26,6 +29,9 @@ PAGE_WIDTH_IN = 7.2
 DPI = 250
 EMBEDDED_QUALITY = 88
 """Quality of the WebP copies in the page; the files in figures/ are lossless."""
+_PAETH = 128
+_HEADER_BYTES = 33
+"""Of a PNG: its signature, and the chunk that says its size."""
 MARGIN_IN = 1.0
 """Paper around what is placed, for labels: nothing is cut off, and what stays white is trimmed."""
 
@@ -99,12 +105,22 @@ def render(figure: Figure, name: str) -> Rendered:
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     margin = round(0.04 * DPI)
     top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
-    trimmed = pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1, :3]
-    image = Image.fromarray(np.ascontiguousarray(trimmed))
-    png, webp = io.BytesIO(), io.BytesIO()
-    image.save(png, "PNG", dpi=(DPI, DPI), compress_level=2)
-    image.save(webp, "WEBP", quality=EMBEDDED_QUALITY, method=2)
-    return Rendered(name, image.width / DPI, png.getvalue(), webp.getvalue())
+    trimmed = np.ascontiguousarray(pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1, :3])
+    webp = io.BytesIO()
+    Image.fromarray(trimmed).save(webp, "WEBP", quality=EMBEDDED_QUALITY, method=2)
+    return Rendered(name, trimmed.shape[1] / DPI, _png(trimmed), webp.getvalue())
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return ``pixels`` (row, column, RGB) as a PNG that says how large it is printed.
+
+    By one filter for all rows: to try them all, as Pillow does, takes twice the time for a hundredth of the size.
+    """
+    png = bytes(png_encode(pixels, level=1, filter=_PAETH))
+    per_metre = round(DPI / 0.0254)
+    content = b"pHYs" + struct.pack(">IIB", per_metre, per_metre, 1)
+    chunk = struct.pack(">I", len(content) - 4) + content + struct.pack(">I", zlib.crc32(content))
+    return png[:_HEADER_BYTES] + chunk + png[_HEADER_BYTES:]
 
 
 def hatch_not_observed(axes: Axes) -> None:
