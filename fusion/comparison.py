@@ -44,6 +44,7 @@ from endoct.stitching.arrays import Mask
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.parallel import at_once
 
 __all__ = ["CompareParameters", "Comparison", "compare_panoramas", "load_comparison", "save_comparison"]
 
@@ -130,13 +131,15 @@ def _placed(
     grid = common_grid(*samplings, dz_mm=parameters.dz_mm, n_theta=parameters.n_theta)
     sides = place(segmented[0], samplings[0], grid), place(segmented[1], samplings[1], grid)
     # score
-    scored = score_sides(sides, grid, samplings if alignment else None, parameters.tolerance_mm)
+    scored, parts = at_once(
+        lambda: score_sides(sides, grid, samplings if alignment else None, parameters.tolerance_mm),
+        lambda: parts_out_of_place(a.evidence, b.evidence, alignment) if alignment else (),
+    )
     own_rows = _on_own_rows(*segmented, alignment) if alignment else None
     result = _result(search_result, segmented, (sides[0].valid, sides[1].valid), grid.dz_mm, scored, own_rows)
     # doubt
     doubts = [doubt for each in segmented for doubt in each.doubts]
     if alignment is not None:
-        parts = parts_out_of_place(a.evidence, b.evidence, alignment)
         is_by_hand = by_hand is not None and by_hand.corrected
         doubts = [
             *(doubts_by_hand(by_hand, alignment, b.name, parameters) if by_hand else ()),

@@ -13,6 +13,8 @@ from typing import Generic, Protocol, TypeVar
 
 In_co = TypeVar("In_co", covariant=True)
 Out = TypeVar("Out")
+One = TypeVar("One")
+Two = TypeVar("Two")
 
 
 class Indexable(Protocol[In_co]):
@@ -41,6 +43,16 @@ def thread_map(function: Callable[[In_co], Out], items: Indexable[In_co], worker
                 yield result
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def at_once(one: Callable[[], One], two: Callable[[], Two]) -> tuple[One, Two]:
+    """Return what two functions return, the second called by a thread of its own meanwhile.
+
+    Raises what they raise, of the first where both fail.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        other = pool.submit(two)
+        return one(), other.result()
 
 
 class Jobs(Generic[Out]):

@@ -10,6 +10,7 @@ from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, find_cells
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.observed import doubts_of_observed
+from endoct.stitching.parallel import at_once
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +54,10 @@ def segment_sides(
     Raises :class:`EndoctError` where all evidence of a side is alike.
     """
     agreement = None if alignment is None else alignment.correlation
-    return (
-        _segmented(a, parameters, polarity, b.evidence, agreement if b.evidence.knows_cells else None),
-        _segmented(b, parameters, polarity, a.evidence, agreement),
+    of_a, of_b = a.evidence, b.evidence
+    return at_once(
+        lambda: _segmented(a, parameters, polarity, of_b, agreement if of_b.knows_cells else None),
+        lambda: _segmented(b, parameters, polarity, of_a, agreement),
     )
 
 

@@ -6,7 +6,7 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 import pytest
 
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.parallel import Jobs, thread_map
+from endoct.stitching.parallel import Jobs, at_once, thread_map
 
 
 @pytest.mark.parametrize("workers", [1, 2, 7, None])
@@ -89,3 +89,15 @@ def test_after_a_cancel_no_job_begins_and_nobody_waits() -> None:
     jobs.work(lambda index: pytest.fail(f"job {index} was begun"))
     with pytest.raises(CancelledError):
         next(jobs.results())
+
+
+def test_two_functions_at_once_return_in_order() -> None:
+    met = threading.Barrier(2, timeout=30)  # neither ends without the other
+    assert at_once(lambda: (met.wait(), "one")[1], lambda: (met.wait(), 2)[1]) == ("one", 2)
+
+
+def test_what_either_of_two_functions_raises_is_raised() -> None:
+    with pytest.raises(ZeroDivisionError):
+        at_once(lambda: 1, lambda: 1 // 0)
+    with pytest.raises(KeyError):
+        at_once(lambda: {}["one"], lambda: 1 // 0)
