@@ -14,6 +14,7 @@ A plug-in
 - may **keep** of every frame what these two need, so that the recording is read once;
 - may **settle** the assembled panorama;
 - may **locate** places of the wall in its pictures of a frame;
+- may compute parts of this **on a device** of torch's;
 - marks unknown samples invalid, changes no input, raises only :class:`EndoctError`.
 
 The conformance suite (:mod:`endoct.modalities.conformance`) checks all of this on any plug-in.
@@ -24,12 +25,13 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.acquisition import MOST_PLACE_MM, Acquisition
+from endoct.modalities.device import Device
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError, cause_of
 from endoct.stitching.grid import SurfaceGrid
@@ -104,13 +106,18 @@ class Manifest:
     implementation: str
     per_frame: Mapping[str, Meaning] = field(default_factory=dict, hash=False)
 
-    def load(self) -> "Modality[Any, Any]":
-        """Import the implementation. Raises :class:`EndoctError` naming what is missing."""
+    def load(self, device: Device = "cpu") -> "Modality[Any, Any]":
+        """Import the implementation, for another ``device`` than the CPU the one that computes there, if there is one.
+
+        Raises :class:`EndoctError` naming what is missing.
+        """
         module, _, name = self.implementation.partition(":")
         try:
             modality: Modality[Any, Any] = getattr(import_module(module), name)
         except (Exception, SystemExit) as error:  # a stranger's module may raise anything
             raise EndoctError(f"the modality '{self.name}' cannot be loaded", found=import_cause(error)) from error
+        if device != "cpu" and hasattr(modality, "on_device"):
+            return cast(OnDeviceModality[Any, Any], modality).on_device(device)
         return modality
 
 
@@ -254,6 +261,13 @@ class ReadingOnce(Modality[P, C], Protocol[P, C]):
 
         ``survey`` and ``unroll`` return for its frames what they return for the recording's own.
         """
+
+
+class OnDeviceModality(Modality[P, C], Protocol[P, C]):
+    """A plug-in of which parts can be computed on a device of torch's, with the same answers within a tolerance."""
+
+    def on_device(self, device: str) -> Modality[P, C]:
+        """Return the plug-in that computes these parts on ``device``, as torch names it; "cpu" too, for tests."""
 
 
 class VolumetricModality(Modality[P, C], Protocol[P, C]):

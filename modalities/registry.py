@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from endoct.modalities.acquisition import SIDECAR_NAME, overridden, read_keys, sidecar_path, validate
 from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, import_cause
+from endoct.modalities.device import Device
 from endoct.modalities.folders import exists
 from endoct.modalities.keys import abridged
 from endoct.stitching.errors import EndoctError, refusing
@@ -80,9 +81,15 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
 
 
 def open_recording(
-    path: Path, *, modality: str | None = None, overrides: Mapping[str, Any] | None = None
+    path: Path,
+    *,
+    modality: str | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    device: Device = "cpu",
 ) -> tuple[Manifest, FrameStream]:
     """Open ``path`` with its plug-in; ``overrides`` replace keys of the sidecar ("table.key": one of a table).
+
+    ``device`` is where frames are computed, as far as the plug-in can do that elsewhere than on the CPU.
 
     Raises :class:`EndoctError` where the recording or its sidecar cannot be used.
     """
@@ -98,7 +105,7 @@ def open_recording(
         )
     acquisition = validate(manifest.acquisition, keys, str(sidecar))
     with refusing(f"{path} cannot be read by the modality '{manifest.name}'"):
-        return manifest, manifest.load().open(path, acquisition)
+        return manifest, manifest.load(device).open(path, acquisition)
 
 
 def sniffed(path: Path, manifest: Manifest) -> Sniff:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.modalities.acquisition import validate
+from endoct.modalities.device import Device, check_device
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import OVERWRITE, check_output, check_place, new_output, remove_output
 from endoct.stitching.panorama import Panorama
@@ -31,6 +32,7 @@ def unroll(
     modality: str | None = None,
     settings: Mapping[str, object] | None = None,
     volume: bool = False,
+    device: Device = "cpu",
     overwrite: bool = False,
     progress: bool | Stages = True,
 ) -> Panorama:
@@ -39,8 +41,10 @@ def unroll(
     The store that is written holds a report, ``report.html``, and pictures of a few frames.
 
     ``settings`` replaces keys of the sidecar and parameters of the plug-in, as ``--set`` does; ``volume`` adds the
-    dense hollow cylinder to the output; ``progress=False`` displays none. Raises :class:`EndoctError` where the
-    recording cannot be used or ``output`` exists and ``overwrite`` is not set.
+    dense hollow cylinder to the output; ``device`` is where to compute what the plug-in can compute elsewhere than on
+    the CPU (:class:`~endoct.modalities.contract.OnDeviceModality`); ``progress=False`` displays none. Raises
+    :class:`EndoctError` where the recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not
+    set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -51,6 +55,7 @@ def unroll(
     >>> wall.to_xarray()["depth_mm"].dims
     ('z', 'theta')
     """
+    check_device(device)
     stages = stages_for(progress)
     path = Path(path)
     if output is None:
@@ -58,14 +63,16 @@ def unroll(
 
         if volume:
             raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
-        return unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages).panorama
+        return unroll_recording(
+            open_side(path, modality=modality, settings=settings or {}, device=device), stages
+        ).panorama
     # the second process loads its libraries while this one does
     with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch, second_process() as process:
         if process is not None:
             process.preload("endoct.workbench.report.figures.of_one")
         from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
 
-        made = unroll_recording(open_side(path, modality=modality, settings=settings or {}), stages)
+        made = unroll_recording(open_side(path, modality=modality, settings=settings or {}, device=device), stages)
         from endoct.workbench.report.figures.requested import begin_drawing
 
         drawing = begin_drawing(made.panorama, process)
@@ -95,6 +102,7 @@ def compare(
     settings_b: Mapping[str, object] | None = None,
     truth: Sequence[Path | str] = (),
     session: Path | str | None = None,
+    device: Device = "cpu",
     overwrite: bool = False,
     progress: bool | Stages = True,
 ) -> "Comparison":
@@ -103,10 +111,10 @@ def compare(
     The comparison, with its report, is written to the folder ``output`` where one is given. ``settings`` are
     parameters of the comparison; ``settings_a`` and ``settings_b`` replace keys of a side's sidecar and parameters of
     its plug-in: the same names as for ``--set``, ``--set-a`` and ``--set-b``. ``truth`` are masks to score both sides
-    against, ``session`` a file with landmark pairs that correct and check the alignment; ``progress=False`` displays
-    none. Where the two could not be aligned, the comparison's ``alignment`` is None and its ``reason`` says why.
-    Raises :class:`EndoctError` where a side, a setting or a session cannot be used, or ``output`` exists and
-    ``overwrite`` is not set.
+    against, ``session`` a file with landmark pairs that correct and check the alignment; ``device`` is that of
+    :func:`unroll`, for recordings; ``progress=False`` displays none. Where the two could not be aligned, the
+    comparison's ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting,
+    a session or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -116,6 +124,7 @@ def compare(
     >>> comparison.grid.n_theta, comparison.alignment is None
     (512, False)
     """
+    check_device(device)
     given = [Path(one) for one in (a, b) if not isinstance(one, Panorama)]
     masks = tuple(Path(path) for path in truth)
     placed = None if session is None else Path(session)
@@ -137,8 +146,8 @@ def compare(
 
         return compare_sources(
             (
-                Source(a if isinstance(a, Panorama) else Path(a), modality_a, settings_a or {}),
-                Source(b if isinstance(b, Panorama) else Path(b), modality_b, settings_b or {}),
+                Source(a if isinstance(a, Panorama) else Path(a), modality_a, settings_a or {}, device),
+                Source(b if isinstance(b, Panorama) else Path(b), modality_b, settings_b or {}, device),
             ),
             folder,
             parameters=validate(CompareParameters, settings or {}, "the settings of the comparison"),

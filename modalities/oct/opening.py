@@ -21,15 +21,15 @@ class UnstatedSpectra(EndoctError):
     """A recording of raw spectra, as it seems, which its sidecar does not say."""
 
 
-def open_pages(path: Path, spectra: SpectraKeys | None) -> ImageStack:
-    """Open a stack of B-scans (depth, A-scan), or one that is made of raw ``spectra`` page by page.
+def open_pages(path: Path, spectra: SpectraKeys | None, device: str | None = None) -> ImageStack:
+    """Open a stack of B-scans (depth, A-scan), or one that is made of raw ``spectra`` page by page, on ``device``.
 
     Raises :class:`EndoctError` where there is nothing to read.
     """
     if spectra is not None:
         from endoct.modalities.oct.spectra.reading import open_spectra  # which loads a compiler
 
-        return open_spectra(path, spectra)
+        return open_spectra(path, spectra, device)
     try:
         return open_stack(path)
     except EndoctError:
@@ -42,11 +42,12 @@ def open_pages(path: Path, spectra: SpectraKeys | None) -> ImageStack:
 class Pullback:
     """A pullback as a stream: sized, indexable, picklable; ``stream[i].samples`` is one B-scan (A-scan, depth).
 
+    Of raw spectra it is made on ``device``, as torch names it; None: on the CPU, without torch.
     Raises :class:`EndoctError` where the file holds no stack of B-scans.
     """
 
-    def __init__(self, path: Path, acquisition: OctAcquisition) -> None:
-        self._stack: ImageStack = open_pages(path, acquisition.spectra)
+    def __init__(self, path: Path, acquisition: OctAcquisition, device: str | None = None) -> None:
+        self._stack: ImageStack = open_pages(path, acquisition.spectra, device)
         if acquisition.spectra is not None:
             acquisition = acquisition.model_copy(update={"intensity": "log", "db_per_count": 1 / COUNTS_PER_DB})
         if acquisition.positions_mm is None:

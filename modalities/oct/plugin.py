@@ -1,6 +1,7 @@
 """The OCT plug-in with the methods that the contract requires; every step has a module of its own."""
 
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 
 from endoct.modalities.acquisition import Acquisition
@@ -30,10 +31,16 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 
 
+@dataclass(frozen=True)
 class OctModality:
-    """Catheter OCT; holds no state."""
+    """Catheter OCT. ``device``: where torch makes B-scans of raw spectra; None: on the CPU, without torch."""
 
+    device: str | None = None
     parameters = OctParameters
+
+    def on_device(self, device: str) -> "OctModality":
+        """Return the plug-in that makes B-scans of raw spectra on ``device``; the rest stays where it is."""
+        return OctModality(device)
 
     def sniff(self, path: Path) -> Sniff:
         """Say whether ``path`` holds a stack of B-scans."""
@@ -43,7 +50,7 @@ class OctModality:
         """Open a pullback. Raises :class:`EndoctError` where it is unusable."""
         if not isinstance(acquisition, OctAcquisition):
             raise EndoctError("a pullback needs the sidecar of an OCT", found=type(acquisition).__name__)
-        return Pullback(path, acquisition)
+        return Pullback(path, acquisition, self.device)
 
     def survey(self, stream: FrameStream, parameters: OctParameters) -> OctCalibration:
         """Locate the capillary in every slice and measure the rotation and the recording's levels, in one pass."""

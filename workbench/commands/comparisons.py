@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from tyro.conf import Positional
 
+from endoct.modalities.device import Device
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.options import ModalityName, Output, Settings
 from endoct.workbench.running.status import DONE
@@ -31,6 +32,7 @@ def compare(
     set: Settings = (),
     set_a: Settings = (),
     set_b: Settings = (),
+    device: Device = "cpu",
     force: bool = False,
     strict: bool = False,
     overwrite: bool = False,
@@ -52,6 +54,7 @@ def compare(
         set: a parameter of the comparison; repeat for more
         set_a: a key of side A's sidecar or a parameter of its processing
         set_b: a key of side B's sidecar or a parameter of its processing
+        device: where to compute B-scans of raw spectra; cuda: by torch on a GPU. Of other sides nothing changes
         force: accept the best alignment even where it does not stand out; that is a doubt
         strict: end with exit status 3 where there is a doubt; the output is written all the same
         overwrite: replace the output if it exists
@@ -71,6 +74,7 @@ def compare(
         settings_b=parse(set_b),
         truth=truth,
         session=session,
+        device=device,
         overwrite=overwrite,
         progress=command_stages(json),
     )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal, TypedDict
 
 from tyro.conf import Positional
 
+from endoct.modalities.device import Device
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
@@ -24,7 +25,7 @@ class _Asked(TypedDict):
     target_mm: "Point | None"
     plan: Path | None
     coordinates: Literal["ras", "lps"] | None
-    device: Literal["cpu", "cuda"]
+    device: Device
     overwrite: bool
     progress: Stages
 
@@ -45,7 +46,7 @@ def pose(
     plan_only: bool = False,
     radius: float | None = None,
     seen: float | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
+    device: Device = "cpu",
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -69,7 +70,7 @@ def pose(
         plan_only: before there is a recording: how well this trajectory could be told, by the CT alone
         radius: with --plan-only, of the bore, mm; default: 1.25
         seen: with --plan-only, how much of the bore a recording would show, mm; default: the plan's length
-        device: where to compute
+        device: where to compute; cuda: on a GPU
         overwrite: replace the output if it exists
         json: print the result as JSON
     """

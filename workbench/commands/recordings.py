@@ -6,6 +6,7 @@ from typing import Annotated
 from rich.table import Table
 from tyro.conf import Positional, arg
 
+from endoct.modalities.device import Device
 from endoct.stitching.digests import path_text
 from endoct.workbench.commands.console import (
     TextConsole,
@@ -25,6 +26,7 @@ def unroll(
     modality: ModalityName = None,
     set: Settings = (),
     volume: bool = False,
+    device: Device = "cpu",
     strict: bool = False,
     overwrite: bool = False,
     json: bool = False,
@@ -37,6 +39,7 @@ def unroll(
         modality: plug-in to read it with, where the sidecar does not say
         set: a key of the sidecar or a processing parameter; repeat for more
         volume: add the dense hollow cylinder, sub-surface included
+        device: where to compute B-scans of raw spectra; cuda: by torch on a GPU. Of other recordings nothing changes
         strict: end with exit status 3 where there is a doubt; the output is written all the same
         overwrite: replace the output if it exists
         json: print as JSON
@@ -50,6 +53,7 @@ def unroll(
         modality=modality,
         settings=parse(set),
         volume=volume,
+        device=device,
         overwrite=overwrite,
         progress=command_stages(json),
     )

@@ -40,10 +40,10 @@ def json_text(value: object) -> str:
     return json.dumps(value, indent=1, ensure_ascii=False).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of Python, of endoct and of the libraries that its figures depend on."""
+def versions(*also: str) -> dict[str, str]:
+    """Return the versions of Python, of endoct, of the libraries that its figures depend on, and ``also`` of others."""
     by_name = {"python": platform.python_version()}
-    for package in PACKAGES:
+    for package in (*PACKAGES, *also):
         try:
             by_name[package] = version(package)
         except PackageNotFoundError:

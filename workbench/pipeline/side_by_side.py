@@ -32,7 +32,7 @@ def unroll_both(a: Opened, b: Opened, stages: Stages, process: WorkerProcess | N
 
 
 def _unroll_there(send: Send, opened: Opened, label: str) -> Unrolled:
-    opened.manifest.load()  # first, so that the libraries it brings keep to one thread as well
+    opened.manifest.load(opened.device)  # first, so that the libraries it brings keep to one thread as well
     with one_blas_thread():
         return unroll_recording(opened, _SentStages(send), label)
 

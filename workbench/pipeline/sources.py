@@ -13,6 +13,7 @@ from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, is_label_store
 from endoct.fusion.files.masks import read_mask, stored_mask
 from endoct.fusion.geometry.placement import check_same_bore
 from endoct.modalities.acquisition import sidecar_path
+from endoct.modalities.device import Device
 from endoct.modalities.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError
@@ -26,11 +27,12 @@ from endoct.workbench.running.progress import Stages
 
 @dataclass(frozen=True)
 class Source:
-    """Where one side of a comparison comes from: a path, or a panorama at hand."""
+    """Where one side of a comparison comes from: a path, or a panorama at hand; ``device``: where to unroll it."""
 
     given: Path | Panorama
     modality: str | None
     settings: Mapping[str, object]
+    device: Device = "cpu"
 
     @property
     def path(self) -> Path | None:
@@ -142,7 +144,7 @@ def open_source(source: Source) -> Ready:
         return stored_mask(panorama) or panorama
     if mask:
         return MaskFile(source.given)
-    return open_side(source.given, modality=source.modality, settings=source.settings)
+    return open_side(source.given, modality=source.modality, settings=source.settings, device=source.device)
 
 
 def _radius_mm(opened: Ready) -> float | None:

@@ -20,6 +20,7 @@ from endoct.modalities.contract import (
     ReadingOnce,
     VolumetricModality,
 )
+from endoct.modalities.device import Device
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError, NotSeen
@@ -45,13 +46,14 @@ class Unrolled:
 
 @dataclass(frozen=True)
 class Opened:
-    """A recording that is known to be readable, with the parameters to process it with, and its files as they were."""
+    """A recording that is known to be readable, with how and where to process it, and its files as they were."""
 
     path: Path
     files: State
     manifest: Manifest
     stream: FrameStream
     parameters: Any
+    device: Device
 
 
 class _Watched:
@@ -77,16 +79,17 @@ class _Watched:
         return frame
 
 
-def open_side(path: Path, *, modality: str | None, settings: Mapping[str, object]) -> Opened:
+def open_side(path: Path, *, modality: str | None, settings: Mapping[str, object], device: Device = "cpu") -> Opened:
     """Open the recording at ``path`` without unrolling it.
 
-    ``settings`` holds keys of its sidecar and of its plug-in's parameters. Raises :class:`EndoctError` where the
-    recording, its sidecar or a setting cannot be used.
+    ``settings`` holds keys of its sidecar and of its plug-in's parameters; ``device`` is where to compute what the
+    plug-in can compute elsewhere than on the CPU. Raises :class:`EndoctError` where the recording, its sidecar or a
+    setting cannot be used.
     """
     files = state_of(path)
     overrides, parameters = split(settings, manifest_for(path, modality))
-    manifest, stream = open_recording(path, modality=modality, overrides=overrides)
-    return Opened(path, files, manifest, stream, parameters)
+    manifest, stream = open_recording(path, modality=modality, overrides=overrides, device=device)
+    return Opened(path, files, manifest, stream, parameters, device)
 
 
 def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolled:
@@ -96,7 +99,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     files were changed since it was opened.
     """
     manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
-    implementation = manifest.load()
+    implementation = manifest.load(opened.device)
     title = f"{label} {manifest.name}".strip()
     with ThreadPoolExecutor(1) as pool, _read_once(implementation, stream, parameters) as frames:
         with stages.stage(f"survey {title}") as advance:
@@ -116,7 +119,7 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
                 provenance={
                     "parameters": parameters.model_dump(mode="json"),
                     "acquisition": stream.acquisition.model_dump(mode="json", exclude_none=True),
-                    "versions": versions(),
+                    **_made_with(opened.device),
                 },
             )
         with stages.stage(f"settle {title}"):
@@ -138,6 +141,11 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
         )
     panorama = replace(panorama, doubts=(*panorama.doubts, *doubts_of_observed(panorama)))
     return Unrolled(panorama, manifest, stream, calibration)
+
+
+def _made_with(device: Device) -> dict[str, object]:
+    """Return the versions that a panorama depends on and, where it is not the CPU, the device that was asked for."""
+    return {"versions": versions()} if device == "cpu" else {"versions": versions("torch"), "device": device}
 
 
 def _digests_after(read: Event, path: Path) -> dict[str, str]:

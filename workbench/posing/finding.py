@@ -1,21 +1,12 @@
 """The pose of a bore by the sides at hand, stage by stage. Loads torch: imported only where a pose is looked for."""
 
-import torch
-
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.answer import PoseAnswer
 from endoct.fusion.pose.finding import Found, answer, find_alone
 from endoct.fusion.pose.observation import observe
 from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.errors import EndoctError
 from endoct.workbench.posing.each_side import EachSide, OneSide, one_thread
 from endoct.workbench.running.progress import Stages
-
-
-def check_device(device: str) -> None:
-    """Raise :class:`EndoctError` where there is no such device."""
-    if device == "cuda" and not torch.cuda.is_available():
-        raise EndoctError("there is no CUDA device", found="cuda", expected="cpu", remedy="leave out --device")
 
 
 def find(air: AirAround, plan: Trajectory, each: EachSide, device: str, stages: Stages) -> PoseAnswer:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.modalities.ct_volume import Convention
+from endoct.modalities.device import Device, check_device
 from endoct.modalities.markups import write_line
 from endoct.modalities.trajectory import Point
 from endoct.stitching.digests import digests
@@ -13,7 +14,7 @@ from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.output import new_output
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.posing.plan import Planned, read_plan
-from endoct.workbench.posing.pose import Device, check_installed, pose_versions
+from endoct.workbench.posing.pose import check_installed, pose_versions
 from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import POSE
 from endoct.workbench.running.progress import Stages
@@ -60,6 +61,7 @@ def pose_outlook(
     'well'
     """
     check_installed()
+    check_device(device)
     if not RADII_MM[0] <= radius_mm <= RADII_MM[1]:
         raise EndoctError(
             "there is no such bore",
@@ -101,13 +103,11 @@ def _rehearsed(
     from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
     from endoct.fusion.pose.wall_facts import facts_of, wall_of_plan
     from endoct.workbench.posing.each_side import one_thread
-    from endoct.workbench.posing.finding import check_device
     from endoct.workbench.posing.outlook_result import OutlookResult
     from endoct.workbench.posing.result import Made
 
     start = time.perf_counter()
     files = {path: state_of(path) for path in paths}
-    check_device(device)
     with stages.stage("CT around the plan"):
         air = air_around(planned.ct, planned.plan)
         wall = wall_of_plan(air, radius_mm)

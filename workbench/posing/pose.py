@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from endoct.modalities.ct_volume import Convention, read_ct
+from endoct.modalities.device import Device, check_device
 from endoct.modalities.trajectory import Point
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError
@@ -28,7 +29,6 @@ from endoct.workbench.running.threads import one_blas_thread
 if TYPE_CHECKING:
     from endoct.workbench.posing.result import PoseResult
 
-Device = Literal["cpu", "cuda"]
 NEEDED = ("torch", "kornia", "SimpleITK")
 
 
@@ -76,9 +76,10 @@ def pose(
     (('endoscope',), 'ras')
     """
     check_installed()
+    check_device(device)
     options = ((modality_a, settings_a), (modality_b, settings_b))
     sources = tuple(
-        side_of_comparison(Source(side if isinstance(side, Panorama) else Path(side), modality, settings or {}))
+        side_of_comparison(Source(side if isinstance(side, Panorama) else Path(side), modality, settings or {}, device))
         for side, (modality, settings) in zip(sides, (*options, *[(None, None)] * len(sides)), strict=False)
     )
     paths = [Path(one) for one in (ct, plan, labels) if one is not None]
@@ -108,7 +109,7 @@ def check_installed() -> None:
 
 def pose_versions() -> dict[str, str]:
     """Return the versions of endoct and of what poses need."""
-    return versions() | {name: _version(name) for name in NEEDED}
+    return versions(*NEEDED)
 
 
 def _found(
@@ -125,7 +126,7 @@ def _found(
     from endoct.fusion.pose.structures import structures_near
     from endoct.fusion.pose.summary import summary_of
     from endoct.workbench.posing.each_side import EachSide
-    from endoct.workbench.posing.finding import check_device, find
+    from endoct.workbench.posing.finding import find
     from endoct.workbench.posing.result import Made, PoseResult
 
     start = time.perf_counter()
@@ -133,7 +134,6 @@ def _found(
     opened = open_sides(sources)
     volume = None if labels is None else read_ct(Path(labels), planned.coordinates)
     structures = () if volume is None else structures_near(volume, planned.plan)
-    check_device(device)
     with stages.stage("CT around the plan"):
         air = air_around(planned.ct, planned.plan)
     # what cannot be used was refused before the work of unrolling
@@ -160,9 +160,3 @@ def _found(
 
         write_folder(result, planned.ct, volume, each, folder, stages)
     return result
-
-
-def _version(name: str) -> str:
-    from importlib.metadata import version
-
-    return version(name)

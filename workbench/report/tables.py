@@ -85,6 +85,8 @@ def provenance(result: Result) -> Iterator[str]:
 
 def panorama_provenance(made: Mapping[str, Any]) -> Iterator[str]:
     """Yield inputs, versions and parameters of a panorama as HTML, as far as its provenance says them."""
+    if isinstance(device := made.get("device"), str):
+        yield f"<h3>Device</h3>\n<p>{escape(device)}, for what can be computed there</p>\n"
     parts = {"Inputs": "inputs", "Sidecar": "acquisition", "Parameters": "parameters", "Versions": "versions"}
     for title, key in parts.items():
         if isinstance(said := made.get(key), Mapping) and said:

@@ -12,7 +12,7 @@ _SHORT_OF_MEMORY = ("(-4:Insufficient memory)", "can't start new thread")
 
 _FLAGS = (
     (re.compile(r"\b(overwrite|volume)=True\b"), r"--\1"),
-    (re.compile(r"\b(modality|side|to)='([\w-]+)'"), r"--\1 \2"),
+    (re.compile(r"\b(modality|side|to|device)='([\w-]+)'"), r"--\1 \2"),
     (re.compile(r"\bmodality_([ab])='(\w+)'"), r"--modality-\1 \2"),
     (re.compile(r"\bsettings=\{'(\w+)': (\w+)\}"), r"--set \1=\2"),
     (re.compile(r"\bsettings_([ab])=\{'(\w+)': (\w+)\}"), r"--set-\1 \2=\3"),

@@ -3,7 +3,7 @@
 import threading
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from endoct.stitching.files import open_regular
 from endoct.stitching.limits import check_array_size
 from endoct.stitching.names import inside
 
+if TYPE_CHECKING:
+    from endoct.modalities.oct.spectra.on_device import OnDevice
+
 LEAST_COVERED = 0.5
 """Share of the even wavenumbers that a chirp must reach; places in other units reach none or all too few."""
 
@@ -31,7 +34,7 @@ SHALLOW = 4  # of the depth, this part
 class ReadSpectra:
     """Reads slices of raw spectra: called with an index, returns the B-scan, u16 (depth, A-scan)."""
 
-    def __init__(self, path: Path, keys: SpectraKeys, chain: Reconstruction) -> None:
+    def __init__(self, path: Path, keys: SpectraKeys, chain: "Reconstruction | OnDevice") -> None:
         self.path, self.keys, self.chain = path, keys, chain
 
     def __call__(self, index: int) -> NDArray[np.uint16]:
@@ -62,15 +65,21 @@ def _room(shape: tuple[int, int], dtype: np.dtype[Any]) -> _Room:
     return _Room(shape, dtype)
 
 
-def open_spectra(path: Path, keys: SpectraKeys) -> ImageStack:
+def open_spectra(path: Path, keys: SpectraKeys, device: str | None = None) -> ImageStack:
     """Open a folder, or a file, of raw spectra as a stack of B-scans (depth, A-scan); only the first is made.
 
+    They are made on ``device``, as torch names it; None: on the CPU, without torch.
     Raises :class:`EndoctError` where a file that ``keys`` name is missing, or does not fit them.
     """
     folder = path if is_folder(path) else path.parent
     file = inside(folder, keys.file, "'spectra.file' in the sidecar") if is_folder(path) else path
     n_slices = _count_slices(file, keys)
-    return ImageStack(path, n_slices, ReadSpectra(file, keys, chain_of(folder, keys)))
+    chain = chain_of(folder, keys)
+    if device is None:
+        return ImageStack(path, n_slices, ReadSpectra(file, keys, chain))
+    from endoct.modalities.oct.spectra.on_device import OnDevice  # which loads torch
+
+    return ImageStack(path, n_slices, ReadSpectra(file, keys, OnDevice(chain, device)))
 
 
 def is_sharper_turned_around(path: Path, keys: SpectraKeys, bscan: NDArray[np.uint16]) -> bool:

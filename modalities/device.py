@@ -1,0 +1,24 @@
+"""Where the batched parts of unrolling, and poses, are computed: on the CPU, or on a CUDA device by torch."""
+
+from importlib.util import find_spec
+from typing import Literal
+
+from endoct.stitching.errors import EndoctError
+
+Device = Literal["cpu", "cuda"]
+"""As torch names them; "cpu" is the reference, and of unrolling not torch's."""
+
+
+def check_device(device: Device) -> None:
+    """Raise :class:`EndoctError` where there is no such device, or no torch. Loads nothing for "cpu"."""
+    if device == "cpu":
+        return
+    if find_spec("torch") is None:
+        raise EndoctError(
+            "only torch computes on a CUDA device, and it is not installed",
+            remedy="pip install 'endoct[cuda]', or leave out device='cuda'",
+        )
+    import torch
+
+    if not torch.cuda.is_available():
+        raise EndoctError("there is no CUDA device", found=device, expected="cpu", remedy="leave out device='cuda'")
