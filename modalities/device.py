@@ -1,5 +1,7 @@
 """Where the batched parts of unrolling, and poses, are computed: on the CPU, or on a CUDA device by torch."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Literal
 
@@ -22,3 +24,14 @@ def check_device(device: Device) -> None:
 
     if not torch.cuda.is_available():
         raise EndoctError("there is no CUDA device", found=device, expected="cpu", remedy="leave out device='cuda'")
+
+
+@contextmanager
+def memory_of(device: str) -> Iterator[None]:
+    """Raise ``MemoryError`` where the memory of a ``device`` of torch's runs out. Loads torch."""
+    import torch
+
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        raise MemoryError(f"on the device {device}") from error

@@ -12,6 +12,8 @@ from endoct.stitching.arrays import Image, Mask
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99
 DARKEST = 0.002
+UNSEEN = 1e12
+"""Brightness of pixels that say nothing: the least share of one makes a sample brighter than any that is seen."""
 
 
 def full_scale(samples: NDArray[Any]) -> float:

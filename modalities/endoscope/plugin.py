@@ -1,7 +1,7 @@
 """The endoscope plug-in with the methods that the contract requires; every step has a module of its own."""
 
 from contextlib import AbstractContextManager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from endoct.modalities.acquisition import Acquisition
@@ -20,10 +20,16 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 
 
+@dataclass(frozen=True)
 class EndoscopeModality:
-    """The cone-mirror endoscope; holds no state."""
+    """The cone-mirror endoscope. ``device``: where torch samples frames; None: on the CPU, without torch."""
 
+    device: str | None = None
     parameters = EndoscopeParameters
+
+    def on_device(self, device: str) -> "EndoscopeModality":
+        """Return the plug-in that samples frames for their strips on ``device``; the rest stays where it is."""
+        return EndoscopeModality(device)
 
     def sniff(self, path: Path) -> Sniff:
         """Say whether ``path`` holds images of a mirror's annulus."""
@@ -47,7 +53,7 @@ class EndoscopeModality:
 
     def unroll(self, frame: Frame, calibration: EndoscopeCalibration) -> Strip:
         """Turn one frame into a strip. Pure."""
-        return unroll_frame(frame, calibration)
+        return unroll_frame(frame, calibration, self.device)
 
     def settle(self, panorama: Panorama, calibration: EndoscopeCalibration) -> Panorama:
         """Add what is to be doubted; there is no depth to reconcile."""

@@ -5,19 +5,17 @@ import numpy as np
 
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.light import DARKEST, brightness, saturated
+from endoct.modalities.endoscope.light import DARKEST, UNSEEN, brightness, saturated
 from endoct.modalities.endoscope.mirror.resampling import Circles
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
 from endoct.stitching.strip import Strip
 
 LEAST_WEIGHT = 1e-3
-UNSEEN = 1e12
-"""Brightness of pixels that say nothing: the least share of one makes a sample brighter than any that is seen."""
 
 
-def unroll_frame(frame: Frame, calibration: EndoscopeCalibration) -> Strip:
-    """Return ``frame`` on those of the panorama's rows that it shows."""
+def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | None = None) -> Strip:
+    """Return ``frame`` on those of the panorama's rows that it shows; by torch where ``device`` is one of torch's."""
     c = calibration
     half_mm = float(c.strip_z_mm[-1])
     centre_mm = float(c.z_mm[frame.index])
@@ -30,13 +28,20 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration) -> Strip:
     annulus = c.annuli[frame.index].with_drift(*c.drift_px).moved(*c.shift_px)
     columns, rows = Circles(annulus, c.optics.r_px(fine_z)).pixel_map(fine_angle)
 
-    light = _sampled(frame, c.full_scale, columns, rows)
+    image = _brightness(frame, c.full_scale)
     flat_rows = (fine_z - c.strip_z_mm[0]) / (c.strip_z_mm[1] - c.strip_z_mm[0])
     flat_columns = fine_angle / (2 * np.pi) * c.flat.log_light.shape[1]
-    on_bone = c.flat.transmission(flat_rows, flat_columns)
     shape = z_mm.size, theta_rad.size
-    intensity, good = np.empty(shape, np.float32), np.empty(shape, np.bool_)
-    _average(light, on_bone, np.exp(c.exposure[frame.index]), intensity, good)
+    if device is None:
+        light = _sampled(image, columns, rows)
+        on_bone = c.flat.transmission(flat_rows, flat_columns)
+        intensity, good = np.empty(shape, np.float32), np.empty(shape, np.bool_)
+        _average(light, on_bone, np.exp(c.exposure[frame.index]), intensity, good)
+    else:
+        from endoct.modalities.endoscope.on_device import averaged  # which loads torch
+
+        intensity, good = averaged(image, (columns, rows), c.flat, (flat_rows, flat_columns), shape, device)
+        intensity /= np.exp(c.exposure[frame.index])
 
     return Strip(
         z_mm=z_mm,
@@ -49,10 +54,15 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration) -> Strip:
     )
 
 
-def _sampled(frame: Frame, full_scale: float, columns: Image, rows: Image) -> Image:
-    """Return a frame's brightness at fractional places; far above 1 where a pixel of it is saturated or outside."""
+def _brightness(frame: Frame, full_scale: float) -> Image:
+    """Return a frame's brightness, far above 1 where it is saturated."""
     image = brightness(frame.samples, full_scale)
     np.copyto(image, UNSEEN, where=saturated(frame.samples, full_scale))
+    return image
+
+
+def _sampled(image: Image, columns: Image, rows: Image) -> Image:
+    """Return a frame's brightness at fractional places; far above 1 where a pixel of it is saturated or outside."""
     samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=UNSEEN)
     return np.asarray(samples, np.float32)
 

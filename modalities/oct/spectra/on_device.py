@@ -8,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from endoct.modalities.device import memory_of
 from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
 from endoct.modalities.oct.spectra.reconstruction import Reconstruction
@@ -29,10 +30,8 @@ class OnDevice:
         levels down to 20 dB below noise of a digit or more by one count at most, those of hardly anything by many.
         Raises ``MemoryError`` where the device's memory does not hold the slice.
         """
-        try:
+        with memory_of(self.device):
             return _bscan(spectra, _constants(self))
-        except torch.OutOfMemoryError as error:
-            raise MemoryError(f"on the device {self.device}") from error
 
 
 @dataclass(frozen=True, eq=False)
