@@ -3,18 +3,21 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from tolerances import ON_DEVICE_WALL_SHARE, SAME_WALL_MM
+from tolerances import ON_DEVICE_LIGHT_REL, ON_DEVICE_WALL_SHARE, SAME_WALL_MM
 
 from endoct.modalities import device
-from endoct.modalities.oct.plugin import OctModality
+from endoct.modalities.endoscope.plugin import EndoscopeModality
+from endoct.modalities.oct.manifest import MANIFEST
+from endoct.modalities.oct.plugin import OCT, OctModality
 from endoct.stitching.store import load_panorama
 from endoct.synthetic.specimen import simulate
-from endoct.workbench import cli, compare, unroll
+from endoct.workbench import api, cli, compare, unroll
 
 Run = Callable[..., tuple[int, list[str]]]
 
@@ -43,7 +46,8 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
 def on_torch(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let torch's CPU device stand for a GPU."""
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr(OctModality, "on_device", lambda self, _: OctModality("cpu"))
+    for modality in (OctModality, EndoscopeModality):
+        monkeypatch.setattr(modality, "on_device", lambda self, _: type(self)("cpu"))
 
 
 COMMANDS = {
@@ -105,16 +109,25 @@ def test_on_a_device_the_wall_of_raw_spectra_is_the_same(
     assert "<h3>Device</h3>\n<p>cuda, " in (tmp_path / "out.zarr" / "report.html").read_text(encoding="utf-8")
 
 
-def test_where_a_plug_in_has_nothing_to_compute_there_nothing_changes(on_torch: None, specimen: Path) -> None:
-    for name in ("endoscope", "oct"):
-        on_cpu, on_cuda = (unroll(specimen / name, device=one, progress=False) for one in ("cpu", "cuda"))
-        np.testing.assert_array_equal(on_cuda.intensity, on_cpu.intensity)
-        np.testing.assert_array_equal(on_cuda.valid, on_cpu.valid)
+def test_of_finished_bscans_nothing_changes(on_torch: None, specimen: Path) -> None:
+    on_cpu, on_cuda = (unroll(specimen / "oct", device=one, progress=False) for one in ("cpu", "cuda"))
+    np.testing.assert_array_equal(on_cuda.intensity, on_cpu.intensity)
+    np.testing.assert_array_equal(on_cuda.valid, on_cpu.valid)
 
 
-def test_two_recordings_are_compared_on_a_device(on_torch: None, specimen: Path) -> None:
-    """The second in a process of its own."""
-    spectra = specimen / "oct-spectra"
-    sinc = {"spectra.interpolation": "sinc"}
-    compared = compare(spectra, spectra, settings_b=sinc, settings={"n_theta": 512}, device="cuda", progress=False)
-    assert [side.panorama.provenance["device"] for side in compared.sides] == ["cuda", "cuda"]
+def test_a_plug_in_that_computes_nowhere_else_is_used_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(OctModality, "on_device")
+    assert MANIFEST.load("cuda") is OCT
+
+
+def test_two_recordings_are_compared_on_a_device(
+    on_torch: None, specimen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(api, "second_process", nullcontext)  # where nothing stands for a GPU
+    compare(specimen / "oct-spectra", specimen / "endoscope", tmp_path / "out", device="cuda", progress=False)
+    oct_, endoscope = (load_panorama(tmp_path / "out" / "panoramas" / f"{n}.zarr") for n in ("oct", "endoscope"))
+    assert (oct_.provenance["device"], endoscope.provenance["device"]) == ("cuda", "cuda")
+    reference = unroll(specimen / "endoscope", progress=False)
+    np.testing.assert_array_equal(endoscope.valid, reference.valid)
+    np.testing.assert_allclose(endoscope.intensity, reference.intensity, rtol=ON_DEVICE_LIGHT_REL)
+    assert not np.array_equal(endoscope.intensity, reference.intensity)  # it was another computation

@@ -54,7 +54,8 @@ def compare(
         set: a parameter of the comparison; repeat for more
         set_a: a key of side A's sidecar or a parameter of its processing
         set_b: a key of side B's sidecar or a parameter of its processing
-        device: where to compute B-scans of raw spectra; cuda: by torch on a GPU. Of other sides nothing changes
+        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
+            Nothing else changes
         force: accept the best alignment even where it does not stand out; that is a doubt
         strict: end with exit status 3 where there is a doubt; the output is written all the same
         overwrite: replace the output if it exists

@@ -39,7 +39,8 @@ def unroll(
         modality: plug-in to read it with, where the sidecar does not say
         set: a key of the sidecar or a processing parameter; repeat for more
         volume: add the dense hollow cylinder, sub-surface included
-        device: where to compute B-scans of raw spectra; cuda: by torch on a GPU. Of other recordings nothing changes
+        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
+            Nothing else changes
         strict: end with exit status 3 where there is a doubt; the output is written all the same
         overwrite: replace the output if it exists
         json: print as JSON
