@@ -9,6 +9,7 @@ catheter is on the axis: the prior then leaves the turn even. The face's own dep
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,6 @@ FACTORS = slice(3, 3 + N_FACTORS)
 RIPPLE = slice(FACTORS.stop, FACTORS.stop + N_RIPPLE)
 N_UNKNOWN = RIPPLE.stop
 """Unknowns of a slice: x, y and depth of the axis; stretch and harmonics of the rotation; ripple of the face."""
-
-_AROUND = smooth_basis(np.linspace(0, 2 * np.pi, 90, endpoint=False))
 
 
 def unknowns(circle: Circle, factors: Coordinates) -> Coordinates:
@@ -104,7 +103,14 @@ class TurnFit:
 
 def mean_variance(covariance: Coordinates) -> float:
     """Return the variance of α(a) that factors of ``covariance`` (N_FACTORS, N_FACTORS) make, rad², over the turn."""
-    return float(np.mean(np.einsum("ij,jk,ik->i", _AROUND, covariance, _AROUND)))
+    around = _basis_around()
+    return float(np.mean(np.einsum("ij,jk,ik->i", around, covariance, around)))
+
+
+@cache
+def _basis_around() -> Coordinates:
+    """The basis at even steps around a turn; made when first needed, as it is by compiled code."""
+    return smooth_basis(np.linspace(0, 2 * np.pi, 90, endpoint=False))
 
 
 def fit_turn(

@@ -6,6 +6,7 @@ showed, since friction changes slowly along the bore.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -39,7 +40,6 @@ LEAST_INFORMATION = 0.5  # at most this share of the prior's variance may be lef
 MOST_UNEVEN = 0.7  # of the mean speed
 NEIGHBOURS = 4
 LEAST_NEIGHBOURS = 3
-_AROUND = smooth_basis(np.linspace(0, 2 * np.pi, 180))
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,5 +199,11 @@ def _plausible(fit: TurnFit, features: SliceFeatures, usual: Coordinates, share:
     """Whether at least a ``share`` of sectors showed the face, and the fit is a possible rotation."""
     if np.unique(features.points.angle_rad[fit.weight > 0]).size < share * features.n_columns:
         return False
-    rate = np.diff(_AROUND @ fit.factors) / (2 * np.pi / 179)
+    rate = np.diff(_basis_around() @ fit.factors) / (2 * np.pi / 179)
     return bool(np.abs(rate).max() < MOST_UNEVEN and np.all(np.abs(fit.factors) < 5 * usual))
+
+
+@cache
+def _basis_around() -> Coordinates:
+    """The basis at places around a turn, both ends included; made when first needed, as it is by compiled code."""
+    return smooth_basis(np.linspace(0, 2 * np.pi, 180))
