@@ -83,11 +83,11 @@ def _met(grid: FacetGrid, start: Image, way: Image) -> tuple[NDArray[np.intp], I
             share = depth_before[met] / np.minimum(depth_before[met] - depth[met], np.float32(-1e-9))
             at = before[met] + share * (t[met] - before[met])
             rays.append(on[met])
-            facets.append(_facet(grid, start[:, met] + at * way[:, met]))
+            facets.append(_facet(grid, start.take(met, axis=1) + at * way.take(met, axis=1)))
         if not further.size:
             break
-        on, enters, leaves, depth_before = on[further], enters[further], leaves[further], depth[further]
-        start, way, before = start[:, further], way[:, further], t[further]
+        on, enters, leaves, depth_before, before = (one.take(further) for one in (on, enters, leaves, depth, t))
+        start, way = start.take(further, axis=1), way.take(further, axis=1)
         t = before + np.float32(STEP_MM)
         jumps = (before <= enters) & (t > enters)
         before, t = np.where(jumps, leaves, before), np.where(jumps, leaves, t)
