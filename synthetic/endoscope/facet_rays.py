@@ -86,8 +86,8 @@ def _met(grid: FacetGrid, start: Image, way: Image) -> tuple[NDArray[np.intp], I
             facets.append(_facet(grid, start.take(met, axis=1) + at * way.take(met, axis=1)))
         if not further.size:
             break
-        on, enters, leaves, depth_before, before = (one.take(further) for one in (on, enters, leaves, depth, t))
-        start, way = start.take(further, axis=1), way.take(further, axis=1)
+        enters, leaves, depth_before, before = (one.take(further) for one in (enters, leaves, depth, t))
+        on, start, way = on.take(further), start.take(further, axis=1), way.take(further, axis=1)
         t = before + np.float32(STEP_MM)
         jumps = (before <= enters) & (t > enters)
         before, t = np.where(jumps, leaves, before), np.where(jumps, leaves, t)
