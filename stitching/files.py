@@ -4,15 +4,20 @@ import hashlib
 import os
 import stat
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
+from threading import Event
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.names import is_left_by_system
 
 SMALL_BYTES = 1_000_000
 """Sidecars and the like have no more."""
+
+BLOCK_BYTES = 2**18
+"""Read at a time for a digest."""
 
 State = dict[str, tuple[int, ...]]
 """Of every file below a path: device, number, size, and the times of its last changes."""
@@ -63,10 +68,18 @@ def read_small(path: Path, most_bytes: int = SMALL_BYTES) -> bytes:
     return data
 
 
-def sha256_of(path: Path) -> str:
-    """Return the sha256 of a file's bytes. Raises :class:`EndoctError` where it is no regular file."""
+def sha256_of(path: Path, stop: Event | None = None) -> str:
+    """Return the sha256 of a file's bytes. Raises :class:`EndoctError` where it is no regular file.
+
+    Raises ``CancelledError`` soon after another thread has set ``stop``: a large file takes a minute.
+    """
+    digest, room = hashlib.sha256(), memoryview(bytearray(BLOCK_BYTES))
     with open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        while count := file.readinto(room):
+            if stop is not None and stop.is_set():
+                raise CancelledError
+            digest.update(room[:count])
+    return digest.hexdigest()
 
 
 def state_of(path: Path) -> State:

@@ -1,6 +1,6 @@
 """One recording to one panorama, whatever its modality."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -57,11 +57,10 @@ class Opened:
 
 
 class _Watched:
-    """A stream that reports how much of it has been read; ``whole`` is set once that is all of it."""
+    """A stream that reports how much of it has been read, and calls ``when_whole`` once that is all of it."""
 
-    def __init__(self, stream: FrameStream, advance: Advance) -> None:
-        self._stream, self._advance, self._read = stream, advance, 0
-        self.whole = Event()
+    def __init__(self, stream: FrameStream, advance: Advance, when_whole: Callable[[], None] = lambda: None) -> None:
+        self._stream, self._advance, self._when_whole, self._read = stream, advance, when_whole, 0
 
     @property
     def acquisition(self) -> Acquisition:
@@ -75,8 +74,40 @@ class _Watched:
         self._read += 1
         self._advance(min(1.0, self._read / len(self._stream)))
         if self._read >= len(self._stream):
-            self.whole.set()
+            self._when_whole()
         return frame
+
+
+class _Digests:
+    """The digests of a recording, made by a thread of their own from :meth:`begin` on; given up with the context.
+
+    Until all is read all processors are busy, afterwards rarely all of them.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._begin, self._stop = path, Event(), Event()
+
+    def __enter__(self) -> "_Digests":
+        self._pool = ThreadPoolExecutor(1)
+        self._made = self._pool.submit(self._make)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._begin.set()
+        self._pool.shutdown()
+
+    def begin(self) -> None:
+        """Have them made now."""
+        self._begin.set()
+
+    def result(self) -> dict[str, str]:
+        """Return them once they are made."""
+        return self._made.result()
+
+    def _make(self) -> dict[str, str]:
+        self._begin.wait()
+        return digests(self._path, self._stop)
 
 
 def open_side(path: Path, *, modality: str | None, settings: Mapping[str, object], device: Device = "cpu") -> Opened:
@@ -101,14 +132,10 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
     implementation = manifest.load(opened.device)
     title = f"{label} {manifest.name}".strip()
-    with ThreadPoolExecutor(1) as pool, _read_once(implementation, stream, parameters) as frames:
+    with _Digests(opened.path) as inputs, _read_once(implementation, stream, parameters) as frames:
         with stages.stage(f"survey {title}") as advance:
-            watched = _Watched(frames, advance)
-            inputs = pool.submit(_digests_after, watched.whole, opened.path)
-            try:
-                calibration = implementation.survey(watched, parameters)
-            finally:
-                watched.whole.set()
+            calibration = implementation.survey(_Watched(frames, advance, when_whole=inputs.begin), parameters)
+            inputs.begin()
         give_back()
         with stages.stage(f"unroll {title}") as advance:
             strips = thread_map(partial(implementation.unroll, calibration=calibration), _Watched(frames, advance))
@@ -146,12 +173,6 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
 def _made_with(device: Device) -> dict[str, object]:
     """Return the versions that a panorama depends on and, where it is not the CPU, the device that was asked for."""
     return {"versions": versions()} if device == "cpu" else {"versions": versions("torch"), "device": device}
-
-
-def _digests_after(read: Event, path: Path) -> dict[str, str]:
-    """Return the digests of what was ``read``: until then all processors are busy, afterwards rarely all of them."""
-    read.wait()
-    return digests(path)
 
 
 def _read_once(

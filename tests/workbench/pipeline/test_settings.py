@@ -2,7 +2,9 @@
 
 import hashlib
 import runpy
+from concurrent.futures import CancelledError
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -59,6 +61,15 @@ def test_digests_are_those_of_sha256sum(tmp_path: Path) -> None:
     expected = hashlib.sha256(b"abc").hexdigest()
     assert digests(file) == {str(file): expected}
     assert digests(tmp_path) == {str(file): expected}
+
+
+def test_digests_are_given_up_once_nobody_needs_them(tmp_path: Path) -> None:
+    (tmp_path / "frame.png").write_bytes(b"abc")
+    stop = Event()
+    assert digests(tmp_path, stop)
+    stop.set()
+    with pytest.raises(CancelledError):
+        digests(tmp_path, stop)
 
 
 def test_many_files_share_one_digest_that_each_of_them_changes(tmp_path: Path) -> None:
