@@ -18,6 +18,7 @@ from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
 from endoct.stitching.ranks import quantile
 from endoct.stitching.robust import robust_sigma
+from endoct.stitching.room import Room
 
 WALL_QUANTILE = 0.6
 VIEWS_FOR_PATTERN = 6
@@ -45,12 +46,14 @@ class FlatField:
         rows = np.ascontiguousarray
         return FlatField(rows(self.log_light[step]), rows(self.pattern[step]), rows(self.usable[step]))
 
-    def transmission(self, rows: Coordinates, columns: Coordinates) -> Image:
+    def transmission(self, rows: Coordinates, columns: Coordinates, room: Room | None = None) -> Image:
         """Return how much light there is at every pair of fractional rows and columns, θ a circle; NaN under dirt.
 
-        Interpolated bilinearly, dirt as well: under it is what mostly is.
+        Interpolated bilinearly, dirt as well: under it is what mostly is. An array of ``room``, if any.
         """
-        return np.exp(_pairs(self.log_light, self.usable, rows, np.mod(columns, self.usable.shape[1])))
+        light: Image = (room or Room()).array("light", (rows.size, columns.size))
+        _pairs(self.log_light, self.usable, rows, np.mod(columns, self.usable.shape[1]), light)
+        return np.exp(light, out=light)
 
 
 def enough_frames(n: int) -> list[int]:
@@ -183,8 +186,8 @@ def _pattern(residual: Image) -> Image:
 
 
 @compiled
-def _pairs(image: Image, usable: Mask, rows: Coordinates, columns: Coordinates) -> Image:
-    """Return ``image`` bilinearly, cyclic in θ, at pairs of ``rows`` and ``columns``; NaN where half is not usable."""
+def _pairs(image: Image, usable: Mask, rows: Coordinates, columns: Coordinates, pairs: Image) -> None:
+    """Write ``image`` bilinearly, cyclic in θ, at pairs of ``rows`` and ``columns``; NaN where half is not usable."""
     n_rows, n_theta = image.shape
     left, beside = np.empty(columns.size, np.int64), np.empty(columns.size, np.int64)
     beyond = np.empty(columns.size, np.float32)
@@ -198,7 +201,6 @@ def _pairs(image: Image, usable: Mask, rows: Coordinates, columns: Coordinates) 
             across[k, j] = one + beyond[j] * (two - one)
             of_one, of_two = np.float32(usable[k, left[j]]), np.float32(usable[k, beside[j]])
             known[k, j] = of_one + beyond[j] * (of_two - of_one)
-    pairs = np.empty((rows.size, columns.size), np.float32)
     for i in range(rows.size):
         row = min(max(rows[i], 0.0), n_rows - 1.0)
         top = min(int(row), n_rows - 2)
@@ -207,4 +209,3 @@ def _pairs(image: Image, usable: Mask, rows: Coordinates, columns: Coordinates) 
         for j in range(columns.size):
             clean = of_near[j] + share * (of_far[j] - of_near[j]) > np.float32(0.5)
             pairs[i, j] = near[j] + share * (far[j] - near[j]) if clean else np.float32(np.nan)
-    return pairs

@@ -34,8 +34,12 @@ def brightness(samples: NDArray[Any], scale: float) -> Image:
 
 def saturated(samples: NDArray[Any], scale: float) -> Mask:
     """Say where the brightness of a frame is saturated, bool (row, column)."""
-    least = SATURATED * scale
-    return np.asarray(green(samples) >= (least if samples.dtype.kind == "f" else ceil(least)))  # as whole numbers
+    return np.asarray(green(samples) >= least_saturated(samples.dtype, scale))
+
+
+def least_saturated(dtype: np.dtype[Any], scale: float) -> float:
+    """Return the least saturated sample; of whole numbers it is one."""
+    return SATURATED * scale if dtype.kind == "f" else ceil(SATURATED * scale)
 
 
 def green(samples: NDArray[Any]) -> NDArray[Any]:

@@ -1,17 +1,22 @@
 """One frame as a strip of the wall: sampled on the panorama's rows and divided by the light of the probe."""
 
+from typing import Any
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.light import DARKEST, UNSEEN, brightness, saturated
+from endoct.modalities.endoscope.light import DARKEST, UNSEEN, green, least_saturated
 from endoct.modalities.endoscope.mirror.resampling import Circles
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
+from endoct.stitching.room import Room
 from endoct.stitching.strip import Strip
 
 LEAST_WEIGHT = 1e-3
+_ROOM = Room()
 
 
 def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | None = None) -> Strip:
@@ -26,7 +31,7 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | 
     fine_z = _subdivided(z_mm - centre_mm, c.grid.dz_mm, by_row)
     fine_angle = c.image_angle(frame.index, _subdivided(theta_rad, c.grid.dtheta_rad, by_column))
     annulus = c.annuli[frame.index].with_drift(*c.drift_px).moved(*c.shift_px)
-    columns, rows = Circles(annulus, c.optics.r_px(fine_z)).pixel_map(fine_angle)
+    columns, rows = Circles(annulus, c.optics.r_px(fine_z)).pixel_map(fine_angle, _ROOM)
 
     image = _brightness(frame, c.full_scale)
     flat_rows = (fine_z - c.strip_z_mm[0]) / (c.strip_z_mm[1] - c.strip_z_mm[0])
@@ -34,7 +39,7 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | 
     shape = z_mm.size, theta_rad.size
     if device is None:
         light = _sampled(image, columns, rows)
-        on_bone = c.flat.transmission(flat_rows, flat_columns)
+        on_bone = c.flat.transmission(flat_rows, flat_columns, _ROOM)
         intensity, good = np.empty(shape, np.float32), np.empty(shape, np.bool_)
         _average(light, on_bone, np.exp(c.exposure[frame.index]), intensity, good)
     else:
@@ -56,15 +61,26 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | 
 
 def _brightness(frame: Frame, full_scale: float) -> Image:
     """Return a frame's brightness, far above 1 where it is saturated."""
-    image = brightness(frame.samples, full_scale)
-    np.copyto(image, UNSEEN, where=saturated(frame.samples, full_scale))
+    samples = np.ascontiguousarray(green(frame.samples))
+    image = _ROOM.array("image", samples.shape)
+    _write_seen(samples, np.float32(full_scale), least_saturated(samples.dtype, full_scale), image)
     return image
 
 
 def _sampled(image: Image, columns: Image, rows: Image) -> Image:
     """Return a frame's brightness at fractional places; far above 1 where a pixel of it is saturated or outside."""
-    samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=UNSEEN)
-    return np.asarray(samples, np.float32)
+    sampled = _ROOM.array("sampled", columns.shape)
+    cv2.remap(image, columns, rows, cv2.INTER_LINEAR, sampled, borderMode=cv2.BORDER_CONSTANT, borderValue=UNSEEN)
+    return sampled
+
+
+@compiled
+def _write_seen(samples: NDArray[Any], full_scale: np.float32, least: float, image: Image) -> None:
+    """Write the brightness of pixels, and :data:`UNSEEN` from ``least`` on."""
+    for i in range(image.shape[0]):
+        for j in range(image.shape[1]):
+            brightness = np.float32(samples[i, j]) / full_scale
+            image[i, j] = brightness if samples[i, j] < least else np.float32(UNSEEN)
 
 
 def _subdivided(centres: Coordinates, step: float, parts: int) -> Coordinates:

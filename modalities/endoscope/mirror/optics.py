@@ -8,6 +8,7 @@ cone that makes a feed even all over the annulus: z(r) is nearly linear in eithe
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import brentq
@@ -89,7 +90,7 @@ class ConeOptics:
         """Return by how much z of a ray changes for 1 mm that it goes on beyond the wall, m = cot(2a − ψ)."""
         return np.asarray(self.rim_sign / np.tan(2 * self.half_angle_rad - np.arctan(self._undistorted(r_px))))
 
-    @property
+    @cached_property
     def _middle_mm(self) -> float:
         return float(np.mean(self._ahead_mm(np.array([self.inner_px, self.outer_px]))))
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
+from endoct.stitching.room import Room
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,21 +19,25 @@ class Circles:
     annulus: Annulus
     r_px: Coordinates
 
-    def pixel_map(self, angle_rad: Coordinates) -> tuple[Image, Image]:
-        """Return column and row of the image, float32 (n_rows, n_theta), at angles (n_theta,) of every circle."""
+    def pixel_map(self, angle_rad: Coordinates, room: Room | None = None) -> tuple[Image, Image]:
+        """Return column and row of the image, float32 (n_rows, n_theta), at angles (n_theta,) of every circle.
+
+        Both are arrays of ``room``, of one of their own without it.
+        """
         x, y = self.annulus.centre_at(self.r_px)
-        along = self.annulus.columns(x), self.annulus.pixels * np.cos(angle_rad)
-        return _around(*along, self.r_px), _around(y, np.sin(angle_rad), self.r_px)
+        room, shape = room or Room(), (self.r_px.size, angle_rad.size)
+        columns, rows = room.array("columns", shape), room.array("rows", shape)
+        _around(self.annulus.columns(x), self.annulus.pixels * np.cos(angle_rad), self.r_px, columns)
+        _around(y, np.sin(angle_rad), self.r_px, rows)
+        return columns, rows
 
 
 @compiled
-def _around(centre: Coordinates, direction: Coordinates, r_px: Coordinates) -> Image:
-    """Return a coordinate of every place on circles, float32 (n_circles, n_directions)."""
-    places = np.empty((r_px.size, direction.size), np.float32)
+def _around(centre: Coordinates, direction: Coordinates, r_px: Coordinates, places: Image) -> None:
+    """Write a coordinate of every place on circles, (n_circles, n_directions)."""
     for i in range(r_px.size):
         for j in range(direction.size):
             places[i, j] = centre[i] + r_px[i] * direction[j]
-    return places
 
 
 def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
