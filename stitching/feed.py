@@ -88,10 +88,12 @@ def estimate_feed(
     with Kept[Texture]() as textures:
         keep_textures(textures, strips, valid, EDGE_MM / dz_mm, EDGE_MM / radius_mm / (2 * np.pi) * shape[1])
         matcher = Matcher(textures, dz_mm, radius_mm)
-        searched = [
-            matcher.search(step, [_windows(nominal_mm, step, direction, relative_sigma) for direction in directions])
-            for step in steps
-        ]
+        searched = matcher.search(
+            {
+                step: [_windows(nominal_mm, step, direction, relative_sigma) for direction in directions]
+                for step in steps
+            }
+        )
         matched = [sum(place.correlation for place in places if place.trusted) for places in searched[0]]
         best = matched.index(max(matched))
         pairs = [matcher.refine(step, found[best]) for step, found in zip(steps, searched, strict=True)]

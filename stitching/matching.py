@@ -1,6 +1,8 @@
 """Where one strip lies on another: by correlation of all places, then to a fraction of a sample."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import fft
@@ -16,6 +18,8 @@ LEAST_OVERLAP = 0.15
 LEAST_CORRELATION = 0.3
 LEAST_RATIO = 1.3
 PEAK_MM = 0.3
+SPECTRA = 8
+"""Of the strips worked on that are held, so that each is transformed once."""
 
 Windows = list[tuple[float, float]]
 
@@ -65,18 +69,29 @@ class Matcher:
         self.n_rows, self.n_theta = textures[0][0].shape
         self.dz_mm = dz_mm
         self.length = fft.next_fast_len(2 * self.n_rows, real=False)
+        self._spectrum = lru_cache(SPECTRA)(self._transformed)
         self.reach_rows = max(2, round(PEAK_MM / dz_mm))
         self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
 
-    def search(self, step: int, choices: list[Windows | None]) -> list[list[_Place]]:
-        """Return, for each choice of windows, the best place of every strip on the one ``step`` earlier within them."""
-        n_pairs = self.n - step
+    def search(self, choices: Mapping[int, list[Windows | None]]) -> list[list[list[_Place]]]:
+        """Return the best place of every strip on one some steps earlier, within windows of which there are choices.
 
-        def places(k: int) -> list[_Place]:
-            return self._places(k, k + step, [None if windows is None else windows[k] for windows in choices])
+        ``choices`` has them by steps, and so has the result lists of places by choice.
+        """
 
-        of_pairs = thread_map(places, range(n_pairs))
-        return [list(of_choice) for of_choice in zip(*of_pairs, strict=True)]
+        def places(later: int) -> list[list[_Place]]:
+            self._spectrum(later)  # first, as another thread is at work on those before it
+            return [
+                self._places(later - step, later, [None if some is None else some[later - step] for some in windows])
+                for step, windows in choices.items()
+                if later >= step
+            ]
+
+        found: list[list[list[_Place]]] = [[] for _ in choices]
+        for of_strip in thread_map(places, range(self.n)):
+            for of_step, of_pair in zip(found, of_strip, strict=False):
+                of_step.append(of_pair)
+        return [[list(of_choice) for of_choice in zip(*of_pairs, strict=True)] for of_pairs in found]
 
     def refine(self, step: int, places: list[_Place]) -> Pairs:
         """Return the places to a fraction of a sample, with their harmonics."""
@@ -108,10 +123,11 @@ class Matcher:
                 within &= (shifts * self.dz_mm >= window[0]) & (shifts * self.dz_mm <= window[1])
         if not np.any(allowed):
             return [NOWHERE] * len(windows)
-        product = self._spectrum(a) * np.conj(self._spectrum(b))
-        planes = fft.irfft2(product, s=(self.length, self.n_theta))
+        wanted = np.flatnonzero(np.any(allowed, axis=0))
+        by_row = fft.ifft(self._spectrum(a) * np.conj(self._spectrum(b)), axis=0, overwrite_x=True)
+        planes = fft.irfft(by_row[shifts[wanted]], n=self.n_theta, axis=1, overwrite_x=True)
         return [
-            self._place(planes[shifts[within]], shifts[within], overlap[within], a, b) if within.any() else NOWHERE
+            self._place(planes[within[wanted]], shifts[within], overlap[within], a, b) if within.any() else NOWHERE
             for within in allowed
         ]
 
@@ -121,12 +137,11 @@ class Matcher:
         # a correlation over little overlap is high by chance more often
         score = plane * np.sqrt(overlap)[:, None]
         row, column = np.unravel_index(int(np.argmax(score)), score.shape)
-        keep = np.ones(score.shape, np.bool_)
-        rows_near = np.abs(np.arange(len(score)) - row) <= self.reach_rows
-        columns_near = np.minimum(np.arange(self.n_theta), self.n_theta - np.arange(self.n_theta)) <= self.reach_columns
-        keep[np.ix_(rows_near, columns_near)] = False
-        elsewhere = np.roll(score, -int(column), axis=1)[keep]
-        second = max(float(elsewhere.max()) if elsewhere.size else 0.0, 0.02)
+        elsewhere = score.copy()
+        near = slice(max(0, int(row) - self.reach_rows), int(row) + self.reach_rows + 1)
+        around = np.arange(column - self.reach_columns, column + self.reach_columns + 1) % self.n_theta
+        elsewhere[near, around] = -np.inf
+        second = max(float(elsewhere.max()), 0.02)
         return _Place(
             rows=float(shifts[0]) + _vertex(score[:, column], int(row), cyclic=False),
             columns=float(wrap_rad(2 * np.pi / self.n_theta * _vertex(score[row], int(column), cyclic=True)))
@@ -136,7 +151,7 @@ class Matcher:
             ratio=float(score[row, column]) / second,
         )
 
-    def _spectrum(self, k: int) -> np.ndarray:
+    def _transformed(self, k: int) -> np.ndarray:
         return np.asarray(fft.rfft2(self.textures[k][0], s=(self.length, self.n_theta)))
 
     def _energies(self, a: int, b: int, shifts: np.ndarray) -> Coordinates:

@@ -1,11 +1,13 @@
 """The small motion between two strips, to a fraction of a sample, by least squares on the strips themselves."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
+from endoct.stitching.equations import solve
 from endoct.stitching.robust import robust_sigma
 
 MOST_ITERATIONS = 8
@@ -38,34 +40,33 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
     little. Samples not seen in both are left out. Falls back on ``start`` where the answer runs away.
     """
     n_rows, n_theta = a.shape
-    theta = 2 * np.pi / n_theta * np.arange(n_theta)
-    waves = np.stack([np.ones(n_theta), np.cos(theta), np.sin(theta)])
+    waves = _waves(n_theta)
     middle = (n_rows - 1) / 2
     # what moves from row k to k − rows does so on average at the row between them
     from_middle = ((np.arange(n_rows) - start.rows[0] / 2 - middle) / middle).astype(np.float32)
-    layers = np.dstack([b, _slope(b, 0), _slope(b, 1), (~seen_b).astype(np.float32)])
+    layers, turned = np.empty((4, n_rows, n_theta + 1), np.float32), np.empty((4, n_rows, n_theta), np.float32)
+    _lay(b, seen_b, layers)
     first = np.concatenate([start.rows, start.columns, [start.stretch]])
     motion = first
     off, fits = np.empty((n_rows, n_theta), np.float32), np.empty((n_rows, n_theta), np.bool_)
-    gradients = np.empty((2, n_rows, n_theta), np.float32)
+    gradients, some = np.empty((2, n_rows, n_theta), np.float32), np.empty(off.size // 4 + 1, np.float32)
     for _ in range(MOST_ITERATIONS):
         rows, columns = (motion[:3] @ waves).astype(np.float32), (motion[3:6] @ waves).astype(np.float32)
-        _compare(a, seen_a, layers, rows, columns, np.float32(motion[6]) * from_middle, off, fits, gradients)
-        if fits.sum() < 0.02 * fits.size:
+        stretched = np.float32(motion[6]) * from_middle
+        _turn(layers, columns, turned)
+        _compare(a, seen_a, turned, rows, stretched, off, fits, gradients)
+        n_fitting = _some(off, fits, some)
+        if n_fitting < 0.02 * fits.size:
             return start
-        scale = max(1e-6, robust_sigma(off[fits][::4]))
-        # every wave depends on the column alone, so sums over rows are taken first
-        of_pairs, of_off = _sums(off, fits, gradients, from_middle, 1 / (2 * scale))
-        effects = [waves, waves, waves[:1]]
-        normal = np.block(
-            [[(left * of_pairs[i, j]) @ right.T for j, right in enumerate(effects)] for i, left in enumerate(effects)]
-        )
-        pull = np.concatenate([wave @ sums for wave, sums in zip(effects, of_off, strict=True)])
-        if not np.trace(normal) > 0:  # nothing in view shows a motion
+        scale = max(1e-6, robust_sigma(some[: (n_fitting + 3) // 4]))
+        normal, change = _equations(off, gradients, from_middle, 1 / (2 * scale), waves)
+        trace = np.trace(normal)
+        if not trace > 0:  # nothing in view shows a motion
             return start
-        change = np.linalg.solve(normal + 1e-6 * np.trace(normal) * np.eye(7), pull)
+        normal.flat[:: len(normal) + 1] += 1e-6 * trace
+        solve(normal, change)
         motion = motion + change
-        if np.abs(motion - first).max() > 0.05 * max(n_rows, n_theta / 4):
+        if not np.abs(motion - first).max() <= 0.05 * max(n_rows, n_theta / 4):  # nor where it is not finite
             return start
         if np.abs(change).max() < CONVERGED:
             break
@@ -73,70 +74,125 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
 
 
 @compiled
-def _compare(
-    a: Image,
-    seen_a: Mask,
-    layers: Image,
-    rows: Image,
-    columns: Image,
-    stretched: Image,
-    off: Image,
-    fits: Mask,
-    gradients: Image,
-) -> None:
-    """Write by how much ``a`` differs from what is moved onto it, where both are seen, and how that would change.
+def _turn(layers: Image, columns: Image, turned: Image) -> None:
+    """Write ``layers`` (4, n_rows, n_theta + 1) moved by ``columns`` (n_theta,); their last column is the first again.
 
-    ``layers`` (n_rows, n_theta, 4): what is moved, its slopes along rows and columns, and where it is not seen.
+    Columns that move by equally many whole ones are worked on together, as vectors.
     """
-    n_rows, n_theta = a.shape
-    left, beside, share = np.empty(n_theta, np.int64), np.empty(n_theta, np.int64), np.empty(n_theta, np.float32)
+    n_theta = columns.size
+    left, share = np.empty(n_theta, np.int64), np.empty(n_theta, np.float32)
     for j in range(n_theta):
         column = np.float32(j) - columns[j]
         whole = np.floor(column)
         left[j], share[j] = int(whole) % n_theta, column - whole
-        beside[j] = (left[j] + 1) % n_theta
-    for k in range(n_rows):
-        for j in range(n_theta):
-            fits[k, j] = False
-            off[k, j] = 0.0
-            gradients[0, k, j] = 0.0
-            gradients[1, k, j] = 0.0
-            row = np.float32(k) - rows[j] - stretched[k]
-            if not (seen_a[k, j] and 0 <= row <= n_rows - 1):
-                continue
-            top = int(row)
-            below = min(top + 1, n_rows - 1)
-            down, right = row - np.float32(top), share[j]
-            up, close = np.float32(1) - down, np.float32(1) - right
-            w00, w01, w10, w11 = up * close, up * right, down * close, down * right
-            one, two = layers[top, left[j]], layers[top, beside[j]]
-            three, four = layers[below, left[j]], layers[below, beside[j]]
-            if w00 * one[3] + w01 * two[3] + w10 * three[3] + w11 * four[3] > 0:
-                continue
-            fits[k, j] = True
-            off[k, j] = a[k, j] - (w00 * one[0] + w01 * two[0] + w10 * three[0] + w11 * four[0])
-            for slope in range(2):
-                m = slope + 1
-                gradients[slope, k, j] = -(w00 * one[m] + w01 * two[m] + w10 * three[m] + w11 * four[m])
+    first = 0
+    while first < n_theta:
+        last = first + 1
+        while last < n_theta and left[last] == left[last - 1] + 1:
+            last += 1
+        begin, n, right = left[first], last - first, share[first:last]
+        for m in range(layers.shape[0]):
+            for k in range(layers.shape[1]):
+                line, beside = layers[m, k, begin : begin + n], layers[m, k, begin + 1 : begin + 1 + n]
+                to = turned[m, k, first:last]
+                for i in range(n):
+                    to[i] = (np.float32(1) - right[i]) * line[i] + right[i] * beside[i]
+        first = last
 
 
 @compiled
-def _sums(
-    off: Image, fits: Mask, gradients: Image, from_middle: Image, per_scale: float
-) -> tuple[Coordinates, Coordinates]:
-    """Return sums over rows, with Cauchy weights: of gradients in pairs (3, 3, n_theta), and with ``off`` (3, n_theta).
+def _compare(
+    a: Image, seen_a: Mask, turned: Image, rows: Image, stretched: Image, off: Image, fits: Mask, gradients: Image
+) -> None:
+    """Write by how much ``a`` differs from what is moved onto it, where both are seen, and how that would change.
 
-    The third gradient is that of a stretch along the rows.
+    ``turned`` (4, n_rows, n_theta): what is moved by ``rows``, its slopes along rows and columns, and where it is not
+    seen. Zero where ``fits`` says that not both are. Samples between the same two rows are worked on together.
+    """
+    n_rows, n_theta = a.shape
+    row, last_row = np.empty(n_theta, np.float32), np.float32(n_rows - 1)
+    for k in range(n_rows):
+        for j in range(n_theta):
+            row[j] = np.float32(k) - rows[j] - stretched[k]
+        first = 0
+        while first < n_theta:
+            top = int(np.floor(row[first]))
+            lowest, beyond = np.float32(top), np.float32(top + 1)
+            last = first + 1
+            while last < n_theta and lowest <= row[last] < beyond:
+                last += 1
+            here = slice(first, last)
+            if 0 <= top < n_rows:
+                # the last row is reached exactly, or not at all
+                below, count = min(top + 1, n_rows - 1), fits[k, here]
+                _count(seen_a[k, here], turned[3, top, here], turned[3, below, here], row[here], top, last_row, count)
+                _blend(turned[0, top, here], turned[0, below, here], row[here], top, count, off[k, here])
+                for i in range(first, last):
+                    off[k, i] = (a[k, i] - off[k, i]) if fits[k, i] else np.float32(0)
+                for m in range(2):
+                    slope = gradients[m, k, here]
+                    _blend(turned[1 + m, top, here], turned[1 + m, below, here], row[here], top, count, slope)
+            else:
+                off[k, here], fits[k, here], gradients[:, k, here] = 0, False, 0
+            first = last
+
+
+@compiled
+def _count(
+    seen: Mask, hidden: Image, hidden_below: Image, row: Image, top: int, last_row: np.float32, counts: Mask
+) -> None:
+    """Say which samples are seen, and lie between two rows that are not hidden."""
+    for i in range(row.size):
+        down = row[i] - np.float32(top)
+        share = (np.float32(1) - down) * hidden[i] + down * hidden_below[i]
+        counts[i] = seen[i] & (row[i] <= last_row) & (share <= 0)
+
+
+@compiled
+def _blend(above: Image, below: Image, row: Image, top: int, counts: Mask, blended: Image) -> None:
+    """Write what lies between two rows, of which the first is ``top``; 0 where it does not count."""
+    for i in range(row.size):
+        down = row[i] - np.float32(top)
+        between = (np.float32(1) - down) * above[i] + down * below[i]
+        blended[i] = between if counts[i] else np.float32(0)
+
+
+@compiled
+def _some(off: Image, fits: Mask, some: Image) -> int:
+    """Write every fourth of the differences that fit to ``some``; return how many fit."""
+    count = 0
+    for k in range(off.shape[0]):
+        n_fitting = np.sum(fits[k])
+        if n_fitting == fits.shape[1]:
+            every = off[k, -count % 4 :: 4]
+            begin = (count + 3) // 4
+            some[begin : begin + every.size] = every
+            count += n_fitting
+        elif n_fitting:
+            for j in range(off.shape[1]):
+                if fits[k, j]:
+                    if count % 4 == 0:
+                        some[count // 4] = off[k, j]
+                    count += 1
+    return count
+
+
+@compiled
+def _equations(
+    off: Image, gradients: Image, from_middle: Image, per_scale: float, waves: Coordinates
+) -> tuple[Coordinates, Coordinates]:
+    """Return the equations of a change of the motion, (7, 7) and (7,), with Cauchy weights.
+
+    The third gradient is that of a stretch along the rows, the same all around. As every wave depends on the column
+    alone, sums over rows are taken first.
     """
     n_rows, n_theta = off.shape
     of_pairs, of_off = np.zeros((3, 3, n_theta)), np.zeros((3, n_theta))
     for k in range(n_rows):
         share = from_middle[k]
         for j in range(n_theta):
-            if not fits[k, j]:
-                continue
             weight = 1 / (1 + (off[k, j] * per_scale) ** 2)
-            along, across = gradients[0, k, j], gradients[1, k, j]
+            along, across = -gradients[0, k, j], -gradients[1, k, j]
             of_pairs[0, 0, j] += weight * along * along
             of_pairs[0, 1, j] += weight * along * across
             of_pairs[0, 2, j] += weight * along * along * share
@@ -149,10 +205,35 @@ def _sums(
     for j in range(n_theta):
         of_pairs[1, 0, j], of_pairs[2, 0, j] = of_pairs[0, 1, j], of_pairs[0, 2, j]
         of_pairs[2, 1, j] = of_pairs[1, 2, j]
-    return of_pairs, of_off
+    normal, pull = np.empty((7, 7)), np.empty(7)
+    for m in range(7):
+        of_m = waves[m % 3]
+        pull[m] = np.sum(of_m * of_off[m // 3])
+        for n in range(m + 1):
+            normal[m, n] = normal[n, m] = np.sum(of_m * of_pairs[m // 3, n // 3] * waves[n % 3])
+    return normal, pull
 
 
-def _slope(image: Image, axis: int) -> Image:
-    if axis == 1:
-        return np.asarray((np.roll(image, -1, axis=1) - np.roll(image, 1, axis=1)) / 2, dtype=np.float32)
-    return np.asarray(np.gradient(image, axis=0), dtype=np.float32)
+@compiled
+def _lay(image: Image, seen: Mask, layers: Image) -> None:
+    """Write ``image``, its slopes along rows and columns, and where it is not ``seen``; the first column again last."""
+    n_rows, n_theta = image.shape
+    for k in range(n_rows):
+        before, after = max(k - 1, 0), min(k + 1, n_rows - 1)
+        per_row = np.float32(1 / max(after - before, 1))
+        for j in range(n_theta):
+            layers[0, k, j] = image[k, j]
+            layers[1, k, j] = (image[after, j] - image[before, j]) * per_row
+            layers[3, k, j] = np.float32(0) if seen[k, j] else np.float32(1)
+        for j in range(n_theta):
+            layers[2, k, j] = (image[k, (j + 1) % n_theta] - image[k, j - 1]) * np.float32(0.5)
+        layers[:, k, n_theta] = layers[:, k, 0]
+
+
+@cache
+def _waves(n_theta: int) -> Coordinates:
+    """Return 1, cos θ and sin θ of every column, (3, n_theta)."""
+    theta = 2 * np.pi / n_theta * np.arange(n_theta)
+    waves = np.stack([np.ones(n_theta), np.cos(theta), np.sin(theta)])
+    waves.flags.writeable = False
+    return waves
