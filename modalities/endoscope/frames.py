@@ -17,8 +17,10 @@ from endoct.modalities.endoscope.mirror.settling import settle_annuli
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.kept import Kept
 from endoct.stitching.parallel import thread_map
+from endoct.stitching.room import Room
 
 STRIP_COLUMNS = 1024
+_ROOM = Room()
 
 BY_MOVEMENT = (
     "The mirror's rims are no clear edges of light; they were found where what is seen begins to change from frame to "
@@ -86,15 +88,16 @@ def brightness_of_rows(logs: LogStrip) -> Coordinates:
 def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[Followed, Followed, float, LogStrip]:
     """Return a frame's annulus, that by its own rims, its saturated share, and its strip at radii ``r_px``."""
     pixels = reference.annulus.pixels
-    image = squared(reduced(brightness(frame.samples, reference.full_scale), reference.factor), pixels)
+    image = squared(reduced(brightness(frame.samples, reference.full_scale, _ROOM), reference.factor), pixels)
     followed = follow(image, reference.annulus, reference.handle)
     alone = follow(image, reference.annulus) if reference.handle else followed
     place = replace(settle_annuli([followed], reference.annulus, given=True)[0][0], pixels=1.0)
     angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
-    columns, rows = Circles(place, r_px).pixel_map(angle)
+    columns, rows = Circles(place, r_px).pixel_map(angle, _ROOM)
     strip, inside = sample(image, columns, rows)
     logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
-    clipped = reduced(saturated(frame.samples, reference.full_scale).astype(np.float32), reference.factor)
-    clipped, _ = sample(squared(clipped, pixels), columns, rows)
-    fraction = float(clipped[inside].mean()) if inside.any() else 0.0
+    fraction, clipped = 0.0, saturated(frame.samples, reference.full_scale)
+    if clipped.any() and inside.any():
+        share, _ = sample(squared(reduced(brightness(clipped, 1.0, _ROOM), reference.factor), pixels), columns, rows)
+        fraction = float(share[inside].mean())
     return followed, alone, fraction, logs

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.room import Room
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99
@@ -24,12 +25,15 @@ def full_scale(samples: NDArray[Any]) -> float:
     return next((float(2**bits - 1) for bits in BIT_DEPTHS if largest <= 2**bits - 1), largest)
 
 
-def brightness(samples: NDArray[Any], scale: float) -> Image:
+def brightness(samples: NDArray[Any], scale: float, room: Room | None = None) -> Image:
     """Return the brightness of a frame, float32 (row, column), 1 at full scale; of a colour frame its green.
 
-    Green sees tissue with the most contrast and saturates after red under the warm light of an endoscope.
+    It is an array of ``room``, if any. Green sees tissue with the most contrast and saturates after red under the warm light of an endoscope.
     """
-    return np.asarray(green(samples).astype(np.float32) / np.float32(scale), dtype=np.float32)
+    light: Image = (room or Room()).array("image", samples.shape[:2])
+    light[...] = green(samples)
+    light /= np.float32(scale)
+    return light
 
 
 def saturated(samples: NDArray[Any], scale: float) -> Mask:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
+from endoct.modalities.endoscope.mirror.consensus import MOST_GROWTH, consensus_circle
 from endoct.modalities.endoscope.mirror.disc_opening import opened
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
@@ -24,7 +25,6 @@ TRACE_RAYS = 240
 LEAST_SUPPORT = 0.1
 MOST_CONTRAST = 1.5
 FEWEST_POINTS = 12
-MOST_GROWTH = 3.0
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def fit_circle(x_px: Coordinates, y_px: Coordinates, start: tuple[float, float, 
     """
     circle = np.array(start, dtype=np.float64)
     if x_px.size >= FEWEST_POINTS:
-        circle = _consensus(x_px, y_px, circle)
+        circle = consensus_circle(x_px, y_px, circle)
     begun = circle.copy()
     _refine_circle(x_px, y_px, circle)
     if not start[2] / MOST_GROWTH < circle[2] < MOST_GROWTH * start[2]:
@@ -259,38 +259,3 @@ def _distances(ring: tuple[float, float, float], x: float, y: float, n_rays: int
     along, across = dx * np.cos(angle) + dy * np.sin(angle), dx * np.sin(angle) - dy * np.cos(angle)
     room = ring[2] ** 2 - across**2
     return np.where(room > 0, along + np.sqrt(np.maximum(room, 0)), np.nan)
-
-
-def _consensus(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coordinates:
-    """Return the circle through three of the points that most points agree with (RANSAC)."""
-    picks = np.random.default_rng(0).integers(0, x_px.size, (200, 3))
-    ax, bx, cx = x_px[picks].T
-    ay, by, cy = y_px[picks].T
-    twice_area = 2 * (ax * (by - cy) + bx * (cy - ay) + cx * (ay - by))
-    ok = np.abs(twice_area) > 1e-6 * start[2] ** 2
-    a2, b2, c2 = ax**2 + ay**2, bx**2 + by**2, cx**2 + cy**2
-    area = np.where(ok, twice_area, 1.0)
-    x = (a2 * (by - cy) + b2 * (cy - ay) + c2 * (ay - by)) / area
-    y = (a2 * (cx - bx) + b2 * (ax - cx) + c2 * (bx - ax)) / area
-    radius = np.hypot(ax - x, ay - y)
-    ok &= (radius < MOST_GROWTH * start[2]) & (radius > start[2] / MOST_GROWTH)
-    if not ok.any():
-        return start
-    x, y, radius = x[ok], y[ok], radius[ok]
-    tolerance = max(0.75, 0.004 * float(start[2]))
-    k = int(np.argmax(_agreeing(x_px, y_px, x, y, radius, tolerance)))
-    return np.array([x[k], y[k], radius[k]])
-
-
-@compiled
-def _agreeing(
-    x_px: Coordinates, y_px: Coordinates, x: Coordinates, y: Coordinates, radius: Coordinates, tolerance: float
-) -> Coordinates:
-    """Return how many points each circle has within ``tolerance``, those farther from it counting less."""
-    score = np.zeros(x.size)
-    for i in range(x_px.size):
-        for k in range(x.size):  # inside, where each adds to a score of its own: so several are added at once
-            dx, dy = x_px[i] - x[k], y_px[i] - y[k]
-            away = (np.sqrt(dx * dx + dy * dy) - radius[k]) / tolerance
-            score[k] += max(1 - away * away, 0.0)
-    return score
