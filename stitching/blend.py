@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.strip import Strip
@@ -24,13 +25,12 @@ def blend(strips: Iterable[Strip], grid: SurfaceGrid, row_z_mm: Coordinates) -> 
     weight = np.zeros(grid.shape)
     for strip in strips:
         rows = _rows_of(strip, grid, row_z_mm)
-        share = np.where(strip.valid, strip.weight, 0.0).astype(np.float64)
-        weight[rows] += share
-        total[rows] += share * np.where(strip.valid, strip.intensity, 0.0)
+        _add(strip.valid, strip.weight, weight[rows])
+        _add_weighted(strip.valid, strip.weight, strip.intensity, total[rows])
         if strip.depth_mm is not None:
             if total_depth is None:
                 total_depth = np.zeros(grid.shape)
-            total_depth[rows] += share * np.where(strip.valid, strip.depth_mm, 0.0)
+            _add_weighted(strip.valid, strip.weight, strip.depth_mm, total_depth[rows])
     valid = weight > 0
     mean = np.divide(total, weight, out=total, where=valid).astype(np.float32)
     if total_depth is None:
@@ -38,6 +38,22 @@ def blend(strips: Iterable[Strip], grid: SurfaceGrid, row_z_mm: Coordinates) -> 
     total_depth[~valid] = np.nan
     depth = np.divide(total_depth, weight, out=total_depth, where=valid).astype(np.float32)
     return mean, depth, valid, weight.astype(np.float32)
+
+
+@compiled
+def _add(valid: Mask, weight: Image, total: Coordinates) -> None:
+    """Add ``weight`` to ``total`` where ``valid``."""
+    for i in range(total.shape[0]):
+        for j in range(total.shape[1]):
+            total[i, j] += weight[i, j] if valid[i, j] else 0.0
+
+
+@compiled
+def _add_weighted(valid: Mask, weight: Image, values: Image, total: Coordinates) -> None:
+    """Add ``values`` times ``weight`` to ``total`` where ``valid``."""
+    for i in range(total.shape[0]):
+        for j in range(total.shape[1]):
+            total[i, j] += np.float64(weight[i, j]) * values[i, j] if valid[i, j] else 0.0
 
 
 def _rows_of(strip: Strip, grid: SurfaceGrid, row_z_mm: Coordinates) -> slice:

@@ -18,8 +18,8 @@ LEAST_OVERLAP = 0.15
 LEAST_CORRELATION = 0.3
 LEAST_RATIO = 1.3
 PEAK_MM = 0.3
-SPECTRA = 8
-"""Of the strips worked on that are held, so that each is transformed once."""
+LATEST = 8
+"""Strips and spectra that are held, so that each is read, and transformed, once for all the pairs it is in."""
 
 Windows = list[tuple[float, float]]
 
@@ -69,7 +69,7 @@ class Matcher:
         self.n_rows, self.n_theta = textures[0][0].shape
         self.dz_mm = dz_mm
         self.length = fft.next_fast_len(2 * self.n_rows, real=False)
-        self._spectrum = lru_cache(SPECTRA)(self._transformed)
+        self._spectrum, self._texture = lru_cache(LATEST)(self._transformed), lru_cache(LATEST)(textures.__getitem__)
         self.reach_rows = max(2, round(PEAK_MM / dz_mm))
         self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
 
@@ -100,7 +100,7 @@ class Matcher:
             start = Motion.even(places[k].rows, places[k].columns)
             if not places[k].trusted:
                 return start
-            (a, seen_a), (b, seen_b) = self.textures[k], self.textures[k + step]
+            (a, seen_a), (b, seen_b) = self._texture(k), self._texture(k + step)
             return refine_motion(a, b, seen_a, seen_b, start)
 
         motions = list(thread_map(motion_of, range(len(places))))

@@ -1,5 +1,6 @@
 """Edges of strips without what all of them show alike, made a few strips at a time and kept on disk."""
 
+from contextlib import ExitStack
 from math import prod
 from typing import Protocol
 
@@ -40,40 +41,62 @@ def keep_textures(
         return np.where(sees if valid is None else sees & valid[k], strip, np.nan).astype(np.float32)
 
     n, shape = len(strips), strips[0].shape
-    whole = not any(np.isnan(seen(k)).any() for k in range(n))
     group, part = max(1, AT_A_TIME // prod(shape)), max(LEAST_PART, AT_A_TIME // n)
     groups = [range(k, min(k + group, n)) for k in range(0, n, group)]
     parts = [slice(k, k + part) for k in range(0, prod(shape), part)]
-    with Kept[Image]() as blocks:  # every part of the first strips, then every part of the next
+
+    def put_away(blocks: Kept[Image], whole: bool) -> bool:
+        """Return False where strips that are said to be ``whole`` are not."""
         for those in groups:
             images = np.stack([_without_rows(seen(k), whole).ravel() for k in those])
+            if whole and np.isnan(images).any():
+                return False
             for part_of_all in parts:
                 blocks.append(np.ascontiguousarray(images[:, part_of_all]))
+        return True
+
+    with ExitStack() as stack:  # every part of the first strips, then every part of the next
+        blocks = stack.enter_context(Kept[Image]())
+        whole = not np.isnan(seen(0)).any()
+        if not put_away(blocks, whole):
+            whole, blocks = False, stack.enter_context(Kept[Image]())
+            put_away(blocks, whole)
         fixed = None
         if n >= FEWEST_FOR_FIXED_PATTERN:
             columns = (
                 np.concatenate([blocks[at] for at in range(k, len(blocks), len(parts))]) for k in range(len(parts))
             )
             fixed = np.concatenate([_nanmedians(column.T, whole) for column in columns])
+        blur = _Blur(sigma_rows, sigma_columns)
         for first in range(0, len(blocks), len(parts)):
             images = np.concatenate([blocks[first + k] for k in range(len(parts))], axis=1)
             if fixed is not None:
                 images -= fixed
             for image in images.reshape(-1, *shape):
-                textures.append(_edges(image, sigma_rows, sigma_columns))
+                textures.append(blur.edges(image))
 
 
 def _without_rows(image: Image, whole: bool) -> Image:
     return image - _nanmedians(image, whole)[:, None]
 
 
-def _edges(image: Image, sigma_rows: float, sigma_columns: float) -> Texture:
-    seen = ~np.isnan(image)
-    edges = np.where(seen, image, np.float32(0))
-    share = gaussian(seen.astype(np.float32), sigma_rows, sigma_columns)
-    edges -= gaussian(edges, sigma_rows, sigma_columns) / np.maximum(share, 0.01)
-    edges[~seen] = 0
-    return edges, seen
+class _Blur:
+    """A blur over the samples that are seen, as far as strips see the same one after the other."""
+
+    def __init__(self, sigma_rows: float, sigma_columns: float) -> None:
+        self._sigmas = sigma_rows, sigma_columns
+        self._seen: Mask | None = None
+        self._share: Image
+
+    def edges(self, image: Image) -> Texture:
+        """Return ``image``, NaN where nothing is seen, without what is left of it when blurred."""
+        seen = ~np.isnan(image)
+        if self._seen is None or not np.array_equal(seen, self._seen):
+            self._seen, self._share = seen, np.maximum(gaussian(seen.astype(np.float32), *self._sigmas), 0.01)
+        edges = np.where(seen, image, np.float32(0))
+        edges -= gaussian(edges, *self._sigmas) / self._share
+        edges[~seen] = 0
+        return edges, seen
 
 
 def _nanmedians(values: Image, whole: bool) -> Image:

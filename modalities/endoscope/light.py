@@ -28,7 +28,8 @@ def full_scale(samples: NDArray[Any]) -> float:
 def brightness(samples: NDArray[Any], scale: float, room: Room | None = None) -> Image:
     """Return the brightness of a frame, float32 (row, column), 1 at full scale; of a colour frame its green.
 
-    It is an array of ``room``, if any. Green sees tissue with the most contrast and saturates after red under the warm light of an endoscope.
+    It is an array of ``room``, if any. Green sees tissue with the most contrast and saturates after red under the warm
+    light of an endoscope.
     """
     light: Image = (room or Room()).array("image", samples.shape[:2])
     light[...] = green(samples)
