@@ -84,9 +84,9 @@ def frame_exposure(logs: Iterable[NDArray[np.floating[Any]]], flat: FlatField) -
     Judged by the bright fifth of a frame, which is bone unless a cell fills nearly all of it. Cells and texture
     move even that by a few per cent, so only what goes beyond is taken for a change of exposure.
     """
+    evened = (frame - flat.log_light for frame in logs)
     bright = [
-        quantile(seen, 0.8) if (seen := (frame - flat.log_light)[flat.usable & np.isfinite(frame)]).size else 0.0
-        for frame in logs
+        quantile(seen, 0.8) if (seen := strip[flat.usable & np.isfinite(strip)]).size else 0.0 for strip in evened
     ]
     change = np.array(bright) - np.median(bright)
     return np.asarray(np.sign(change) * np.maximum(np.abs(change) - SURE_EXPOSURE, 0))
@@ -119,10 +119,11 @@ def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:
     """Return a quantile over the strips, NaN only where none has seen anything."""
     result = np.empty(logs.shape[1:], np.float32)
     for row in range(logs.shape[1]):
-        ordered = np.sort(logs[:, row].astype(np.float32), axis=0)
-        count = np.sum(np.isfinite(ordered), axis=0)
+        ordered = np.array(logs[:, row].T, np.float32, order="C")  # what is sorted lies in one piece
+        ordered.sort(axis=1)
+        count = np.count_nonzero(np.isfinite(ordered), axis=1)
         at = np.floor(share * np.maximum(count - 1, 0)).astype(np.intp)
-        result[row] = np.take_along_axis(ordered, at[None], axis=0)[0]
+        result[row] = ordered[np.arange(len(ordered)), at]
     return result
 
 

@@ -37,36 +37,40 @@ def _steepest(
     image: Image, x_px: float, y_px: float, cos: Coordinates, sin: Coordinates, radii: Coordinates, sign: float
 ) -> tuple[Coordinates, Coordinates]:
     """Return radius and slope of the steepest edge of one ``sign`` on each ray from a centre; outside is no edge."""
-    n_rows, n_columns = image.shape
-    n, reach = radii.size, TAPS.size
+    n, reach, zero = radii.size, TAPS.size, np.float32(0)
+    last_x, last_y = np.float32(image.shape[1] - 1), np.float32(image.shape[0] - 1)
+    last_left, last_top = np.int32(image.shape[1] - 2), np.int32(image.shape[0] - 2)
     radius, steepest = np.empty(cos.size), np.empty(cos.size)
     line, slope, inside = np.empty(n + 2 * reach, np.float32), np.empty(n), np.empty(n, np.bool_)
+    across, down = np.empty(n, np.float32), np.empty(n, np.float32)
+    left, top = np.empty(n, np.int32), np.empty(n, np.int32)
     for i in range(cos.size):
-        for k in range(n):
+        for k in range(n):  # apart from what reads the image, so that it is done as vectors
             x, y = np.float32(x_px + radii[k] * cos[i]), np.float32(y_px + radii[k] * sin[i])
-            inside[k] = x >= 0 and y >= 0 and x <= n_columns - 1 and y <= n_rows - 1
-            x, y = (
-                min(max(x, np.float32(0)), np.float32(n_columns - 1)),
-                min(max(y, np.float32(0)), np.float32(n_rows - 1)),
-            )
-            left, top = min(int(x), n_columns - 2), min(int(y), n_rows - 2)
-            across, down = x - np.float32(left), y - np.float32(top)
-            above = image[top, left] + across * (image[top, left + 1] - image[top, left])
-            below = image[top + 1, left] + across * (image[top + 1, left + 1] - image[top + 1, left])
-            line[reach + k] = above + down * (below - above)
+            inside[k] = (x >= zero) & (y >= zero) & (x <= last_x) & (y <= last_y)
+            x, y = min(max(x, zero), last_x), min(max(y, zero), last_y)
+            left[k], top[k] = min(np.int32(x), last_left), min(np.int32(y), last_top)
+            across[k], down[k] = x - np.float32(left[k]), y - np.float32(top[k])
+        for k in range(n):
+            above, below = image[top[k], left[k] : left[k] + 2], image[top[k] + 1, left[k] : left[k] + 2]
+            upper = above[0] + across[k] * (above[1] - above[0])
+            lower = below[0] + across[k] * (below[1] - below[0])
+            line[reach + k] = upper + down[k] * (lower - upper)
         line[:reach], line[reach + n :] = line[reach], line[reach + n - 1]
         for k in range(line.size):
-            light = max(line[k], np.float32(0))
+            light = max(line[k], zero)
             line[k] = light * np.sqrt(np.sqrt(light))
         slope[:] = 0
         for tap in range(reach):
+            weight = sign * TAPS[tap]
             before, after = line[reach - 1 - tap : reach - 1 - tap + n], line[reach + 1 + tap : reach + 1 + tap + n]
             for k in range(n):
-                slope[k] += sign * TAPS[tap] * (after[k] - before[k])
-        at = MARGIN
+                slope[k] += weight * (after[k] - before[k])
         for k in range(n):
             slope[k] = slope[k] if inside[k] else 0.0
-            if MARGIN <= k < n - MARGIN and slope[k] > slope[at]:
+        at = MARGIN
+        for k in range(MARGIN, n - MARGIN):
+            if slope[k] > slope[at]:
                 at = k
         at = min(max(at, MARGIN + 1), n - MARGIN - 2)
         bend = slope[at - 1] - 2 * slope[at] + slope[at + 1]
