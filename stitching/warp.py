@@ -111,14 +111,16 @@ def _compare(
     """
     n_rows, n_theta = a.shape
     row, last_row = np.empty(n_theta, np.float32), np.float32(n_rows - 1)
+    least, most = rows.min(), rows.max()
     for k in range(n_rows):
         for j in range(n_theta):
             row[j] = np.float32(k) - rows[j] - stretched[k]
+        at_once = np.floor(np.float32(k) - least - stretched[k]) == np.floor(np.float32(k) - most - stretched[k])
         first = 0
         while first < n_theta:
             top = int(np.floor(row[first]))
             lowest, beyond = np.float32(top), np.float32(top + 1)
-            last = first + 1
+            last = n_theta if at_once else first + 1
             while last < n_theta and lowest <= row[last] < beyond:
                 last += 1
             here = slice(first, last)

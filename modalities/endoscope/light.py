@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.compiled import compiled
 from endoct.stitching.room import Room
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
@@ -32,9 +33,15 @@ def brightness(samples: NDArray[Any], scale: float, room: Room | None = None) ->
     light of an endoscope.
     """
     light: Image = (room or Room()).array("image", samples.shape[:2])
-    light[...] = green(samples)
-    light /= np.float32(scale)
+    _divide(np.ascontiguousarray(green(samples)), np.float32(scale), light)
     return light
+
+
+@compiled
+def _divide(samples: NDArray[Any], scale: np.float32, light: Image) -> None:
+    for i in range(light.shape[0]):
+        for j in range(light.shape[1]):
+            light[i, j] = np.float32(samples[i, j]) / scale
 
 
 def saturated(samples: NDArray[Any], scale: float) -> Mask:
