@@ -3,6 +3,7 @@
 import time
 from concurrent.futures import Future
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,7 +57,7 @@ def compare_sources(
     for path in truth:
         _check_truth(path)
     placed = None if session is None else read_session(session)
-    made = unroll_sources(opened, stages, process)
+    made = unroll_sources(opened, stages, process, _load_report if folder is not None else lambda: None)
     sides = read_sides(made)
     if placed is not None:
         check_sides(placed, [identity_of(side.name, side.panorama) for side in sides], str(session))
@@ -104,12 +105,18 @@ def compare_sources(
     if folder is not None:
         (folder / "result.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
         with stages.stage("report"):
-            from endoct.workbench.page.report import write_report  # only who draws loads matplotlib
+            from endoct.workbench.page.report import write_report
 
             write_report(folder, process, of_sides)
     for path, state in files.items():
         check_unchanged(path, state)
     return replace(comparison, result=result)
+
+
+def _load_report() -> None:
+    """Load what a report needs: only who draws loads matplotlib, and rather while there is nothing else to do."""
+    import_module("endoct.workbench.page.report")
+    import_module("endoct.workbench.report.figures.of_both")
 
 
 def _part(side: Side, source: Source, made: Made) -> SidePart:

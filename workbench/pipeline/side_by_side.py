@@ -1,6 +1,6 @@
 """Two recordings unrolled at the same time: one in this process, the other one in a worker process."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -18,16 +18,20 @@ def make_ready(path: Path, modality: str | None) -> None:
         manifest_for(path, modality).load()
 
 
-def unroll_both(a: Opened, b: Opened, stages: Stages, process: WorkerProcess | None) -> tuple[Unrolled, Unrolled]:
+def unroll_both(
+    a: Opened, b: Opened, stages: Stages, process: WorkerProcess | None, meanwhile: Callable[[], None] = lambda: None
+) -> tuple[Unrolled, Unrolled]:
     """Unroll two recordings, B in ``process`` where there is one; the panoramas are the same either way.
 
-    Raises what :func:`unroll_recording` raises, of A where both fail.
+    ``meanwhile`` is called once A is unrolled, where B may not be yet. Raises what :func:`unroll_recording` raises, of
+    A where both fail.
     """
     if process is None:
         return unroll_recording(a, stages, "A"), unroll_recording(b, stages, "B")
     with ExitStack() as open_stages:
         unrolled_b = process.call(_unroll_there, b, "B", on_message=_ReceivedStages(stages, open_stages))
         unrolled_a = unroll_recording(a, stages, "A")
+        meanwhile()
         return unrolled_a, unrolled_b.result()
 
 

@@ -1,6 +1,6 @@
 """What the two sides of a comparison come from: recordings, panoramas, and masks drawn by hand."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,11 +83,19 @@ def _check_two(a: Source, b: Source) -> None:
             )
 
 
-def unroll_sources(opened: tuple[Ready, Ready], stages: Stages, process: WorkerProcess | None) -> tuple[Made, Made]:
-    """Return both sources with recordings unrolled; two at the same time where there is a worker ``process``."""
+def unroll_sources(
+    opened: tuple[Ready, Ready],
+    stages: Stages,
+    process: WorkerProcess | None,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> tuple[Made, Made]:
+    """Return both sources with recordings unrolled; two at the same time where there is a worker ``process``.
+
+    ``meanwhile`` is called where this process would wait for the other.
+    """
     a, b = opened
     if isinstance(a, Opened) and isinstance(b, Opened):
-        return unroll_both(a, b, stages, process)
+        return unroll_both(a, b, stages, process, meanwhile)
     return _unrolled(a, stages, "A"), _unrolled(b, stages, "B")
 
 
