@@ -124,7 +124,9 @@ class Matcher:
         if not np.any(allowed):
             return [NOWHERE] * len(windows)
         wanted = np.flatnonzero(np.any(allowed, axis=0))
-        by_row = fft.ifft(self._spectrum(a) * np.conj(self._spectrum(b)), axis=0, overwrite_x=True)
+        # as a function: an operator writes into a factor that nobody else holds, and rounds otherwise for the left one
+        product = np.multiply(self._spectrum(a), np.conj(self._spectrum(b)))
+        by_row = fft.ifft(product, axis=0, overwrite_x=True)
         planes = fft.irfft(by_row[shifts[wanted]], n=self.n_theta, axis=1, overwrite_x=True)
         return [
             self._place(planes[within[wanted]], shifts[within], overlap[within], a, b) if within.any() else NOWHERE
