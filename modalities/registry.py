@@ -80,6 +80,12 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
     )
 
 
+def load_ahead(path: Path, modality: str | None) -> None:
+    """Load the plug-in that reads ``path``, where there is one: in a process that has nothing else to do yet."""
+    with suppress(EndoctError):  # whoever opens the recording says what is wrong with it
+        manifest_for(path, modality).load()
+
+
 def open_recording(
     path: Path,
     *,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from endoct.modalities.acquisition import validate
 from endoct.modalities.device import Device, check_device
+from endoct.modalities.registry import load_ahead
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import OVERWRITE, check_output, check_place, new_output, remove_output
 from endoct.stitching.panorama import Panorama
@@ -137,9 +138,7 @@ def compare(
         # it loads its libraries while this process does, and has ended before what was made is put in its place
         process = until_done.enter_context(second_process() if output is not None or len(given) == 2 else nullcontext())
         if process is not None and not isinstance(b, Panorama):
-            from endoct.workbench.pipeline.side_by_side import make_ready
-
-            process.call(make_ready, Path(b), modality_b)
+            process.call(load_ahead, Path(b), modality_b)
         from endoct.fusion.parameters import CompareParameters
         from endoct.workbench.pipeline.comparing import compare_sources
         from endoct.workbench.pipeline.sources import Source

@@ -1,21 +1,12 @@
 """Two recordings unrolled at the same time: one in this process, the other one in a worker process."""
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from pathlib import Path
+from contextlib import ExitStack, contextmanager
 
-from endoct.modalities.registry import manifest_for
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.worker_process import Send, WorkerProcess
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled, unroll_recording
 from endoct.workbench.running.progress import Advance, SilentStages, Stages
 from endoct.workbench.running.threads import one_blas_thread
-
-
-def make_ready(path: Path, modality: str | None) -> None:
-    """Load the plug-in that reads ``path``, where there is one: in a process that has nothing else to do yet."""
-    with suppress(EndoctError):  # whoever opens the recording says what is wrong with it
-        manifest_for(path, modality).load()
 
 
 def unroll_both(

@@ -1,9 +1,7 @@
 """Raw spectra in a file, one behind the other: as a stack of B-scans."""
 
-import threading
-from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +18,7 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import open_regular
 from endoct.stitching.limits import check_array_size
 from endoct.stitching.names import inside
+from endoct.stitching.room import Room
 
 if TYPE_CHECKING:
     from endoct.modalities.oct.spectra.on_device import OnDevice
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
 LEAST_COVERED = 0.5
 """Share of the even wavenumbers that a chirp must reach; places in other units reach none or all too few."""
 
+_ROOM = Room()
 SHARPER = 1.5
 SHALLOW = 4  # of the depth, this part
 
@@ -43,7 +43,7 @@ class ReadSpectra:
 
     def _spectra(self, index: int) -> Counts:
         """The samples of one slice, u16 or i16 (A-scan, sample), until this thread asks for another."""
-        spectra = _room((self.keys.ascans, self.keys.samples), self.keys.dtype).counts
+        spectra: Counts = _ROOM.array("counts", (self.keys.ascans, self.keys.samples), self.keys.dtype)
         with refusing(f"{self.path} cannot be read"), open_regular(self.path) as file:
             file.seek(index * spectra.nbytes)
             if file.readinto(spectra.data) != spectra.nbytes:
@@ -51,18 +51,6 @@ class ReadSpectra:
                     f"{self.path} is truncated", found=f"slice {index} incomplete", remedy="copy it again"
                 )
         return spectra.astype(spectra.dtype.newbyteorder("="), copy=False)
-
-
-class _Room(threading.local):
-    """An array that every thread reads one slice after the other into: a new one each time costs 4 ms."""
-
-    def __init__(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> None:
-        self.counts: Counts = np.empty(shape, dtype)
-
-
-@lru_cache(maxsize=1)
-def _room(shape: tuple[int, int], dtype: np.dtype[Any]) -> _Room:
-    return _Room(shape, dtype)
 
 
 def open_spectra(path: Path, keys: SpectraKeys, device: str | None = None) -> ImageStack:

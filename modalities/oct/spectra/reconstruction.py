@@ -1,8 +1,6 @@
 """From the counts of a detector to a B-scan: less the background, at even wavenumbers, window, dispersion, Fourier."""
 
-import threading
 from dataclasses import dataclass
-from functools import cache
 
 import cv2
 import numpy as np
@@ -13,10 +11,11 @@ from endoct.modalities.oct.spectra.kernels import TOGETHER, Counts, add_up, join
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS
 from endoct.modalities.oct.spectra.resampling import Taps
 from endoct.stitching.arrays import Coordinates, Image
+from endoct.stitching.room import Room
 
 BLOCK = LEAST_ASCANS
 """A-scans at a time, so that what lies between two steps stays in a processor's cache. Every slice has so many."""
-ALIGNED = 64
+_ROOM = Room()
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,25 +43,27 @@ class Reconstruction:
         n_ascans, n = spectra.shape
         background = self._resampled(self.background if self.background is not None else mean_spectrum(spectra))
         counts = np.empty((n_ascans, n // 2), np.uint16)
-        room = _room(n)
+        samples, fringes = _ROOM.array("samples", (TOGETHER, n)), _ROOM.array("fringes", (BLOCK, n))
+        power = _ROOM.array("power", (n // 2,))
         for start in range(0, n_ascans, BLOCK):
             first = min(start, n_ascans - BLOCK)  # the last block begins before the one before it ends
             block = slice(first, first + BLOCK)
-            resample(spectra[block], self.first, self.weights, background, room.samples, room.fringes)
-            write_levels(self._half_spectra(room), self.gain, room.power, counts[block])
+            resample(spectra[block], self.first, self.weights, background, samples, fringes)
+            write_levels(self._half_spectra(fringes), self.gain, power, counts[block])
         return counts
 
     def _resampled(self, background: Coordinates) -> Image:
         around = background[self.first[:, None] + np.arange(self.weights.shape[1])]
         return np.asarray((around * self.weights).sum(axis=1), dtype=np.float32)
 
-    def _half_spectra(self, room: "_Room") -> Image:
+    def _half_spectra(self, fringes: Image) -> Image:
         """Return rows of the real part at depth 0, then real and imaginary parts at depths 1, 2, …."""
+        parts: Image = _ROOM.array("parts", (2 * BLOCK, fringes.shape[1]))
         if self.cos_sin is None:
-            return np.asarray(cv2.dft(room.fringes, room.parts[:BLOCK], cv2.DFT_ROWS), np.float32)
+            return np.asarray(cv2.dft(fringes, parts[:BLOCK], cv2.DFT_ROWS), np.float32)
         # fringes × exp(−iφ) by two real transforms, which are much faster than a complex one
-        turned = (room.fringes * self.cos_sin[:, None]).reshape(2 * BLOCK, -1)
-        parts = np.asarray(cv2.dft(turned, room.parts, cv2.DFT_ROWS), np.float32)
+        turned = (fringes * self.cos_sin[:, None]).reshape(2 * BLOCK, -1)
+        cv2.dft(turned, parts, cv2.DFT_ROWS)
         join_halves(parts)
         return parts[:BLOCK]
 
@@ -108,25 +109,3 @@ def mean_spectrum(spectra: Counts) -> Coordinates:
     sums = np.zeros(spectra.shape[1], np.int64)
     add_up(spectra, sums)
     return sums / len(spectra)
-
-
-class _Room(threading.local):
-    """Arrays that every thread uses again for one block after the other."""
-
-    def __init__(self, n: int) -> None:
-        self.samples = np.empty((TOGETHER, n), np.float32)
-        self.fringes = _aligned(BLOCK, n)
-        self.parts = _aligned(2 * BLOCK, n)
-        self.power = np.empty(n // 2, np.float32)
-
-
-@cache
-def _room(n: int) -> _Room:
-    return _Room(n)
-
-
-def _aligned(rows: int, columns: int) -> Image:
-    """Return an array that begins where vectors of the processor do, so that sums are taken in one order."""
-    room = np.empty(rows * columns + ALIGNED // 4, np.float32)
-    skipped = -room.ctypes.data % ALIGNED // 4
-    return room[skipped : skipped + rows * columns].reshape(rows, columns)
