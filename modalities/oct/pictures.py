@@ -3,11 +3,11 @@
 import numpy as np
 
 from endoct.modalities.contract import Frame, Picture
-from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
+from endoct.modalities.oct.bscan import sector_angles_rad, sector_means
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.undistort import beam_angles_rad, radius_mm
 from endoct.modalities.oct.unroll import profile_beams
-from endoct.modalities.oct.volume import resample, volume_radii_mm
+from endoct.modalities.oct.volume import as_recorded, resample, volume_radii_mm
 from endoct.stitching.arrays import Coordinates
 
 PICTURE_COLUMNS = 1000
@@ -23,7 +23,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
     recorded = Picture(
         name="bscan",
         title=f"B-scan at z = {frame.z_mm:.2f} mm as recorded",
-        image=reduce_theta(frame.samples, n_columns).T,
+        image=sector_means(frame.samples, n_columns).T,
         x_label="rotation (rad)",
         y_label="depth (mm)",
         x_extent=(float(angle[0]), float(angle[-1])),
@@ -37,16 +37,16 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
         "capillary. A straight line that crosses the others is added by the detector.",
     )
     theta, radii = calibration.grid.theta_rad, volume_radii_mm(calibration)
-    undistorted = resample(frame, calibration, radii)
+    every = max(1, theta.size // PICTURE_COLUMNS)
+    undistorted = resample(frame, calibration, radii, every)
     undistorted = np.where(np.isfinite(undistorted), undistorted, np.nanmin(undistorted))
     beam, _ = beam_angles_rad(calibration, index, theta)
     nearest = np.round((beam - beams.angle_rad[0]) / calibration.grid.dtheta_rad).astype(np.intp) % theta.size
-    every = max(1, theta.size // PICTURE_COLUMNS)
     wall_radius = radius_mm(calibration, index, beams.angle_rad, wall)[nearest]
     return recorded, Picture(
         name="bscan-undistorted",
         title=f"B-scan at z = {frame.z_mm:.2f} mm undistorted",
-        image=undistorted[::every].T,
+        image=as_recorded(undistorted, frame.samples.dtype).T,
         x_label="θ (rad)",
         y_label="radius (mm)",
         x_extent=(float(theta[0]), float(theta[::every][-1])),

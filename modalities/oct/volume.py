@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,11 +32,14 @@ def volume_radii_mm(calibration: OctCalibration) -> Coordinates:
     return np.asarray(np.arange(capillary.radius_mm - INSIDE_MM, farthest, calibration.mm_per_px))
 
 
-def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates) -> Image:
-    """Return one B-scan on (θ, radius) about the capillary's axis, float32 (n_theta, n_radii), NaN outside."""
+def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates, every: int = 1) -> Image:
+    """Return one B-scan on (θ, radius) about the capillary's axis, float32 (n_theta, n_radii), NaN outside.
+
+    θ is that of the panorama, or ``every`` such column from the first.
+    """
     grid = calibration.grid
     image = reduce_theta(frame.samples, grid.n_theta)
-    angle, depth = beam_of(calibration, frame.index, grid.theta_rad[:, None], radii_mm[None, :])
+    angle, depth = beam_of(calibration, frame.index, grid.theta_rad[::every, None], radii_mm[None, :])
     first = sector_angles_rad(frame.samples.shape[0], grid.n_theta)[0]
     column = np.mod((angle - first) / grid.dtheta_rad, grid.n_theta)
     wrapped = np.concatenate([image, image[:1]])
@@ -69,10 +73,11 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
     rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
     slices: Iterable[Image] = thread_map(partial(resample, calibration=calibration, radii_mm=radii), stream)
     for row, samples in zip(rows, slices, strict=True):
-        array[int(row)] = _as_recorded(samples, dtype)
+        array[int(row)] = as_recorded(samples, dtype)
     for place in (store / "volume", store):  # a reader may begin at either
         consolidate(place)
 
 
-def _as_recorded(samples: Image, dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
+def as_recorded(samples: Image, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return interpolated samples in the recording's type: whole numbers rounded, 0 for NaN."""
     return samples if dtype.kind == "f" else np.rint(np.nan_to_num(samples)).astype(dtype)

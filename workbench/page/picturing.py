@@ -13,7 +13,8 @@ from PIL import Image as Pillow
 from endoct.modalities.contract import Picture, Seen
 from endoct.stitching.store import PanoramaOutline
 
-QUALITY = 88
+QUALITY = 92
+"""Of a JPEG: WebP is a quarter smaller for as good a picture, and takes ten times as long."""
 MOST_POINTS = 1000
 """Of a curve: as many as a picture has columns."""
 
@@ -39,7 +40,7 @@ def picture_json(picture: Picture, ring: dict[str, float] | None) -> dict[str, A
         "seen": _seen(picture.seen),
         "axis": axis,
         "ring": ring if is_ring else None,
-        "image": f"data:image/webp;base64,{base64.b64encode(_webp(picture.image)).decode('ascii')}",
+        "image": f"data:image/jpeg;base64,{base64.b64encode(_jpeg(picture.image)).decode('ascii')}",
     }
 
 
@@ -77,13 +78,13 @@ def _known(value: float) -> float | None:
     return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
-def _webp(image: NDArray[Any]) -> bytes:
-    """Return an image in grey or colours, its values from the 0.2nd to the 99.8th percentile."""
-    if image.dtype != np.uint8:
+def _jpeg(image: NDArray[Any]) -> bytes:
+    """Return an image: colours of 8 bits as they are, others with their values from the 0.2nd to 99.8th percentile."""
+    if image.ndim == 2 or image.dtype != np.uint8:
         known = image[np.isfinite(image)].astype(np.float32)
         low, high = np.percentile(known, [0.2, 99.8]) if known.size else (0.0, 1.0)
         scaled = (np.nan_to_num(image.astype(np.float32), nan=float(low)) - low) / max(float(high - low), 1e-9)
         image = np.clip(255 * scaled, 0, 255).astype(np.uint8)
     file = io.BytesIO()
-    Pillow.fromarray(image).convert("RGB").save(file, "WEBP", quality=QUALITY, method=2)
+    Pillow.fromarray(image).save(file, "JPEG", quality=QUALITY, subsampling="4:4:4")
     return file.getvalue()

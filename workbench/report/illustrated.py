@@ -1,6 +1,5 @@
 """The sections of a report with its figures, each embedded, under a number, with its caption."""
 
-import base64
 from collections.abc import Mapping, Sequence
 from html import escape
 
@@ -44,9 +43,8 @@ def _quality(side: SideFindings, figures: Mapping[str, str]) -> str:
 
 def _figure(number: int, figure: Drawn) -> str:
     rendered = figure.rendered
-    data = base64.b64encode(rendered.webp).decode("ascii")
     return (
-        f'<figure id="figure-{escape(rendered.name)}"><img src="data:image/webp;base64,{data}" '
+        f'<figure id="figure-{escape(rendered.name)}"><img src="{rendered.embedded}" '
         f'alt="{escape(figure.title)}" width="{round(rendered.width_in * CSS_PIXELS_PER_INCH)}">\n'
         f"<figcaption><b>Figure {number}. {escape(figure.title)}.</b> {escape(figure.caption)} "
         f'<span class="code">figures/{escape(rendered.file)}</span></figcaption></figure>\n'

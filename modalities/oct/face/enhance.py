@@ -11,6 +11,8 @@ from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import pad_circle
 from endoct.stitching.ranks import median, quantile_pair
 
+WAVELET, MODE = pywt.Wavelet("db2"), "periodization"
+
 
 def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
     """Return ``image`` with its wavelet coefficients shrunk by ``threshold_sigmas`` of their noise.
@@ -18,19 +20,29 @@ def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
     Two levels of Daubechies-2, soft threshold, the noise's σ from the finest diagonal coefficients. Where that σ or
     the threshold is 0, the image is returned unchanged.
     """
-    coefficients = pywt.wavedec2(image, "db2", mode="periodization", level=2)
-    sigma = median(np.abs(coefficients[-1][2])) / 0.6745
-    if threshold_sigmas * sigma == 0:
+    coarse, *fine = _bands(np.asarray(image, dtype=np.float32))
+    coarsest, *middle = _bands(coarse)
+    threshold = threshold_sigmas * (median(np.abs(fine[-1])) / 0.6745)
+    if threshold == 0:
         return image  # nothing to shrink by; PyWavelets would make 0/0 of coefficients that are 0
-    shrunk = [
-        coefficients[0],
-        *(
-            tuple(pywt.threshold(band, threshold_sigmas * sigma, mode="soft") for band in level)
-            for level in coefficients[1:]
-        ),
-    ]
-    denoised = pywt.waverec2(shrunk, "db2", mode="periodization")[: image.shape[0], : image.shape[1]]
-    return np.asarray(denoised, dtype=np.float32)
+    middle, fine = ([pywt.threshold(band, threshold, mode="soft") for band in level] for level in (middle, fine))
+    coarse = _joined(coarsest, *middle)[: coarse.shape[0], : coarse.shape[1]]
+    return np.ascontiguousarray(_joined(coarse, *fine)[: image.shape[0], : image.shape[1]])
+
+
+def _bands(image: Image) -> list[Image]:
+    """Return the four bands of one level of a wavelet transform: low or high along rows, then so along columns.
+
+    As ``pywt.dwt2`` has them, which reads columns one sample at a time: turned over, they take a fifth of that time.
+    """
+    halves = pywt.dwt(cv2.transpose(image), WAVELET, MODE)
+    return [band for half in halves for band in pywt.dwt(cv2.transpose(half), WAVELET, MODE)]
+
+
+def _joined(low: Image, low_high: Image, high_low: Image, high: Image) -> Image:
+    """Return the image of :func:`_bands`, in one more row or column where their number was odd."""
+    halves = [pywt.idwt(*bands, WAVELET, MODE) for bands in ((low, low_high), (high_low, high))]
+    return np.asarray(cv2.transpose(pywt.idwt(*map(cv2.transpose, halves), WAVELET, MODE)))
 
 
 def equalise(image: Image, clip_limit: float, tile_depth_px: float) -> Image:

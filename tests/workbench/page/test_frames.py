@@ -66,7 +66,7 @@ def test_the_server_has_the_pictures_that_were_kept(served: Served):
     assert raw["axis"] is None  # rotation is not θ
     assert raw["curves"]["outer face"][12] == [None, None]
     kind, data = raw["image"].split(",", 1)
-    assert kind == "data:image/webp;base64"
+    assert kind == "data:image/jpeg;base64"
     assert Image.open(io.BytesIO(base64.b64decode(data))).size == (100, 50)
 
 

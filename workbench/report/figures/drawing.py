@@ -27,8 +27,10 @@ PAGE_WIDTH_IN = 7.2
 """Text width of a two-column journal page, 183 mm."""
 
 DPI = 250
+MOST_EMBEDDED_BYTES = 350_000
+"""Of a PNG that a page embeds as it is: line drawings, which a lossy copy blurs and hardly makes smaller."""
 EMBEDDED_QUALITY = 88
-"""Quality of the WebP copies in the page; the files in figures/ are lossless."""
+"""Quality of the WebP copies of others; the files in figures/ are lossless."""
 _PAETH = 128
 _HEADER_BYTES = 33
 """Of a PNG: its signature, and the chunk that says its size."""
@@ -106,9 +108,14 @@ def render(figure: Figure, name: str) -> Rendered:
     margin = round(0.04 * DPI)
     top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
     trimmed = np.ascontiguousarray(pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1, :3])
-    webp = io.BytesIO()
-    Image.fromarray(trimmed).save(webp, "WEBP", quality=EMBEDDED_QUALITY, method=2)
-    return Rendered(name, trimmed.shape[1] / DPI, _png(trimmed), webp.getvalue())
+    png = _png(trimmed)
+    return Rendered(name, trimmed.shape[1] / DPI, png, _webp(trimmed) if len(png) > MOST_EMBEDDED_BYTES else None)
+
+
+def _webp(pixels: NDArray[np.uint8]) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "WEBP", quality=EMBEDDED_QUALITY, method=2)
+    return file.getvalue()
 
 
 def _png(pixels: NDArray[np.uint8]) -> bytes:

@@ -1,5 +1,6 @@
 """Figures that are drawn: pictures with what there is to know about them; whoever only writes them draws nothing."""
 
+import base64
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,20 +8,26 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Rendered:
-    """A figure as the lossless PNG that lies in figures/ under ``name``, and the WebP copy that a page embeds.
+    """A figure as the lossless PNG that lies in figures/ under ``name``, and as a page embeds it.
 
-    ``width_in`` is its printed width.
+    ``width_in`` is its printed width; ``webp`` a copy for the page, None where the PNG is small enough itself.
     """
 
     name: str
     width_in: float
     png: bytes
-    webp: bytes
+    webp: bytes | None
 
     @property
     def file(self) -> str:
         """The name of its file."""
         return f"{self.name}.png"
+
+    @property
+    def embedded(self) -> str:
+        """What a page embeds, as a URL that holds all of it."""
+        kind, data = ("png", self.png) if self.webp is None else ("webp", self.webp)
+        return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 @dataclass(frozen=True)
