@@ -1,5 +1,6 @@
 """Minimum cross-entropy threshold after Li and Tam (1998), from a histogram."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,11 @@ from numpy.typing import NDArray
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.compiled import compiled
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.parallel import at_once
 
 N_BINS = 65_536
+TOGETHER = 512
+"""Samples whose bins are worked out at once, as vectors of the processor."""
 MOST_ROUNDS = 1000
 
 
@@ -26,16 +30,18 @@ def li_threshold(values: NDArray[np.generic]) -> float:
     whole = flat.dtype.kind in "iub"
     if flat.dtype.kind == "b" or flat.dtype == np.float16:
         flat = flat.astype(np.uint8 if whole else np.float32)
-    n_finite, least, most = _extremes(flat)
-    if n_finite == 0:
+    if flat.size and not np.isfinite([flat.min(), flat.max()]).all():
+        flat = flat[np.isfinite(flat)]
+    if not flat.size:
         raise EndoctError("nothing to threshold", found="no valid sample")
+    least, most = float(flat.min()), float(flat.max())
     if least == most:
         raise EndoctError(
             "nothing to threshold", found=f"every valid sample is {least:g}", expected="wall and cells that differ"
         )
     width = max((most - least) / N_BINS, 1.0 if whole else 0.0)
-    count, total = np.zeros(N_BINS + 1), np.zeros(N_BINS + 1)
-    _fill(flat, least, width, count, total)
+    halves = np.array_split(flat, 2)
+    count, total = np.add(*at_once(*(partial(_binned, half, least, width) for half in halves)))
     filled = count > 0
     centre, count, total = total[filled] / count[filled], count[filled], total[filled]
     below_count, below_total = np.cumsum(count), np.cumsum(total)
@@ -55,23 +61,17 @@ def li_threshold(values: NDArray[np.generic]) -> float:
 
 
 @compiled
-def _extremes(flat: NDArray[Any]) -> tuple[int, float, float]:
-    """Return how many samples are finite, and the least and the largest of them."""
-    n_finite, least, most = 0, np.inf, -np.inf
-    for value in flat:
-        number = np.float64(value)
-        if np.isfinite(number):
-            n_finite += 1
-            least, most = min(least, number), max(most, number)
-    return n_finite, least, most
-
-
-@compiled
-def _fill(flat: NDArray[Any], least: float, width: float, count: Coordinates, total: Coordinates) -> None:
-    """Add up the finite samples of each bin: how many, and by how much they lie above ``least``."""
-    for value in flat:
-        above = np.float64(value) - least
-        if np.isfinite(above):
-            k = min(int(above / width), N_BINS)
-            count[k] += 1
-            total[k] += above
+def _binned(flat: NDArray[Any], least: float, width: float) -> Coordinates:
+    """Return how many samples each bin has, and by how much they lie above ``least`` together, (2, N_BINS + 1)."""
+    sums = np.zeros((N_BINS + 1, 2))
+    above, bins = np.empty(TOGETHER), np.empty(TOGETHER, np.int32)
+    for first in range(0, flat.size, TOGETHER):
+        some = flat[first : first + TOGETHER]
+        for i in range(some.size):
+            above[i] = np.float64(some[i]) - least
+            bins[i] = np.int32(above[i] / width)
+        for i in range(some.size):
+            k = min(bins[i], N_BINS)
+            sums[k, 0] += 1
+            sums[k, 1] += above[i]
+    return sums.T.copy()

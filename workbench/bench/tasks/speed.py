@@ -100,7 +100,7 @@ def _threshold(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
     from skimage.filters import threshold_li
 
     relief_mm = jobs.relief_of_cells(seed, index, size["ascans"] * jobs.N_DEPTH)
-    return _case(seed, index, "threshold", (relief_mm,), float(threshold_li(relief_mm)), size)
+    return _case(seed, index, "threshold", (relief_mm,), float(threshold_li(relief_mm.astype(np.float64))), size)
 
 
 def _alignment(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
