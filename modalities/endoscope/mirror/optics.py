@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
 
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.stitching.arrays import Coordinates
@@ -135,6 +134,7 @@ def stretched(optics: ConeOptics, stretch: float) -> ConeOptics:
     In ``optics``, an assumed cone of 45°, it was larger by ``stretch`` of itself at the outer rim, and smaller by as
     much at the inner one. Where no cone is that uneven, the nearest that is.
     """
+    from scipy.optimize import brentq  # takes a while to load, and a stated mirror does without
 
     def fitted(half_angle_rad: float) -> ConeOptics:
         def length(focal_px: float) -> float:
