@@ -5,9 +5,9 @@ import numpy as np
 from endoct.modalities.contract import Frame, Picture
 from endoct.modalities.oct.bscan import sector_angles_rad, sector_means
 from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.polar import as_recorded, resample, volume_radii_mm
 from endoct.modalities.oct.undistort import beam_angles_rad, radius_mm
 from endoct.modalities.oct.unroll import profile_beams
-from endoct.modalities.oct.volume import as_recorded, resample, volume_radii_mm
 from endoct.stitching.arrays import Coordinates
 
 PICTURE_COLUMNS = 1000

@@ -24,7 +24,6 @@ from endoct.modalities.oct.settle import settle_pullback
 from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
 from endoct.modalities.oct.unroll import unroll_bscan
-from endoct.modalities.oct.volume import write_volume
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
@@ -78,6 +77,8 @@ class OctModality:
 
     def write_volume(self, stream: FrameStream, calibration: OctCalibration, store: Path) -> None:
         """Write the dense hollow cylinder as the group ``volume`` of ``store``, one slice a chunk."""
+        from endoct.modalities.oct.volume import write_volume  # which loads zarr
+
         write_volume(stream, calibration, store)
 
 
