@@ -1,5 +1,7 @@
 """Figures show what is there, where it is, to scale."""
 
+import base64
+import io
 import math
 
 import numpy as np
@@ -8,12 +10,13 @@ from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import ArrayLike
+from PIL import Image
 from tolerances import COORDINATE_ATOL
 
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.cylinder import CUT_FACE, END_FACE, NOT_OBSERVED, TILT_RAD, cast_half
-from endoct.workbench.report.figures.drawing import MARGIN_IN, new_figure, place, width_of, wrapped
+from endoct.workbench.report.figures.drawing import MARGIN_IN, new_figure, place, render, width_of, wrapped
 from endoct.workbench.report.figures.wall_panels import show_surface, thinned, wall_panel
 from endoct.workbench.report.wording import value_text
 
@@ -185,3 +188,17 @@ def test_titles_are_broken_to_the_width_of_their_panel() -> None:
     lines = wrapped("Frame 6 as recorded, with the annulus found", 2.4).split("\n")
     assert len(lines) == 2
     assert max(map(len, lines)) <= 34
+
+
+def test_a_page_embeds_a_line_drawing_as_it_is_and_a_smaller_copy_of_a_large_picture() -> None:
+    drawing, picture = new_figure(4, 3), new_figure(4, 3)
+    place(drawing, 0.5, 0.25, 3, 2).plot([0, 1], [0, 1])
+    place(picture, 0.5, 0.25, 3, 2).imshow(np.random.default_rng(0).random((600, 600)), aspect="auto")
+    small, large = render(drawing, "small"), render(picture, "large")
+    png, webp = (base64.b64decode(one.embedded.split(",", 1)[1]) for one in (small, large))
+    assert small.embedded.startswith("data:image/png;base64,")
+    assert png == small.png
+    assert large.embedded.startswith("data:image/webp;base64,")
+    assert len(webp) < len(large.png)
+    with Image.open(io.BytesIO(webp)) as embedded, Image.open(io.BytesIO(large.png)) as lossless:
+        assert embedded.size == lossless.size

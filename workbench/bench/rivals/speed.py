@@ -183,7 +183,7 @@ def _strips_by_opencv(frames: Sequence[Frame], calibration: EndoscopeCalibration
     return _polar_strips(frames, calibration, _by_opencv)
 
 
-def _li_by_skimage(values: Image) -> float:
+def li_by_skimage(values: Image) -> float:
     """scikit-image's, given up where it alternates between two thresholds for ever (0.26; its issue 7790)."""
     rounds = itertools.count(1)
 
@@ -200,7 +200,7 @@ def _levels(spectra: Counts, places: Coordinates) -> Image:
 
 _TEXTBOOK: dict[str, Callable[..., Any]] = {
     "strips": _strips_by_skimage,
-    "threshold": _li_by_skimage,
+    "threshold": li_by_skimage,
     "alignment": phase_correlation,
     "spectra": _levels,
 }
