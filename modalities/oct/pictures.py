@@ -16,6 +16,8 @@ PICTURE_COLUMNS = 1000
 def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, ...]:
     """Return the B-scan as recorded, with outer face, its sine and wall, and the same undistorted, with the wall."""
     beams = profile_beams(frame, calibration)
+    # 8 bits would be shown as they are, not from the darkest to the brightest
+    kind = np.promote_types(frame.samples.dtype, np.uint16)
     mm, index = calibration.mm_per_px, frame.index
     n_columns = min(PICTURE_COLUMNS, frame.samples.shape[0])
     angle = sector_angles_rad(frame.samples.shape[0], n_columns)
@@ -23,7 +25,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
     recorded = Picture(
         name="bscan",
         title=f"B-scan at z = {frame.z_mm:.2f} mm as recorded",
-        image=sector_means(frame.samples, n_columns).T,
+        image=sector_means(frame.samples, n_columns).astype(kind, copy=False).T,
         x_label="rotation (rad)",
         y_label="depth (mm)",
         x_extent=(float(angle[0]), float(angle[-1])),
@@ -46,7 +48,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
     return recorded, Picture(
         name="bscan-undistorted",
         title=f"B-scan at z = {frame.z_mm:.2f} mm undistorted",
-        image=as_recorded(undistorted, frame.samples.dtype).T,
+        image=as_recorded(undistorted, kind).T,
         x_label="θ (rad)",
         y_label="radius (mm)",
         x_extent=(float(theta[0]), float(theta[::every][-1])),

@@ -14,7 +14,7 @@ from endoct.modalities.contract import Picture, Seen
 from endoct.stitching.store import PanoramaOutline
 
 QUALITY = 92
-"""Of a JPEG: WebP is a quarter smaller for as good a picture, and takes ten times as long."""
+"""Of a JPEG. WebP of quality 88 makes B-scans a fifth smaller and 0.5 to 1 dB better, in twenty times the time."""
 MOST_POINTS = 1000
 """Of a curve: as many as a picture has columns."""
 
@@ -79,8 +79,8 @@ def _known(value: float) -> float | None:
 
 
 def _jpeg(image: NDArray[Any]) -> bytes:
-    """Return an image: colours of 8 bits as they are, others with their values from the 0.2nd to 99.8th percentile."""
-    if image.ndim == 2 or image.dtype != np.uint8:
+    """Return an image in grey or colours: of 8 bits as it is, others from the 0.2nd to the 99.8th percentile."""
+    if image.dtype != np.uint8:
         known = image[np.isfinite(image)].astype(np.float32)
         low, high = np.percentile(known, [0.2, 99.8]) if known.size else (0.0, 1.0)
         scaled = (np.nan_to_num(image.astype(np.float32), nan=float(low)) - low) / max(float(high - low), 1e-9)

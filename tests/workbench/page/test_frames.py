@@ -158,3 +158,12 @@ def test_curves_stay_small(points: list[tuple[float, float]]):
     labels = {"x_label": "θ (rad)", "y_label": "z (mm)", "x_extent": (0.0, 6.2), "y_extent": (0.0, 2.5)}
     picture = Picture("a", "a", np.zeros((2, 2)), **labels, curves={"wall": np.array(points)})
     assert len(picture_json(picture, None)["curves"]["wall"]) <= 1000
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2"])
+def test_only_pictures_of_8_bits_are_shown_as_they_are(dtype: str):
+    ramp = np.tile(np.linspace(100, 150, 64).astype(dtype), (64, 1))
+    shown = picture_json(Picture("frame", "frame", ramp, "column (px)", "row (px)", (0, 63), (0, 63)), None)["image"]
+    with Image.open(io.BytesIO(base64.b64decode(shown.split(",", 1)[1]))) as image:
+        low, high = image.getextrema()
+    assert (low < 10, high > 245) == (dtype == "u2", dtype == "u2")

@@ -28,7 +28,7 @@ PAGE_WIDTH_IN = 7.2
 
 DPI = 250
 MOST_EMBEDDED_BYTES = 350_000
-"""Of a PNG that a page embeds as it is: line drawings, which a lossy copy blurs and hardly makes smaller."""
+"""Of a PNG that a page embeds as it is: line drawings, which a lossy copy blurs and makes a third smaller."""
 EMBEDDED_QUALITY = 88
 """Quality of the WebP copies of others; the files in figures/ are lossless."""
 _PAETH = 128
