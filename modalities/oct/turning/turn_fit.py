@@ -226,14 +226,17 @@ def finish_fit(points: Points, fit: TurnFit, glass: Glass, seek_lost: bool) -> T
     candidates = np.unique(points.angle_rad)[4:-4]
     if not seek_lost or not candidates.size:
         return finished
-    used = fit.weight > 0
-    jump = (points.angle_rad[used] >= candidates[:, None]) * fit.slope[used]
-    weighted = jump * fit.weight[used]
-    coupled = weighted @ fit.jacobian[used]
+    used = np.flatnonzero(fit.weight > 0)
+    used = used[np.argsort(points.angle_rad[used], kind="stable")]
+    after = np.searchsorted(points.angle_rad[used], candidates)
+    # a jump moves all points from its angle on, so that its sums run from the last point back to there
+    weighted = fit.slope[used] * fit.weight[used]
+    coupled = _sums_from(after, weighted[:, None] * fit.jacobian[used])
     # the part of the jump that the other unknowns could not take up
-    left = np.sum(weighted * jump, axis=1) - np.sum(coupled * np.linalg.solve(fit.normal, coupled.T).T, axis=1)
+    left = _sums_from(after, weighted * fit.slope[used])
+    left -= np.sum(coupled * np.linalg.solve(fit.normal, coupled.T).T, axis=1)
     left = np.maximum(left, 1e-12) + 1 / LOST_RAD[1] ** 2
-    pull = weighted @ fit.residual[used]
+    pull = _sums_from(after, weighted * fit.residual[used])
     size, gain = pull / left, pull**2 / left
     gain = np.where((size > LOST_RAD[0]) & (size < LOST_RAD[1]), gain, 0)
     best = int(np.argmax(gain))
@@ -244,6 +247,12 @@ def finish_fit(points: Points, fit: TurnFit, glass: Glass, seek_lost: bool) -> T
     if again is None or not LOST_RAD[0] < again.lost_rad < LOST_RAD[1]:
         return finished
     return again if _misfit(points, finished) - _misfit(points, again) > LOST_GAIN else finished
+
+
+def _sums_from(first: NDArray[np.intp], rows: Coordinates) -> Coordinates:
+    """Return for each index in ``first`` the sum of ``rows`` from there on; none are left at ``len(rows)``."""
+    sums = np.concatenate([np.cumsum(rows[::-1], axis=0)[::-1], np.zeros_like(rows[:1])])
+    return np.asarray(sums[first])
 
 
 def _misfit(points: Points, fit: TurnFit) -> float:
