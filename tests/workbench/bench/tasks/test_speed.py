@@ -12,7 +12,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.workbench.bench.cases.long_recordings import place_of
 from endoct.workbench.bench.cases.speed_jobs import Work
 from endoct.workbench.bench.command import Request, run_bench
-from endoct.workbench.bench.rivals.speed import opencv, reading, textbook
+from endoct.workbench.bench.rivals.speed import literal, opencv, reading, textbook
 from endoct.workbench.bench.task import Case, Declined
 from endoct.workbench.bench.tasks.alignment import AlignmentCase
 from endoct.workbench.bench.tasks.speed import TASK, SpeedCase, cases, ours
@@ -63,6 +63,8 @@ def test_strips_show_what_the_frames_show(strips: SpeedCase, method: Method) -> 
 def test_a_library_without_a_function_for_a_job_says_so() -> None:
     with pytest.raises(Declined, match="no function for this job"):
         opencv(Work("threshold", (np.zeros(3),), 1))
+    with pytest.raises(Declined, match="unrolls pullbacks"):
+        literal(Work("threshold", (np.zeros(3),), 1))
 
 
 def test_pairs_that_hardly_lie_apart_are_aligned(easy: AlignmentCase) -> None:
@@ -77,7 +79,8 @@ def test_a_pullback_longer_than_the_one_it_is_made_of_is_unrolled_and_judged() -
         assert scores(case, ours)["error"] < 0.2
         read = scores(case, reading)
         assert (read["success"], read["error"]) == (1, 0)
-        assert scores(case, textbook)["error"] < 1  # it overlaps with the truth
+        for chain in (literal, textbook):
+            assert scores(case, chain)["error"] < 1  # it overlaps with the truth
         assert TASK.judge(case, Measured(17, (1.0,), (1.0,), 1.0))["success"] == 0
     finally:
         assert case.scratch is not None
