@@ -2,9 +2,11 @@
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import full_scale, green
 from endoct.modalities.kept_frames import kept_frames
@@ -19,12 +21,36 @@ class GreenFrame(Frame):
 
 def green_frames(stream: FrameStream) -> AbstractContextManager[FrameStream]:
     """Give a stream of the green of every frame of ``stream``, each read from there once."""
-    return kept_frames(stream, _green_frame)
+    return kept_frames(_InGreen(stream) if isinstance(stream, _ReadsGreen) else stream, _green_frame)
 
 
 def full_scale_of(frame: Frame) -> float:
     """Return the value of a saturated sample of a frame, by :func:`full_scale` of all its colours."""
     return frame.full_scale if isinstance(frame, GreenFrame) else full_scale(frame.samples)
+
+
+@runtime_checkable
+class _ReadsGreen(FrameStream, Protocol):
+    """A stream that may read of a frame the green alone."""
+
+    def green(self, index: int) -> Frame | None: ...
+
+
+class _InGreen:
+    """A stream of frames in green where ``stream`` reads that alone, else of whole ones."""
+
+    def __init__(self, stream: _ReadsGreen) -> None:
+        self._stream = stream
+
+    @property
+    def acquisition(self) -> Acquisition:
+        return self._stream.acquisition
+
+    def __len__(self) -> int:
+        return len(self._stream)
+
+    def __getitem__(self, index: int) -> Frame:
+        return self._stream.green(index) or self._stream[index]
 
 
 def _green_frame(frame: Frame) -> GreenFrame:
