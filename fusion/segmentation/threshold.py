@@ -12,8 +12,9 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.parallel import at_once
 
 N_BINS = 65_536
-TOGETHER = 512
-"""Samples whose bins are worked out at once, as vectors of the processor."""
+TOGETHER = 128
+"""Samples whose bins are worked out at once, as vectors of the processor: few, so that it counts the last meanwhile."""
+LEAST_RANGE = 1e-300
 MOST_ROUNDS = 1000
 
 
@@ -30,23 +31,23 @@ def li_threshold(values: NDArray[np.generic]) -> float:
     whole = flat.dtype.kind in "iub"
     if flat.dtype.kind == "b" or flat.dtype == np.float16:
         flat = flat.astype(np.uint8 if whole else np.float32)
-    if flat.size and not np.isfinite([flat.min(), flat.max()]).all():
+    least, most = _extremes(flat)
+    if not np.isfinite(most - least):
         flat = flat[np.isfinite(flat)]
+        least, most = _extremes(flat)
     if not flat.size:
         raise EndoctError("nothing to threshold", found="no valid sample")
-    least, most = float(flat.min()), float(flat.max())
     if least == most:
         raise EndoctError(
             "nothing to threshold", found=f"every valid sample is {least:g}", expected="wall and cells that differ"
         )
-    width = max((most - least) / N_BINS, 1.0 if whole else 0.0)
-    halves = np.array_split(flat, 2)
-    count, total = np.add(*at_once(*(partial(_binned, half, least, width) for half in halves)))
-    filled = count > 0
-    centre, count, total = total[filled] / count[filled], count[filled], total[filled]
-    below_count, below_total = np.cumsum(count), np.cumsum(total)
+    if most - least < LEAST_RANGE:  # bins that no number counts in a unit
+        return li_threshold(flat * 2.0**600) / 2.0**600
+    bins_per_unit = min(N_BINS / (most - least), 1.0 if whole else np.inf)
+    halves = at_once(*(partial(_binned, half, least, bins_per_unit) for half in np.array_split(flat, 2)))
+    centre, below_count, below_total = _running(*halves)
     threshold, before = below_total[-1] / below_count[-1], -np.inf
-    tolerance = 0.5 if whole else width * 1e-3
+    tolerance = 0.5 if whole else (most - least) / N_BINS * 1e-3
     for _ in range(MOST_ROUNDS):
         if abs(threshold - before) <= tolerance:
             break
@@ -60,18 +61,41 @@ def li_threshold(values: NDArray[np.generic]) -> float:
     return float(threshold + least)
 
 
+def _extremes(flat: NDArray[Any]) -> tuple[float, float]:
+    """Return the least and the most of ``flat``: NaN where one sample is, 0 where there is none."""
+    least, most = at_once(flat.min, flat.max) if flat.size else (0, 0)
+    return float(least), float(most)
+
+
 @compiled
-def _binned(flat: NDArray[Any], least: float, width: float) -> Coordinates:
-    """Return how many samples each bin has, and by how much they lie above ``least`` together, (2, N_BINS + 1)."""
+def _binned(flat: NDArray[Any], least: float, bins_per_unit: float) -> Coordinates:
+    """Return how many samples each bin has, and by how much they lie above ``least`` together, (N_BINS + 1, 2)."""
     sums = np.zeros((N_BINS + 1, 2))
-    above, bins = np.empty(TOGETHER), np.empty(TOGETHER, np.int32)
+    above, bins = np.empty(TOGETHER), np.empty(TOGETHER, np.uint32)
     for first in range(0, flat.size, TOGETHER):
         some = flat[first : first + TOGETHER]
         for i in range(some.size):
             above[i] = np.float64(some[i]) - least
-            bins[i] = np.int32(above[i] / width)
+            bins[i] = min(np.uint32(np.int32(above[i] * bins_per_unit)), np.uint32(N_BINS))
         for i in range(some.size):
-            k = min(bins[i], N_BINS)
+            k = bins[i]
             sums[k, 0] += 1
             sums[k, 1] += above[i]
-    return sums.T.copy()
+    return sums
+
+
+@compiled
+def _running(one: Coordinates, other: Coordinates) -> tuple[Coordinates, Coordinates, Coordinates]:
+    """Return (centre, count, total) of the bins that have samples: their mean, and sums of them and all bins below.
+
+    ``one`` and ``other``: histograms of two halves, as from :func:`_binned`.
+    """
+    centre, count, total = np.empty(N_BINS + 1), np.empty(N_BINS + 1), np.empty(N_BINS + 1)
+    n_filled, count_so_far, total_so_far = 0, 0.0, 0.0
+    for k in range(N_BINS + 1):
+        here, above = one[k, 0] + other[k, 0], one[k, 1] + other[k, 1]
+        count_so_far += here
+        total_so_far += above
+        centre[n_filled], count[n_filled], total[n_filled] = above / here, count_so_far, total_so_far
+        n_filled += here > 0  # a bin without samples is written over by the next
+    return centre[:n_filled], count[:n_filled], total[:n_filled]

@@ -67,3 +67,34 @@ def test_nothing_to_threshold(values: np.ndarray) -> None:
 def test_many_samples_a_bin() -> None:
     values = two_humps(8, 0.1, 3.0, n=400_000).astype(np.float32)
     assert abs(li_threshold(values) - threshold_li(values.copy())) <= np.ptp(values) / N_BINS
+
+
+@given(n=st.integers(3, 400), seed=st.integers(0, 1000), dtype=st.sampled_from(["f4", "f8", "i4"]))
+def test_any_number_of_samples(n: int, seed: int, dtype: str) -> None:
+    values = (two_humps(seed, 0.3, 6.0, n) * 1000).astype(dtype)
+    bin_width = max(float(np.ptp(values)) / N_BINS, 1.0 if dtype == "i4" else 0.0)
+    assert abs(li_threshold(values) - textbook(values)) <= bin_width
+
+
+@pytest.mark.parametrize("scale", [1e-323, 1e-310, 1e-305, 1e-30, 1e30])
+def test_values_of_any_size(scale: float) -> None:
+    values = np.array([0.0, 1.0, 2.0, 1.0, 9.0, 8.0]) * scale
+    assert li_threshold(values) == pytest.approx(textbook(values), rel=1e-9, abs=0)
+
+
+def test_one_sample_far_above_the_others() -> None:
+    values = np.append(two_humps(2, 0.3, 6.0), 1e12)
+    assert li_threshold(values) == pytest.approx(textbook(values), rel=1e-9)
+
+
+def textbook(values: np.ndarray) -> float:
+    """Li's iteration until nothing changes, sample by sample."""
+    above = values.astype(np.float64) - float(values.min())
+    threshold, before = above.mean(), -1.0
+    while threshold != before:
+        before, below = threshold, above[above <= threshold].mean()
+        if below == 0:
+            break
+        mean_above = above[above > threshold].mean()
+        threshold = (mean_above - below) / (np.log(mean_above) - np.log(below))
+    return float(threshold + values.min())
