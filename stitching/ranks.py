@@ -1,4 +1,4 @@
-"""Medians and quantiles by sorting, a single one by selecting: several times as fast as NumPy's own."""
+"""Medians and quantiles of columns by sorting, single ones by selecting: several times as fast as NumPy's own."""
 
 from typing import Any
 
@@ -11,10 +11,11 @@ from endoct.stitching.arrays import Mask
 
 def median(samples: NDArray[Any]) -> float:
     """Return the median of ``samples`` of any shape; NaN where one of them is."""
-    ordered = np.sort(samples, axis=None)
-    if not ordered.size or np.isnan(ordered[-1]):
+    if not samples.size:
         return float("nan")
-    return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2)
+    lower = (samples.size - 1) // 2
+    parted = np.partition(samples, lower, axis=None)  # NaN to its end
+    return float((parted[lower] + parted[samples.size // 2 :].min()) / 2)
 
 
 def quantile(samples: NDArray[Any], share: float) -> float:
@@ -28,13 +29,15 @@ def quantile(samples: NDArray[Any], share: float) -> float:
 
 def quantile_pair(samples: NDArray[Any], low: float, high: float) -> tuple[float, float]:
     """Return the quantiles ``low`` and ``high``, 0 to 1, of ``samples`` of any shape."""
-    ordered = np.sort(samples, axis=None)[None]
-    return float(_between(ordered, low, np.float64)[0]), float(_between(ordered, high, np.float64)[0])
+    return _selected(samples, low), _selected(samples, high)
 
 
 def quantiles(samples: NDArray[Any], share: float) -> NDArray[Any]:
     """Return the quantile ``share``, 0 to 1, of every column of floating-point ``samples`` (n, n_columns)."""
-    return _between(_sorted_columns(samples), share, samples.dtype.type)
+    ordered, last = _sorted_columns(samples), len(samples) - 1
+    below = int(share * last)
+    part = samples.dtype.type(share * last - below)
+    return np.asarray(_between(ordered[:, below], ordered[:, min(below + 1, last)], part))
 
 
 def medians(samples: NDArray[Any]) -> NDArray[Any]:
@@ -69,10 +72,15 @@ def _sorted_columns(samples: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(ordered)
 
 
-def _between(ordered: NDArray[Any], share: float, kind: Any) -> NDArray[Any]:
-    """The quantile of every row, interpolated linearly."""
-    last = ordered.shape[1] - 1
+def _selected(samples: NDArray[Any], share: float) -> float:
+    """The quantile of all samples, where NaN are the largest."""
+    last = samples.size - 1
     below = int(share * last)
-    part = kind(share * last - below)
-    low, high = (ordered[:, k].astype(kind) for k in (below, min(below + 1, last)))
-    return np.asarray(low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part))
+    parted = np.partition(samples, below, axis=None)
+    above = np.fmin.reduce(parted[min(below + 1, last) :])
+    return float(_between(np.float64(parted[below]), np.float64(above), np.float64(share * last - below)))
+
+
+def _between(low: Any, high: Any, part: Any) -> Any:
+    """What lies between two samples, ``part`` of the way, 0 to 1: the upper one where it is 1."""
+    return low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part)

@@ -15,6 +15,22 @@ def test_median() -> None:
     assert np.isnan(median(np.empty(0)))
 
 
+@pytest.mark.parametrize("dtype", ["f4", "f8", "u2"])
+@pytest.mark.parametrize("n", [1, 2, 3, 600, 20_001])
+def test_single_ones_are_those_of_what_is_sorted(n: int, dtype: str) -> None:
+    samples = (np.random.default_rng(n).random(n) * 1000).astype(dtype)
+    ordered = np.sort(samples)
+    assert median(samples) == float((ordered[(n - 1) // 2] + ordered[n // 2]) / 2)
+    assert quantile_pair(samples, 0.0, 1.0) == (ordered[0], ordered[-1])
+    assert quantile_pair(samples, 0.1, 0.7) == pytest.approx(tuple(np.quantile(samples, (0.1, 0.7))), rel=1e-6)
+
+
+def test_nan_is_the_largest() -> None:
+    holed = np.array([3.0, np.nan, 1.0, 2.0, np.nan])
+    assert quantile_pair(holed, 0.0, 0.25) == (1.0, 2.0)
+    assert np.isnan(quantile_pair(holed, 0.0, 1.0)[1])
+
+
 def test_medians_leave_out_what_is_not_finite() -> None:
     holed = SAMPLES.copy()
     holed[::3, 4], holed[:, 7] = np.nan, np.nan
