@@ -17,7 +17,16 @@ import numpy as np
 from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.segmentation.outlines import LARGEST_FLOOR_MM2
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import eroded, highest_within, label, morphology, quantiles, remove_small
+from endoct.fusion.segmentation.regions import (
+    eroded,
+    highest_within,
+    label,
+    looked_up,
+    morphology,
+    quantiles,
+    remove_small,
+    within,
+)
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import gaussian, pad_circle
 
@@ -62,7 +71,7 @@ def _enclosed(fine: Evidence, known: Mask, parameters: SegmentParameters) -> Mas
     strength = _line_strength(fine, parameters.contrast_cap)
     nearby_px = OFF_LINE_MM / STEP_MM
     outline_strength = highest_within(np.minimum(strength, np.float32(MOST)), nearby_px, nearby_px)
-    apart = highest_within(known.astype(np.float32), nearby_px, nearby_px) == 0
+    apart = ~within(known, nearby_px, nearby_px)
     floor = gaussian(fine.values, FLOOR_SIGMA_MM / STEP_MM, FLOOR_SIGMA_MM / STEP_MM)
     open_px = parameters.open_mm / STEP_MM
     taken = np.zeros(known.shape, np.bool_)
@@ -78,7 +87,7 @@ def _enclosed(fine: Evidence, known: Mask, parameters: SegmentParameters) -> Mas
         darkness = quantiles(floor[new], labels[new], n, 0.5)
         clear = (mean >= LEAST_OUTLINE) & (darkness > LEAST_DARKNESS)
         clear[0] = False
-        taken |= clear[labels]
+        taken |= looked_up(clear, labels)
     return taken
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean, eroded, highest_within, label
+from endoct.fusion.segmentation.regions import clean, eroded, highest_within, label, looked_up, within
 from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.circle import masked_gaussian
 
@@ -62,17 +62,19 @@ def clearest_regions(behind: Evidence, prepared: Image, threshold: float, parame
         region = _cleaned(behind.valid & (prepared > level), behind, parameters)
         labels, n = label(region)
         outline = region & ~eroded(region)
+        at = np.flatnonzero(outline)
         least = max(LEAST_SLOPE, level / (LONGEST_FADE_MM * typical))
-        clearness = np.maximum(steepness - np.float32(least), -MOST_AGAINST)
-        count = np.where(outline & observed, clearness * arc_mm, np.float32(0))
-        own = np.bincount(labels[outline], count[outline], n + 1)
-        rival = (counted != 0) & _within(outline, behind)
-        rivals = np.bincount(labels[rival], counted[rival], n + 1)
+        clearness = np.maximum(steepness.flat[at] - np.float32(least), -MOST_AGAINST)
+        count = np.where(observed.flat[at], clearness * arc_mm.flat[at], np.float32(0))
+        own = np.bincount(labels.flat[at], count, n + 1)
+        rival = np.flatnonzero((counted != 0) & _within(outline, behind))
+        rivals = np.bincount(labels.flat[rival], counted.flat[rival], n + 1)
         clear = own >= np.maximum(rivals, LEAST_COUNT_MM)
         clear[0] = False
-        clearer = clear[labels]
+        clearer = looked_up(clear, labels)
         taken |= clearer
-        counted = np.where(clearer, count, counted)
+        counted[clearer] = 0
+        counted.flat[at[clear[labels.flat[at]]]] = count[clear[labels.flat[at]]]
     if not taken.any():
         return None
     return _cleaned(_cut_at_half(behind, prepared, taken), behind, parameters) & behind.valid
@@ -86,7 +88,7 @@ def _cut_at_half(behind: Evidence, prepared: Image, mask: Mask) -> Mask:
 
 def _within(mask: Mask, behind: Evidence) -> Mask:
     """Return what lies within ``BLUR_MM`` of ``mask``."""
-    return np.asarray(_highest(mask.astype(np.float32), behind) > 0)
+    return within(mask, BLUR_MM / behind.dz_mm, BLUR_MM / behind.column_mm)
 
 
 def _highest(image: Image, behind: Evidence) -> Image:

@@ -1,6 +1,6 @@
 """Connected regions of the wall and their shapes, where θ is a circle and z ends."""
 
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import cv2
 import numpy as np
@@ -43,11 +43,19 @@ def eroded(mask: Mask) -> Mask:
 
 def highest_within(image: Image, rows_px: float, columns_px: float) -> Image:
     """Return the highest value of ``image`` within an ellipse of these radii, at least 1 px, around each sample."""
+    return np.asarray(_dilated(image, rows_px, columns_px), dtype=np.float32)
+
+
+def within(mask: Mask, rows_px: float, columns_px: float) -> Mask:
+    """Return what lies within an ellipse of these radii, at least 1 px, of ``mask``."""
+    return np.asarray(_dilated(np.ascontiguousarray(mask).view(np.uint8), rows_px, columns_px) > 0)
+
+
+def _dilated(image: NDArray[Any], rows_px: float, columns_px: float) -> NDArray[Any]:
     up, across = max(1, round(rows_px)), max(1, round(columns_px))
     y, x = np.mgrid[-up : up + 1, -across : across + 1]
     ellipse = ((y / up) ** 2 + (x / across) ** 2 <= 1).astype(np.uint8)
-    padded = pad_circle(image, across)
-    return np.asarray(cv2.dilate(padded, ellipse)[:, across:-across], dtype=np.float32)
+    return cv2.dilate(pad_circle(image, across), ellipse)[:, across:-across]
 
 
 def label(mask: Mask) -> tuple[Labels, int]:
@@ -56,7 +64,7 @@ def label(mask: Mask) -> tuple[Labels, int]:
     Samples that touch at a corner are connected.
     """
     pieces, region_of = _pieces(mask)
-    return _looked_up(region_of, pieces), int(region_of.max())
+    return looked_up(region_of, pieces), int(region_of.max())
 
 
 def _pieces(mask: Mask) -> tuple[Labels, Labels]:
@@ -77,12 +85,10 @@ def label_in_order(mask: Mask) -> Labels:
     labels, n = label(mask)
     if n == 0:
         return labels
-    row, column = np.nonzero(labels)
-    of = labels[row, column]
-    mean_row = np.bincount(of, row, n + 1)[1:] / np.bincount(of, minlength=n + 1)[1:]
+    count, sum_of_rows = _counts(labels, n + 1)
     new = np.zeros(n + 1, np.int32)
-    new[1 + np.argsort(mean_row, kind="stable")] = np.arange(1, n + 1)
-    return new[labels]
+    new[1 + np.argsort(sum_of_rows[1:] / count[1:], kind="stable")] = np.arange(1, n + 1)
+    return looked_up(new, labels)
 
 
 def remove_small(mask: Mask, smallest_px: float) -> Mask:
@@ -90,13 +96,13 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
     if smallest_px <= 1:
         return mask
     pieces, region_of = _pieces(mask)
-    keep = np.bincount(region_of, _counts(pieces, region_of.size)) >= smallest_px
+    keep = np.bincount(region_of, _counts(pieces, region_of.size)[0]) >= smallest_px
     keep[0] = False
-    return _looked_up(keep[region_of], pieces)
+    return looked_up(keep[region_of], pieces)
 
 
 @compiled
-def _looked_up(table: NDArray[T], labels: Labels) -> NDArray[T]:
+def looked_up(table: NDArray[T], labels: Labels) -> NDArray[T]:
     """What ``table`` holds for every label."""
     found = np.empty(labels.shape, table.dtype)
     for row in range(labels.shape[0]):
@@ -106,13 +112,18 @@ def _looked_up(table: NDArray[T], labels: Labels) -> NDArray[T]:
 
 
 @compiled
-def _counts(labels: Labels, n: int) -> NDArray[np.int64]:
-    """How many samples have each label 0 … n − 1."""
-    count = np.zeros(n, np.int64)
+def _counts(labels: Labels, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How many samples have each label 0 … n − 1, and the sum of their rows."""
+    count, sum_of_rows = np.zeros(n, np.int64), np.zeros(n, np.int64)
     for row in range(labels.shape[0]):
-        for column in range(labels.shape[1]):
-            count[labels[row, column]] += 1
-    return count
+        first = 0
+        for column in range(1, labels.shape[1] + 1):
+            # a run at once: each sample by itself would wait for the one before it
+            if column == labels.shape[1] or labels[row, column] != labels[row, first]:
+                count[labels[row, first]] += column - first
+                sum_of_rows[labels[row, first]] += row * (column - first)
+                first = column
+    return count, sum_of_rows
 
 
 def clean(
