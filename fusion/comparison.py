@@ -1,6 +1,6 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +39,7 @@ from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
 from endoct.fusion.scoring.sites import find_sites
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_sides
-from endoct.fusion.sides import Comparison, place
+from endoct.fusion.sides import Comparison, Placed, place
 from endoct.stitching.arrays import Mask
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
@@ -66,19 +66,31 @@ def compare_panoramas(
     return compare_sides(*two_sides(a, b), parameters or CompareParameters(), pairs)
 
 
-def compare_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[LandmarkPair] = ()) -> Comparison:
-    """Compare as :func:`compare_panoramas`; what evidence the sides have prepared already is used again."""
+def compare_sides(
+    a: Side,
+    b: Side,
+    parameters: CompareParameters,
+    pairs: Sequence[LandmarkPair] = (),
+    when_placed: Callable[[Placed], None] = lambda _: None,
+) -> Comparison:
+    """Compare as :func:`compare_panoramas`; what evidence the sides have prepared already is used again.
+
+    ``when_placed`` is called once, with both sides as the comparison will have them, before they are scored.
+    """
     if pairs and parameters.correct_twist:
         raise EndoctError(
             "landmark pairs and correct_twist do not go together",
             found="both",
             expected="one of them: rows that were turned have the places of landmarks no longer",
         )
-    plain = _compared(a, b, parameters, pairs)
-    if not parameters.correct_twist or plain.alignment is None:
+    if not parameters.correct_twist:
+        return _compared(a, b, parameters, pairs, when_placed)
+    plain = _compared(a, b, parameters)
+    if plain.alignment is None:
+        when_placed(Placed(plain.grid, plain.sides, aligned=False))
         return plain
     twist = find_twist(a, b, plain.alignment)
-    corrected = _compared(a, replace(b, panorama=untwisted(b.panorama, twist)), parameters)
+    corrected = _compared(a, replace(b, panorama=untwisted(b.panorama, twist)), parameters, when_placed=when_placed)
     stated = CorrectedTwist(
         note="B's rows were turned to where they fit A best. That raises the score by itself; see both.",
         z_mm=tuple(twist.z_mm.tolist()),
@@ -91,7 +103,13 @@ def compare_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequen
     return replace(corrected, result=corrected.result.model_copy(update={"twist": stated, "doubts": doubts}))
 
 
-def _compared(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[LandmarkPair] = ()) -> Comparison:
+def _compared(
+    a: Side,
+    b: Side,
+    parameters: CompareParameters,
+    pairs: Sequence[LandmarkPair] = (),
+    when_placed: Callable[[Placed], None] = lambda _: None,
+) -> Comparison:
     on_bore = check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
     # align
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
@@ -104,7 +122,7 @@ def _compared(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[L
     # segment
     alignment = search_result if isinstance(search_result, Alignment) else None
     segmented = segment_sides(a, b, alignment, parameters, parameters.polarity)
-    compared = _placed(segmented, search_result, by_hand, parameters)
+    compared = _placed(segmented, search_result, by_hand, parameters, when_placed)
     noted: dict[str, object] = {"notes": {b.name: on_bore}} if on_bore else {}
     if by_hand is not None:
         noted["by_hand"] = by_hand
@@ -123,6 +141,7 @@ def _placed(
     search_result: Alignment | NotAligned,
     by_hand: ByHand | None,
     parameters: CompareParameters,
+    when_placed: Callable[[Placed], None] = lambda _: None,
 ) -> Comparison:
     alignment = search_result if isinstance(search_result, Alignment) else None
     a, b = (each.side for each in segmented)
@@ -130,6 +149,7 @@ def _placed(
     samplings = Sampling(a.grid, IN_PLACE), Sampling(b.grid, alignment or IN_PLACE)
     grid = common_grid(*samplings, dz_mm=parameters.dz_mm, n_theta=parameters.n_theta)
     sides = place(segmented[0], samplings[0], grid), place(segmented[1], samplings[1], grid)
+    when_placed(Placed(grid, sides, alignment is not None))
     # score
     scored, parts = at_once(
         lambda: score_sides(sides, grid, samplings if alignment else None, parameters.tolerance_mm),

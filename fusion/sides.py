@@ -50,6 +50,18 @@ class PlacedSide(Surface):
 
 
 @dataclass(frozen=True, eq=False)
+class Placed:
+    """Both sides on one ``grid`` in side A's frame, A first, before they are scored.
+
+    Where they are not ``aligned``, B lies by its nominal orientation.
+    """
+
+    grid: SurfaceGrid
+    sides: tuple[PlacedSide, PlacedSide]
+    aligned: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """Both sides on one grid in side A's frame.
 

@@ -160,7 +160,7 @@ def _figures(path: Path) -> None:
     from endoct.workbench.report.illustrated import report_sections
 
     findings = read_findings(path)
-    report_sections(findings, drawn(drawings_of(findings, with_sides=True)))
+    report_sections(findings, drawn(drawings_of(findings)))
 
 
 def _exports(path: Path) -> None:

@@ -15,14 +15,13 @@ from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.report.figures.requested import (
+    Requested,
     begin_drawing,
-    draw_one,
+    begin_drawing_both,
     draw_pictures,
-    drawings_of,
-    drawn,
-    make_ready,
+    drawn_of,
 )
-from endoct.workbench.report.findings import read_findings
+from endoct.workbench.report.findings import Findings, read_findings
 from endoct.workbench.report.illustrated import recording_sections, report_sections
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.sections import Section
@@ -34,14 +33,12 @@ PAGE = "report.html"
 REMARK = "The figures lie next to this page, lossless, in figures/."
 
 
-def write_report(
-    path: Path, process: WorkerProcess | None = None, of_sides: "Future[list[Drawn]] | None" = None
-) -> Path:
+def write_report(path: Path, process: WorkerProcess | None = None) -> Path:
     """Write ``figures/*.png`` and ``report.html`` into ``path``, replacing older ones; return the page's path.
 
     ``path`` is what ``endoct compare`` or ``endoct unroll`` wrote; nothing else in it is changed. Figures are drawn
-    here and in ``process``, where there is one; ``of_sides`` are those of each side alone where they are drawn already.
-    Raises :class:`EndoctError` where ``path`` is neither, not whole, or cannot be written.
+    here and in ``process``, where there is one. Raises :class:`EndoctError` where ``path`` is neither, not whole, or
+    cannot be written.
     """
     if is_panorama(path):
         contents = read_contents(path)
@@ -54,19 +51,23 @@ def write_report(
             )
         return write_panorama_report(path, load_panorama(path), process)
     _check(path)
-    with_sides = of_sides is None
-    if process is not None:
-        process.call(make_ready, path, with_sides)
-    findings, shown = read_findings(path), open_shown(path)
-    drawings = drawings_of(findings, with_sides=with_sides)
-    there = [] if process is None else [process.call(draw_one, path, with_sides, k) for k in range(len(drawings))]
+    findings = read_findings(path)
+    return write_comparison_report(path, findings, begin_drawing_both(findings, process, with_sides=True))
+
+
+def write_comparison_report(
+    folder: Path, findings: Findings, requested: Sequence[Requested], of_sides: "Future[list[Drawn]] | None" = None
+) -> Path:
+    """Write ``figures/*.png`` and ``report.html`` of a comparison into its ``folder``, which holds all but these.
+
+    ``findings`` are what it holds, ``requested`` the figures that were begun, and ``of_sides`` those of each side by
+    itself where they were begun apart. Returns the page's path. Raises :class:`EndoctError` where they cannot be
+    written.
+    """
+    shown = open_shown(folder)
     data = frozen_data(shown)
-    parts: list[list[Drawn]] = [[] for _ in drawings]
-    # the other process begins with the first figure, this one with the last
-    for k in reversed(range(len(drawings))):
-        parts[k] = drawn(drawings[k]) if not there or there[k].cancel() else there[k].result()
-    figures = [one for part in parts for one in part] + ([] if of_sides is None else of_sides.result())
-    return _write(path, shown, figures, report_sections(findings, figures), data)
+    figures = drawn_of(findings, requested) + ([] if of_sides is None else of_sides.result())
+    return _write(folder, shown, figures, report_sections(findings, figures), data)
 
 
 def write_panorama_report(

@@ -16,7 +16,7 @@ from endoct.fusion.files.masks import mask_on, read_mask
 from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.sides import Comparison
+from endoct.fusion.sides import Comparison, Placed
 from endoct.stitching.digests import digests, path_text
 from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
@@ -32,6 +32,7 @@ from endoct.workbench.running.second_process import beside
 
 if TYPE_CHECKING:
     from endoct.workbench.report.figures.rendered import Drawn
+    from endoct.workbench.report.figures.requested import Requested
 
 
 def compare_sources(
@@ -63,13 +64,20 @@ def compare_sources(
         check_sides(placed, [identity_of(side.name, side.panorama) for side in sides], str(session))
     written: Future[None] | None = None
     of_sides: Future[list[Drawn]] | None = None
+    of_both: list[Requested] = []
     if folder is not None:
         folder.mkdir()
         parts = [_part(*of) for of in zip(sides, sources, made, strict=True)]
         written = beside(process, write_sides, folder, parts)
         of_sides = beside(process, draw_sides, folder, [side.name for side in sides])
+
+    def draw_both(both: Placed) -> None:
+        if folder is not None:
+            of_both.extend(_begin_drawing(both, sides, process))
+
     with stages.stage("align, segment, score"):
-        comparison = compare_sides(*sides, parameters, () if placed is None else placed.pairs)
+        pairs = () if placed is None else placed.pairs
+        comparison = compare_sides(*sides, parameters, pairs, when_placed=draw_both)
         drawn = {path_text(path): _truth(path, sides[0].panorama) for path in truth}
         against = score_drawings(comparison, drawn, parameters.tolerance_mm)
     if folder is not None:
@@ -105,12 +113,24 @@ def compare_sources(
     if folder is not None:
         (folder / "result.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
         with stages.stage("report"):
-            from endoct.workbench.page.report import write_report
+            from endoct.workbench.page.report import write_comparison_report
+            from endoct.workbench.report.findings import findings_of
 
-            write_report(folder, process, of_sides)
+            findings = findings_of(replace(comparison, result=result), [side.panorama for side in sides], {})
+            write_comparison_report(folder, findings, of_both, of_sides)
     for path, state in files.items():
         check_unchanged(path, state)
     return replace(comparison, result=result)
+
+
+def _begin_drawing(placed: Placed, sides: tuple[Side, Side], process: WorkerProcess | None) -> "list[Requested]":
+    """Have figures of both sides drawn while these are scored."""
+    from endoct.workbench.report.figures.requested import begin_drawing_both
+    from endoct.workbench.report.findings import both_sides
+
+    panoramas = [side.panorama for side in sides]
+    both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.aligned)
+    return begin_drawing_both(both, process, with_sides=False)
 
 
 def _load_report() -> None:

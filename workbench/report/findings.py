@@ -1,6 +1,6 @@
-"""What a comparison folder holds, read back for its report."""
+"""What a comparison holds for its report, whether it has just been made or is read back from its folder."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,13 +9,14 @@ import numpy as np
 from endoct.fusion.files.store import load_comparison
 from endoct.fusion.result import Overlap, Result
 from endoct.fusion.scoring.cells import Cell
-from endoct.fusion.sides import PlacedSide
+from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.modalities.contract import Picture
 from endoct.stitching.contents import check_intact
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.report.pictures import load_pictures
-from endoct.workbench.report.side_findings import SideFindings
+from endoct.workbench.report.side_findings import BothSides, SideFindings
 
 
 @dataclass(frozen=True)
@@ -32,18 +33,11 @@ class NamedOverlap:
 
 
 @dataclass(frozen=True, eq=False)
-class Findings:
-    """A comparison folder: its result, the common grid in A's frame, the sides, their cells."""
+class Findings(BothSides):
+    """A comparison for its report: both sides on the common grid, its result and their cells."""
 
     result: Result
-    grid: SurfaceGrid
-    sides: tuple[SideFindings, SideFindings]
     cells: tuple[Cell, ...] = ()
-
-    @property
-    def aligned(self) -> bool:
-        """Whether the two sides could be brought onto each other; if not, nothing may be overlaid or scored."""
-        return self.result.aligned
 
 
 def read_findings(folder: Path) -> Findings:
@@ -51,20 +45,42 @@ def read_findings(folder: Path) -> Findings:
     check_intact(folder)
     comparison = load_comparison(folder / "comparison.zarr")
     pictures = load_pictures(folder / "pictures")
-    a, b = (_side(side, folder, pictures.get(side.name, {})) for side in comparison.sides)
-    return Findings(comparison.result, comparison.grid, (a, b), comparison.cells)
+    panoramas = [load_panorama(folder / "panoramas" / f"{name}.zarr") for name in comparison.names]
+    return findings_of(comparison, panoramas, pictures)
 
 
-def _side(side: PlacedSide, folder: Path, pictures: Mapping[int, tuple[Picture, ...]]) -> SideFindings:
-    return SideFindings(
-        name=side.name,
-        intensity=side.intensity,
-        depth_mm=side.depth_mm if np.isfinite(side.depth_mm).any() else None,
-        mask=side.mask,
-        valid=side.valid,
-        panorama=load_panorama(folder / "panoramas" / f"{side.name}.zarr"),
-        pictures=pictures,
+def findings_of(
+    comparison: Comparison,
+    panoramas: Sequence[Panorama],
+    pictures: Mapping[str, Mapping[int, tuple[Picture, ...]]],
+) -> Findings:
+    """Return what there is to report of ``comparison``; ``panoramas`` of its sides, ``pictures`` by their names."""
+    both = both_sides(comparison.grid, comparison.sides, panoramas, pictures, aligned=comparison.result.aligned)
+    return Findings(both.grid, both.sides, both.aligned, comparison.result, comparison.cells)
+
+
+def both_sides(
+    grid: SurfaceGrid,
+    placed: tuple[PlacedSide, PlacedSide],
+    panoramas: Sequence[Panorama],
+    pictures: Mapping[str, Mapping[int, tuple[Picture, ...]]],
+    *,
+    aligned: bool,
+) -> BothSides:
+    """Return both sides as they are ``placed`` on the common ``grid``."""
+    a, b = (
+        SideFindings(
+            name=side.name,
+            intensity=side.intensity,
+            depth_mm=side.depth_mm if np.isfinite(side.depth_mm).any() else None,
+            mask=side.mask,
+            valid=side.valid,
+            panorama=panorama,
+            pictures=pictures.get(side.name, {}),
+        )
+        for side, panorama in zip(placed, panoramas, strict=True)
     )
+    return BothSides(grid, (a, b), aligned)
 
 
 def overlaps_of(result: Result) -> tuple[NamedOverlap, ...]:

@@ -1,4 +1,4 @@
-"""One side of a comparison, or one recording by itself, for its figures: loads nothing that compares."""
+"""The sides of a comparison, or one recording by itself, for their figures: loads nothing that compares."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
 from endoct.modalities.contract import Picture
 from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 
 
@@ -38,6 +39,18 @@ class SideFindings:
         """Place of every frame, float64 (n_frames,), mm, in the side's own frame; empty where unknown."""
         places = self.panorama.per_frame.get(f"{self.panorama.frame_dim}_z_mm")
         return np.empty(0) if places is None else np.asarray(places.values, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class BothSides:
+    """Both sides on the common ``grid`` in A's frame: what is known of a comparison before anything is scored.
+
+    Where they are not ``aligned``, each lies in its own frame: nothing may be overlaid.
+    """
+
+    grid: SurfaceGrid
+    sides: tuple[SideFindings, SideFindings]
+    aligned: bool
 
 
 def alone(panorama: Panorama, pictures: Mapping[int, tuple[Picture, ...]]) -> SideFindings:

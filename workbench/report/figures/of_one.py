@@ -12,10 +12,13 @@ from endoct.workbench.report.side_findings import SideFindings
 
 Drawing = Callable[[], Drawn | None]
 
+OF_SIDE = (draw_depth, draw_frames, draw_quality, draw_other_numbers)
+"""What draws one side of a comparison in its own frame: nothing that depends on the other side."""
+
 
 def drawings_of_side(side: SideFindings) -> list[Drawing]:
-    """Return what draws one side of a comparison in its own frame: nothing that depends on the other side."""
-    return [partial(one, side) for one in (draw_depth, draw_frames, draw_quality, draw_other_numbers)]
+    """Return what draws one side of a comparison by itself."""
+    return [partial(one, side) for one in OF_SIDE]
 
 
 def draw_wall(side: SideFindings) -> list[Drawn]:

@@ -34,42 +34,41 @@ from endoct.workbench.report.figures.wall_panels import (
     wall_panel,
 )
 from endoct.workbench.report.figures.walls import draw_walls_of
-from endoct.workbench.report.findings import Findings
-from endoct.workbench.report.side_findings import SideFindings
+from endoct.workbench.report.side_findings import BothSides, SideFindings
 
 DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
 
 
-def draw_panoramas(findings: Findings) -> Drawn | None:
+def draw_panoramas(both: BothSides) -> Drawn | None:
     """Draw intensity, and depth where there is depth, of each side on the common grid."""
     frame = (
-        f"Both lie on one grid in the frame of {findings.sides[0].name}"
-        if findings.aligned
+        f"Both lie on one grid in the frame of {both.sides[0].name}"
+        if both.aligned
         else "Each lies in its own frame: the two could not be aligned, so places do not correspond"
     )
-    return draw_walls_of(findings.sides, findings.grid, frame)
+    return draw_walls_of(both.sides, both.grid, frame)
 
 
-def draw_masks(findings: Findings) -> Drawn:
+def draw_masks(both: BothSides) -> Drawn:
     """Draw the cells of each side and, where the sides are aligned, the difference image."""
-    a, b = findings.sides
+    a, b = both.sides
     observed = a.valid & b.valid
     with journal_style():
-        figure, axes = panel_figure(findings.grid, 3 if findings.aligned else 2)
+        figure, axes = panel_figure(both.grid, 3 if both.aligned else 2)
         for k, (letter, side) in enumerate(zip(letters(2), (a, b), strict=True)):
-            wall_panel(axes[k], findings.grid, f"{letter} cells, {side.name}", first=k == 0)
-            coarse, mask, valid = thinned(findings.grid, side.mask, side.valid)
+            wall_panel(axes[k], both.grid, f"{letter} cells, {side.name}", first=k == 0)
+            coarse, mask, valid = thinned(both.grid, side.mask, side.valid)
             show_surface(axes[k], coarse, mask, valid, MASK_COLOURS)
             bone = Patch(facecolor=PAPER, edgecolor=INK, linewidth=0.4, label="bone")
             _legend(axes[k], [Patch(facecolor=INK, label="cell"), bone])
         title, caption = "Cells", "Air cells found by each side. "
-        if findings.aligned:
-            wall_panel(axes[2], findings.grid, "(c) difference", first=False)
-            coarse, mask_a, mask_b, known = thinned(findings.grid, a.mask, b.mask, observed)
+        if both.aligned:
+            wall_panel(axes[2], both.grid, "(c) difference", first=False)
+            coarse, mask_a, mask_b, known = thinned(both.grid, a.mask, b.mask, observed)
             thin_kinds = difference(mask_a, mask_b, known)
             show_surface(axes[2], coarse, thin_kinds, known, ListedColormap(DIFFERENCE_COLOURS), 0, 3)
             kinds = difference(a.mask, b.mask, observed)
-            area_mm2 = findings.grid.dz_mm * findings.grid.dtheta_mm
+            area_mm2 = both.grid.dz_mm * both.grid.dtheta_mm
             counts = {kind: int((kinds == kind).sum()) for kind in (BOTH, ONLY_A, ONLY_B)}
             names = {BOTH: "both", ONLY_A: f"only {a.name}", ONLY_B: f"only {b.name}"}
             handles = [
@@ -88,17 +87,17 @@ def draw_masks(findings: Findings) -> Drawn:
     return Drawn(rendered, "masks", title, caption)
 
 
-def draw_alignment(findings: Findings) -> Drawn | None:
+def draw_alignment(both: BothSides) -> Drawn | None:
     """Draw how the two sides lie on each other: checkerboard, outlines, and agreement along the bore."""
-    if not findings.aligned:
+    if not both.aligned:
         return None
-    a, b = findings.sides
-    grid = findings.grid
+    a, b = both.sides
+    grid = both.grid
     observed = a.valid & b.valid
     coarse, left, right, known = thinned(grid, _features(a), _features(b), observed)
     left, right = _scaled(left, known), _scaled(right, known)
-    both = left[known], right[known]
-    flipped = known.any() and float(np.mean((both[0] - both[0].mean()) * (both[1] - both[1].mean()))) < 0
+    of_a, of_b = left[known], right[known]
+    flipped = known.any() and float(np.mean((of_a - of_a.mean()) * (of_b - of_b.mean()))) < 0
     right = 1 - right if flipped else right
     with journal_style():
         figure, axes = panel_figure(grid, 3)
