@@ -2,24 +2,24 @@
 
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path
-from threading import Event
 
 from endoct.stitching.files import sha256_of
 
 LISTED_FILES = 8
 
 
-def digests(path: Path, stop: Event | None = None) -> dict[str, str]:
-    """Return sha256 by path of a file, or of the files in a folder; see :func:`sha256_of` for ``stop``.
+def digests(path: Path, before_block: Callable[[], None] | None = None) -> dict[str, str]:
+    """Return sha256 by path of a file, or of the files in a folder; see :func:`sha256_of` for ``before_block``.
 
     Many files share one entry, ``folder/*``: the sha256 over their lines "name sha256" in order of name. Paths are
     as :func:`path_text` gives them.
     """
     if path.is_file():
-        return {path_text(path): sha256_of(path, stop)}
+        return {path_text(path): sha256_of(path, before_block)}
     files = sorted(f for f in path.rglob("*") if f.is_file() and not f.name.startswith("."))
-    each = {f: sha256_of(f, stop) for f in files}
+    each = {f: sha256_of(f, before_block) for f in files}
     if len(each) <= LISTED_FILES:
         return {path_text(f): digest for f, digest in each.items()}
     lines = "".join(f"{path_text(f.relative_to(path).as_posix())} {digest}\n" for f, digest in each.items())

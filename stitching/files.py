@@ -3,12 +3,10 @@
 import hashlib
 import os
 import stat
-from collections.abc import Iterator
-from concurrent.futures import CancelledError
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from threading import Event
 
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.names import is_left_by_system
@@ -68,16 +66,16 @@ def read_small(path: Path, most_bytes: int = SMALL_BYTES) -> bytes:
     return data
 
 
-def sha256_of(path: Path, stop: Event | None = None) -> str:
+def sha256_of(path: Path, before_block: Callable[[], None] | None = None) -> str:
     """Return the sha256 of a file's bytes. Raises :class:`EndoctError` where it is no regular file.
 
-    Raises ``CancelledError`` soon after another thread has set ``stop``: a large file takes a minute.
+    ``before_block`` is called again and again, since a large file takes a minute: it may wait, or raise.
     """
     digest, room = hashlib.sha256(), memoryview(bytearray(BLOCK_BYTES))
     with open_regular(path) as file:
         while count := file.readinto(room):
-            if stop is not None and stop.is_set():
-                raise CancelledError
+            if before_block is not None:
+                before_block()
             digest.update(room[:count])
     return digest.hexdigest()
 

@@ -3,13 +3,13 @@
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from tempfile import SpooledTemporaryFile
+from tempfile import TemporaryFile
 from threading import Lock
-from typing import Any, Generic, TypeVar, overload
+from typing import IO, Generic, NamedTuple, TypeVar, cast, overload
 
 from endoct.stitching.errors import EndoctError
 
-MOST_IN_MEMORY = 32 * 2**20  # bytes
+MOST_IN_MEMORY = 64 * 2**20  # bytes
 
 Item = TypeVar("Item")
 
@@ -37,42 +37,72 @@ class Computed(Sequence[Item]):
 class Kept(Generic[Item]):
     """Items put away one by one and read back, each time as another object, by index; a context that forgets them.
 
-    Up to ``MOST_IN_MEMORY`` they stay in memory, beyond in a temporary file without a name, which vanishes with the
-    process however that ends. It is read, not mapped: pages of a map would count as memory in use. Raises
-    :class:`EndoctError` where the file cannot be written or read.
+    The first ``MOST_IN_MEMORY`` of them stay in memory, those after them go to a temporary file without a name, which
+    vanishes with the process however that ends. It is read, not mapped: pages of a map would count as memory in use.
+    What arrays hold is put away as it is, each in one piece. Raises :class:`EndoctError` where the file cannot be
+    written or read.
     """
 
     def __init__(self) -> None:
-        self._file: Any = SpooledTemporaryFile(max_size=MOST_IN_MEMORY)  # noqa: SIM115 – __exit__ closes it
-        self._starts: list[int] = []
+        self._places: list[_Place | tuple[bytes, ...]] = []
+        self._left = MOST_IN_MEMORY
+        self._file: IO[bytes] | None = None
         self._lock = Lock()
 
     def __enter__(self) -> "Kept[Item]":
         return self
 
     def __exit__(self, *_: object) -> None:
-        with suppress(OSError):  # what could not be written is not needed any more
-            self._file.close()
+        self._places.clear()
+        if self._file is not None:
+            with suppress(OSError):  # what could not be written is not needed any more
+                self._file.close()
 
     def __len__(self) -> int:
-        return len(self._starts)
+        return len(self._places)
 
     def append(self, item: Item) -> None:
         """Put ``item``, which must be picklable, behind the others."""
+        arrays: list[pickle.PickleBuffer] = []
+        rest = pickle.dumps(item, protocol=5, buffer_callback=arrays.append)
+        pieces = [memoryview(rest), *(array.raw() for array in arrays)]
+        sizes = tuple(len(piece) for piece in pieces)
         with self._lock, _disk_reported("written"):
+            self._left -= sum(sizes)
+            if self._left >= 0:
+                self._places.append(tuple(map(bytes, pieces)))
+                return
+            if self._file is None:
+                self._file = TemporaryFile()  # noqa: SIM115 – __exit__ closes it
             start = self._file.seek(0, 2)
-            pickle.dump(item, self._file, protocol=5)
+            for piece in pieces:
+                self._file.write(piece)
             self._file.flush()  # a full disk shows here, not when the file is closed
-            self._starts.append(start)
+            self._places.append(_Place(start, sizes))
 
     def __getitem__(self, index: int) -> Item:
-        with self._lock, _disk_reported("read"):
-            self._file.seek(self._starts[index])
-            item: Item = pickle.load(self._file)  # nobody else can have written there
+        place = self._places[index]
+        if isinstance(place, _Place):
+            pieces = [bytearray(size) for size in place.sizes]
+            with self._lock, _disk_reported("read"):
+                file = cast(IO[bytes], self._file)
+                file.seek(place.start)
+                for piece in pieces:
+                    file.readinto(piece)  # type: ignore[attr-defined] # as all binary files have it
+        else:
+            pieces = [bytearray(piece) for piece in place]
+        item: Item = pickle.loads(pieces[0], buffers=pieces[1:])  # nobody else can have written there
         return item
 
     def __iter__(self) -> Iterator[Item]:
         return (self[index] for index in range(len(self)))
+
+
+class _Place(NamedTuple):
+    """Where an item begins in the file, and how many bytes its pieces have."""
+
+    start: int
+    sizes: tuple[int, ...]
 
 
 @contextmanager

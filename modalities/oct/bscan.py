@@ -4,13 +4,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.compiled import compiled
+from endoct.stitching.room import Room
 
-ROWS_TOGETHER = 16
+_ROOM = Room()
+ROWS_TOGETHER = 32
+"""Rows of a page that are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
 LEAST_SHARE = 1e-3
 """Of an A-scan: less of it at a sector's edge does not count."""
 
@@ -61,7 +65,11 @@ def sector_means(samples: NDArray[Any], n_columns: int) -> NDArray[Any]:
     means = np.empty((n_columns, n_depth), samples.dtype)
     whole = samples.dtype.kind == "u"
     if samples.T.flags.c_contiguous and n_depth >= ROWS_TOGETHER:
-        _average_page(samples.T, *sectors, whole, means)
+        turned = _ROOM.array("turned", (n_ascans, ROWS_TOGETHER), samples.dtype)
+        for block in range(-(-n_depth // ROWS_TOGETHER)):
+            row = min(block * ROWS_TOGETHER, n_depth - ROWS_TOGETHER)
+            cv2.transpose(samples.T[row : row + ROWS_TOGETHER], turned)
+            _average_rows(turned, *sectors, whole, means, row)
     else:
         _average_ascans(np.ascontiguousarray(samples), *sectors, whole, means)
     return means
@@ -87,27 +95,46 @@ def _sectors(n_ascans: int, n_columns: int) -> tuple[NDArray[np.intp], Image, np
 
 
 @compiled
-def _average_page(
-    page: NDArray[Any], first: NDArray[np.intp], weight: Image, scale: np.float32, whole: bool, means: NDArray[Any]
+def _average_rows(
+    turned: NDArray[Any],
+    first: NDArray[np.intp],
+    weight: Image,
+    scale: np.float32,
+    whole: bool,
+    means: NDArray[Any],
+    row: int,
 ) -> None:
-    """Write means of ``page`` (depth, A-scan) into ``means`` (sector, depth). Rows go together, since each is short."""
-    n_rows = page.shape[0]
+    """Write means of ``turned`` (A-scan, :data:`ROWS_TOGETHER`) into ``means`` (sector, depth) from ``row`` on.
+
+    Four A-scans are added up before the sum is put away: that is what takes the time.
+    """
     n_columns, most = weight.shape
     mean = np.empty(ROWS_TOGETHER, np.float32)
-    for block in range(-(-n_rows // ROWS_TOGETHER)):
-        row = min(block * ROWS_TOGETHER, n_rows - ROWS_TOGETHER)
-        rows = page[row : row + ROWS_TOGETHER]
-        for column in range(n_columns):
-            start = first[column]
+    for column in range(n_columns):
+        start = first[column]
+        mean[:] = 0
+        for k in range(0, most - 3, 4):
+            a, b, c, d = weight[column, k], weight[column, k + 1], weight[column, k + 2], weight[column, k + 3]
+            one, two, three, four = (
+                turned[start + k],
+                turned[start + k + 1],
+                turned[start + k + 2],
+                turned[start + k + 3],
+            )
             for r in range(ROWS_TOGETHER):
-                mean[r] = 0
-            for k in range(most):
-                share = weight[column, k]
-                for r in range(ROWS_TOGETHER):
-                    mean[r] += np.float32(rows[r, start + k]) * share
+                mean[r] = (
+                    mean[r]
+                    + np.float32(one[r]) * a
+                    + np.float32(two[r]) * b
+                    + np.float32(three[r]) * c
+                    + np.float32(four[r]) * d
+                )
+        for k in range(most // 4 * 4, most):
             for r in range(ROWS_TOGETHER):
-                value = mean[r] * scale
-                means[column, row + r] = np.rint(value) if whole else value
+                mean[r] += np.float32(turned[start + k, r]) * weight[column, k]
+        for r in range(ROWS_TOGETHER):
+            value = mean[r] * scale
+            means[column, row + r] = np.rint(value) if whole else value
 
 
 @compiled
@@ -158,7 +185,7 @@ def mean_between(image: Image, first: NDArray[np.intp], last: NDArray[np.intp]) 
 
 
 @compiled
-def varying(image: Image) -> Mask:
+def varying(image: NDArray[Any]) -> Mask:
     """Return which A-scans of ``image`` (n, depth) hold more than one value, bool (n,)."""
     varies = np.zeros(len(image), np.bool_)
     for ascan in range(len(image)):
@@ -169,9 +196,13 @@ def varying(image: Image) -> Mask:
     return varies
 
 
-def logarithmic(image: Image, intensity: str) -> Image:
-    """Return ``image`` on a logarithmic scale: unchanged where it already is, in dB where ``intensity`` is "linear"."""
+def logarithmic(image: NDArray[Any], intensity: str) -> NDArray[Any]:
+    """Return ``image`` on a logarithmic scale: unchanged where it already is, in dB where ``intensity`` is "linear".
+
+    dB are float32.
+    """
     if intensity == "log":
         return image
+    image = np.asarray(image, dtype=np.float32)
     floor = max(float(np.mean(np.abs(image))) * 1e-6, float(np.finfo(np.float32).tiny))
     return np.asarray(10 * np.log10(np.maximum(image, floor)), dtype=np.float32)

@@ -8,7 +8,8 @@ from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import Spacing, logarithmic, sector_angles_rad, varying
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.reduced import reduced
-from endoct.modalities.oct.surface.fixed_lines import bridge_rows, with_lines_of, without_lines
+from endoct.modalities.oct.surface.fixed_lines import with_lines_of
+from endoct.modalities.oct.surface.line_removal import bridge_rows, without_lines
 from endoct.modalities.oct.surface.projection import maximum_intensity
 from endoct.modalities.oct.surface.trust import trusted, wall_sigmas
 from endoct.modalities.oct.surface.wall import brightest, first_edge
@@ -21,14 +22,13 @@ from endoct.stitching.strip import Strip
 class BeamProfile:
     """The outer face and the wall in each of ``n_theta`` sectors of a turn.
 
-    Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``image`` float32 (n_theta, depth), reduced;
-    ``face_mm`` and ``wall_mm``, depths of the outer face and of the wall's surface from depth sample 0 (of the last
-    sample where there is no surface); ``surface``, whether there is one; ``intensity``, the projection; ``trusted``,
-    whether the surface is the wall's; ``wall_sigmas``, by how much the wall stands out in the whole slice.
+    Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``face_mm`` and ``wall_mm``, depths of the outer
+    face and of the wall's surface from depth sample 0 (of the last sample where there is no surface); ``surface``,
+    whether there is one; ``intensity``, the projection; ``trusted``, whether the surface is the wall's;
+    ``wall_sigmas``, by how much the wall stands out in the whole slice.
     """
 
     angle_rad: Coordinates
-    image: Image
     face_mm: Coordinates
     wall_mm: Coordinates
     surface: Mask
@@ -42,30 +42,28 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     parameters, acquisition = calibration.parameters, calibration.acquisition
     n_theta, mm = calibration.grid.n_theta, calibration.mm_per_px
     bscan = reduced(frame, n_theta)
-    image, angle = bscan.image, sector_angles_rad(bscan.n_ascans, n_theta)
+    samples, angle = bscan.samples, sector_angles_rad(bscan.n_ascans, n_theta)
     face = face_depth_mm(calibration, frame.index, angle)
-    n_depth = image.shape[1]
+    n_depth = samples.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)
-    background = calibration.background
-    recorded = background.levelled(logarithmic(image, acquisition.intensity))
+    background, recorded = calibration.background, logarithmic(samples, acquisition.intensity)
     if parameters.fixed_lines:
         circle = calibration.capillary.circle(frame.index)
         background = with_lines_of(recorded, background, circle, calibration.glass.path_mm, mm)
     level, lines = without_lines(recorded, background), background.lines
     spacing = Spacing(mm, calibration.grid.dtheta_mm)
     if parameters.wall == "maximum":
-        row = brightest(bridge_rows(image, lines), first_row)
+        row = brightest(bridge_rows(bscan.image, lines), first_row)
     else:
         row = first_edge(level, first_row, background, spacing, parameters)
     surface = row < n_depth
-    good = varying(image) & trusted(level, row, background, spacing)
+    good = varying(samples) & trusted(level, row, background, spacing)
     return BeamProfile(
         angle_rad=angle,
-        image=image,
         face_mm=face,
         wall_mm=np.minimum(row, n_depth - 1) * mm,
         surface=surface,
-        intensity=maximum_intensity(bridge_rows(image, lines), first_row),
+        intensity=maximum_intensity(samples, first_row, lines),
         trusted=good,
         wall_sigmas=wall_sigmas(level, row, good, background, spacing),
     )

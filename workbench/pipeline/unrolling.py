@@ -1,8 +1,8 @@
 """One recording to one panorama, whatever its modality."""
 
-from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +33,9 @@ from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import split
 from endoct.workbench.running.progress import Advance, Stages
 
+LOADED = 0.03
+"""Share of the frames that are read before all libraries are loaded, compiled loops with them."""
+
 
 @dataclass(frozen=True)
 class Unrolled:
@@ -57,10 +60,10 @@ class Opened:
 
 
 class _Watched:
-    """A stream that reports how much of it has been read, and calls ``when_whole`` once that is all of it."""
+    """A stream that reports the share of it that has been read."""
 
-    def __init__(self, stream: FrameStream, advance: Advance, when_whole: Callable[[], None] = lambda: None) -> None:
-        self._stream, self._advance, self._when_whole, self._read = stream, advance, when_whole, 0
+    def __init__(self, stream: FrameStream, advance: Advance) -> None:
+        self._stream, self._advance, self._read = stream, advance, 0
 
     @property
     def acquisition(self) -> Acquisition:
@@ -73,41 +76,47 @@ class _Watched:
         frame = self._stream[index]
         self._read += 1
         self._advance(min(1.0, self._read / len(self._stream)))
-        if self._read >= len(self._stream):
-            self._when_whole()
         return frame
 
 
 class _Digests:
-    """The digests of a recording, made by a thread of their own from :meth:`begin` on; given up with the context.
+    """The digests of a recording, made by a thread of their own; given up with the context.
 
-    Until all is read all processors are busy, afterwards rarely all of them.
+    It works while libraries are loaded and once all frames are read. In between, all processors are busy.
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._begin, self._stop = path, Event(), Event()
+        self._path, self._idle, self._stop = path, Event(), Event()
+        self._idle.set()
 
     def __enter__(self) -> "_Digests":
         self._pool = ThreadPoolExecutor(1)
-        self._made = self._pool.submit(self._make)
+        self._made = self._pool.submit(digests, self._path, self._wait)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
-        self._begin.set()
+        self._idle.set()
         self._pool.shutdown()
 
-    def begin(self) -> None:
-        """Have them made now."""
-        self._begin.set()
+    def during(self, advance: Advance) -> Advance:
+        """Return ``advance``, which from then on also says when frames are being read."""
+
+        def watched(share: float) -> None:
+            (self._idle.clear if LOADED < share < 1 else self._idle.set)()
+            advance(share)
+
+        return watched
 
     def result(self) -> dict[str, str]:
         """Return them once they are made."""
+        self._idle.set()
         return self._made.result()
 
-    def _make(self) -> dict[str, str]:
-        self._begin.wait()
-        return digests(self._path, self._stop)
+    def _wait(self) -> None:
+        self._idle.wait()
+        if self._stop.is_set():
+            raise CancelledError
 
 
 def open_side(path: Path, *, modality: str | None, settings: Mapping[str, object], device: Device = "cpu") -> Opened:
@@ -130,12 +139,12 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     files were changed since it was opened.
     """
     manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
-    implementation = manifest.load(opened.device)
     title = f"{label} {manifest.name}".strip()
-    with _Digests(opened.path) as inputs, _read_once(implementation, stream, parameters) as frames:
+    with _Digests(opened.path) as inputs, ExitStack() as stack:
+        implementation = manifest.load(opened.device)
+        frames = stack.enter_context(_read_once(implementation, stream, parameters))
         with stages.stage(f"survey {title}") as advance:
-            calibration = implementation.survey(_Watched(frames, advance, when_whole=inputs.begin), parameters)
-            inputs.begin()
+            calibration = implementation.survey(_Watched(frames, inputs.during(advance)), parameters)
         give_back()
         with stages.stage(f"unroll {title}") as advance:
             strips = thread_map(partial(implementation.unroll, calibration=calibration), _Watched(frames, advance))

@@ -1,4 +1,4 @@
-"""Lines at one depth in every A-scan, which come from the detector and not from the specimen; B-scans without them.
+"""Lines at one depth in every A-scan, which come from the detector and not from the specimen.
 
 A catheter that lies steadily off the axis keeps glass and wall at steady depths too: a depth that is bright in many
 A-scans is no proof of a line. So a line is claimed only where neither can stand, by the geometry of the slice, and only
@@ -8,6 +8,7 @@ is there before the capillary in all others: the sheath, which keeps its depth a
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,9 @@ from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.line_removal import without_lines
 from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
 from endoct.stitching.ranks import quantiles, ranked
 from endoct.stitching.robust import robust_sigma
 
@@ -181,18 +182,18 @@ def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) 
 
 
 def with_lines_of(
-    level: Image, background: Background, face: Circle, glass_path_mm: float, mm_per_px: float
+    samples: NDArray[Any], background: Background, face: Circle, glass_path_mm: float, mm_per_px: float
 ) -> Background:
-    """Return ``background`` with the lines added that only this one logarithmic B-scan (θ, depth) holds.
+    """Return ``background`` with the lines added that only this one B-scan, logarithmic (θ, depth), holds.
 
     A spectrometer's mean over a turn is subtracted from every A-scan. The faces of the capillary, the outer ``face``
     and the inner one ``glass_path_mm`` before it (0 where that is not seen), hardly change their depth where they are
     nearest and farthest, are part of that mean there, and so appear, faintly, in every A-scan of the turn. Such a line
     shows in the darkest A-scans too, and is brighter than what lies before and behind it.
     """
-    some = without_lines(level[:: max(1, len(level) // JUDGED_ASCANS)], background)
+    some = without_lines(samples[:: max(1, len(samples) // JUDGED_ASCANS)], background)
     near, far = (round(reach / mm_per_px) for reach in LINE_AROUND_MM)
-    turning = _turning_points(face, glass_path_mm, level.shape[1], mm_per_px)
+    turning = _turning_points(face, glass_path_mm, samples.shape[1], mm_per_px)
     rows = np.flatnonzero(maximum_filter1d(turning, 4 * far + 1))  # these, and what they are compared with
     dark = np.zeros(turning.size, np.float32)
     dark[rows] = quantiles(some[:, rows], DARK_SHARE)
@@ -221,53 +222,3 @@ def _lines_with_skirts(excess: Image, sigma: float, mm_per_px: float) -> Image:
         if core[rows].any() and np.count_nonzero(rows) <= LINE_WIDTH_MM / mm_per_px:
             line |= rows
     return np.where(line, np.maximum(excess, 0), 0).astype(np.float32)
-
-
-def without_lines(level: Image, background: Background) -> Image:
-    """Return a logarithmic B-scan (θ, depth) without the detector's fixed lines.
-
-    Where a line is fainter than the wall, the span between line and wall is stretched to that between noise and
-    wall. Where it is not, it hides what lies under it, and its rows are interpolated from their neighbours.
-    """
-    excess = background.line_excess
-    if not excess.any():
-        return level
-    contrast, hidden = background.contrast, background.hidden
-    gain = contrast / (contrast - np.where(hidden, 0, excess))
-    faint = np.flatnonzero(background.lines & ~hidden)
-    stretched = _stretched(level, faint, np.float32(background.noise), excess, gain.astype(np.float32))
-    return bridge_rows(stretched, hidden)
-
-
-@compiled
-def _stretched(level: Image, rows: NDArray[np.intp], darkness: np.float32, excess: Image, gain: Image) -> Image:
-    """A copy of ``level`` (n, n_depth) with the span above ``darkness`` in some ``rows`` multiplied by ``gain``."""
-    cleaned = level.copy()
-    for column in range(len(level)):
-        for row in rows:
-            cleaned[column, row] = darkness + (level[column, row] - darkness - excess[row]) * gain[row]
-    return cleaned
-
-
-def bridge_rows(image: Image, hidden: Mask) -> Image:
-    """Return ``image`` (θ, depth) with the rows ``hidden``, bool (depth,), interpolated from their neighbours."""
-    good = np.flatnonzero(~hidden)
-    if good.size in (0, hidden.size):
-        return image
-    rows = np.flatnonzero(hidden)
-    after = np.searchsorted(good, rows)
-    low, high = good[np.maximum(after - 1, 0)], good[np.minimum(after, good.size - 1)]
-    share = np.where(low == high, 0.5, (rows - low) / np.maximum(high - low, 1))
-    return _interpolated(image, rows, low, high, share)
-
-
-@compiled
-def _interpolated(
-    image: Image, rows: NDArray[np.intp], low: NDArray[np.intp], high: NDArray[np.intp], share: Coordinates
-) -> Image:
-    """A copy of ``image`` (n, n_depth) in which ``rows`` are made of the rows ``low`` and ``high``."""
-    filled = image.copy()
-    for column in range(len(image)):
-        for k in range(rows.size):
-            filled[column, rows[k]] = (1 - share[k]) * image[column, low[k]] + share[k] * image[column, high[k]]
-    return filled

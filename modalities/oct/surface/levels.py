@@ -11,7 +11,7 @@ from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.evidence import relative_power
-from endoct.modalities.oct.surface.fixed_lines import bridge_rows
+from endoct.modalities.oct.surface.line_removal import bridge_rows
 from endoct.stitching.arrays import Image
 from endoct.stitching.ranks import median
 from endoct.stitching.robust import SIGMA_PER_MEDIAN
