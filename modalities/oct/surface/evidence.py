@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.background import Background
-from endoct.stitching.arrays import Image
+from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.compiled import compiled
 
 LN_POWER_PER_SIGMA = 1.139  # ln of exponentially distributed power, as speckle and noise have, over its σ (from MAD)
@@ -22,6 +22,7 @@ LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: even where there is hardly a
 LOOK_MM2 = 6.4e-5  # of wall, about three samples: the area of one independent sample of noise and speckle
 PATCH_MM = (0.05, 0.05)  # along θ and depth: averaged over that, noise is no longer as bright as bone
 NEVER = np.float32(-1e6)
+AT_ONCE = 8
 
 
 def surface_evidence(
@@ -39,83 +40,124 @@ def surface_evidence(
     ``first_row`` (n_columns,) or behind it. Rows that ``background`` calls hidden give no evidence: a surface under
     them is as likely as one right behind them.
     """
-    hidden = background.hidden
-    if not hidden.any() or hidden.all():
-        return _evidence(level, start, first_row, background, spacing, parameters)
-    visible = np.flatnonzero(~hidden)
-    first_visible = np.searchsorted(visible, first_row)
-    evidence = _evidence(np.take(level, visible, axis=1), start, first_visible, background, spacing, parameters)
-    # the last column of what is visible stands for none
-    return np.take(evidence, np.searchsorted(visible, np.arange(hidden.size + 1)), axis=1)
-
-
-def _evidence(
-    level: Image,
-    start: int,
-    first_row: NDArray[np.intp],
-    background: Background,
-    spacing: Spacing,
-    parameters: OctParameters,
-) -> Image:
+    sigma = spread_of_noise(background)
+    # the power from which on a sample counts as bone: above noise and, where bone is bright, above faint haze as well
+    haze = float(np.exp(LN_POWER_PER_SIGMA * HAZE_SHARE * background.contrast / sigma))
+    bone = max((1 + parameters.least_signal) * background.noise_power, haze)
     together = len(level) // first_row.size
-    signal = _signal(level, background, parameters.least_signal)
-    weight = np.float32(spacing.depth_mm * spacing.column_mm / LOOK_MM2)
-    decay = np.float32(np.exp(-spacing.depth_mm / parameters.wall_decay_mm))
-    columns = max(1, round(PATCH_MM[0] / (spacing.column_mm * together))) | 1
-    rows = max(1, round(PATCH_MM[1] / spacing.depth_mm))
-    return _gathered(signal, start, first_row, weight, decay, columns, rows)
+    visible = np.flatnonzero(~background.hidden)
+    if not visible.size:
+        visible = np.arange(background.hidden.size)
+    evidence = _evidence(
+        relative_power(level, background.noise, sigma),
+        start,
+        visible,
+        np.searchsorted(visible, first_row),
+        np.float32(1 / bone),
+        np.float32(spacing.depth_mm * spacing.column_mm / LOOK_MM2),
+        np.float32(np.exp(-spacing.depth_mm / parameters.wall_decay_mm)),
+        max(1, round(PATCH_MM[0] / (spacing.column_mm * together))) | 1,
+        max(1, round(PATCH_MM[1] / spacing.depth_mm)),
+    )
+    if visible.size == background.hidden.size:
+        return evidence
+    # the last column of what is visible stands for none
+    return np.take(evidence, np.searchsorted(visible, np.arange(background.hidden.size + 1)), axis=1)
 
 
 @compiled
-def _gathered(
-    signal: Image,
+def _evidence(
+    power: Image,
     start: int,
+    visible: NDArray[np.intp],
     first_row: NDArray[np.intp],
+    per_bone: np.float32,
     weight: np.float32,
     decay: np.float32,
     patch_columns: int,
     patch_rows: int,
 ) -> Image:
-    """The evidence of ``signal`` (n_theta, n_depth): what lies behind a row counts for it, a bright patch before it
-    counts against it.
+    """The evidence in the ``visible`` rows of ``power`` (n_theta, n_depth), of which ``first_row`` counts.
+
+    What lies behind a row counts for it, a bright patch before it counts against it. :data:`AT_ONCE` columns are summed
+    up along depth together, so that no sum has to wait for the one before it.
     """
-    n_theta, n_depth = signal.shape
-    n_columns = first_row.size
+    n_columns, n_rows = first_row.size, visible.size
+    signal = np.empty((n_rows, AT_ONCE), np.float32)
+    behind, sums = np.empty((n_rows, AT_ONCE), np.float32), np.empty((n_rows, AT_ONCE))
+    evidence = np.empty((n_columns, n_rows + 1), np.float32)
+    above = np.empty((n_columns, n_rows))
+    for group in range(0, n_columns, AT_ONCE):
+        for k in range(AT_ONCE):
+            column = (group + k) % n_columns
+            signal[: first_row[column], k] = 0
+            ascan = _signal(power, start, column, n_columns, per_bone)
+            for row in range(first_row[column], n_rows):
+                signal[row, k] = ascan[visible[row]] * weight
+        _sum_behind(signal, decay, behind)
+        _sum_above(signal, patch_rows, sums)
+        for k in range(AT_ONCE):
+            column = (group + k) % n_columns
+            evidence[column, : first_row[column]] = NEVER
+            evidence[column, n_rows] = 0
+            for row in range(first_row[column], n_rows):
+                evidence[column, row] = behind[row, k]
+            for row in range(n_rows):
+                above[column, row] = sums[row, k]
+    _take_patches(evidence, above, patch_columns, 1 / (patch_columns * patch_rows))
+    return evidence
+
+
+@compiled
+def _signal(power: Image, start: int, column: int, n_columns: int, per_bone: np.float32) -> Image:
+    """By how much each row outshines the least of bone, summed over the columns of the circle that are ``column``."""
+    n_theta, n_depth = power.shape
     together = n_theta // n_columns
-    taken = np.zeros((n_columns, n_depth), np.float32)
-    above = np.empty((n_columns, n_depth))  # sums over the rows of a patch that ends at each row
-    evidence = np.empty((n_columns, n_depth + 1), np.float32)
-    for column in range(n_columns):
-        own = taken[column]
-        first = min(first_row[column], n_depth)
-        for k in range(together):
-            other = signal[(start + column * together + k) % n_theta]
-            for row in range(first, n_depth):
-                own[row] += other[row]
-        behind = np.float32(0)
-        evidence[column, n_depth] = 0
-        for row in range(n_depth - 1, first - 1, -1):
-            own[row] *= weight
-            behind = own[row] + decay * behind
-            evidence[column, row] = behind
-        evidence[column, :first] = NEVER
-        total = np.float64(own[0]) * patch_rows
+    most, one = np.float32(MOST_POWER), np.float32(1)
+    signal = np.zeros(n_depth, np.float32)
+    for k in range(together):
+        ascan = power[(start + column * together + k) % n_theta]
         for row in range(n_depth):
-            total += np.float64(own[row]) - np.float64(own[max(row - patch_rows, 0)])
-            above[column, row] = total
-    reach = patch_columns // 2
-    patch = np.zeros(n_depth)
+            signal[row] += min(ascan[row] * per_bone, most) - one
+    return signal
+
+
+@compiled
+def _sum_behind(signal: Image, decay: np.float32, behind: Image) -> None:
+    """Write what lies at each row and behind it, weights falling off by ``decay``, both (row, :data:`AT_ONCE`)."""
+    total = np.zeros(AT_ONCE, np.float32)
+    for row in range(len(signal) - 1, -1, -1):
+        for k in range(AT_ONCE):
+            total[k] = signal[row, k] + decay * total[k]
+            behind[row, k] = total[k]
+
+
+@compiled
+def _sum_above(signal: Image, n_rows: int, sums: Coordinates) -> None:
+    """Write sums over so many rows that end at each row, both (row, :data:`AT_ONCE`); the first row is repeated."""
+    total = signal[0].astype(np.float64) * n_rows
+    for row in range(len(signal)):
+        old = max(row - n_rows, 0)
+        for k in range(AT_ONCE):
+            total[k] += np.float64(signal[row, k]) - np.float64(signal[old, k])
+            sums[row, k] = total[k]
+
+
+@compiled
+def _take_patches(evidence: Image, above: Coordinates, n_columns: int, share: float) -> None:
+    """Take from ``evidence`` what patches before each row hold: ``share`` of so many columns of ``above`` around it."""
+    around, n_rows = above.shape
+    reach = n_columns // 2
+    patch = np.zeros(n_rows)
     for column in range(-reach, reach + 1):
-        patch += above[column % n_columns]
-    share = 1 / (patch_columns * patch_rows)
-    for column in range(n_columns):
+        patch += above[column % around]
+    for column in range(around):
         before = np.float32(0)
-        for row in range(n_depth):
+        for row in range(n_rows):
             before += max(np.float32(patch[row] * share), np.float32(0))
             evidence[column, row + 1] -= before
-        patch += above[(column + reach + 1) % n_columns]
-        patch -= above[(column - reach) % n_columns]
-    return evidence
+        patch += above[(column + reach + 1) % around]
+        patch -= above[(column - reach) % around]
 
 
 def relative_power(level: Image, noise: float, sigma: float) -> Image:
@@ -129,14 +171,3 @@ def relative_power(level: Image, noise: float, sigma: float) -> Image:
 def spread_of_noise(background: Background) -> float:
     """Return σ of the noise in samples of the recording, at least a share of the wall's contrast."""
     return max(background.noise_sigma, LEAST_SIGMA_SHARE * background.contrast)
-
-
-def _signal(level: Image, background: Background, least_signal: float) -> Image:
-    sigma = spread_of_noise(background)
-    power = relative_power(level, background.noise, sigma)
-    # the power from which on a sample counts as bone: above noise and, where bone is bright, above faint haze as well
-    haze = float(np.exp(LN_POWER_PER_SIGMA * HAZE_SHARE * background.contrast / sigma))
-    power *= np.float32(1 / max((1 + least_signal) * background.noise_power, haze))
-    np.minimum(power, np.float32(MOST_POWER), out=power)
-    power -= 1
-    return power
