@@ -15,9 +15,9 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
-from endoct.modalities.oct.spectra.kernels import TOGETHER, resample, write_levels
+from endoct.modalities.oct.spectra.kernels import BLOCK, resample, write_levels
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import BLOCK, Reconstruction, mean_spectrum, reconstruction
+from endoct.modalities.oct.spectra.reconstruction import LINE, Reconstruction, mean_spectrum, reconstruction
 from endoct.modalities.oct.spectra.resampling import sample_places, taps, window
 from endoct.synthetic.oct.spectrometer import chirp
 
@@ -74,12 +74,15 @@ def level_all(spectrum: NDArray[Any]) -> NDArray[np.float64]:
 
 @step("background, even wavenumbers and window")
 def test_resample_endoct(spectra: Spectra, chain: Reconstruction, benchmark: BenchmarkFixture) -> None:
-    samples, out = np.empty((TOGETHER, N), np.float32), np.empty((BLOCK, N), np.float32)
+    beside, even = np.empty((N, BLOCK), np.uint16), np.empty((N, BLOCK), np.float32)
+    out = np.empty((BLOCK, N + LINE), np.float32)[:, :N]
 
     def all_blocks() -> None:
         background = chain._resampled(mean_spectrum(spectra))
         for start in range(0, ASCANS - BLOCK + 1, BLOCK):
-            resample(spectra[start : start + BLOCK], chain.first, chain.weights, background, samples, out)
+            cv2.transpose(spectra[start : start + BLOCK], beside)
+            resample(beside, chain.first, chain.weights, background, even)
+            cv2.transpose(even, out)
 
     benchmark(all_blocks)
 

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, LEAST_ASCANS, ZERO_DB
 from endoct.stitching.arrays import Image
 from endoct.stitching.compiled import compiled
 
 Counts = NDArray[np.integer[Any]]
-TOGETHER = 8
-"""A-scans that share what is read of the taps."""
+BLOCK = LEAST_ASCANS
+"""A-scans at a time, so that what lies between two steps stays in a processor's cache. Every slice has so many."""
 _PER_OCTAVE = np.float32(10 * np.log10(2) * COUNTS_PER_DB)
 _AT_ONE = np.float32(0.5 - ZERO_DB * COUNTS_PER_DB)
 """Of power 1; the half rounds."""
@@ -25,46 +25,34 @@ _LOG2 = tuple(
 @compiled
 def add_up(spectra: Counts, sums: NDArray[np.int64]) -> None:
     """Add ``spectra`` (A-scan, n) to ``sums`` (n,)."""
-    for i in range(spectra.shape[0]):
+    together = spectra.shape[0] // 4 * 4
+    for i in range(0, together, 4):
+        one, two, three, four = spectra[i], spectra[i + 1], spectra[i + 2], spectra[i + 3]
+        for p in range(spectra.shape[1]):
+            sums[p] += np.int32(one[p]) + np.int32(two[p]) + np.int32(three[p]) + np.int32(four[p])
+    for i in range(together, spectra.shape[0]):
         for p in range(spectra.shape[1]):
             sums[p] += spectra[i, p]
 
 
 @compiled
-def resample(
-    spectra: Counts,
-    first: NDArray[np.uint32],
-    weights: Image,
-    background: Image,
-    samples: Image,
-    fringes: Image,
-) -> None:
-    """Write ``spectra`` (A-scan, n) at even wavenumbers, less ``background`` (n,), to ``fringes`` float32 (A-scan, n).
+def resample(spectra: Counts, first: NDArray[np.uint32], weights: Image, background: Image, fringes: Image) -> None:
+    """Write ``spectra`` (n, :data:`BLOCK`) at even wavenumbers, less ``background`` (n,), to ``fringes`` float32.
 
-    ``first`` (n,) and ``weights`` float32 (n, taps) are taps, four or a multiple of it; ``samples`` float32
-    (:data:`TOGETHER`, n) is room for as many A-scans, whose number divides that of ``spectra``.
+    ``first`` (n,) and ``weights`` float32 (n, taps) are taps, four or a multiple of it. A-scans lie side by side, in
+    ``fringes`` too, so that a wavenumber of all of them is made of rows that lie in one piece each.
     """
-    second, third, fourth = samples[:, 1:], samples[:, 2:], samples[:, 3:]
-    for start in range(0, spectra.shape[0], TOGETHER):
-        for i in range(TOGETHER):
-            for p in range(first.size):
-                samples[i, p] = np.float32(spectra[start + i, p])
-        for quad in range(weights.shape[1] // 4):
-            shift, t = np.uint32(4 * quad), 4 * quad
-            for k in range(first.size):
-                near = np.uint32(first[k] + shift)
-                a, b, c, d = weights[k, t], weights[k, t + 1], weights[k, t + 2], weights[k, t + 3]
-                if quad == 0:
-                    less = background[k]
-                    for i in range(TOGETHER):
-                        fringes[start + i, k] = (
-                            a * samples[i, near] + b * second[i, near] + c * third[i, near] + d * fourth[i, near] - less
-                        )
-                else:
-                    for i in range(TOGETHER):
-                        fringes[start + i, k] += (
-                            a * samples[i, near] + b * second[i, near] + c * third[i, near] + d * fourth[i, near]
-                        )
+    for k in range(first.size):
+        less, fringe = background[k], fringes[k]
+        for t in range(0, weights.shape[1], 4):
+            a, b, c, d = weights[k, t], weights[k, t + 1], weights[k, t + 2], weights[k, t + 3]
+            near = np.intp(first[k]) + t
+            one, two, three, four = spectra[near], spectra[near + 1], spectra[near + 2], spectra[near + 3]
+            for i in range(BLOCK):
+                value = (
+                    a * np.float32(one[i]) + b * np.float32(two[i]) + c * np.float32(three[i]) + d * np.float32(four[i])
+                )
+                fringe[i] = value - less if t == 0 else fringe[i] + value
 
 
 @compiled
@@ -72,15 +60,25 @@ def write_levels(parts: Image, gain: Image, power: Image, counts: NDArray[np.uin
     """Write the levels of half-spectra as ``counts`` (A-scan, depth), :data:`COUNTS_PER_DB` from :data:`ZERO_DB` on.
 
     A row of ``parts``, float32 (A-scan, n), holds the real part of depth 0, then real and imaginary parts of depths 1,
-    2, …. Powers are multiplied by ``gain``, float32 (n / 2,); ``power``, of the same shape, is room for one A-scan.
+    2, …. Where what was transformed is complex, there are twice as many rows: those of its real parts, then those of
+    its imaginary parts with the opposite sign. Powers are multiplied by ``gain``, float32 (n / 2,); ``power``, of the
+    same shape, is room for one A-scan.
     """
-    n_depth = counts.shape[1]
+    n_ascans, n_depth = counts.shape
     bits = power.view(np.int32)
-    for i in range(counts.shape[0]):
-        power[0] = parts[i, 0] * parts[i, 0] * gain[0]
-        for k in range(1, n_depth):
-            real, imaginary = parts[i, 2 * k - 1], parts[i, 2 * k]
-            power[k] = (real * real + imaginary * imaginary) * gain[k]
+    for i in range(n_ascans):
+        row = parts[i]
+        if parts.shape[0] == n_ascans:
+            power[0] = row[0] * row[0] * gain[0]
+            for k in range(1, n_depth):
+                real, imaginary = row[2 * k - 1], row[2 * k]
+                power[k] = (real * real + imaginary * imaginary) * gain[k]
+        else:
+            other = parts[n_ascans + i]
+            power[0] = (row[0] * row[0] + other[0] * other[0]) * gain[0]
+            for k in range(1, n_depth):
+                real, imaginary = row[2 * k - 1] + other[2 * k], row[2 * k] - other[2 * k - 1]
+                power[k] = (real * real + imaginary * imaginary) * gain[k]
         for k in range(n_depth):
             octave = np.float32((bits[k] >> 23) - 127)
             bits[k] = (bits[k] & 0x7FFFFF) | 0x3F800000  # its mantissa, from 1 to 2
@@ -88,19 +86,3 @@ def write_levels(parts: Image, gain: Image, power: Image, counts: NDArray[np.uin
             log2 = _LOG2[0] + x * (_LOG2[1] + x * (_LOG2[2] + x * (_LOG2[3] + x * (_LOG2[4] + x * _LOG2[5]))))
             level = _PER_OCTAVE * (octave + log2) + _AT_ONE
             counts[i, k] = np.uint16(min(max(level, np.float32(0)), np.float32(65535)))
-
-
-@compiled
-def join_halves(parts: Image) -> None:
-    """Make the first half of the rows of ``parts`` (2 × A-scan, n) half-spectra of what is complex.
-
-    These rows are transforms of its real part, the others of its imaginary part with the opposite sign, laid out as
-    :func:`write_levels` wants them. At depth 0 only the magnitude is kept.
-    """
-    n_ascans, n = parts.shape[0] // 2, parts.shape[1]
-    for i in range(n_ascans):
-        real, imaginary = parts[i], parts[n_ascans + i]
-        real[0] = np.sqrt(real[0] * real[0] + imaginary[0] * imaginary[0])
-        for k in range(1, n - 1, 2):
-            real[k] += imaginary[k + 1]
-            real[k + 1] -= imaginary[k]

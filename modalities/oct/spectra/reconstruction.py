@@ -5,16 +5,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import rfft
 
-from endoct.modalities.oct.spectra.kernels import TOGETHER, Counts, add_up, join_halves, resample, write_levels
-from endoct.modalities.oct.spectra.keys import LEAST_ASCANS
+from endoct.modalities.oct.spectra.kernels import BLOCK, Counts, add_up, resample, write_levels
 from endoct.modalities.oct.spectra.resampling import Taps
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.room import Room
 
-BLOCK = LEAST_ASCANS
-"""A-scans at a time, so that what lies between two steps stays in a processor's cache. Every slice has so many."""
+LINE = 16
+"""float32 in a line of a processor's cache, by which rows lie apart: what lies 4 KiB apart shares its places there."""
 _ROOM = Room()
 
 
@@ -43,12 +41,16 @@ class Reconstruction:
         n_ascans, n = spectra.shape
         background = self._resampled(self.background if self.background is not None else mean_spectrum(spectra))
         counts = np.empty((n_ascans, n // 2), np.uint16)
-        samples, fringes = _ROOM.array("samples", (TOGETHER, n)), _ROOM.array("fringes", (BLOCK, n))
-        power = _ROOM.array("power", (n // 2,))
+        beside: Counts = _ROOM.array("beside", (n, BLOCK), spectra.dtype)
+        even: Image = _ROOM.array("even", (n, BLOCK))
+        fringes: Image = _ROOM.array("fringes", (BLOCK, n + LINE))[:, :n]
+        power: Image = _ROOM.array("power", (n // 2,))
         for start in range(0, n_ascans, BLOCK):
             first = min(start, n_ascans - BLOCK)  # the last block begins before the one before it ends
             block = slice(first, first + BLOCK)
-            resample(spectra[block], self.first, self.weights, background, samples, fringes)
+            cv2.transpose(spectra[block], beside)
+            resample(beside, self.first, self.weights, background, even)
+            cv2.transpose(even, fringes)
             write_levels(self._half_spectra(fringes), self.gain, power, counts[block])
         return counts
 
@@ -57,15 +59,14 @@ class Reconstruction:
         return np.asarray((around * self.weights).sum(axis=1), dtype=np.float32)
 
     def _half_spectra(self, fringes: Image) -> Image:
-        """Return rows of the real part at depth 0, then real and imaginary parts at depths 1, 2, …."""
+        """Return half-spectra of ``fringes`` (BLOCK, n), as :func:`write_levels` wants them."""
         parts: Image = _ROOM.array("parts", (2 * BLOCK, fringes.shape[1]))
         if self.cos_sin is None:
             return np.asarray(cv2.dft(fringes, parts[:BLOCK], cv2.DFT_ROWS), np.float32)
         # fringes × exp(−iφ) by two real transforms, which are much faster than a complex one
-        turned = (fringes * self.cos_sin[:, None]).reshape(2 * BLOCK, -1)
-        cv2.dft(turned, parts, cv2.DFT_ROWS)
-        join_halves(parts)
-        return parts[:BLOCK]
+        turned: Image = _ROOM.array("turned", (2, *fringes.shape))
+        np.multiply(fringes, self.cos_sin[:, None], out=turned)
+        return np.asarray(cv2.dft(turned.reshape(parts.shape), parts, cv2.DFT_ROWS), np.float32)
 
 
 def reconstruction(
@@ -96,11 +97,15 @@ def _gain(taps: Taps, window: Coordinates) -> Image:
     The measure is white noise of the detector, whose level is to be one over all depths: what interpolation takes from
     it, it takes from fringes.
     """
-    n = window.size
-    power = np.zeros(n // 2 + 1)
-    for some in np.array_split(np.arange(n), max(1, n // 256)):  # responses to single samples
-        tap = some[:, None, None] - taps.first[None, :, None] == np.arange(taps.weights.shape[1])
-        power += (np.abs(rfft((tap * taps.weights).sum(axis=2) * window, axis=1)) ** 2).sum(axis=0)
+    n, n_taps = taps.weights.shape
+    power, even = np.zeros(n // 2 + 1), np.arange(n)
+    for some in np.array_split(even, max(1, n // 256)):
+        responses = np.zeros((some.size, n))  # to single samples
+        for t in range(n_taps):
+            sample = taps.first + t - some[0]
+            reads = (sample >= 0) & (sample < some.size)
+            responses[sample[reads], even[reads]] = taps.weights[reads, t] * window[reads]
+        power += (np.abs(np.fft.rfft(responses)) ** 2).sum(axis=0)
     return np.asarray(power[0] / power[: n // 2], dtype=np.float32)
 
 

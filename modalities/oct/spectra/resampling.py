@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from endoct.stitching.arrays import Coordinates
 
@@ -39,6 +38,8 @@ def sample_places(chirp: Coordinates, gives: Literal["wavenumber", "sample"]) ->
     even = np.arange(chirp.size, dtype=np.float64)
     if gives == "sample":
         return np.where((chirp >= 0) & (chirp <= chirp.size - 1), chirp, np.nan)
+    from scipy.interpolate import PchipInterpolator  # takes a while to load, and other chirps do without
+
     return np.asarray(PchipInterpolator(chirp, even, extrapolate=False)(even), dtype=np.float64)
 
 

@@ -3,6 +3,7 @@
 import math
 import pickle
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from tolerances import (
     SIDE_LOBE_DB,
 )
 
-from endoct.modalities.oct.spectra.resampling import dispersion_phase
+from endoct.modalities.oct.spectra.reconstruction import mean_spectrum, reconstruction
+from endoct.modalities.oct.spectra.resampling import Interpolation, dispersion_phase, sample_places, taps, window
 from endoct.stitching.parallel import thread_map
 from tests.modalities.oct.spectra.fringes import (
     AMPLITUDE,
@@ -222,6 +224,28 @@ def test_against_numpy_step_by_step() -> None:
     found = levels_db(chain(places).bscan(spectra)) - 10 * np.log10(chain(places).gain)
     strong = amplitude > amplitude.max() * 1e-3
     np.testing.assert_allclose(found[strong], 20 * np.log10(amplitude[strong]), atol=2 * COUNT_DB)
+
+
+@pytest.mark.parametrize("n_ascans", [64, 65, 66, 67, 2000])
+@pytest.mark.parametrize("dtype", [np.uint16, np.int16])
+def test_the_mean_spectrum_is_that_of_all_ascans(n_ascans: int, dtype: type[np.integer[Any]]) -> None:
+    info = np.iinfo(dtype)
+    spectra = np.random.default_rng(4).integers(info.min, info.max, (n_ascans, N), dtype, endpoint=True)
+    spectra[:, 0], spectra[:, 1] = info.max, info.min
+    np.testing.assert_array_equal(mean_spectrum(spectra), spectra.sum(axis=0, dtype=np.int64) / n_ascans)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic", "sinc"])
+def test_what_is_given_back_is_what_white_noise_loses(interpolation: Interpolation) -> None:
+    """Of a matrix that takes samples to even wavenumbers in a window, Fourier-transformed, the sums of squares."""
+    n = 520
+    places = sample_places(quadratic_chirp(n), "wavenumber")
+    read, over = taps(places, interpolation), window("hann", places)
+    matrix = np.zeros((n, n))
+    for k in range(n):
+        matrix[read.first[k] : read.first[k] + read.weights.shape[1], k] = read.weights[k] * over[k]
+    power = (np.abs(np.fft.rfft(matrix)) ** 2).sum(axis=0)
+    np.testing.assert_allclose(reconstruction(read, over).gain, power[0] / power[: n // 2], rtol=1e-6)
 
 
 def test_samples_with_a_sign() -> None:
