@@ -10,13 +10,13 @@ from pathlib import Path
 class Rendered:
     """A figure as the lossless PNG that lies in figures/ under ``name``, and as a page embeds it.
 
-    ``width_in`` is its printed width; ``webp`` a copy for the page, None where the PNG is small enough itself.
+    ``width_in`` is its printed width; ``jpeg`` a copy for the page, None where the PNG is small enough itself.
     """
 
     name: str
     width_in: float
     png: bytes
-    webp: bytes | None
+    jpeg: bytes | None
 
     @property
     def file(self) -> str:
@@ -26,7 +26,7 @@ class Rendered:
     @property
     def embedded(self) -> str:
         """What a page embeds, as a URL that holds all of it."""
-        kind, data = ("png", self.png) if self.webp is None else ("webp", self.webp)
+        kind, data = ("png", self.png) if self.jpeg is None else ("jpeg", self.jpeg)
         return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
