@@ -18,10 +18,13 @@ from endoct.fusion.comparison import (
     CompareParameters,
     Comparison,
     compare_panoramas,
+    compare_sides,
     load_comparison,
     save_comparison,
 )
+from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.scoring.overlap import BOTH
+from endoct.fusion.sides import Placed
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
@@ -94,6 +97,15 @@ def test_it_plots_both_sides_and_where_their_cells_differ(compared: Comparison) 
         assert len(replace(compared, alignment=None, reason="why not").plot()) == 2
     finally:
         plt.close("all")
+
+
+@pytest.mark.parametrize("correct_twist", [False, True])
+def test_both_sides_are_shown_once_as_they_will_be_scored(pair: Pair, correct_twist: bool) -> None:
+    placed: list[Placed] = []
+    parameters = COARSE.model_copy(update={"correct_twist": correct_twist})
+    found = compare_sides(*two_sides(pair.a, pair.b), parameters, when_placed=placed.append)
+    (shown,) = placed
+    assert (shown.grid, shown.sides, shown.aligned) == (found.grid, found.sides, found.alignment is not None)
 
 
 def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:
