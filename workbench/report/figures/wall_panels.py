@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from endoct.stitching.arrays import Mask
 from endoct.stitching.circle import largest_divisor
-from endoct.stitching.compiled import compiled
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
     DPI,
@@ -108,6 +107,7 @@ def thinned(grid: SurfaceGrid, *arrays: NDArray[Any]) -> list[Any]:
     pixel_mm = max(grid.n_z * grid.dz_mm / 1650, 2 * math.pi * grid.radius_mm / 900)
     across = largest_divisor(grid.n_theta, at_most=max(1, math.floor(pixel_mm / grid.dtheta_mm)))
     down = min(grid.n_z, max(1, math.floor(pixel_mm / grid.dz_mm)))
+    whole = grid.n_z // down * down
     coarse = SurfaceGrid.full_circle(
         grid.n_z // down,
         grid.n_theta // across,
@@ -116,35 +116,22 @@ def thinned(grid: SurfaceGrid, *arrays: NDArray[Any]) -> list[Any]:
         radius_mm=grid.radius_mm,
         theta0_rad=grid.theta0_rad + (across - 1) / 2 * grid.dtheta_rad,
     )
-    blocks = coarse.n_z, down, coarse.n_theta, across
-    return [coarse, *((_majority if of.dtype == np.bool_ else _means)(of, blocks) for of in arrays)]
 
+    def sums(of: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+        total = of[:whole, ::across].astype(dtype)
+        for k in range(1, across):  # a few passes of plain addition, a third of the time of a sum over axes
+            total += of[:whole, k::across]
+        return total if down == 1 else total.reshape(coarse.n_z, down, coarse.n_theta).sum(axis=1)
 
-@compiled
-def _majority(mask: Mask, blocks: tuple[int, int, int, int]) -> Mask:
-    """Whether half of every block and more of it is true; blocks: (how many, of so many rows; columns alike)."""
-    n_z, down, n_theta, across = blocks
-    count = np.zeros((n_z, n_theta), np.int64)
-    for row in range(n_z * down):
-        for column in range(n_theta):
-            for k in range(across):
-                count[row // down, column] += mask[row, column * across + k]
-    return 2 * count >= down * across
-
-
-@compiled
-def _means(values: NDArray[Any], blocks: tuple[int, int, int, int]) -> NDArray[np.float64]:
-    """The mean of what is finite in every block, NaN where nothing is; blocks as those of :func:`_majority`."""
-    n_z, down, n_theta, across = blocks
-    total, count = np.zeros((n_z, n_theta)), np.zeros((n_z, n_theta), np.int64)
-    for row in range(n_z * down):
-        for column in range(n_theta):
-            for k in range(across):
-                value = values[row, column * across + k]
-                if np.isfinite(value):
-                    total[row // down, column] += value
-                    count[row // down, column] += 1
-    return np.where(count > 0, total / count, np.nan)
+    thin: list[Any] = [coarse]
+    for array in arrays:
+        if array.dtype == np.bool_:
+            thin.append(2 * sums(array, np.int32) >= down * across)
+            continue
+        finite = np.isfinite(array)
+        total, count = sums(np.where(finite, array, 0), np.float64), sums(finite, np.int32)
+        thin.append(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
+    return thin
 
 
 def colour_bar(axes: Axes, image: ScalarMappable, label: str) -> None:
