@@ -12,6 +12,8 @@ from endoct.stitching.robust import robust_sigma
 
 MOST_ITERATIONS = 8
 CONVERGED = 0.01
+BLOCK = 16
+"""Columns that are asked at once whether they lie between the same two rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,9 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
     middle = (n_rows - 1) / 2
     # what moves from row k to k − rows does so on average at the row between them
     from_middle = ((np.arange(n_rows) - start.rows[0] / 2 - middle) / middle).astype(np.float32)
-    layers, turned = np.empty((4, n_rows, n_theta + 1), np.float32), np.empty((4, n_rows, n_theta), np.float32)
+    n_layers = 3 if seen_b.all() else 4  # the last says what is not seen
+    layers = np.empty((n_layers, n_rows, n_theta + 1), np.float32)
+    turned = np.empty((n_layers, n_rows, n_theta), np.float32)
     _lay(b, seen_b, layers)
     first = np.concatenate([start.rows, start.columns, [start.stretch]])
     motion = first
@@ -53,13 +57,13 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
     for _ in range(MOST_ITERATIONS):
         rows, columns = (motion[:3] @ waves).astype(np.float32), (motion[3:6] @ waves).astype(np.float32)
         stretched = np.float32(motion[6]) * from_middle
-        _turn(layers, columns, turned)
+        _turn(layers, columns, _reached(rows, stretched), turned)
         _compare(a, seen_a, turned, rows, stretched, off, fits, gradients)
         n_fitting = _some(off, fits, some)
         if n_fitting < 0.02 * fits.size:
             return start
         scale = max(1e-6, robust_sigma(some[: (n_fitting + 3) // 4]))
-        normal, change = _equations(off, gradients, from_middle, 1 / (2 * scale), waves)
+        normal, change = _equations(off, fits, gradients, from_middle, 1 / (2 * scale), waves)
         trace = np.trace(normal)
         if not trace > 0:  # nothing in view shows a motion
             return start
@@ -74,10 +78,21 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
 
 
 @compiled
-def _turn(layers: Image, columns: Image, turned: Image) -> None:
-    """Write ``layers`` (4, n_rows, n_theta + 1) moved by ``columns`` (n_theta,); their last column is the first again.
+def _reached(rows: Image, stretched: Image) -> tuple[int, int]:
+    """Return the first and the last row between which all lie that are moved by ``rows`` onto another strip's."""
+    least, most = rows.min(), rows.max()
+    first = last = -int(np.floor(most + stretched[0]))
+    for k in range(stretched.size):
+        first = min(first, int(np.floor(np.float32(k) - most - stretched[k])))
+        last = max(last, int(np.floor(np.float32(k) - least - stretched[k])) + 1)
+    return max(first, 0), min(last, stretched.size - 1)
 
-    Columns that move by equally many whole ones are worked on together, as vectors.
+
+@compiled
+def _turn(layers: Image, columns: Image, reached: tuple[int, int], turned: Image) -> None:
+    """Write ``layers`` (n, n_rows, n_theta + 1) moved by ``columns`` (n_theta,); their last column is the first again.
+
+    Only rows that are ``reached`` are. Columns that move by equally many whole ones are worked on together, as vectors.
     """
     n_theta = columns.size
     left, share = np.empty(n_theta, np.int64), np.empty(n_theta, np.float32)
@@ -92,7 +107,7 @@ def _turn(layers: Image, columns: Image, turned: Image) -> None:
             last += 1
         begin, n, right = left[first], last - first, share[first:last]
         for m in range(layers.shape[0]):
-            for k in range(layers.shape[1]):
+            for k in range(reached[0], reached[1] + 1):
                 line, beside = layers[m, k, begin : begin + n], layers[m, k, begin + 1 : begin + 1 + n]
                 to = turned[m, k, first:last]
                 for i in range(n):
@@ -106,31 +121,45 @@ def _compare(
 ) -> None:
     """Write by how much ``a`` differs from what is moved onto it, where both are seen, and how that would change.
 
-    ``turned`` (4, n_rows, n_theta): what is moved by ``rows``, its slopes along rows and columns, and where it is not
-    seen. Zero where ``fits`` says that not both are. Samples between the same two rows are worked on together.
+    ``turned`` (n, n_rows, n_theta): what is moved by ``rows``, its slopes along rows and columns, and, unless all of it
+    is seen, where it is not. Zero where ``fits`` says that not both are. Samples between the same two rows are worked
+    on together.
     """
     n_rows, n_theta = a.shape
     row, last_row = np.empty(n_theta, np.float32), np.float32(n_rows - 1)
-    least, most = rows.min(), rows.max()
+    n_blocks = n_theta // BLOCK
+    least, most = np.empty(n_blocks, np.float32), np.empty(n_blocks, np.float32)
+    for block in range(n_blocks):
+        of_block = rows[block * BLOCK : (block + 1) * BLOCK]
+        least[block], most[block] = of_block.min(), of_block.max()
     for k in range(n_rows):
         for j in range(n_theta):
             row[j] = np.float32(k) - rows[j] - stretched[k]
-        at_once = np.floor(np.float32(k) - least - stretched[k]) == np.floor(np.float32(k) - most - stretched[k])
         first = 0
         while first < n_theta:
             top = int(np.floor(row[first]))
             lowest, beyond = np.float32(top), np.float32(top + 1)
-            last = n_theta if at_once else first + 1
+            last = first + 1
             while last < n_theta and lowest <= row[last] < beyond:
                 last += 1
+                while last % BLOCK == 0 and last // BLOCK < n_blocks:
+                    block = last // BLOCK
+                    if not lowest <= np.float32(k) - most[block] - stretched[k]:
+                        break
+                    if not np.float32(k) - least[block] - stretched[k] < beyond:
+                        break
+                    last += BLOCK
             here = slice(first, last)
             if 0 <= top < n_rows:
                 # the last row is reached exactly, or not at all
                 below, count = min(top + 1, n_rows - 1), fits[k, here]
-                _count(seen_a[k, here], turned[3, top, here], turned[3, below, here], row[here], top, last_row, count)
+                if turned.shape[0] > 3:
+                    hidden = turned[3, top, here], turned[3, below, here]
+                    _count(seen_a[k, here], hidden[0], hidden[1], row[here], top, last_row, count)
+                else:
+                    _count_reached(seen_a[k, here], row[here], last_row, count)
                 _blend(turned[0, top, here], turned[0, below, here], row[here], top, count, off[k, here])
-                for i in range(first, last):
-                    off[k, i] = (a[k, i] - off[k, i]) if fits[k, i] else np.float32(0)
+                _take_from(a[k, here], count, off[k, here])
                 for m in range(2):
                     slope = gradients[m, k, here]
                     _blend(turned[1 + m, top, here], turned[1 + m, below, here], row[here], top, count, slope)
@@ -151,12 +180,27 @@ def _count(
 
 
 @compiled
+def _count_reached(seen: Mask, row: Image, last_row: np.float32, counts: Mask) -> None:
+    """Say which samples are seen, and lie between two rows."""
+    for i in range(row.size):
+        counts[i] = seen[i] & (row[i] <= last_row)
+
+
+@compiled
 def _blend(above: Image, below: Image, row: Image, top: int, counts: Mask, blended: Image) -> None:
     """Write what lies between two rows, of which the first is ``top``; 0 where it does not count."""
     for i in range(row.size):
         down = row[i] - np.float32(top)
         between = (np.float32(1) - down) * above[i] + down * below[i]
         blended[i] = between if counts[i] else np.float32(0)
+
+
+@compiled
+def _take_from(whole: Image, counts: Mask, part: Image) -> None:
+    """Replace ``part`` by what it leaves of ``whole``; 0 where it does not count."""
+    for i in range(part.size):
+        left = whole[i] - part[i]
+        part[i] = left if counts[i] else np.float32(0)
 
 
 @compiled
@@ -181,7 +225,7 @@ def _some(off: Image, fits: Mask, some: Image) -> int:
 
 @compiled
 def _equations(
-    off: Image, gradients: Image, from_middle: Image, per_scale: float, waves: Coordinates
+    off: Image, fits: Mask, gradients: Image, from_middle: Image, per_scale: float, waves: Coordinates
 ) -> tuple[Coordinates, Coordinates]:
     """Return the equations of a change of the motion, (7, 7) and (7,), with Cauchy weights.
 
@@ -191,6 +235,8 @@ def _equations(
     n_rows, n_theta = off.shape
     of_pairs, of_off = np.zeros((3, 3, n_theta)), np.zeros((3, n_theta))
     for k in range(n_rows):
+        if not fits[k].any():  # nothing would be added
+            continue
         share = from_middle[k]
         for j in range(n_theta):
             weight = 1 / (1 + (off[k, j] * per_scale) ** 2)
@@ -218,7 +264,10 @@ def _equations(
 
 @compiled
 def _lay(image: Image, seen: Mask, layers: Image) -> None:
-    """Write ``image``, its slopes along rows and columns, and where it is not ``seen``; the first column again last."""
+    """Write ``image``, its slopes along rows and columns, and where it is not ``seen`` if there is a layer for it.
+
+    The first column is there again as the last.
+    """
     n_rows, n_theta = image.shape
     for k in range(n_rows):
         before, after = max(k - 1, 0), min(k + 1, n_rows - 1)
@@ -226,7 +275,9 @@ def _lay(image: Image, seen: Mask, layers: Image) -> None:
         for j in range(n_theta):
             layers[0, k, j] = image[k, j]
             layers[1, k, j] = (image[after, j] - image[before, j]) * per_row
-            layers[3, k, j] = np.float32(0) if seen[k, j] else np.float32(1)
+        if layers.shape[0] > 3:
+            for j in range(n_theta):
+                layers[3, k, j] = np.float32(0) if seen[k, j] else np.float32(1)
         for j in range(n_theta):
             layers[2, k, j] = (image[k, (j + 1) % n_theta] - image[k, j - 1]) * np.float32(0.5)
         layers[:, k, n_theta] = layers[:, k, 0]
