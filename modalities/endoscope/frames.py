@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.modalities.endoscope.light import brightness, log_light, reduced, saturated
+from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow
 from endoct.modalities.endoscope.mirror.band import Band
 from endoct.modalities.endoscope.mirror.reference import Reference
@@ -88,7 +88,8 @@ def brightness_of_rows(logs: LogStrip) -> Coordinates:
 def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[Followed, Followed, float, LogStrip]:
     """Return a frame's annulus, that by its own rims, its saturated share, and its strip at radii ``r_px``."""
     pixels = reference.annulus.pixels
-    image = squared(reduced(brightness(frame.samples, reference.full_scale, _ROOM), reference.factor), pixels)
+    light, clipped = reduced_light(frame.samples, reference.full_scale, reference.factor, _ROOM)
+    image = squared(light, pixels)
     followed = follow(image, reference.annulus, reference.handle)
     alone = follow(image, reference.annulus) if reference.handle else followed
     place = replace(settle_annuli([followed], reference.annulus, given=True)[0][0], pixels=1.0)
@@ -96,8 +97,8 @@ def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[
     columns, rows = Circles(place, r_px).pixel_map(angle, _ROOM)
     strip, inside = sample(image, columns, rows)
     logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
-    fraction, clipped = 0.0, saturated(frame.samples, reference.full_scale)
-    if clipped.any() and inside.any():
-        share, _ = sample(squared(reduced(brightness(clipped, 1.0, _ROOM), reference.factor), pixels), columns, rows)
+    fraction = 0.0
+    if clipped is not None and inside.any():
+        share, _ = sample(squared(clipped, pixels), columns, rows)
         fraction = float(share[inside].mean())
     return followed, alone, fraction, logs

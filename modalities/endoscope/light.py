@@ -3,11 +3,10 @@
 from math import ceil
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image, Mask
+from endoct.stitching.arrays import Image
 from endoct.stitching.compiled import compiled
 from endoct.stitching.room import Room
 
@@ -28,27 +27,71 @@ def full_scale(samples: NDArray[Any]) -> float:
     return next((float(2**bits - 1) for bits in BIT_DEPTHS if largest <= 2**bits - 1), largest)
 
 
-def brightness(samples: NDArray[Any], scale: float, room: Room | None = None) -> Image:
-    """Return the brightness of a frame, float32 (row, column), 1 at full scale; of a colour frame its green.
+def reduced_light(
+    samples: NDArray[Any], scale: float, factor: int, room: Room | None = None
+) -> tuple[Image, Image | None]:
+    """Return the brightness of a frame, 1 at full scale, and which share is saturated, None where nothing is.
 
-    It is an array of ``room``, if any. Green sees tissue with the most contrast and saturates after red under the warm
-    light of an endoscope.
+    Both are means of ``factor`` × ``factor`` pixels, float32 (row, column); a remainder at the far edges is left out.
+    They are arrays of ``room``, if any. Of a colour frame it is that of its green, which sees tissue with the most
+    contrast and saturates after red under the warm light of an endoscope.
     """
-    light: Image = (room or Room()).array("image", samples.shape[:2])
-    _divide(np.ascontiguousarray(green(samples)), np.float32(scale), light)
-    return light
+    plane = np.ascontiguousarray(green(samples))
+    room, shape = room or Room(), (plane.shape[0] // factor, plane.shape[1] // factor)
+    light, share = room.array("light", shape), room.array("share", shape)
+    least = np.float32(least_saturated(plane.dtype, scale))
+    return light, share if _reduce(plane, np.float32(scale), least, factor, light, share) else None
 
 
 @compiled
-def _divide(samples: NDArray[Any], scale: np.float32, light: Image) -> None:
+def _reduce(
+    samples: NDArray[Any], scale: np.float32, least: np.float32, factor: int, light: Image, share: Image
+) -> bool:
+    """Write brightness and the share of samples from ``least`` on; return whether there are any."""
+    line, any_saturated, per_sample = np.empty(light.shape[1] * factor, np.float32), False, np.float32(1 / factor**2)
     for i in range(light.shape[0]):
+        light[i], share[i] = 0, 0
+        for k in range(i * factor, (i + 1) * factor):
+            row = samples[k, : line.size]
+            _divide(row, scale, line)
+            _add_groups(line, factor, light[i])
+            if np.float32(row.max()) >= least:
+                any_saturated = True
+                _from(row, least, line)
+                _add_groups(line, factor, share[i])
         for j in range(light.shape[1]):
-            light[i, j] = np.float32(samples[i, j]) / scale
+            light[i, j] *= per_sample
+            share[i, j] *= per_sample
+    return any_saturated
 
 
-def saturated(samples: NDArray[Any], scale: float) -> Mask:
-    """Say where the brightness of a frame is saturated, bool (row, column)."""
-    return np.asarray(green(samples) >= least_saturated(samples.dtype, scale))
+@compiled
+def _divide(row: NDArray[Any], scale: np.float32, light: Image) -> None:
+    for j in range(light.size):
+        light[j] = np.float32(row[j]) / scale
+
+
+@compiled
+def _from(row: NDArray[Any], least: np.float32, light: Image) -> None:
+    for j in range(light.size):
+        light[j] = np.float32(1) if np.float32(row[j]) >= least else np.float32(0)
+
+
+@compiled
+def _add_groups(line: Image, n: int, total: Image) -> None:
+    """Add the sums of ``n`` neighbours each; indices have no sign, so that pairs are added as vectors."""
+    if n == 1:
+        for j in range(total.size):
+            total[j] += line[j]
+    elif n == 2:
+        for j in range(np.uint64(total.size)):
+            total[j] += line[np.uint64(2) * j] + line[np.uint64(2) * j + np.uint64(1)]
+    else:
+        for j in range(total.size):
+            part = line[n * j]
+            for k in range(1, n):
+                part += line[n * j + k]
+            total[j] += part
 
 
 def least_saturated(dtype: np.dtype[Any], scale: float) -> float:
@@ -59,17 +102,6 @@ def least_saturated(dtype: np.dtype[Any], scale: float) -> float:
 def green(samples: NDArray[Any]) -> NDArray[Any]:
     """Return the samples of a frame's green, (row, column), a view; those of a grey frame."""
     return samples[..., GREEN] if samples.ndim == 3 else samples
-
-
-def reduced(image: Image, factor: int) -> Image:
-    """Return the means of ``factor`` × ``factor`` pixels; a remainder at the far edges is left out."""
-    if factor == 1:
-        return image
-    height, width = image.shape[0] // factor, image.shape[1] // factor
-    return np.asarray(
-        cv2.resize(image[: height * factor, : width * factor], (width, height), interpolation=cv2.INTER_AREA),
-        dtype=np.float32,
-    )
 
 
 def log_light(image: Image) -> Image:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.contract import Preview, Sniff
-from endoct.modalities.endoscope.light import brightness, full_scale, reduced
+from endoct.modalities.endoscope.light import full_scale, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, find_annulus, follow
 from endoct.modalities.endoscope.opening import LEAST_SIDE_PX
 from endoct.modalities.folders import exists, is_folder
@@ -60,7 +60,7 @@ def _frames_with_annulus(frames: list[NDArray[Any]]) -> int | None:
     """Return in how many frames the annulus of their mean is clear; None where that has none."""
     scale = max(full_scale(samples) for samples in frames)
     factor = max(1, min(frames[0].shape[:2]) // SIDE_PX)
-    images = [reduced(brightness(samples, scale), factor) for samples in frames]
+    images = [reduced_light(samples, scale, factor)[0] for samples in frames]
     try:
         annulus = find_annulus(np.mean(images, axis=0, dtype=np.float32))
     except NotSeen:

@@ -5,6 +5,7 @@ import numpy as np
 from endoct.modalities.endoscope.mirror.rings import N_RAYS, Ring
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.compiled import compiled
+from endoct.stitching.ranks import median
 
 STEP_PX = 0.5
 MARGIN = 2
@@ -28,7 +29,7 @@ def edge_points(image: Image, ring: Ring, reach_px: float) -> tuple[Coordinates,
     cos, sin = np.cos(angle), np.sin(angle)
     radius, slope = _steepest(image, ring.x_px, ring.y_px, cos, sin, radii, 1.0 if ring.rising else -1.0)
     rising = slope[slope > 0]
-    clear = slope > 0.3 * max(float(np.median(rising)) if rising.size else 0.0, 1e-6)
+    clear = slope > 0.3 * max(median(rising) if rising.size else 0.0, 1e-6)
     return (ring.x_px + radius * cos)[clear], (ring.y_px + radius * sin)[clear]
 
 

@@ -6,13 +6,14 @@ import numpy as np
 
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.green import full_scale_of
-from endoct.modalities.endoscope.light import brightness, reduced
+from endoct.modalities.endoscope.light import reduced_light
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.annulus import Annulus, follow
 from endoct.modalities.endoscope.mirror.finding import FoundRing, find_ring, ring_at
 from endoct.modalities.endoscope.mirror.rings import Ring
 from endoct.modalities.endoscope.mirror.roundness import squared
 from endoct.modalities.endoscope.mirror.settling import settle_annuli
+from endoct.stitching.parallel import thread_map
 
 SURVEY_SIDE_PX = 480
 REFERENCE_FRAMES = 12
@@ -40,10 +41,10 @@ def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Re
     Raises :class:`NotSeen` where they show no annulus and the sidecar gives none.
     """
     chosen = np.unique(np.linspace(0, len(stream) - 1, min(len(stream), REFERENCE_FRAMES)).round().astype(int))
-    frames = [stream[int(k)] for k in chosen]
+    frames = list(thread_map(lambda k: stream[int(k)], chosen))
     scale = max(map(full_scale_of, frames))
     factor = max(1, min(frames[0].samples.shape[:2]) // SURVEY_SIDE_PX)
-    images = [reduced(brightness(frame.samples, scale), factor) for frame in frames]
+    images = list(thread_map(lambda frame: reduced_light(frame.samples, scale, factor)[0], frames))
     given = acquisition.annulus
     if given is not None:
         stated = Annulus(given.x, given.y, given.inner_px, given.x, given.y, given.outer_px)
@@ -51,7 +52,7 @@ def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Re
     else:
         ring = find_ring(images)
     pixels = ring.roundness.pixels if ring.corrected else 1.0
-    followed = [follow(squared(image, pixels), ring.annulus, ring.handle) for image in images]
+    followed = list(thread_map(lambda image: follow(squared(image, pixels), ring.annulus, ring.handle), images))
     annuli, _ = settle_annuli(followed, ring.annulus, given is not None)
     x, y = np.median([(a.outer_x_px, a.outer_y_px) for a in annuli], axis=0)
     annulus = annuli[0].moved(float(x) - annuli[0].outer_x_px, float(y) - annuli[0].outer_y_px)

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field, frame_exposure
-from endoct.modalities.endoscope.light import brightness, full_scale, log_light, reduced, saturated
+from endoct.modalities.endoscope.light import full_scale, log_light, reduced_light
 from endoct.stitching.circle import gaussian
 
 N_ROWS, N_THETA = 60, 512
@@ -93,14 +93,28 @@ def test_full_scale_is_that_of_the_bit_depth(dtype: str, largest: float, scale: 
 
 def test_brightness_and_saturation_of_colours_are_those_of_green() -> None:
     frame = np.array([[[255, 60, 0], [30, 255, 90]]], np.uint8)
-    np.testing.assert_allclose(brightness(frame, 255.0), [[60 / 255, 1.0]], rtol=1e-6)
-    assert saturated(frame, 255.0).tolist() == [[False, True]]
+    light, saturated = reduced_light(frame, 255.0, 1)
+    np.testing.assert_allclose(light, [[60 / 255, 1.0]], rtol=1e-6)
+    assert saturated is not None
+    assert saturated.tolist() == [[0.0, 1.0]]
     assert np.isfinite(log_light(np.zeros((1, 1), np.float32))).all()
 
 
 def test_reducing_averages_whole_blocks() -> None:
-    image = np.arange(20, dtype=np.float32).reshape(4, 5)
-    np.testing.assert_allclose(reduced(image, 2), [[3, 5], [13, 15]])
+    image = np.arange(20, dtype=np.float32).reshape(4, 5) / 20
+    light, saturated = reduced_light(image, 1.0, 2)
+    np.testing.assert_allclose(light, np.array([[3, 5], [13, 15]]) / 20, rtol=1e-6)
+    assert saturated is None
+    image[2, 1] = 0.995
+    light, saturated = reduced_light(image, 1.0, 2)
+    np.testing.assert_allclose(saturated, [[0, 0], [0.25, 0]])
+    image = np.arange(48, dtype=np.uint8)[::-1].reshape(6, 8) * 5
+    for factor in (1, 2, 3):
+        light, saturated = reduced_light(image, 235.0, factor)
+        blocks = image[:, : 8 // factor * factor].reshape(6 // factor, factor, 8 // factor, factor)
+        np.testing.assert_allclose(light, blocks.mean(axis=(1, 3)) / 235, rtol=1e-6)
+        assert saturated is not None
+        np.testing.assert_allclose(saturated, np.mean(blocks >= 233, axis=(1, 3)), rtol=1e-6)
 
 
 def test_light_between_rows_and_columns_goes_around_and_is_unknown_under_dirt() -> None:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from tolerances import RING_PX
 
-from endoct.modalities.endoscope.light import brightness, reduced
+from endoct.modalities.endoscope.light import reduced_light
 from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, find_annulus, follow
 from endoct.modalities.endoscope.mirror.rings import fit_circle, trace_closed
 from endoct.modalities.endoscope.mirror.settling import settle_annuli
@@ -151,7 +151,7 @@ def load(path: Path) -> tuple[NDArray[np.float32], int]:
     image = cv2.imread(str(path))
     assert image is not None
     factor = max(1, min(image.shape[:2]) // 480)
-    return reduced(brightness(image, 255.0), factor), factor
+    return reduced_light(image, 255.0, factor)[0], factor
 
 
 def test_the_mirror_camera_frame(recordings: Path) -> None:
