@@ -66,7 +66,7 @@ def _level(
     gain: Image,
     levels: Image,
 ) -> None:
-    """Write ``samples`` less ``floor`` to ``levels`` (θ, depth); in ``rows``, what exceeds ``darkness`` times ``gain``."""
+    """Write ``samples`` less ``floor`` to ``levels``; in ``rows``, what exceeds ``darkness`` times ``gain``."""
     for column in range(len(samples)):
         own = levels[column]
         for row in range(floor.size):
