@@ -15,7 +15,7 @@ SMALL_BYTES = 1_000_000
 """Sidecars and the like have no more."""
 
 BLOCK_BYTES = 2**22
-"""Read at a time for a digest: whoever makes one waits for the interpreter at every block, milliseconds if it is busy."""
+"""Read at a time for a digest. Its thread waits for the interpreter at every block: milliseconds, if that is busy."""
 
 State = dict[str, tuple[int, ...]]
 """Of every file below a path: device, number, size, and the times of its last changes."""
