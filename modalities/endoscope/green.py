@@ -1,5 +1,6 @@
 """Frames without what is not looked at: of a colour frame, its green is all that survey and unrolling need."""
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -21,7 +22,7 @@ class GreenFrame(Frame):
 
 def green_frames(stream: FrameStream) -> AbstractContextManager[FrameStream]:
     """Give a stream of the green of every frame of ``stream``, each read from there once."""
-    return kept_frames(_InGreen(stream) if isinstance(stream, _ReadsGreen) else stream, _green_frame)
+    return kept_frames(_InGreen(stream, stream.green) if isinstance(stream, _ReadsGreen) else stream, _green_frame)
 
 
 def full_scale_of(frame: Frame) -> float:
@@ -30,17 +31,17 @@ def full_scale_of(frame: Frame) -> float:
 
 
 @runtime_checkable
-class _ReadsGreen(FrameStream, Protocol):
-    """A stream that may read of a frame the green alone."""
+class _ReadsGreen(Protocol):
+    """What may read of a frame the green alone."""
 
     def green(self, index: int) -> Frame | None: ...
 
 
 class _InGreen:
-    """A stream of frames in green where ``stream`` reads that alone, else of whole ones."""
+    """A stream of frames in green where ``green`` reads that alone, else of whole ones."""
 
-    def __init__(self, stream: _ReadsGreen) -> None:
-        self._stream = stream
+    def __init__(self, stream: FrameStream, green: Callable[[int], Frame | None]) -> None:
+        self._stream, self._green = stream, green
 
     @property
     def acquisition(self) -> Acquisition:
@@ -50,7 +51,7 @@ class _InGreen:
         return len(self._stream)
 
     def __getitem__(self, index: int) -> Frame:
-        return self._stream.green(index) or self._stream[index]
+        return self._green(index) or self._stream[index]
 
 
 def _green_frame(frame: Frame) -> GreenFrame:
