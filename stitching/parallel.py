@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
+from threading import Thread
 from typing import Generic, Protocol, TypeVar
 
 In_co = TypeVar("In_co", covariant=True)
@@ -50,9 +51,21 @@ def at_once(one: Callable[[], One], two: Callable[[], Two]) -> tuple[One, Two]:
 
     Raises what they raise, of the first where both fail.
     """
-    with ThreadPoolExecutor(1) as pool:
-        other = pool.submit(two)
-        return one(), other.result()
+    other: Future[Two] = Future()
+
+    def work() -> None:
+        try:
+            other.set_result(two())
+        except BaseException as error:  # noqa: BLE001 - whatever it is, it belongs to the caller
+            other.set_exception(error)
+
+    thread = Thread(target=work)  # a pool of one takes twice as long to start
+    thread.start()
+    try:
+        first = one()
+    finally:
+        thread.join()
+    return first, other.result()
 
 
 class Jobs(Generic[Out]):
