@@ -6,7 +6,6 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import open_regular, read_start
+from endoct.stitching.files import open_regular
 from endoct.stitching.limits import check_array_size
 
 # What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
@@ -38,7 +37,10 @@ def read_image(path: Path) -> NDArray[Any]:
     said = f"{path} is no readable image"
     expected, remedy = "PNG, JPEG, BMP or TIFF", "copy or export the file again"
     with refusing(said, expected=expected, remedy=remedy):
-        data = _bytes_of(path)
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            check_array_size((size,), 1, f"{path}")
+            data = file.read(size)
         if data.startswith(_PNG):
             return _png(data, path)
         if data.startswith(_JPEG):
@@ -46,35 +48,6 @@ def read_image(path: Path) -> NDArray[Any]:
         if data.startswith(_BMP):
             return _bmp(data, path)
         raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
-
-
-def read_channel(path: Path, channel: int) -> NDArray[np.uint8] | None:
-    """Return a channel of a PNG in colours of 8 bits as :func:`read_image` has it, (row, column), in half the time.
-
-    None for any other file, which has to be decoded whole; of a damaged one :func:`read_image` says what is wrong.
-    """
-    if read_start(path, len(_PNG)) != _PNG:
-        return None
-    with suppress(OSError, ValueError, struct.error):
-        chunks = list(_chunks(_bytes_of(path)))
-        if not _is_whole(chunks):
-            return None
-        columns, rows, bits, colour, packing, filtering, interlaced = struct.unpack(">IIBBBBB", chunks[0][1][8:21])
-        if (bits, packing, filtering, interlaced) != (8, 0, 0, 0) or colour not in (2, 6):
-            return None
-        _check(rows, columns, CHANNELS[colour], 1, path)
-        packed = b"".join(memoryview(chunk)[8:-4] for kind, chunk in chunks if kind == b"IDAT")
-        from endoct.modalities.png_channel import one_channel  # here, so that who needs none loads no numba
-
-        return one_channel(packed, (rows, columns, CHANNELS[colour]), channel)
-    return None
-
-
-def _bytes_of(path: Path) -> bytes:
-    with open_regular(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        check_array_size((size,), 1, f"{path}")
-        return file.read(size)
 
 
 def check_jpeg(data: bytes, shape: tuple[int, int], what: str) -> None:
@@ -90,7 +63,7 @@ def _png(data: bytes, path: Path) -> NDArray[Any]:
     import imagecodecs  # here and below, so that a plug-in's manifest can name suffixes without loading decoders
 
     chunks = list(_chunks(data))
-    if not _is_whole(chunks):
+    if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 25 or chunks[-1][0] != b"IEND":
         raise EndoctError(f"{path} is damaged or truncated", found="a PNG without its first or last part")
     columns, rows, bits, colour = struct.unpack(">IIBB", chunks[0][1][8:18])
     _check(rows, columns, CHANNELS.get(colour, 4), 2 if bits == 16 else 1, path)
@@ -100,10 +73,6 @@ def _png(data: bytes, path: Path) -> NDArray[Any]:
         # grey with transparency: three equal colours, but plain grey where only one value counts as transparent
         return np.repeat(image[..., :1], 3, axis=2) if colour == 4 else np.ascontiguousarray(image[..., 0])
     return np.asarray(image)
-
-
-def _is_whole(chunks: list[tuple[bytes, bytes]]) -> bool:
-    return bool(chunks) and chunks[0][0] == b"IHDR" and len(chunks[0][1]) == 25 and chunks[-1][0] == b"IEND"
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:

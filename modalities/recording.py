@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.arrays_on_disk import read_npy
 from endoct.modalities.folders import entries, exists, is_folder
-from endoct.modalities.images import read_channel, read_image
+from endoct.modalities.images import read_image
 from endoct.modalities.tiff import TIFF_SUFFIXES, is_tiff, read_tiff
 from endoct.modalities.video import VIDEO_SUFFIXES, ReadVideo, is_video
 from endoct.stitching.errors import EndoctError
@@ -68,15 +68,6 @@ class ImageStack:
             )
         frame.flags.writeable = False
         return frame
-
-    def channel(self, index: int, channel: int) -> NDArray[Any]:
-        """Return a channel of a frame in colour as ``stack[index][..., channel]``, without the others where it can."""
-        if isinstance(self._read, _ReadImages) and 0 <= index < self._n_frames:
-            samples = self._read.channel(index, channel)
-            if samples is not None and (*samples.shape, 3) == self.frame_shape and samples.dtype == self.dtype:
-                samples.flags.writeable = False
-                return samples
-        return np.asarray(self[index][..., channel])
 
     def _frame(self, index: int) -> NDArray[Any]:
         frame = self._read(index)
@@ -137,10 +128,6 @@ class _ReadImages:
                 )
             return stack[0].copy()
         return read_image(path)
-
-    def channel(self, index: int, channel: int) -> NDArray[np.uint8] | None:
-        """Return a channel of a frame, or None where it does not come without the others."""
-        return read_channel(self.files[index], channel)
 
 
 def whole_recordings(folder: Path) -> list[Path]:

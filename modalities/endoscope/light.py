@@ -11,8 +11,6 @@ from endoct.stitching.compiled import compiled
 from endoct.stitching.room import Room
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
-GREEN = 1
-"""Its channel in a frame in colour."""
 SATURATED = 0.99
 DARKEST = 0.002
 UNSEEN = 1e12
@@ -101,7 +99,7 @@ def least_saturated(dtype: np.dtype[Any], scale: float) -> float:
 
 def green(samples: NDArray[Any]) -> NDArray[Any]:
     """Return the samples of a frame's green, (row, column), a view; those of a grey frame."""
-    return samples[..., GREEN] if samples.ndim == 3 else samples
+    return samples[..., 1] if samples.ndim == 3 else samples
 
 
 def log_light(image: Image) -> Image:

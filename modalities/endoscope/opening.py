@@ -7,7 +7,6 @@ import numpy as np
 
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, inward_positions_mm
-from endoct.modalities.endoscope.light import GREEN
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.recording import ImageStack, open_stack
@@ -30,15 +29,6 @@ class EndoscopeRecording:
 
     def __getitem__(self, index: int) -> Frame:
         return Frame(index, self.stack[index], float(self.z_mm[index]))
-
-    def green(self, index: int) -> Frame | None:
-        """Read of one frame in colour the green alone, (row, column); None where its full scale is in other colours.
-
-        That of 8 bits is the same whatever was seen.
-        """
-        if len(self.stack.frame_shape) != 3 or self.stack.dtype != np.uint8:
-            return None
-        return Frame(index, self.stack.channel(index, GREEN), float(self.z_mm[index]))
 
 
 def open_frames(path: Path, acquisition: Acquisition) -> EndoscopeRecording:
