@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.oct.face.circle import Circle
-from endoct.modalities.oct.face.glass import Glass, face_distance
+from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass, face_distance
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.ripple import N_RIPPLE, ripple_basis
 from endoct.modalities.oct.turning.rotation import N_SMOOTH, smooth_basis
@@ -165,7 +165,8 @@ def _iterate(
     """Improve a ``fit``, the arrays of a :class:`TurnFit`, in place, once for every width; say whether that went well.
 
     ``bases``: of the rotation, with the columns of its unknowns, and of the face's ripple. ``expected``: means and
-    precisions of the prior. Rows of the jacobian where the weight is 0 are not made.
+    precisions of the prior. Rows of the jacobian where the weight is 0 are not made; points where no beam could see the
+    face as near as ``widths_mm`` are infinitely far.
     """
     angle, depth, strength = points
     basis, columns, face = bases
@@ -178,7 +179,11 @@ def _iterate(
         x, y = unknown[0], unknown[1]
         if math.hypot(x, y) > FARTHEST * radius_mm:
             return False
+        nearest, farthest = _depths_of_face(unknown, radius_mm, thickness_mm)
         for i in range(angle.size):
+            if not nearest - width <= depth[i] <= farthest + width:
+                residual[i], weight[i] = np.inf, 0
+                continue
             beam = angle[i]
             for k in range(columns.size):
                 beam += basis[i, k] * unknown[columns[k]]
@@ -218,6 +223,19 @@ def _iterate(
         solve(matrix, change)
         unknown += change
     return True
+
+
+@compiled
+def _depths_of_face(unknown: Coordinates, radius_mm: float, thickness_mm: float) -> tuple[float, float]:
+    """The least and the most depth at which any beam could meet the face, mm."""
+    offset, inner_mm = math.hypot(unknown[0], unknown[1]), radius_mm - thickness_mm
+    if offset > 0.99 * inner_mm:  # no catheter lies there
+        return -np.inf, np.inf
+    within = (offset / GLASS_INDEX) ** 2
+    through = math.sqrt(radius_mm**2 - within) - math.sqrt(inner_mm**2 - within)
+    oblique = GLASS_INDEX * (through - thickness_mm)
+    around = np.abs(unknown[RIPPLE]).sum() + TINY
+    return unknown[2] + radius_mm - offset - around, unknown[2] + radius_mm + offset + oblique + around
 
 
 def finish_fit(points: Points, fit: TurnFit, glass: Glass, seek_lost: bool) -> TurnFit:
