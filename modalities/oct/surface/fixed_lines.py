@@ -21,8 +21,8 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.line_removal import without_lines
 from endoct.modalities.oct.surface.pool import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
+from endoct.stitching import ranks
 from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.ranks import quantiles, ranked
 from endoct.stitching.robust import robust_sigma
 
 LINE_SIGMAS = 1.0
@@ -83,7 +83,7 @@ def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition:
     can_stand = (behind_face > FACE_MM) & (before | (behind_wall > WALL_MM[1]) | open_cell[:, None])
     judged = can_stand & _dark_beyond(pool.ascans, can_stand, mm_per_px)
     excess = _excess(np.where(judged, pool.ascans, np.nan), mm_per_px)
-    sigma = max(robust_sigma(pool.ascans - np.median(pool.ascans, axis=0)), 1e-6)
+    sigma = max(robust_sigma(pool.ascans - ranks.medians(pool.ascans)), 1e-6)
     lines = _lines_with_skirts(excess, sigma, mm_per_px)
     undecided = np.zeros(n_depth, np.bool_)
     runs, count = label(lines > 0)
@@ -125,7 +125,7 @@ def _dark_beyond(ascans: Image, can_stand: Mask, mm_per_px: float) -> Mask:
     near, far = (max(1, round(reach / mm_per_px)) for reach in LINE_BEYOND_MM)
     deeper = np.pad(uniform_filter1d(ascans, far - near, axis=1), ((0, 0), (0, far)), mode="edge")[:, far:]
     last = np.maximum(np.ceil(DARK_SHARE * np.count_nonzero(can_stand, axis=0)).astype(np.intp) - 1, 0)
-    return np.asarray(deeper <= ranked(deeper, can_stand, last))
+    return np.asarray(deeper <= ranks.ranked(deeper, can_stand, last))
 
 
 def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> Coordinates:
@@ -196,7 +196,7 @@ def with_lines_of(
     turning = _turning_points(face, glass_path_mm, samples.shape[1], mm_per_px)
     rows = np.flatnonzero(maximum_filter1d(turning, 4 * far + 1))  # these, and what they are compared with
     dark = np.zeros(turning.size, np.float32)
-    dark[rows] = quantiles(some[:, rows], DARK_SHARE)
+    dark[rows] = ranks.quantiles(some[:, rows], DARK_SHARE)
     padded = np.pad(uniform_filter1d(dark, far - near, mode="nearest"), far, mode="edge")
     middle = (near + far) // 2
     around = np.maximum(padded[far - middle :][: dark.size], padded[far + middle :][: dark.size])

@@ -56,14 +56,14 @@ def sheath_mark(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, mm_
             sights.append(_seen(features, faces.capillary.circle(i), depth_mm, clear_mm))
         pattern = Pattern.of(depth_mm.size)
         middle = sights[len(sights) // 2]
-        pattern.add(middle, middle.spectra(depth_mm.size), 0.0)
+        pattern.add(middle, middle.halves(depth_mm.size), 0.0)
         for blur in BLURS:
             likelihood = Likelihood.of(pattern.rate(*blur))
             pattern = Pattern.of(depth_mm.size)
             for i, sight in enumerate(sights):
-                spectra = sight.spectra(depth_mm.size)
-                direction[:, i] = likelihood.turned(sight, spectra)
-                pattern.add(sight, spectra, direction[0, i])
+                halves = sight.halves(depth_mm.size)
+                direction[:, i] = likelihood.turned(sight, halves)
+                pattern.add(sight, halves, direction[0, i])
     apart = wrap_rad(direction[1] - direction[2]) / 2
     usual = robust_sigma(apart)
     return Mark(wrap_rad(direction[0]), np.hypot(usual, apart) / np.sqrt(2)) if usual < RIGID_RAD else None

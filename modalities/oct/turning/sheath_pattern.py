@@ -1,10 +1,12 @@
 """The pattern that points of all slices make over angle and depth, and how far one slice is turned against it.
 
-Turns are those of spectra over the angle, so that no pattern is interpolated. Which bins were seen at all is a number a
-direction, that of the bins before the capillary; it is never drawn as an image.
+Turns are those of spectra over the angle, so that no pattern is interpolated. A slice has points at a quarter of all
+depths: others have no spectra. Which bins were seen at all is a number a direction, that of the bins before the
+capillary; it is never drawn as an image.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +38,20 @@ class Sight:
     strength: Coordinates
     n_covered: NDArray[np.intp]
 
-    def spectra(self, n_depth: int) -> Spectra:
-        """Return the points as spectra over the angle, (2, n_depth, waves): of half of the sectors, of the rest."""
-        return np.fft.rfft(_density(self.column, self.row, self.strength, n_depth))
+    def halves(self, n_depth: int) -> "Halves":
+        """Return the points as spectra over the angle."""
+        rows, density = _density(self.column, self.row, self.strength, n_depth)
+        return Halves(rows, np.fft.rfft(density))
+
+
+class Halves(NamedTuple):
+    """A slice's points as spectra over the angle, (2, n, waves), at the n ``rows`` that have any.
+
+    The first half is of every other sector, the second of the rest.
+    """
+
+    rows: NDArray[np.intp]
+    spectra: Spectra
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +70,10 @@ class Pattern:
         """Return the pattern of no slice."""
         return cls(*(np.zeros((rows, _WAVES.size), np.complex128) for rows in (n_depth, n_depth + 1)))
 
-    def add(self, sight: Sight, spectra: Spectra, direction_rad: float) -> None:
-        """Add a slice with its ``spectra``, in whose own frame the landmark is seen at ``direction_rad``, in place."""
+    def add(self, sight: Sight, halves: Halves, direction_rad: float) -> None:
+        """Add a slice with its ``halves``, in whose own frame the landmark is seen at ``direction_rad``, in place."""
         turn = np.exp(1j * _WAVES * direction_rad)
-        _add_turned(self.points, self.ends, spectra, sight.n_covered, _OF_ANGLES, turn)
+        _add_turned(self.points, self.ends, halves, sight.n_covered, _OF_ANGLES, turn)
 
     def rate(self, along_mm: float, around_rad: float) -> Field:
         """Return how many points there are in a column and bin, blurred, float64 (n_depth, N_ANGLES)."""
@@ -89,12 +102,12 @@ class Likelihood:
         """Return that of a :meth:`Pattern.rate`."""
         return cls(np.fft.rfft(np.log(rate + STRAY_RATE)), np.pad(np.cumsum(rate, axis=0), ((1, 0), (0, 0))))
 
-    def turned(self, sight: Sight, spectra: Spectra) -> list[float]:
+    def turned(self, sight: Sight, halves: Halves) -> list[float]:
         """Return where a slice most likely sees the landmark, rad: by all of it, and by either half."""
-        of_points = np.fft.irfft(_correlated(spectra, self.logarithm), n=N_ANGLES)
-        halves = of_points - _expected(self.expected, sight.n_covered)
+        of_points = np.fft.irfft(_correlated(halves, self.logarithm), n=N_ANGLES)
+        likelihoods = of_points - _expected(self.expected, sight.n_covered)
         found = []
-        for likelihood in (halves[0] + halves[1], *halves):
+        for likelihood in (likelihoods[0] + likelihoods[1], *likelihoods):
             k = int(np.argmax(likelihood))
             before, here, after = likelihood[[k - 1, k, (k + 1) % N_ANGLES]]
             sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
@@ -103,41 +116,51 @@ class Likelihood:
 
 
 @compiled
-def _density(column: Coordinates, row: Coordinates, strength: Coordinates, n_depth: int) -> Field:
-    """Points over depth and angle, float64 (2, n_depth, N_ANGLES), each shared among the four bins around it."""
-    density = np.zeros((2, n_depth, N_ANGLES))
+def _density(
+    column: Coordinates, row: Coordinates, strength: Coordinates, n_depth: int
+) -> tuple[NDArray[np.intp], Field]:
+    """Rows that have points, and these, each shared among the four bins around it, float64 (2, n, N_ANGLES)."""
+    filled = np.zeros(n_depth, np.bool_)
+    for i in range(row.size):
+        if 0 <= row[i] < n_depth - 1:
+            filled[int(row[i]) : int(row[i]) + 2] = True
+    rows = np.flatnonzero(filled)
+    place = np.cumsum(filled) - 1
+    density = np.zeros((2, rows.size, N_ANGLES))
     for i in range(row.size):
         if 0 <= row[i] < n_depth - 1:
             first, top = int(column[i]), int(row[i])
-            across, down = column[i] - first, row[i] - top
+            across, down, at = column[i] - first, row[i] - top, place[top]
             for to, share in ((first % N_ANGLES, 1 - across), ((first + 1) % N_ANGLES, across)):
                 half = to * SECTORS // N_ANGLES % 2
-                density[half, top, to] += strength[i] * share * (1 - down)
-                density[half, top + 1, to] += strength[i] * share * down
-    return density
+                density[half, at, to] += strength[i] * share * (1 - down)
+                density[half, at + 1, to] += strength[i] * share * down
+    return rows, density
 
 
 @compiled
 def _add_turned(
-    points: Spectra, ends: Spectra, halves: Spectra, n_covered: NDArray[np.intp], of_angles: Spectra, turn: Spectra
+    points: Spectra, ends: Spectra, halves: Halves, n_covered: NDArray[np.intp], of_angles: Spectra, turn: Spectra
 ) -> None:
     """Add both ``halves`` of a slice's points, and where it ends, turned by ``turn`` (waves,)."""
-    for row in range(points.shape[0]):
+    for k in range(halves.rows.size):
         for wave in range(turn.size):
-            points[row, wave] += (halves[0, row, wave] + halves[1, row, wave]) * turn[wave]
+            points[halves.rows[k], wave] += (halves.spectra[0, k, wave] + halves.spectra[1, k, wave]) * turn[wave]
     for angle in range(n_covered.size):
         for wave in range(turn.size):
             ends[n_covered[angle], wave] += of_angles[angle, wave] * turn[wave]
 
 
 @compiled
-def _correlated(halves: Spectra, pattern: Spectra) -> Spectra:
+def _correlated(halves: Halves, pattern: Spectra) -> Spectra:
     """Spectra over the angle of the correlation of both ``halves`` with ``pattern``, summed over depth: (2, waves)."""
-    correlated = np.zeros((halves.shape[0], halves.shape[2]), np.complex128)
-    for half in range(halves.shape[0]):
-        for row in range(halves.shape[1]):
-            for wave in range(halves.shape[2]):
-                correlated[half, wave] += np.conj(halves[half, row, wave]) * pattern[row, wave]
+    spectra = halves.spectra
+    correlated = np.zeros((2, spectra.shape[2]), np.complex128)
+    for half in range(2):
+        for k in range(halves.rows.size):
+            row = halves.rows[k]
+            for wave in range(spectra.shape[2]):
+                correlated[half, wave] += np.conj(spectra[half, k, wave]) * pattern[row, wave]
     return correlated
 
 
