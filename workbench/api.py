@@ -74,19 +74,23 @@ def unroll(
         from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
 
         made = unroll_recording(open_side(path, modality=modality, settings=settings or {}, device=device), stages)
-        from endoct.workbench.report.figures.requested import begin_drawing
+        from endoct.workbench.report.figures.requested import begin_drawing, begin_drawing_frames
 
-        drawing = begin_drawing(made.panorama, process)
+        of_wall = begin_drawing(made.panorama, process)
         from endoct.stitching.store import save_panorama
-        from endoct.workbench.page.report import write_panorama_report
         from endoct.workbench.pipeline.sample_frames import save_sample_frames
+        from endoct.workbench.report.side_findings import recording_in
 
         save_panorama(made.panorama, scratch)
         if volume:
             write_volume(made, scratch, stages)
         with stages.stage("report"):
             save_sample_frames(made, scratch, made.panorama.modality)
-            write_panorama_report(scratch, made.panorama, process, drawing)
+            side = recording_in(scratch, made.panorama)
+            of_frames = begin_drawing_frames(side, process)
+            from endoct.workbench.page.report import write_recording_report  # a page is loaded while frames are drawn
+
+            write_recording_report(scratch, side, of_wall, of_frames)
     return made.panorama
 
 

@@ -18,16 +18,14 @@ from endoct.workbench.report.figures.requested import (
     Requested,
     begin_drawing,
     begin_drawing_both,
-    draw_pictures,
+    begin_drawing_frames,
     drawn_of,
 )
 from endoct.workbench.report.findings import Findings, read_findings
 from endoct.workbench.report.illustrated import recording_sections, report_sections
-from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.sections import Section
-from endoct.workbench.report.side_findings import alone
+from endoct.workbench.report.side_findings import SideFindings, recording_in
 from endoct.workbench.running.kinds import FIGURES, REPORT
-from endoct.workbench.running.second_process import beside
 
 PAGE = "report.html"
 REMARK = "The figures lie next to this page, lossless, in figures/."
@@ -70,21 +68,25 @@ def write_comparison_report(
     return _write(folder, shown, figures, report_sections(findings, figures), data)
 
 
-def write_panorama_report(
-    store: Path,
-    panorama: Panorama,
-    process: WorkerProcess | None = None,
-    of_wall: "Future[list[Drawn]] | None" = None,
-) -> Path:
+def write_panorama_report(store: Path, panorama: Panorama, process: WorkerProcess | None = None) -> Path:
     """Write ``figures/*.png`` and ``report.html`` of one recording into the ``store`` of its ``panorama``.
 
-    Figures are drawn in ``process`` where there is one; ``of_wall`` are those of ``begin_drawing`` where it was begun
-    already. Returns the page's path. Raises :class:`EndoctError` where they cannot be written.
+    Figures are drawn in ``process`` where there is one. Returns the page's path. Raises :class:`EndoctError` where they
+    cannot be written.
     """
     _check(store)
-    side = alone(panorama, load_pictures(store / PICTURES).get(panorama.modality, {}))
-    of_wall = of_wall or begin_drawing(panorama, process)
-    of_frames = beside(process, draw_pictures, side)
+    side = recording_in(store, panorama)
+    return write_recording_report(store, side, begin_drawing(panorama, process), begin_drawing_frames(side, process))
+
+
+def write_recording_report(
+    store: Path, side: SideFindings, of_wall: "Future[list[Drawn]]", of_frames: "Future[list[Drawn]]"
+) -> Path:
+    """Write the report of a recording into its ``store``, which holds all but that; return the page's path.
+
+    ``side``: what it holds. ``of_wall`` and ``of_frames`` are the figures, which were begun. Raises
+    :class:`EndoctError` where they cannot be written.
+    """
     shown = open_shown(store)
     data = frozen_data(shown)
     figures = [*of_wall.result(), *of_frames.result()]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from endoct.modalities.contract import Picture
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+from endoct.workbench.report.pictures import PICTURES, load_pictures
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +60,8 @@ def alone(panorama: Panorama, pictures: Mapping[int, tuple[Picture, ...]]) -> Si
     no_cells = np.zeros(panorama.grid.shape, np.bool_)
     of = panorama.intensity, panorama.depth_mm, no_cells, panorama.valid
     return SideFindings(panorama.modality, *of, panorama=panorama, pictures=pictures)
+
+
+def recording_in(store: Path, panorama: Panorama) -> SideFindings:
+    """Return a recording :func:`alone`, with the pictures of single frames that lie in its panorama's ``store``."""
+    return alone(panorama, load_pictures(store / PICTURES).get(panorama.modality, {}))

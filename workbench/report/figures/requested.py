@@ -35,6 +35,11 @@ def begin_drawing(panorama: Panorama, process: WorkerProcess | None) -> Future[l
     return beside(process, _draw_wall, alone(panorama, {}))
 
 
+def begin_drawing_frames(side: SideFindings, process: WorkerProcess | None) -> Future[list[Drawn]]:
+    """Have ``process`` draw the pictures of single frames of one recording."""
+    return beside(process, _draw_pictures, side)
+
+
 def begin_drawing_both(both: BothSides, process: WorkerProcess | None, *, with_sides: bool) -> list[Requested]:
     """Have ``process`` draw what can be drawn of a comparison before it is scored, one figure after the other.
 
@@ -58,13 +63,6 @@ def drawn_of(findings: "Findings", requested: Sequence[Requested]) -> list[Drawn
     return [*(one for figure in reversed(requested) for one in figure.result()), *scores]
 
 
-def draw_pictures(side: SideFindings) -> list[Drawn]:
-    """Draw the pictures of single frames of one recording."""
-    from endoct.workbench.report.figures import of_one
-
-    return of_one.draw_pictures(side)
-
-
 def _drawn_here(drawing: "Drawing") -> list[Drawn]:
     from endoct.workbench.report.figures import of_one
 
@@ -79,3 +77,9 @@ def _draw_wall(side: SideFindings) -> list[Drawn]:
     from endoct.workbench.report.figures import of_one
 
     return of_one.draw_wall(side)
+
+
+def _draw_pictures(side: SideFindings) -> list[Drawn]:
+    from endoct.workbench.report.figures import of_one
+
+    return of_one.draw_pictures(side)
