@@ -9,7 +9,8 @@ from typing import IO, Generic, NamedTuple, TypeVar, cast, overload
 
 from endoct.stitching.errors import EndoctError
 
-MOST_IN_MEMORY = 64 * 2**20  # bytes
+MOST_IN_MEMORY = 48 * 2**20
+"""Bytes: what a survey keeps of 150 slices fits in."""
 
 Item = TypeVar("Item")
 
