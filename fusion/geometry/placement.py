@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
 from endoct.stitching.arrays import Image, Mask
-from endoct.stitching.compiled import compiled
+from endoct.stitching.circle import pad_circle
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
@@ -86,46 +87,13 @@ class Sampling:
 
 
 def signed_distance(mask: Mask, sample_mm: tuple[float, float]) -> Image:
-    """Return the distance to the outline of ``mask`` in mm, positive inside, at most ``FARTHEST_OUTLINE_MM``.
-
-    Exact: to the nearest sample that is otherwise. Along θ first, then along z (Saito and Toriwaki 1994, New algorithms
-    for Euclidean distance transformation); rows so far off that none in them can be nearer are not looked at.
-    """
-    return _signed_distance(np.ascontiguousarray(mask), *sample_mm, FARTHEST_OUTLINE_MM)
-
-
-@compiled
-def _signed_distance(mask: Mask, row_mm: float, column_mm: float, farthest_mm: float) -> Image:
-    n_z, n_theta = mask.shape
-    square = np.empty((n_z, n_theta))  # mm², to the nearest sample of the row that is otherwise
-    columns = np.empty(n_theta)
-    for row in range(n_z):
-        alike = n_theta
-        for column in range(1 - n_theta, n_theta):  # twice around, since what is nearest may lie over the seam
-            alike = alike + 1 if mask[row, column] == mask[row, column - 1] else 1
-            columns[column] = alike
-        alike = n_theta
-        for column in range(n_theta - 1, -n_theta - 1, -1):
-            alike = alike + 1 if mask[row, column] == mask[row, column + 1 if column < n_theta - 1 else 0] else 1
-            columns[column] = min(columns[column], alike)
-        for column in range(n_theta):
-            square[row, column] = (columns[column] * column_mm) ** 2 if columns[column] < n_theta else np.inf
-    signed, least = np.empty((n_z, n_theta), np.float32), np.empty(n_theta)
-    for row in range(n_z):
-        least[:] = farthest_mm**2
-        for off in range(n_z):
-            down = (off * row_mm) ** 2
-            if down >= least.max():
-                break
-            for other in (row - off, row + off):
-                if 0 <= other < n_z:
-                    for column in range(n_theta):
-                        aside = square[other, column] if mask[other, column] == mask[row, column] else 0.0
-                        least[column] = min(least[column], down + aside)
-        for column in range(n_theta):
-            distance = np.sqrt(least[column])
-            signed[row, column] = distance if mask[row, column] else -distance
-    return signed
+    """Return the distance to the outline of ``mask`` in mm, positive inside, at most ``FARTHEST_OUTLINE_MM``."""
+    pad = min(int(np.ceil(FARTHEST_OUTLINE_MM / sample_mm[1])), mask.shape[1])
+    padded = pad_circle(mask, pad)
+    inside = distance_transform_edt(padded, sampling=sample_mm) if not padded.all() else np.full(padded.shape, np.inf)
+    outside = distance_transform_edt(~padded, sampling=sample_mm) if padded.any() else np.full(padded.shape, np.inf)
+    distance = np.where(padded, inside, -outside)[:, pad : pad + mask.shape[1]]
+    return np.clip(distance, -FARTHEST_OUTLINE_MM, FARTHEST_OUTLINE_MM).astype(np.float32)
 
 
 def common_grid(a: Sampling, b: Sampling, *, dz_mm: float | None, n_theta: int) -> SurfaceGrid:

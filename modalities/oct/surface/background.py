@@ -18,7 +18,7 @@ class Background:
     level just below the wall's surface; ``line_excess``, float32 (n_depth,), how far the detector's fixed lines stand
     out of the darkness, 0 where there are none; ``floor``, float32 (n_depth,), by how much noise is brighter at each
     depth than ``noise``; ``noise_power``, the mean power of noise over its median power, 1 / ln 2 unless it was
-    processed. But for ``floor``, all refer to :meth:`levelled` samples.
+    processed. But for ``floor``, all refer to samples less ``floor``.
     """
 
     noise: float
@@ -42,10 +42,6 @@ class Background:
     def hidden(self) -> Mask:
         """At which depths a line is as bright as the wall, so that nothing is seen under it, bool (n_depth,)."""
         return np.asarray(self.line_excess > HIDDEN_SHARE * self.contrast)
-
-    def levelled(self, level: Image) -> Image:
-        """Return logarithmic samples (n, n_depth) as if noise were equally bright at all depths."""
-        return np.asarray(level - self.floor)
 
     def from_row(self, first: int) -> "Background":
         """Return the background of B-scans cropped to depths from sample ``first`` on."""
