@@ -16,10 +16,13 @@ from pathlib import Path
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small, sha256_of
 from endoct.stitching.names import inside, is_left_by_system
+from endoct.stitching.parallel import thread_map
 
 NAME = "endoct-output.json"
 FORMAT = "endoct-output-1"
 PAGE = "page"
+SEALED_AT_ONCE = 8
+"""Files: hundreds of small ones wait for the disk, not for a processor."""
 MOST_BYTES = 16_000_000
 """Of the list, some 100 bytes a file; JSON takes twenty times that in memory."""
 
@@ -51,13 +54,12 @@ class Differences:
 def seal(folder: Path, kind: str) -> None:
     """Write what ``folder`` holds into it, and see to it that all of it is on the disk."""
     files, parts = {}, {}
-    for path in _walk(folder):
+    for path, found in thread_map(_sealed, list(_walk(folder)), SEALED_AT_ONCE):
         name = path.relative_to(folder).as_posix()
-        if (of_part := kind_of(path)) is not None:
-            parts[name] = of_part
+        if isinstance(found, str):
+            parts[name] = found
         else:
-            files[name] = (path.stat().st_size, sha256_of(path))
-        sync(path)
+            files[name] = found
     text = json.dumps({"format": FORMAT, "kind": kind, "files": files, "parts": parts}, sort_keys=True)
     with (folder / NAME).open("w", encoding="utf-8") as file:
         file.write(text + "\n")
@@ -65,6 +67,13 @@ def seal(folder: Path, kind: str) -> None:
         os.fsync(file.fileno())
     for below, _, _ in os.walk(folder):
         sync(Path(below))
+
+
+def _sealed(path: Path) -> tuple[Path, str | tuple[int, str]]:
+    """Return the kind of what lies at ``path``, or where it has none its size and digest; it is on the disk then."""
+    found = kind_of(path) or (path.stat().st_size, sha256_of(path))
+    sync(path)
+    return path, found
 
 
 def read_contents(folder: Path) -> Contents | None:

@@ -14,8 +14,8 @@ from endoct.stitching.names import is_left_by_system
 SMALL_BYTES = 1_000_000
 """Sidecars and the like have no more."""
 
-BLOCK_BYTES = 2**22
-"""Read at a time for a digest. Its thread waits for the interpreter at every block: milliseconds, if that is busy."""
+BLOCK_BYTES = 2**24
+"""Read at a time for a digest. Its thread waits for the interpreter at every block: 5 ms and more, if that is busy."""
 
 State = dict[str, tuple[int, ...]]
 """Of every file below a path: device, number, size, and the times of its last changes."""
@@ -71,8 +71,9 @@ def sha256_of(path: Path, before_block: Callable[[], None] | None = None) -> str
 
     ``before_block`` is called again and again, since a large file takes a minute: it may wait, or raise.
     """
-    digest, room = hashlib.sha256(), memoryview(bytearray(BLOCK_BYTES))
+    digest = hashlib.sha256()
     with open_regular(path) as file:
+        room = memoryview(bytearray(min(BLOCK_BYTES, os.fstat(file.fileno()).st_size + 1)))
         while count := file.readinto(room):
             if before_block is not None:
                 before_block()

@@ -60,20 +60,18 @@ def unroll(
     stages = stages_for(progress)
     path = Path(path)
     if output is None:
-        from endoct.workbench.pipeline.unrolling import open_side, unroll_recording
+        from endoct.workbench.pipeline.unrolling import unroll_path
 
         if volume:
             raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
-        return unroll_recording(
-            open_side(path, modality=modality, settings=settings or {}, device=device), stages
-        ).panorama
+        return unroll_path(path, stages, modality=modality, settings=settings or {}, device=device).panorama
     # the second process loads its libraries while this one does
     with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch, second_process() as process:
         if process is not None:
             process.preload("endoct.workbench.report.figures.of_one")
-        from endoct.workbench.pipeline.unrolling import open_side, unroll_recording, write_volume
+        from endoct.workbench.pipeline.unrolling import unroll_path, write_volume
 
-        made = unroll_recording(open_side(path, modality=modality, settings=settings or {}, device=device), stages)
+        made = unroll_path(path, stages, modality=modality, settings=settings or {}, device=device)
         from endoct.workbench.report.figures.requested import begin_drawing, begin_drawing_frames
 
         of_wall = begin_drawing(made.panorama, process)

@@ -9,6 +9,7 @@ from endoct.modalities.oct.face.circle import Capillary
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
+from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.background import Background
@@ -31,6 +32,7 @@ class OctCalibration:
     faces: the outer face in recording order: in the frame of each slice, in which ``rotation`` gives the directions of
         beams (A-scan 0 near angle 0). Its ripple delays the wall as well, so it is subtracted from depths and does not
         change angles.
+    sines: the paper's fit of the face in every slice, in recording order, at nominal angles.
     glass: the capillary's wall; its thickness is 0 where its inner face is not seen.
     course: what the outer face's course says of its diameter; None where the catheter is too near the axis.
     background: levels of the recording.
@@ -47,6 +49,7 @@ class OctCalibration:
     slice_z_mm: Coordinates
     rotation: Rotation
     faces: Faces
+    sines: tuple[Sine, ...]
     glass: Glass
     course: Course | None
     background: Background

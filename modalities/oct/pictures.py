@@ -32,7 +32,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
         y_extent=(0.0, (calibration.n_depth - 1) * mm),
         curves={
             "outer face of the capillary": _curve(beams.angle_rad, beams.face_mm),
-            "sine first fitted to it": _curve(beams.angle_rad, calibration.faces.sines[index](beams.angle_rad)),
+            "sine first fitted to it": _curve(beams.angle_rad, calibration.sines[index](beams.angle_rad)),
             "wall": _curve(beams.angle_rad, wall),
         },
         about="Bright lines above that face: the end of the fibre, the catheter's sheath, and the inner face of the "

@@ -9,9 +9,10 @@ import numpy as np
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.depth_order import UPSIDE_DOWN
-from endoct.modalities.oct.face.course import measure_course
-from endoct.modalities.oct.face.faces import locate_faces
-from endoct.modalities.oct.face.glass import measure_glass
+from endoct.modalities.oct.face.course import Course, measure_course
+from endoct.modalities.oct.face.faces import Faces, fit_sines, locate_faces
+from endoct.modalities.oct.face.glass import Glass, measure_glass
+from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.face.slices import SliceFeatures, examine_bscan
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.notes import notes_on_survey
@@ -26,11 +27,11 @@ from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import NotSeen
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.kept import Computed, Kept
-from endoct.stitching.parallel import thread_map
+from endoct.stitching.parallel import at_once, thread_map
 
 
 def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibration:
-    """Survey ``stream`` in one pass: by several threads as it is read, then by one, which waits for no interpreter.
+    """Survey ``stream`` in one pass: by several threads as it is read, then mostly by one: small steps wait for others.
 
     Raises :class:`NotSeen` where it shows no capillary or nothing, or is upside down.
     """
@@ -49,9 +50,10 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         _reject_empty(slices)
         _reject_upside_down(slices)
         faces = locate_faces(slices, acquisition, parameters)
-        lines = find_fixed_lines(slices, faces, acquisition) if parameters.fixed_lines else FixedLines.none(n_depth)
-        glass = measure_glass(slices, faces, acquisition.medium_index)
-        course = measure_course(slices, faces, glass)
+        lines, (glass, course, sines) = at_once(
+            lambda: _fixed_lines(slices, faces, acquisition, parameters, n_depth),
+            lambda: _shape(slices, faces, acquisition, parameters),
+        )
         turns = nominal_turns(slices, faces)
         turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
         turns = correct_starts(turns, glass, acquisition, parameters)
@@ -59,10 +61,11 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         background = measure_levels(turns.slices, turns.faces, lines.excess, floor, acquisition)
     recorded = np.argsort(inward, kind="stable")
     faces, rotation = turns.faces.reordered(recorded), turns.rotation.reordered(recorded)
+    sines = tuple(sines[i] for i in recorded)
     return OctCalibration(
         grid=_grid(z_mm[inward], n_theta, acquisition),
         row_z_mm=z_mm[inward],
-        per_frame=per_slice_values(z_mm, faces, rotation, glass, acquisition),
+        per_frame=per_slice_values(z_mm, faces, sines, rotation, glass, acquisition),
         notes=(*notes_on_survey(faces, lines, acquisition), *turns.notes),
         acquisition=acquisition,
         parameters=parameters,
@@ -71,10 +74,28 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         slice_z_mm=z_mm,
         rotation=rotation,
         faces=faces,
+        sines=sines,
         glass=glass,
         course=course,
         background=background,
     )
+
+
+def _fixed_lines(
+    slices: Sequence[SliceFeatures],
+    faces: Faces,
+    acquisition: OctAcquisition,
+    parameters: OctParameters,
+    n_depth: int,
+) -> FixedLines:
+    return find_fixed_lines(slices, faces, acquisition) if parameters.fixed_lines else FixedLines.none(n_depth)
+
+
+def _shape(
+    slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition, parameters: OctParameters
+) -> tuple[Glass, Course | None, tuple[Sine, ...]]:
+    glass = measure_glass(slices, faces, acquisition.medium_index)
+    return glass, measure_course(slices, faces, glass), fit_sines(slices, faces, parameters)
 
 
 def _grid(row_z_mm: Coordinates, n_theta: int, acquisition: OctAcquisition) -> SurfaceGrid:

@@ -28,7 +28,7 @@ def beam_angles_rad(calibration: OctCalibration, index: int, theta_rad: Coordina
 def face_depth_mm(calibration: OctCalibration, index: int, nominal_rad: Coordinates) -> Coordinates:
     """Return the depth of the outer face, from sample 0 and in the medium, in the A-scans at ``nominal_rad``."""
     if calibration.parameters.undistort == "sine":
-        return calibration.faces.sines[index](nominal_rad)
+        return calibration.sines[index](nominal_rad)
     beam = calibration.rotation.beam_rad(index, nominal_rad)
     return calibration.capillary.circle(index).distance_mm(beam) + _depth_of_axis(calibration, index, beam)
 
@@ -36,7 +36,7 @@ def face_depth_mm(calibration: OctCalibration, index: int, nominal_rad: Coordina
 def radius_mm(calibration: OctCalibration, index: int, nominal_rad: Coordinates, depth_mm: Coordinates) -> Coordinates:
     """Return the distance from the capillary's axis, mm, of depths ``depth_mm`` in the A-scans at ``nominal_rad``."""
     if calibration.parameters.undistort == "sine":
-        return np.asarray(depth_mm - calibration.faces.sines[index](nominal_rad) + calibration.capillary.radius_mm)
+        return np.asarray(depth_mm - calibration.sines[index](nominal_rad) + calibration.capillary.radius_mm)
     beam = calibration.rotation.beam_rad(index, nominal_rad)
     along = depth_mm - _depth_of_axis(calibration, index, beam)
     face = calibration.capillary.circle(index)
@@ -55,9 +55,7 @@ def beam_of(
     turned = _in_slice_rad(calibration, index, theta_rad)
     if calibration.parameters.undistort == "sine":
         nominal, recorded = calibration.rotation.nominal_rad(index, turned, calibration.n_ascans)
-        depth = np.where(
-            recorded, radius - calibration.capillary.radius_mm + calibration.faces.sines[index](nominal), np.nan
-        )
+        depth = np.where(recorded, radius - calibration.capillary.radius_mm + calibration.sines[index](nominal), np.nan)
         return np.broadcast_to(nominal, depth.shape), depth
     # ripple and bend are smooth: over the few degrees that one θ spans along the radius they are those at the wall
     at_bore = _beams_at_bore(calibration, index, np.ravel(theta_rad))
@@ -78,7 +76,7 @@ def depth_at_radius_mm(
     NaN where a beam never is that far.
     """
     if calibration.parameters.undistort == "sine":
-        return np.asarray(radius - calibration.capillary.radius_mm + calibration.faces.sines[index](nominal_rad))
+        return np.asarray(radius - calibration.capillary.radius_mm + calibration.sines[index](nominal_rad))
     beam = calibration.rotation.beam_rad(index, nominal_rad)
     face = calibration.capillary.circle(index)
     ahead = face.x_mm * np.cos(beam) + face.y_mm * np.sin(beam)

@@ -121,8 +121,8 @@ def test_memory_that_runs_out_leaves_nothing_half_written(
     short: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("endoct.stitching.store.save_panorama", _exhausted)
-    unrolling = "endoct.workbench.pipeline.unrolling.unroll_recording"
-    monkeypatch.setattr(unrolling, lambda *_: type("Made", (), {"panorama": None}))
+    unrolling = "endoct.workbench.pipeline.unrolling.unroll_path"
+    monkeypatch.setattr(unrolling, lambda *_, **__: type("Made", (), {"panorama": None}))
     monkeypatch.setattr("endoct.workbench.report.figures.requested.begin_drawing", lambda *_: None)
     status, _, err = run("unroll", short / "oct", "-o", tmp_path / "out.zarr")
     assert status == 1

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -132,17 +132,34 @@ def open_side(path: Path, *, modality: str | None, settings: Mapping[str, object
     return Opened(path, files, manifest, stream, parameters, device)
 
 
+def unroll_path(
+    path: Path, stages: Stages, *, modality: str | None, settings: Mapping[str, object], device: Device = "cpu"
+) -> Unrolled:
+    """Open the recording at ``path``, as :func:`open_side` does, and unroll it.
+
+    Raises what these raise. Its digests are begun before libraries are loaded.
+    """
+    files = state_of(path)  # taken before any of it is read
+    with _Digests(path) as inputs:
+        opened = open_side(path, modality=modality, settings=settings, device=device)
+        return _unroll(replace(opened, files=files), inputs, stages)
+
+
 def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolled:
     """Survey, unroll and settle an opened recording.
 
     ``label`` tells apart the stages of two recordings. Raises :class:`EndoctError` where it shows no bore wall, or its
     files were changed since it was opened.
     """
+    with _Digests(opened.path) as inputs:
+        return _unroll(opened, inputs, stages, label)
+
+
+def _unroll(opened: Opened, inputs: _Digests, stages: Stages, label: str = "") -> Unrolled:
     manifest, stream, parameters = opened.manifest, opened.stream, opened.parameters
     title = f"{label} {manifest.name}".strip()
-    with _Digests(opened.path) as inputs, ExitStack() as stack:
-        implementation = manifest.load(opened.device)
-        frames = stack.enter_context(_read_once(implementation, stream, parameters))
+    implementation = manifest.load(opened.device)
+    with _read_once(implementation, stream, parameters) as frames:
         with stages.stage(f"survey {title}") as advance:
             calibration = implementation.survey(_Watched(frames, inputs.during(advance)), parameters)
         give_back()

@@ -30,15 +30,14 @@ class Faces:
 
     Attributes: ``capillary``, a circle each; ``bridged``, bool (n_slices,), where it is interpolated from neighbours;
     ``inlier_fraction``, float64 (n_slices,), of columns that show the face; ``residual_mm``, float64 (n_slices,), root
-    mean square of these; ``sines``, the paper's fit of each slice; ``ripple_mm``, float64 (n_slices, N_RIPPLE), where
-    the face departs from the circle, see :mod:`endoct.modalities.oct.face.ripple`.
+    mean square of these; ``ripple_mm``, float64 (n_slices, N_RIPPLE), where the face departs from the circle, see
+    :mod:`endoct.modalities.oct.face.ripple`.
     """
 
     capillary: Capillary
     bridged: Mask
     inlier_fraction: Coordinates
     residual_mm: Coordinates
-    sines: tuple[Sine, ...]
     ripple_mm: Coordinates
 
     @property
@@ -58,7 +57,6 @@ class Faces:
             self.bridged[order],
             self.inlier_fraction[order],
             self.residual_mm[order],
-            tuple(self.sines[i] for i in order),
             self.ripple_mm[order],
         )
 
@@ -89,26 +87,33 @@ def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, p
         raise _no_capillary(f"it in {np.count_nonzero(good)} of {len(slices)} slices")
     capillary = bridged(capillary.where(good))
 
-    def course(i: int) -> tuple[Sine, Coordinates]:
-        # a bridged slice gets the circle's first order for a sine
-        points, circle = slices[i].points if good[i] else Points.none(), capillary.circle(i)
-        return slice_sine(points, circle, i, parameters), fit_ripple(points, circle, parameters.face_tolerance_mm)
+    def ripple(i: int) -> Coordinates:
+        points = slices[i].points if good[i] else Points.none()
+        return fit_ripple(points, capillary.circle(i), parameters.face_tolerance_mm)
 
-    courses = [course(i) for i in range(len(slices))]
     return Faces(
         capillary=capillary,
         bridged=~good,
         inlier_fraction=fraction,
         residual_mm=np.array([fit.residual_mm for fit in fits]),
-        sines=tuple(sine for sine, _ in courses),
-        ripple_mm=np.array([ripple for _, ripple in courses]),
+        ripple_mm=np.array([ripple(i) for i in range(len(slices))]),
     )
+
+
+def fit_sines(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctParameters) -> tuple[Sine, ...]:
+    """Return the paper's sine of every slice; a bridged one gets the first order of its circle."""
+
+    def sine(i: int) -> Sine:
+        points = Points.none() if faces.bridged[i] else slices[i].points
+        return slice_sine(points, faces.capillary.circle(i), i, parameters)
+
+    return tuple(sine(i) for i in range(len(slices)))
 
 
 def refit_faces(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctParameters) -> Faces:
     """Return ``faces`` fitted again, from where they are, to ``slices`` whose angles are those of beams.
 
-    The sines remain those of nominal angles; bridged slices remain unchanged.
+    Bridged slices remain unchanged.
     """
     axis_mm = faces.typical_axis_mm
     circles = [faces.capillary.circle(i) for i in range(len(slices))]

@@ -8,6 +8,7 @@ from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.bore import BLOCK_MM, favour_bore, gap_rows
 from endoct.modalities.oct.surface.evidence import surface_evidence
+from endoct.modalities.oct.surface.largest import largest
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.circle import largest_divisor
 from endoct.stitching.compiled import compiled
@@ -81,8 +82,8 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
     lead = n_theta // 4
     n_steps = n_theta + 2 * lead
     gathered = np.empty((n_steps, n_states), np.float32)
-    highest = np.empty(n_steps, np.intp)
     falling, rising = np.empty(n_states, np.float32), np.empty(n_states, np.float32)
+    most = np.float32(0)  # what the step before gathered; all but the first then have theirs taken off
     for step in range(n_steps):
         here, best = evidence[(step - lead) % n_theta], gathered[step]
         if step == 0:
@@ -95,16 +96,17 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
                 from_behind = max(from_behind, before[back] - ramp[back])
                 from_before = max(from_before, before[state] + ramp[state])
                 falling[back], rising[state] = from_behind, from_before
-            jump = before[highest[step - 1]] - jump_cost
+            jump = most - jump_cost
             for state in range(n_states):
                 near_by = max(rising[state] - ramp[state], falling[state] + ramp[state])
                 best[state] = max(near_by, jump) + here[state]
-        highest[step] = np.argmax(best)
+        most = largest(best)
         if step:
-            best -= best[highest[step]]
+            best -= most
+            most = np.float32(0)
     path = np.empty(n_steps, np.intp)
     near = cost.size - 1
-    state = highest[-1]
+    state = int(np.argmax(gathered[-1]))
     path[-1] = state
     for step in range(n_steps - 2, -1, -1):
         reached = np.float32(-np.inf)
@@ -113,6 +115,7 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
             value = gathered[step, other] - cost[abs(other - state)]
             if value > reached:
                 reached, nearest = value, other
-        state = nearest if reached >= gathered[step, highest[step]] - jump_cost else highest[step]
+        most = np.float32(0) if step else largest(gathered[0])
+        state = nearest if reached >= most - jump_cost else int(np.argmax(gathered[step]))
         path[step] = state
     return path[lead : lead + n_theta]

@@ -6,6 +6,7 @@ well, since a fast wrong answer is no rival.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,6 +24,7 @@ from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.circle import masked_gaussian
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.parallel import thread_map
 from endoct.stitching.store import load_panorama
 from endoct.workbench.bench.cases import speed_jobs as jobs
 from endoct.workbench.bench.cases.speed_jobs import JOBS, Work
@@ -250,7 +252,7 @@ def ours(work: Work) -> Measured[Any]:
 def _unroll_frames(frames: Sequence[Frame], calibration: EndoscopeCalibration) -> list[tuple[Image, Mask]]:
     from endoct.modalities.endoscope.unroll import unroll_frame
 
-    strips = [unroll_frame(frame, calibration) for frame in frames]
+    strips = thread_map(partial(unroll_frame, calibration=calibration), frames)  # as the program does
     return [(strip.intensity, strip.valid) for strip in strips]
 
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import PcolorImage
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import blended_transform_factory
@@ -93,9 +94,11 @@ def show_surface(
     # coloured here: matplotlib would hold several float copies of the image
     rgba = mapping.to_rgba(np.where(valid, values, low), bytes=True)
     rgba[..., 3] = np.where(valid, 255, 0)
-    extent = (0.0, 360.0, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm, grid.z0_mm - grid.dz_mm / 2)
+    edges_deg = np.linspace(0.0, 360.0, grid.n_theta + 1)
+    edges_mm = grid.z0_mm + grid.dz_mm * (np.arange(grid.n_z + 1) - 0.5)
     turned = np.roll(rgba, _columns_to_zero(grid), axis=1)
-    axes.imshow(turned, extent=extent, aspect=axes.get_aspect(), interpolation="nearest")
+    # the nearest sample of every pixel, as imshow has it too, by a fifth of its time
+    axes.add_image(PcolorImage(axes, edges_deg, edges_mm, turned))
     return mapping
 
 

@@ -48,7 +48,6 @@ def lines_of(
         np.zeros(N_SLICES, np.bool_),
         np.ones(N_SLICES),
         np.zeros(N_SLICES),
-        (),
         np.zeros((N_SLICES, N_RIPPLE)),
     )
     return find_fixed_lines(slices, faces, ACQUISITION)

@@ -10,7 +10,6 @@ from endoct.modalities.oct.face.circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.points import Points
-from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 
@@ -73,6 +72,5 @@ def faces_of(slices: Sequence[SliceFeatures]) -> Faces:
         bridged=np.zeros(n, bool),
         inlier_fraction=np.ones(n),
         residual_mm=np.zeros(n),
-        sines=(Sine(0.1, 1.0, 0.0, 1.0),) * n,
         ripple_mm=np.zeros((n, 10)),
     )
