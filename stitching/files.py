@@ -14,7 +14,7 @@ from endoct.stitching.names import is_left_by_system
 SMALL_BYTES = 1_000_000
 """Sidecars and the like have no more."""
 
-BLOCK_BYTES = 2**24
+BLOCK_BYTES = 2**22
 """Read at a time for a digest. Its thread waits for the interpreter at every block: 5 ms and more, if that is busy."""
 
 State = dict[str, tuple[int, ...]]
