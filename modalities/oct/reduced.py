@@ -2,7 +2,6 @@
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -57,7 +56,7 @@ def columns_of(frame: Frame, parameters: OctParameters) -> int:
 
 def reduced_pullback(stream: FrameStream, parameters: OctParameters) -> AbstractContextManager[FrameStream]:
     """Give a stream of the :class:`ReducedBscan` of ``stream``; each is read from there when it is first asked for."""
-    return kept_frames(stream, partial(reduced, n_columns=columns_of(stream[0], parameters)))
+    return kept_frames(stream, lambda frame: reduced(frame, columns_of(frame, parameters)))
 
 
 def _saturated(frame: Frame) -> bool:

@@ -70,6 +70,9 @@ def test_digests_are_given_up_once_nobody_needs_them(tmp_path: Path) -> None:
 
     with pytest.raises(CancelledError):
         digests(tmp_path, give_up)
+    (tmp_path / "more" / "empty").mkdir(parents=True)
+    with pytest.raises(CancelledError):  # while a folder is looked through already: it may be somebody's home
+        digests(tmp_path / "more", give_up)
 
 
 def test_many_files_share_one_digest_that_each_of_them_changes(tmp_path: Path) -> None:

@@ -1,0 +1,49 @@
+"""A recording unrolled from its path: its digests are begun before it is opened."""
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from endoct.stitching.digests import digests
+from endoct.stitching.errors import EndoctError
+from endoct.workbench.pipeline import unrolling
+from endoct.workbench.pipeline.unrolling import open_side, unroll_path, unroll_recording
+from endoct.workbench.running.progress import SilentStages
+
+
+def test_a_path_unrolls_as_an_opened_recording(short: Path) -> None:
+    path = short / "oct"
+    by_path = unroll_path(path, SilentStages(), modality=None, settings={}).panorama
+    opened = unroll_recording(open_side(path, modality=None, settings={}), SilentStages()).panorama
+    assert by_path.depth_mm is not None
+    assert opened.depth_mm is not None
+    assert by_path.depth_mm.tobytes() == opened.depth_mm.tobytes()
+    assert by_path.intensity.tobytes() == opened.intensity.tobytes()
+    assert by_path.provenance == opened.provenance
+    assert by_path.provenance["inputs"] == digests(path)
+
+
+def test_a_path_that_cannot_be_opened_leaves_no_thread(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"1")
+    before = threading.active_count()
+    for path in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(EndoctError):
+            unroll_path(path, SilentStages(), modality=None, settings={})
+        assert threading.active_count() == before
+
+
+def test_what_changes_as_a_path_is_opened_is_noticed(
+    short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for file in (short / "oct").iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+
+    def changed(*arguments: object, **settings: object) -> unrolling.Opened:
+        with (tmp_path / "acquisition.toml").open("a") as sidecar:
+            sidecar.write("\n")
+        return open_side(*arguments, **settings)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(unrolling, "open_side", changed)
+    with pytest.raises(EndoctError, match="was changed while it was read"):
+        unroll_path(tmp_path, SilentStages(), modality=None, settings={})
