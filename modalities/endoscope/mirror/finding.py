@@ -18,6 +18,7 @@ from endoct.modalities.endoscope.mirror.roundness import ROUND, Roundness, measu
 from endoct.modalities.endoscope.mirror.settling import settle_annuli
 from endoct.stitching.arrays import Image
 from endoct.stitching.errors import NotSeen
+from endoct.stitching.parallel import thread_map
 
 SAME_RIM = 0.03
 """Of the outer rim's radius: within this the edges of light and of movement are one rim."""
@@ -53,7 +54,7 @@ def find_ring(images: Sequence[Image]) -> FoundRing:
     if not outers:
         raise refusal or NotSeen("no annulus in the frames")
     outer = by_light.rings[1] if by_light else outers[0]
-    places = [locate_outer_rim(image, outer)[0] for image in images]
+    places = list(thread_map(lambda image: locate_outer_rim(image, outer)[0], images))
     moving = movement(images, places, outer)
     inner = inner_rim_of(moving) if moving else None
     if moving is None or inner is None:
