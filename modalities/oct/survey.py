@@ -50,9 +50,13 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         _reject_empty(slices)
         _reject_upside_down(slices)
         faces = locate_faces(slices, acquisition, parameters)
+        seek_lines = (
+            partial(find_fixed_lines, slices, faces, acquisition)
+            if parameters.fixed_lines
+            else partial(FixedLines.none, n_depth)
+        )
         lines, (glass, course, sines) = at_once(
-            lambda: _fixed_lines(slices, faces, acquisition, parameters, n_depth),
-            lambda: _shape(slices, faces, acquisition, parameters),
+            seek_lines, partial(_glass_course_sines, slices, faces, acquisition, parameters)
         )
         turns = nominal_turns(slices, faces)
         turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
@@ -81,17 +85,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
     )
 
 
-def _fixed_lines(
-    slices: Sequence[SliceFeatures],
-    faces: Faces,
-    acquisition: OctAcquisition,
-    parameters: OctParameters,
-    n_depth: int,
-) -> FixedLines:
-    return find_fixed_lines(slices, faces, acquisition) if parameters.fixed_lines else FixedLines.none(n_depth)
-
-
-def _shape(
+def _glass_course_sines(
     slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition, parameters: OctParameters
 ) -> tuple[Glass, Course | None, tuple[Sine, ...]]:
     glass = measure_glass(slices, faces, acquisition.medium_index)

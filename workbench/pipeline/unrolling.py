@@ -126,10 +126,7 @@ def open_side(path: Path, *, modality: str | None, settings: Mapping[str, object
     plug-in can compute elsewhere than on the CPU. Raises :class:`EndoctError` where the recording, its sidecar or a
     setting cannot be used.
     """
-    files = state_of(path)
-    overrides, parameters = split(settings, manifest_for(path, modality))
-    manifest, stream = open_recording(path, modality=modality, overrides=overrides, device=device)
-    return Opened(path, files, manifest, stream, parameters, device)
+    return _opened(path, state_of(path), modality, settings, device)
 
 
 def unroll_path(
@@ -141,8 +138,7 @@ def unroll_path(
     """
     files = state_of(path)  # taken before any of it is read
     with _Digests(path) as inputs:
-        opened = open_side(path, modality=modality, settings=settings, device=device)
-        return _unroll(replace(opened, files=files), inputs, stages)
+        return _unroll(_opened(path, files, modality, settings, device), inputs, stages)
 
 
 def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolled:
@@ -153,6 +149,12 @@ def unroll_recording(opened: Opened, stages: Stages, label: str = "") -> Unrolle
     """
     with _Digests(opened.path) as inputs:
         return _unroll(opened, inputs, stages, label)
+
+
+def _opened(path: Path, files: State, modality: str | None, settings: Mapping[str, object], device: Device) -> Opened:
+    overrides, parameters = split(settings, manifest_for(path, modality))
+    manifest, stream = open_recording(path, modality=modality, overrides=overrides, device=device)
+    return Opened(path, files, manifest, stream, parameters, device)
 
 
 def _unroll(opened: Opened, inputs: _Digests, stages: Stages, label: str = "") -> Unrolled:

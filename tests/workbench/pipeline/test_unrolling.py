@@ -2,9 +2,12 @@
 
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from endoct.modalities.contract import FrameStream, Manifest
+from endoct.modalities.registry import open_recording
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.pipeline import unrolling
@@ -39,11 +42,11 @@ def test_what_changes_as_a_path_is_opened_is_noticed(
     for file in (short / "oct").iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
 
-    def changed(*arguments: object, **settings: object) -> unrolling.Opened:
-        with (tmp_path / "acquisition.toml").open("a") as sidecar:
+    def changed(path: Path, **how: Any) -> tuple[Manifest, FrameStream]:
+        with (path / "acquisition.toml").open("a") as sidecar:
             sidecar.write("\n")
-        return open_side(*arguments, **settings)  # type: ignore[arg-type]
+        return open_recording(path, **how)
 
-    monkeypatch.setattr(unrolling, "open_side", changed)
+    monkeypatch.setattr(unrolling, "open_recording", changed)
     with pytest.raises(EndoctError, match="was changed while it was read"):
         unroll_path(tmp_path, SilentStages(), modality=None, settings={})

@@ -97,7 +97,7 @@ def show_surface(
     edges_deg = np.linspace(0.0, 360.0, grid.n_theta + 1)
     edges_mm = grid.z0_mm + grid.dz_mm * (np.arange(grid.n_z + 1) - 0.5)
     turned = np.roll(rgba, _columns_to_zero(grid), axis=1)
-    # the nearest sample of every pixel, as imshow has it too, by a fifth of its time
+    # the nearest sample of every pixel, as imshow has it too, which makes floats of all samples first
     axes.add_image(PcolorImage(axes, edges_deg, edges_mm, turned))
     return mapping
 
