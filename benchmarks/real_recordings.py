@@ -40,12 +40,23 @@ def distance_px(panorama: Panorama, slice_row: int, outline_px: np.ndarray) -> n
     return np.asarray(np.hypot(x_mm, y_mm) / MM_PER_PX - np.interp(beam, np.arange(n), outline_px, period=n))
 
 
+def wall_of_coronary(folder: Path) -> tuple[np.ndarray, float]:
+    """Return how far off the outlines every valid sample lies, px, and the share of the samples that are valid."""
+    panorama = unroll(folder, progress=False)
+    error_px = np.concatenate(_errors_px(panorama, np.load(folder / "lumen_px.npy")))
+    return np.abs(error_px), float(panorama.valid.mean())
+
+
+def _errors_px(panorama: Panorama, outlines_px: np.ndarray) -> list[np.ndarray]:
+    index = panorama.per_frame["slice_index"].values
+    return [distance_px(panorama, row, outlines_px[index[row]]) for row in range(panorama.grid.n_z)]
+
+
 def coronary(folder: Path) -> None:
     """Print how well the sheath is fitted and the wall is found."""
     panorama = unroll(folder)
-    outlines_px = np.load(folder / "lumen_px.npy")
     index = panorama.per_frame["slice_index"].values
-    error = [distance_px(panorama, row, outlines_px[index[row]]) for row in range(panorama.grid.n_z)]
+    error = _errors_px(panorama, np.load(folder / "lumen_px.npy"))
     for name, rows in (("all", index >= 0), ("even", index % 2 == 0), ("odd", index % 2 == 1)):
         size = np.abs(np.concatenate([e for e, chosen in zip(error, rows, strict=True) if chosen]))
         print(

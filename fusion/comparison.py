@@ -8,6 +8,7 @@ import numpy as np
 from endoct.fusion.doubts import (
     doubt_of_twist,
     doubts_of_alignment,
+    doubts_of_largest_cell,
     doubts_of_orientation,
     doubts_of_parts,
     doubts_of_result,
@@ -28,6 +29,7 @@ from endoct.fusion.registration.align import (
     NotAligned,
     align_sides,
     fit_stretched,
+    largest_cell_share,
     orientations_of,
 )
 from endoct.fusion.registration.by_hand import Bore, align_by_hand
@@ -165,6 +167,7 @@ def _placed(
             *(doubts_by_hand(by_hand, alignment, b.name, parameters) if by_hand else ()),
             *(() if is_by_hand else doubts_of_alignment(alignment, parameters)),
             *(() if is_by_hand else _doubts_of_scale(a, b, alignment, parameters)),
+            *doubts_of_largest_cell(max(largest_cell_share(each.evidence) for each in (a, b))),
             *doubts_of_orientation(alignment, a.panorama, b.panorama, b.name),
             *doubts_of_parts(parts, b.name),
             *doubts_of_result(result),

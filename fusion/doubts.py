@@ -3,13 +3,15 @@
 import math
 from collections.abc import Iterator, Sequence
 
+from scipy.special import stdtrit
+
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE
 from endoct.fusion.registration.rigidity import Part
 from endoct.fusion.registration.stretch import FARTHEST
-from endoct.fusion.result import CorrectedTwist, Drift, Line, Result
+from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, Result
 from endoct.fusion.stated_scale import remedies
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.observed import LEAST_VALID_SHARE
@@ -17,8 +19,14 @@ from endoct.stitching.panorama import Panorama
 
 LEAST_DRIFT_MM = 0.1
 """Cells that drift apart by less are no reason to doubt the alignment,"""
-SURE_OF_DRIFT = 2.5
-"""nor by less than so many standard errors."""
+BY_CHANCE = 0.005
+"""nor where as many cells as there are would, either way, with this probability (Student's t)."""
+WIDEST_INTERVAL = 0.5
+"""Of a Jaccard index that still says something."""
+FEW_DECIDE = 0.3
+"""By so much may a Jaccard index change without one or two of its cells."""
+LARGEST_CELL = 0.9
+"""Of the area of all cells: what one cell may hold for an alignment to rest on more than its outline."""
 AT_LIMIT = 1e-4
 """A scale that ends nearer than this to a limit of its search was held there."""
 
@@ -31,6 +39,16 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> 
             f"{alignment.confidence:.2f}; without force it would need at least {BELIEVABLE:g}."
         )
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
+
+
+def doubts_of_largest_cell(share: float) -> Iterator[Doubt]:
+    """Yield the doubt of an alignment that rests on one cell, which has that ``share`` of the area of all cells."""
+    if share > LARGEST_CELL:
+        what = (
+            f"One cell holds {share:.0%} of the area of all cells: the alignment rests on its outline alone, and is "
+            "less certain away from it than stated."
+        )
+        yield Doubt("one-cell-aligns", what, value=share, unit="1", expected=(0.0, LARGEST_CELL))
 
 
 def scale_at_limit(alignment: Alignment, parameters: CompareParameters) -> bool:
@@ -103,11 +121,35 @@ def doubts_of_result(result: Result) -> Iterator[Doubt]:
         what = f"Both sides observed only {result.valid_fraction:.1%} of the wall over the length that they share."
         share = result.valid_fraction
         yield Doubt("little-observed-by-both", what, value=share, unit="1", expected=(LEAST_VALID_SHARE, 1.0))
+    yield from _of_score(result.overlap)
     if drift := result.scores.drift if result.scores else None:
         yield from _of_drift(drift)
     if result.jaccard is None:
         what = "Neither side shows a cell where both observed the wall, so there is nothing to score."
         yield Doubt("nothing-to-score", what)
+
+
+def _of_score(overlap: Overlap | None) -> Iterator[Doubt]:
+    """Yield the doubts of a Jaccard index that could be any, or that one or two cells decide."""
+    if overlap is None or overlap.jaccard is None:
+        return
+    if (low_high := overlap.jaccard_interval) and low_high[1] - low_high[0] > WIDEST_INTERVAL:
+        what = (
+            f"The Jaccard index is {overlap.jaccard:.2f}, but with other cells of the same kind it would be anything "
+            f"between {low_high[0]:.2f} and {low_high[1]:.2f} (95 %): it says little."
+        )
+        width = low_high[1] - low_high[0]
+        yield Doubt("score-uncertain", what, value=width, unit="1", expected=(0.0, WIDEST_INTERVAL))
+    without = overlap.jaccard_without_two
+    if overlap.sites is not None and overlap.sites <= 2:
+        what = f"One or two cells decide the score: there are {overlap.sites} in all, and it says little of the bore."
+        yield Doubt("few-cells-decide", what)
+    elif without and (change := max(overlap.jaccard - without[0], without[1] - overlap.jaccard)) > FEW_DECIDE:
+        what = (
+            f"One or two cells decide the score: without them the Jaccard index, {overlap.jaccard:.2f}, would lie "
+            f"anywhere between {without[0]:.2f} and {without[1]:.2f}."
+        )
+        yield Doubt("few-cells-decide", what, value=change, unit="1", expected=(0.0, FEW_DECIDE))
 
 
 def doubt_of_twist(twist: CorrectedTwist, names: tuple[str, str]) -> Doubt:
@@ -123,7 +165,7 @@ def doubt_of_twist(twist: CorrectedTwist, names: tuple[str, str]) -> Doubt:
 
 def _of_drift(drift: Drift) -> Iterator[Doubt]:
     for where, line in (("along the bore", drift.z_mm), ("around the bore", drift.arc_mm)):
-        if grown_mm := _grown_mm(line, drift.length_mm):
+        if grown_mm := _grown_mm(line, drift):
             what = (
                 f"Cells that both sides show drift apart {where}, by {abs(grown_mm):.2f} mm over "
                 f"{drift.length_mm:.1f} mm of it: the alignment may be wrong, or not rigid."
@@ -131,11 +173,13 @@ def _of_drift(drift: Drift) -> Iterator[Doubt]:
             yield Doubt("cells-drift-apart", what, value=grown_mm, unit="mm", expected=0.0)
 
 
-def _grown_mm(line: Line, length_mm: float) -> float | None:
+def _grown_mm(line: Line, drift: Drift) -> float | None:
     """Return by how much matched cells drift apart over the length on which there are any; None where they do not."""
-    grown_mm = line.per_mm * length_mm
-    sure = abs(line.per_mm) > SURE_OF_DRIFT * line.per_mm_error
-    return grown_mm if sure and math.isfinite(grown_mm) and abs(grown_mm) > LEAST_DRIFT_MM else None
+    grown_mm, freedom = line.per_mm * drift.length_mm, (drift.pairs or 0) - 2
+    if freedom < 1 or not math.isfinite(grown_mm) or abs(grown_mm) <= LEAST_DRIFT_MM:
+        return None
+    sure = abs(line.per_mm) > float(stdtrit(freedom, 1 - BY_CHANCE / 2)) * line.per_mm_error
+    return grown_mm if sure else None
 
 
 def _share(jaccard: float | None) -> str:

@@ -20,7 +20,7 @@ from tolerances import (
 from benchmarks import independent
 from benchmarks.independent import BoreRecipe, CatheterRecipe, MirrorRecipe, Recipe, make_pair, write_pair
 from benchmarks.independent.bore import Bore, drill
-from benchmarks.independent.catheter import beam_paths
+from benchmarks.independent.catheter import beam_paths, pull_back
 from benchmarks.independent.judge import (
     Wall,
     against_truth,
@@ -30,12 +30,15 @@ from benchmarks.independent.judge import (
     misplaced,
     pair_jaccard,
     true_cells,
+    wrong_share,
 )
 from benchmarks.independent.mirror import focal_px, look, seen_at, wall_brightness, wall_z_mm
+from benchmarks.independent.ours import endoct_oct
+from benchmarks.independent.pair import write_pullback
 from benchmarks.independent.run import scores
 from benchmarks.independent.sets import SETS, recipe_of
 from benchmarks.independent.simplest import simplest_answer
-from benchmarks.independent.truth import Place, between
+from benchmarks.independent.truth import Place, between, oct_place
 
 FOLDER = Path(independent.__file__).parent
 SMALL = CatheterRecipe(slices=16, pitch_mm=0.1, a_scans=240, depths=320, start_mm=1.0)
@@ -49,7 +52,9 @@ def bore() -> Bore:
 
 
 def test_shares_nothing_with_the_simulator_or_a_plugin():
-    allowed = {"ours.py": {"endoct.fusion.sides", "endoct.workbench"}, "run.py": {"endoct.stitching.errors"}}
+    of_fusion = {"evidence.side", "segmentation.parameters", "segmentation.segmented_side", "sides"}
+    ours = {"endoct.workbench", *(f"endoct.fusion.{name}" for name in of_fusion)}
+    allowed = {"ours.py": ours, "run.py": {"endoct.stitching.errors"}}
     for path in FOLDER.glob("*.py"):
         names = set()
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -174,6 +179,26 @@ def test_the_sides_of_a_cell_are_no_brighter_than_its_floor_allows():
     assert np.median(seen[level < 0.5]) == pytest.approx(0.3, abs=0.05)
 
 
+def test_texture_lies_on_the_surface_that_is_seen():
+    """Of a floor as bright as the wall, a slanted ray sees what lies where it ends, not where it leaves the bore."""
+    recipe = BoreRecipe(
+        length_mm=3.0, cells=1, cells_mm=(1.5, 1.5), size_mm=(1.0, 1.0), depth_mm=(0.5, 0.5), ragged=0.0,
+        floor_brightness=(1.0, 1.0), texture=0.15, floor_slope=0.0,
+    )  # fmt: skip
+    bore = drill(recipe, np.random.default_rng(0))
+    optics = look(replace(PROBE, half_angle_deg=36.0), bore.radius_mm, np.random.default_rng(1))
+    apex = 1.5 - sum(optics.band_mm) / 2
+    seen = wall_brightness(bore, optics, apex, 0.0, 1.0)
+    theta, z = seen_at(optics, optics.reach_mm, apex, 0.0, 1.0)
+    behind = seen_at(optics, optics.reach_mm + 0.5, apex, 0.0, 1.0)
+    on_floor = (bore.at(bore.level, theta, z) < 0.6) & (bore.at(bore.level, *behind) < 0.6)
+    assert on_floor.sum() > 100
+    assert np.corrcoef(seen[on_floor], bore.at(bore.albedo, *behind)[on_floor])[0, 1] > 0.95
+    assert np.corrcoef(seen[on_floor], bore.at(bore.albedo, theta, z)[on_floor])[0, 1] < 0.5
+    on_wall = bore.at(bore.level, theta, z) > 1.1
+    assert seen[on_wall] == pytest.approx(bore.at(bore.albedo, theta, z)[on_wall])
+
+
 def test_one_place_in_another_is_what_both_are_in_the_bore():
     a = Place(0.4, 2.0, 1.02, mirrored=True, reversed=False)
     b = Place(2.9, 5.0, 0.97, mirrored=False, reversed=True)
@@ -280,6 +305,23 @@ def test_a_fault_of_the_pullback_is_in_its_truth(fault: str, size: float):
         assert np.abs(np.diff(broken.angle_rad[:, 0])).max() == pytest.approx(size)
     if fault == "upside_down":
         assert np.array_equal(broken.samples[:, ::-1], sound.samples)
+
+
+@pytest.mark.parametrize(("name", "seed", "least"), [("few", 2900, 0.85), ("tiny", 2900, 0.65), ("sparse", 2900, None)])
+def test_bores_with_few_or_tiny_cells_keep_their_wall(tmp_path: Path, name: str, seed: int, least: float | None):
+    """A slice of the gate: where hardly any A-scan meets an opening, bone is no noise, and wall no cell."""
+    recipe = recipe_of(name, seed)
+    bore = drill(recipe.bore, np.random.default_rng([seed, 0]))
+    pullback = pull_back(bore, recipe.oct, np.random.default_rng([seed, 1]))
+    write_pullback(pullback, recipe, tmp_path)
+    wall, doubts = endoct_oct(tmp_path)
+    place = oct_place(recipe.oct, pullback)
+    assert doubts == ()
+    assert wrong_share(bore, place, wall) < 0.01
+    if least is None:
+        assert not wall.cells.any(), "there are no cells"
+    else:
+        assert against_truth(bore, place, wall) > least
 
 
 @pytest.mark.slow

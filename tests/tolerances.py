@@ -205,3 +205,12 @@ ON_DEVICE_AMPLITUDE = 2**-22
 ON_DEVICE_WALL_SHARE = 0.005
 # Frames sampled by torch: places round by 1e-4 px. Largest found: 1.4e-5, under dirt.
 ON_DEVICE_LIGHT_REL = 1e-4
+
+# Where a CT's header puts a voxel: what the project asks for. Headers state positions to a thousandth of that.
+CT_PLACE_MM = 0.01
+# Values of a sheared slice moved along itself by a cubic spline, of a pattern with waves of six voxels and more: 1 % of
+# its amplitude.
+CT_SHEARED_HU = 10.0
+
+# The share of air, and its change per mm, resampled from voxels whose places differ by the rounding of float32 headers.
+AIR_SAME = 1e-3

@@ -50,6 +50,12 @@ def against_truth(bore: Bore, place: Place, wall: Wall) -> float:
     return jaccard(wall.cells, true_cells(bore, place, wall), wall.valid)
 
 
+def wrong_share(bore: Bore, place: Place, wall: Wall) -> float:
+    """Return the share of a side's valid samples that it calls cell or wall wrongly: also of a bore without cells."""
+    wrong = wall.cells != true_cells(bore, place, wall)
+    return float(wrong[wall.valid].mean()) if wall.valid.any() else float("nan")
+
+
 def depth_errors(bore: Bore, place: Place, wall: Wall) -> tuple[float, float]:
     """Return (median depth of plain wall in mm, median of depth over true depth in cells 0.15 to 0.6 mm deep)."""
     if wall.depth_mm is None:

@@ -156,7 +156,7 @@ def _frame(
 
 
 def wall_brightness(bore: Bore, optics: Optics, apex_mm: float, turn_rad: float, sign: float) -> Map:
-    """Return the brightness of what each pixel sees, (pixel,), 1 on plain wall."""
+    """Return the brightness of what each pixel sees, (pixel,), 1 on plain wall: texture lies on what is seen."""
     theta, z = seen_at(optics, optics.reach_mm, apex_mm, turn_rad, sign)
     brightness = bore.at(bore.albedo, theta, z)
     open_ = np.flatnonzero(bore.at(bore.level, theta, z) < 1)
@@ -166,7 +166,8 @@ def wall_brightness(bore: Bore, optics: Optics, apex_mm: float, turn_rad: float,
     floors = np.array([cell.brightness for cell in bore.cells])[number]
     deepest = np.array([cell.depth_mm for cell in bore.cells])[number]
     share = np.clip(depth / deepest, 0, 1.2)
-    brightness[open_] *= (1 - (1 - floors) * share**0.6).astype(np.float32)
+    on_floor = seen_at(optics, optics.reach_mm[open_] + depth, apex_mm, turn_rad, sign, open_)
+    brightness[open_] = bore.at(bore.albedo, *on_floor) * (1 - (1 - floors) * share**0.6).astype(np.float32)
     return brightness
 
 

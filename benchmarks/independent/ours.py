@@ -8,8 +8,11 @@ import numpy as np
 from benchmarks.independent.bore import Floats
 from benchmarks.independent.judge import Wall
 from benchmarks.independent.truth import Place
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_side
 from endoct.fusion.sides import Comparison, PlacedSide
-from endoct.workbench import compare
+from endoct.workbench import compare, unroll
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +49,24 @@ def endoct_answer(folder: Path) -> Answer:
     )
 
 
+def endoct_oct(folder: Path) -> tuple[Wall, tuple[str, ...]]:
+    """Return endoct's wall and cells by a pullback alone, and the codes of its doubts."""
+    panorama = unroll(folder, progress=False)
+    found = segment_side(Side(panorama.modality, panorama), SegmentParameters(), "dark")
+    return _wall_of(found), tuple(doubt.code for doubt in found.doubts)
+
+
 def _wall(side: PlacedSide) -> Wall:
     if side.source is None:
         raise ValueError("a comparison at hand has its sides' own samples")
-    panorama = side.source.side.panorama
+    return _wall_of(side.source)
+
+
+def _wall_of(source: SegmentedSide) -> Wall:
+    panorama = source.side.panorama
     return Wall(
         panorama.intensity,
-        side.source.segmentation.mask,
+        source.segmentation.mask,
         panorama.valid,
         panorama.grid.z_mm,
         panorama.grid.theta_rad,

@@ -45,10 +45,9 @@ def write_pair(pair: Pair, folder: Path) -> None:
     oct_folder, endoscope_folder, truth = folder / "oct", folder / "endoscope", folder / "truth"
     for made in (oct_folder, endoscope_folder, truth):
         made.mkdir(parents=True)
-    tifffile.imwrite(oct_folder / "pullback.tif", pair.oct.samples, photometric="minisblack")
+    write_pullback(pair.oct, pair.recipe, oct_folder)
     for k, frame in enumerate(pair.endoscope.frames):
         Image.fromarray(frame).save(endoscope_folder / f"frame_{k:04d}.png", compress_level=1)
-    _write_sidecar(oct_folder, oct_sidecar(pair.recipe.oct, pair.recipe.bore.diameter_mm))
     stated = endoscope_sidecar(pair.recipe.endoscope, pair.endoscope, pair.recipe.bore.diameter_mm)
     _write_sidecar(endoscope_folder, stated)
     np.savez_compressed(
@@ -63,6 +62,12 @@ def write_pair(pair: Pair, folder: Path) -> None:
     )
     places = {"oct": asdict(pair.oct_place), "endoscope": asdict(pair.endoscope_place)}
     (truth / "truth.json").write_text(json.dumps({"recipe": asdict(pair.recipe), "places": places}, indent=1))
+
+
+def write_pullback(pullback: Pullback, recipe: Recipe, folder: Path) -> None:
+    """Write a pullback and its sidecar into ``folder``, which exists."""
+    tifffile.imwrite(folder / "pullback.tif", pullback.samples, photometric="minisblack")
+    _write_sidecar(folder, oct_sidecar(recipe.oct, recipe.bore.diameter_mm))
 
 
 def oct_sidecar(recipe: CatheterRecipe, diameter_mm: float) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.independent.judge import (
@@ -12,6 +12,7 @@ from benchmarks.independent.judge import (
     measured_place,
     misplaced,
     pair_jaccard,
+    wrong_share,
 )
 from benchmarks.independent.ours import Answer, endoct_answer
 from benchmarks.independent.pair import Pair, make_pair, write_pair
@@ -23,7 +24,10 @@ from endoct.stitching.errors import EndoctError
 Row = dict[str, str | float | bool]
 
 
-def judged(name: str, seed: int) -> list[Row]:
+CHAINS = ("endoct", "simplest")
+
+
+def judged(name: str, seed: int, chains: Sequence[str] = CHAINS) -> list[Row]:
     """Return a row for each chain's answer to one pair of a set."""
     began = time.perf_counter()
     pair = make_pair(recipe_of(name, seed), seed)
@@ -31,8 +35,8 @@ def judged(name: str, seed: int) -> list[Row]:
         folder = Path(scratch) / "pair"
         write_pair(pair, folder)
         made = time.perf_counter() - began
-        rows = [_row(name, seed, "endoct", pair, lambda: endoct_answer(folder))]
-    rows.append(_row(name, seed, "simplest", pair, lambda: simplest_answer(pair)))
+        answers = {"endoct": lambda: endoct_answer(folder), "simplest": lambda: simplest_answer(pair)}
+        rows = [_row(name, seed, chain, pair, answers[chain]) for chain in chains]
     return [row | {"seconds_made": made} for row in rows]
 
 
@@ -62,6 +66,7 @@ def scores(pair: Pair, answer: Answer) -> Row:
         "outcome": "aligned" if stated else "not aligned",
         "jaccard_endoscope": against_truth(bore, a_place, a),
         "jaccard_oct": against_truth(bore, b_place, b),
+        "wrong_oct": wrong_share(bore, b_place, b),
         "jaccard_true_place": pair_jaccard(a, b, true),
         "endoscope_place_fit": fit,
         "endoscope_place_z_mm": a_place.z_mm - pair.endoscope_place.z_mm,

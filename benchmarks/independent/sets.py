@@ -17,7 +17,7 @@ from benchmarks.independent.recipe import (
     Stated,
 )
 
-SETS = ("few", "usual", "many", "tiny", "mirrors", "sound", "broken", "dim", "curve")
+SETS = ("few", "usual", "many", "tiny", "mirrors", "sound", "broken", "dim", "curve", "sparse", "specks", "floors")
 CATHETER_FAULTS: tuple[tuple[CatheterFault, float], ...] = (
     ("turn_step", 0.3),
     ("start_jump", 0.3),
@@ -54,6 +54,10 @@ def recipe_of(name: str, seed: int) -> Recipe:
         return _pair(replace(_bore(rng), cells=80, size_mm=(0.3, 0.8)), rng)
     if name == "tiny":
         return _pair(replace(_bore(rng), cells=30, size_mm=(0.2, 0.4), depth_mm=(0.2, 0.6)), rng)
+    if name in ("sparse", "specks"):
+        return _full_size(name, seed, rng)
+    if name == "floors":
+        return _pair(replace(_bore(rng), floor_brightness=(0.7, 1.15)), rng)
     bore = _bore(rng)
     if name == "sound":
         kinds: tuple[dict[str, Any], ...] = (
@@ -90,6 +94,26 @@ def recipe_of(name: str, seed: int) -> Recipe:
         fault, size = CATHETER_FAULTS[kind_of]
         return replace(recipe, oct=replace(recipe.oct, fault=fault, fault_size=size))
     return recipe
+
+
+def _full_size(name: str, seed: int, rng: Generator) -> Recipe:
+    """Return bare bores, of no to four cells or two to eleven tiny ones, well sampled by a catheter that lies still."""
+    if name == "sparse":
+        bore = replace(_bore(rng), cells=seed % 5, size_mm=(0.5, 1.4))
+    else:
+        bore = replace(_bore(rng), cells=2 + seed % 10, size_mm=(0.2, 0.4), depth_mm=(0.2, 0.6))
+    recipe = _pair(bore, rng)
+    room = recipe.oct.capillary_outer_mm / 2 - recipe.oct.glass_mm - recipe.oct.sheath_mm / 2
+    still = replace(
+        recipe.oct,
+        slices=45,
+        pitch_mm=0.2,
+        a_scans=1000,
+        depths=512,
+        wander_mm=0.0,
+        offset_mm=float(rng.uniform(0.1, 0.95)) * room,
+    )
+    return replace(recipe, oct=still)
 
 
 def _bore(rng: Generator) -> BoreRecipe:

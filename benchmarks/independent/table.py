@@ -10,6 +10,7 @@ from benchmarks.independent.judge import coverage
 _SCORES = (
     "jaccard_endoscope",
     "jaccard_oct",
+    "wrong_oct",
     "jaccard_pair",
     "jaccard_true_place",
     "loss_true",

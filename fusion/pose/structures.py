@@ -1,24 +1,29 @@
 """What the drill must miss or reach: labelled structures near a bore, and how far its envelope stays from them."""
 
-from collections.abc import Mapping
+import re
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
 from endoct.fusion.pose.clinical import LEVEL, Estimate, sampled_axes
 from endoct.fusion.pose.pose import BorePose
+from endoct.modalities.ct.stored import Segment
 from endoct.modalities.ct_volume import CtVolume, part_around
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.arrays import Coordinates
+from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 
-FACIAL_NERVE = 2
-NAMES: Mapping[int, str] = MappingProxyType({FACIAL_NERVE: "facial nerve", 3: "chorda tympani", 4: "cochlea"})
-"""Of labels; those of any other label are its number."""
-NO_STRUCTURES = (0, 1)
-"""Labels of air and bone."""
+FACIAL_NERVE = re.compile(r"facial.*nerve|nerv(us|e)?.*facial(is)?|\bcn ?(vii|7)\b", re.IGNORECASE)
+"""Names of the nerve that the facial recess is named for."""
+NO_STRUCTURES = frozenset(("air", "bone", "bones", "background", "exterior", "skull", "temporalbone"))
+OF_THESE = frozenset(("cell", "cells", "temporal", "mastoid", "petrous", "cortical", "left", "right", "l", "r"))
+"""A name is that of no structure where one of its words is of the first and all others are of the second."""
+MOST_LABELS = 256
+"""Of one segmentation; a volume with more values is none."""
+LONGEST_NAME = 80
 NEAR_MM = 15.0
 """Of the plan: structures farther away are none of the bore's."""
 LIKELY_AXES, AXES_AT_A_TIME = 2000, 64
@@ -28,16 +33,20 @@ NEAREST_MM = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A labelled structure: ``points_mm`` (n, 3) LPS on its surface, about a voxel of ``voxel_mm`` apart."""
+    """A labelled structure: ``points_mm`` (n, 3) LPS on its surface, about a voxel of ``voxel_mm`` apart.
+
+    ``name``: as the segmentation has it, or that it is unknown.
+    """
 
     label: int
     points_mm: Coordinates
     voxel_mm: float
+    name: str
 
     @property
-    def name(self) -> str:
-        """What the label stands for, else its number."""
-        return name_of(self.label)
+    def is_facial_nerve(self) -> bool:
+        """Whether its name is one of the facial nerve's."""
+        return FACIAL_NERVE.search(_words(self.name)) is not None
 
 
 @dataclass(frozen=True)
@@ -50,33 +59,70 @@ class Clearance:
     margin_mm: float
 
 
-def name_of(label: int) -> str:
-    """Return what a label stands for, else its number."""
-    return NAMES.get(label, f"label {label}")
+def segments_in(labels: CtVolume) -> tuple[Segment, ...]:
+    """Return the segments of a segmentation that may be structures: all that it has but bone and air.
 
-
-def structures_near(labels: CtVolume, plan: Trajectory) -> tuple[Structure, ...]:
-    """Return the structures near ``plan``. Raises :class:`EndoctError` where the volume holds no labels, or none near.
-
-    Surfaces lie half way between voxels of a structure and others.
+    Those that it does not name have an empty name. Raises :class:`EndoctError` where the volume holds no labels.
     """
     least = float(labels.voxels.min())
     if least < 0 or (labels.voxels.dtype.kind == "f" and np.any(labels.voxels != np.rint(labels.voxels))):
         values = f"{least:g} among its values" if least < 0 else "numbers that are not whole"
         raise EndoctError("the labels are none", found=values, expected="a segmentation, whole numbers from 0 on")
+    there = {int(value) for value in np.unique(labels.voxels)} - {0}
+    if len(there) > MOST_LABELS:
+        raise EndoctError("the labels are none", found=f"{len(there)} values", expected=f"at most {MOST_LABELS} labels")
+    named = labels.segments or ()
+    known = {value for segment in named for value in segment.values}
+    unknown = tuple(Segment(value, "", (value,)) for value in sorted(there - known))
+    return tuple(
+        segment for segment in (*named, *unknown) if not _is_none(segment.name) and there & set(segment.values)
+    )
+
+
+def name_of(segment: Segment) -> str:
+    """Return what a segment is called, or that it is unknown."""
+    return " ".join(segment.name.split())[:LONGEST_NAME] or f"unknown label {segment.label}"
+
+
+def label_doubts(labels: CtVolume) -> tuple[Doubt, ...]:
+    """Return a doubt where labels of a segmentation have no name."""
+    unknown = [segment.label for segment in segments_in(labels) if not segment.name]
+    if not unknown:
+        return ()
+    numbers = ", ".join(map(str, unknown[:8])) + (" and more" if len(unknown) > 8 else "")
+    said = (
+        f"Labels without a name: {numbers}. Nothing says which structures they are; name them by --label-names: a "
+        "table of 3D Slicer or ITK-SNAP, or 'endoct' for 1 bone, 2 facial nerve, 3 chorda tympani, 4 cochlea."
+    )
+    return (Doubt("labels-unnamed", said, value=float(len(unknown)), unit="labels", expected=0.0),)
+
+
+def mask_of(voxels: NDArray[np.generic], segment: Segment) -> NDArray[np.bool_]:
+    """Return where voxels belong to a segment."""
+    return np.isin(voxels, segment.values)
+
+
+def structures_near(labels: CtVolume, plan: Trajectory) -> tuple[Structure, ...]:
+    """Return the structures near ``plan``, by the names that the segmentation gives them.
+
+    Surfaces lie half way between voxels of a structure and others. Raises :class:`EndoctError` where the volume holds
+    no labels, or none near.
+    """
+    segments = segments_in(labels)
     ends = np.array([plan.entry_mm, plan.target_mm])
     near = part_around(labels, ends, NEAR_MM)
-    there = np.unique(near.voxels)
-    found = [int(label) for label in there if label not in NO_STRUCTURES]
+    masks = [(segment, mask_of(near.voxels, segment)) for segment in segments]
+    found = [(segment, mask) for segment, mask in masks if mask.any()]
     if not found:
+        there = np.unique(near.voxels)
         raise EndoctError(
             "there is no labelled structure near the plan",
             found=f"labels {', '.join(map(str, there[:8])) or 'nowhere near'} within {NEAR_MM:g} mm",
-            expected="labels other than 0, air, and 1, bone",
+            expected="labels other than air and bone",
             remedy="check that the labels lie in the world of the CT",
         )
     voxel = float(np.linalg.norm(labels.steps_mm, axis=1).max())
-    return tuple(Structure(label, _surface(near, label), voxel) for label in found)
+    return tuple(Structure(segment.label, _surface(near, mask), voxel, name_of(segment)) for segment, mask in found)
 
 
 def clearance(pose: BorePose, structure: Structure, radius_mm: float, generator: np.random.Generator) -> Clearance:
@@ -123,7 +169,17 @@ def _beyond(
     return np.asarray(outside + np.minimum(np.maximum(aside, past), 0))
 
 
-def _surface(labels: CtVolume, label: int) -> Coordinates:
+def _surface(labels: CtVolume, mask: NDArray[np.bool_]) -> Coordinates:
     """Return the surface of a structure."""
-    index = marching_cubes(np.pad(labels.voxels == label, 1).astype(np.float32), 0.5)[0] - 1
+    index = marching_cubes(np.pad(mask, 1).astype(np.float32), 0.5)[0] - 1
     return np.asarray(index.astype(np.float64) @ labels.steps_mm + labels.origin_mm)
+
+
+def _is_none(name: str) -> bool:
+    words = set(_words(name).lower().split())
+    return bool(words & NO_STRUCTURES) and words <= NO_STRUCTURES | OF_THESE
+
+
+def _words(name: str) -> str:
+    """Return a name with blanks where programs put other signs: "Facial_Nerve_L"."""
+    return re.sub(r"[\W_]+", " ", name).strip()

@@ -17,7 +17,7 @@ from endoct.fusion.pose.clinical import (
     offset_at,
 )
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.structures import FACIAL_NERVE, Clearance, Structure, clearance, depth_beside
+from endoct.fusion.pose.structures import Clearance, Structure, clearance, depth_beside
 
 SEED = 1986
 
@@ -49,7 +49,7 @@ class PoseSummary:
 def summary_of(answer: PoseAnswer, structures: Sequence[Structure]) -> PoseSummary:
     """Return what is said of the pose of all sides, and of the ``structures`` near it."""
     pose, length = answer.pose, answer.pose.plan.length_mm
-    nerve = next((one for one in structures if one.label == FACIAL_NERVE), None)
+    nerve = next((one for one in structures if one.is_facial_nerve), None)
     radius = radius_of(pose)
     return PoseSummary(
         at_entry=offset_at(pose, 0.0),

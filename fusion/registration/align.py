@@ -37,18 +37,23 @@ LIKELY_CHANCE = 1e-4
 
 Of tuning specimens (benchmarks/confidence.py), 120 wrong and 32 featureless pairs had a confidence of 0.145 at most and
 a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most."""
-LEFT_BY_INSTRUMENTS = 0.004, 0.009, 0.002
+LEFT_BY_INSTRUMENTS = 0.002, 0.009, 0.002
 """By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
 Rotation and feed are known no better, and residuals do not show it."""
-LEFT_BY_CELL = 0.035
-"""By how much of its width one cell's middle lies apart in depth and in light, around the bore and along it: its floor
-slopes, its lining is bright, and its rim is not where either sees it. Residuals do not show that where few cells
-decide. This and those around it were set by simulated specimens (`quick` and `hard`, seeds 0–11) and by pairs of a
-second generator that shares nothing with it (benchmarks/independent: few, mirrors and sound, seeds 0–19, 1000–1127,
-1300–1339 and 1500–1539)."""
+LEFT_BY_CELL = 0.02, 0.01
+"""By how much one cell's middle lies apart in depth and in light, around the bore and along it: mm, and of its width.
+Its floor slopes, its lining is bright, and its rim is not where either sees it. Residuals do not show that."""
+FEW_CELLS = 4.0
+"""Of so many cells that decide, all of that is √2 times as much: few do not make up for each other's faults."""
+ALIKE = 0.8
+"""Correlation of depth and light at which that holds. The less they are alike, by its square, the more is left."""
+LEAST_ALIKE = 0.2
+"""These were set by simulated specimens (`quick`, `mastoid` 100–119, `hard` 100–115, `small-patient` 100–111) and pairs of
+a second generator that shares nothing with them (benchmarks/independent: few 0–23, sound 0–39, sparse, specks 0–19, tiny,
+mirrors 0–11, many 0–7)."""
 UNKNOWN_SLANT = 0.3
 """Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
-LEAST_CELL_MM2 = 0.05
+LEAST_CELL_MM2 = 0.01
 LEAST_SPREAD_MM = 0.5
 CELL_MM = 0.04
 """Relief beyond which a sample counts as cell when the depth of cells is averaged."""
@@ -205,9 +210,21 @@ def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknow
     middle_mm = float(np.average(z_mm, weights=rims))
     spread_mm = max(float(np.sqrt(np.average((z_mm - middle_mm) ** 2, weights=rims))), LEAST_SPREAD_MM)
     shares = rims / rims.sum()
-    around_mm = float(np.linalg.norm(shares * LEFT_BY_CELL * width_mm))
-    along_mm = float(np.linalg.norm(shares * np.hypot(LEFT_BY_CELL * width_mm, unknown_mm)))
+    off_mm, of_width = LEFT_BY_CELL
+    few = float(np.sqrt(1 + FEW_CELLS * (shares**2).sum()))
+    unlike = (ALIKE / max(abs(alignment.correlation), LEAST_ALIKE)) ** 2
+    around_mm = few * unlike * float(np.linalg.norm(shares * np.hypot(off_mm, of_width * width_mm)))
+    along_mm = float(np.hypot(around_mm, np.linalg.norm(shares * unknown_mm)))
     return _covariance_about(middle_mm, around_mm / relief.radius_mm, along_mm, along_mm / spread_mm)
+
+
+def largest_cell_share(evidence: Evidence) -> float:
+    """Return which part of the area of all cells that a side's relief shows is that of the largest; 0 without any."""
+    if evidence.kind != "relief":
+        return 0.0
+    labels, n = label(evidence.valid & (evidence.values > CELL_MM))
+    area = np.bincount(labels.ravel(), minlength=n + 1)[1:]
+    return float(area.max() / area.sum()) if n else 0.0
 
 
 def _depth_mm(relief: Evidence) -> float:

@@ -11,7 +11,9 @@ class Overlap(Part):
     """Two masks, counted sample by sample where both sides observed the wall.
 
     ``jaccard`` |A ∩ B| / |A ∪ B| and ``dice`` 2 |A ∩ B| / (|A| + |B|), None where neither shows a cell; areas on the
-    nominal bore; ``sites``: places where either shows a cell, over which the intervals are bootstrapped.
+    nominal bore; ``sites``: places where either shows a cell, over which the intervals are bootstrapped;
+    ``jaccard_without_two``: the least and the largest index that is left without any one or two of them, None where
+    there are no more than two.
     """
 
     jaccard: Number | None = None
@@ -23,6 +25,7 @@ class Overlap(Part):
     sites: Count | None = None
     jaccard_interval: Interval | None = None
     dice_interval: Interval | None = None
+    jaccard_without_two: Interval | None = None
 
 
 class _RowsOf(Part):

@@ -38,8 +38,10 @@ class Agreement:
         total = 2 * self.both + self.only_a + self.only_b
         return 2 * self.both / total if total else None
 
-    def overlap(self, *, sites: int, jaccard_interval: Interval, dice_interval: Interval) -> Overlap:
-        """Return scores and areas, with the number of sites and the intervals over them."""
+    def overlap(
+        self, *, sites: int, jaccard_interval: Interval, dice_interval: Interval, jaccard_without_two: Interval
+    ) -> Overlap:
+        """Return scores and areas, with the number of sites, the intervals over them, and what few of them decide."""
         return Overlap(
             jaccard=self.jaccard,
             dice=self.dice,
@@ -50,6 +52,7 @@ class Agreement:
             sites=sites,
             jaccard_interval=jaccard_interval,
             dice_interval=dice_interval,
+            jaccard_without_two=jaccard_without_two,
         )
 
 
@@ -64,7 +67,10 @@ def agreement(a: Mask, b: Mask, valid: Mask, sample_mm2: float) -> Agreement:
 def overlap(a: Surface, b: Surface, sites: Sites) -> Overlap:
     """Return how far the cells of two surfaces on one grid overlap, with intervals over their ``sites``."""
     return agreement(a.mask, b.mask, a.valid & b.valid, sites.sample_mm2).overlap(
-        sites=int(sites.both.size), jaccard_interval=sites.jaccard_interval(), dice_interval=sites.dice_interval()
+        sites=int(sites.both.size),
+        jaccard_interval=sites.jaccard_interval(),
+        dice_interval=sites.dice_interval(),
+        jaccard_without_two=sites.jaccard_without_two(),
     )
 
 

@@ -15,6 +15,7 @@ SIZE_EDGES_MM = (0.3, 0.6)
 """Diameters of the circle of a site's area at which sizes are parted."""
 DEPTH_EDGES_MM = (0.1, 0.3)
 CONTRAST_EDGES = (0.4, 0.8)
+DECIDING = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,24 @@ class Sites:
     def jaccard_interval(self, which: Mask | slice = slice(None)) -> Interval:
         """Return the interval of the Jaccard index over the sites ``which``."""
         return ratio_interval(self.both[which], (self.both + self.only_a + self.only_b)[which])
+
+    def jaccard_without_two(self) -> Interval:
+        """Return the least and the largest Jaccard index without any one or two sites; None where no more are there.
+
+        Only the :data:`DECIDING` largest sites are left out: none of the others moves the index by as much.
+        """
+        if self.both.size <= 2:
+            return None
+        either = self.both + self.only_a + self.only_b
+        largest = np.argsort(either, kind="stable")[-DECIDING:]
+        one, two = np.triu_indices(largest.size)  # a site with itself: it alone
+        alone = one == two
+        without = [
+            total.sum() - total[largest][one] - np.where(alone, 0, total[largest][two]) for total in (self.both, either)
+        ]
+        left = without[1] > 0
+        index = without[0][left] / without[1][left]
+        return float(index.min()), float(index.max())
 
     def dice_interval(self) -> Interval:
         """Return the interval of Dice."""

@@ -26,7 +26,7 @@ class Believability:
 
     Attributes
     ----------
-    noise: samples as far in front of the wall as cells lie behind it, over those.
+    noise: samples as far in front of the wall as cells lie behind it, over those; 0 without cells.
     cells: cells, over what was observed.
     spread: standard deviation of the wall's own evidence, over that by which cells stand out of it in the median.
     unclaimed: samples that stand out as cells do but have no outline, over what was observed; 0 without outlines.
@@ -52,7 +52,7 @@ def believability_of(
     known = cells if dark is None else dark[valid]
     stands_out = float(np.median(observed[known])) if known.any() else np.inf
     return Believability(
-        noise=before / max(behind, 1),
+        noise=before / max(behind, 1) if cells.any() else 0.0,
         cells=float(cells.mean()),
         spread=spread_of_wall(observed) / max(stands_out, 1e-9),
         unclaimed=unclaimed / cells.size,

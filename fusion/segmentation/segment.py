@@ -18,6 +18,9 @@ from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
+LEAST_RELIEF_SIGMAS = 4.0
+"""Times the wall's own spread. Li's threshold lies at 7 of these and more in bores with cells, at 0.3 without any."""
+
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
@@ -57,6 +60,7 @@ def segment(
 def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentation:
     """Return the cells that ``evidence`` shows: Li's threshold, then opening, closing, and small ones removed.
 
+    Where Li's threshold lies within the wall's own relief there are hardly any cells, and it is raised beyond that.
     Evidence that is a mask is taken as it is. Raises :class:`EndoctError` where all evidence is alike.
     """
     p = parameters
@@ -81,6 +85,9 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
         raise EndoctError(
             "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
         ) from error
+    if evidence.kind == "relief" and threshold < (least := _least_threshold(smooth[evidence.valid], p)):
+        threshold = least
+        of += f", raised to {LEAST_RELIEF_SIGMAS:g} times the spread of a wall without cells"
     mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
     clear = None
     if p.outlines and evidence.kind == "darkness":
@@ -93,6 +100,11 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
         evidence.valid, smooth, mask, threshold, dark=dark, with_outlines=clear is not None
     )
     return Segmentation(mask, threshold, unit, of, polarity, believability)
+
+
+def _least_threshold(relief_mm: Image, parameters: SegmentParameters) -> float:
+    """Return the least threshold of relief (n,), mm. Li's method always splits, a wall without cells within itself."""
+    return min(LEAST_RELIEF_SIGMAS * spread_of_wall(relief_mm), parameters.relief_cap_mm / 2)
 
 
 def bounds(evidence: Evidence, smooth: Image, parameters: SegmentParameters) -> tuple[float, float]:

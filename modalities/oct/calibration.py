@@ -13,6 +13,7 @@ from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.second_look import RawLevels
 from endoct.modalities.oct.turning.rotation import Rotation
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.grid import SurfaceGrid
@@ -36,6 +37,7 @@ class OctCalibration:
     glass: the capillary's wall; its thickness is 0 where its inner face is not seen.
     course: what the outer face's course says of its diameter; None where the catheter is too near the axis.
     background: levels of the recording.
+    raw_levels: darkness and bone as recorded, for the second look at what was found.
     """
 
     grid: SurfaceGrid
@@ -53,6 +55,7 @@ class OctCalibration:
     glass: Glass
     course: Course | None
     background: Background
+    raw_levels: RawLevels
 
     @property
     def handedness_known(self) -> bool:

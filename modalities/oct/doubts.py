@@ -1,15 +1,21 @@
-"""What a pullback's own geometry says against the sizes that its sidecar states, and against an even turn."""
+"""What speaks against a pullback's panorama: against stated sizes, even turns, and the surface that was found."""
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.modalities.oct.surface.background import Background
+from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.stitching.circle import wrap_rad
 from endoct.stitching.doubt import Doubt
+from endoct.stitching.panorama import Panorama
 
 ODD_WALL_SHARE = 0.1
 """Of the bore's radius: a wall that is farther off in the median is doubted, whatever it looks like."""
@@ -23,6 +29,20 @@ UNEVEN_RAD = 0.12
 The simulator's hardest slices have 0.09 rad; a step of 0.3 rad in every turn leaves 0.14 to 0.26 (8 recordings)."""
 LEAST_TURNS = 0.25
 """Of the slices whose turn was measured."""
+MOST_BONE_BEFORE = 0.1
+"""Of the openings: of 48 simulated recordings (`hard`, `quick`, `mastoid`, seeds 100–129) and 34 of a second generator
+0.04 and less; 0.25 and more where wall was erased on purpose, and the cells then scored under 0.7."""
+MOST_DARK_WALL = 0.25
+"""Of the openings with these, where they are more than :data:`LEAST_DARK_WALL` of the wall."""
+LEAST_DARK_WALL = 0.01
+MOST_FLOOR = 0.5
+"""Of the wall's contrast may the noise differ between depths: beyond it, bone may have been taken for noise."""
+NEAREST_RAD = math.pi / 4
+"""To either side of where the wall is nearest."""
+MOST_NEAREST_LOST = 0.2
+"""Of the wall nearest to the catheter may be not valid, if all else is."""
+LEAST_OFFSET_MM = 0.05
+"""Nearer to the axis, no wall is the nearest."""
 LEAST_PLAIN = 0.3
 """Of the wall: where less of it is plain, it is no drilled bore, and only its median counts."""
 
@@ -59,6 +79,60 @@ def doubts_of_turns(calibration: OctCalibration) -> tuple[Doubt, ...]:
         "begins may be off by as much, and A-scans may be lost at one angle of every turn: check the trigger."
     )
     return (Doubt("turns-uneven", what, value=uneven_rad, unit="rad", expected=(0.0, UNEVEN_RAD)),)
+
+
+def doubts_of_floor(background: Background) -> tuple[Doubt, ...]:
+    """Return the doubt that the noise differs between depths by about as much as the wall stands out of it."""
+    share = float(np.ptp(background.floor)) / background.contrast
+    if share <= MOST_FLOOR:
+        return ()
+    what = (
+        f"Between depths the noise differs by {share:.0%} of what the wall stands out of it: bone may have been taken "
+        "for noise, or the wall is too faint to be told from it."
+    )
+    return (Doubt("noise-near-wall", what, value=share, unit="1", expected=(0.0, MOST_FLOOR)),)
+
+
+def doubts_of_surface(panorama: Panorama) -> Iterator[Doubt]:
+    """Yield where the samples as recorded contradict the surface, and where the wall nearest to the catheter is lost.
+
+    Slices whose geometry is bridged, or whose wall is faint, do not count.
+    """
+    per_slice = {name: of_slices.values for name, of_slices in panorama.per_frame.items()}
+    sound = ~(per_slice["bridged"].astype(bool) | per_slice["wall_faint"].astype(bool))
+    openings, before, dark = (
+        float(per_slice[f"{name}_fraction"][sound].sum()) for name in ("opening", "bone_before", "dark_wall")
+    )
+    if before > MOST_BONE_BEFORE * openings:
+        what = (
+            f"In {before / openings:.0%} of what was taken for openings the samples are as bright as bone where the "
+            "wall of the bore would be: wall may have been taken for cells."
+        )
+        yield Doubt("bone-before-surface", what, value=before / openings, unit="1", expected=(0.0, MOST_BONE_BEFORE))
+    if dark > max(MOST_DARK_WALL * (openings + dark), LEAST_DARK_WALL * np.count_nonzero(sound)):
+        share = dark / (openings + dark)
+        what = (
+            f"Where the bore's own wall was found, {dark / np.count_nonzero(sound):.1%} of the A-scans are dark behind "
+            f"it; openings are {openings / np.count_nonzero(sound):.1%}. Cells may be missed, or the wall is too faint."
+        )
+        yield Doubt("darkness-behind-wall", what, value=share, unit="1", expected=(0.0, MOST_DARK_WALL))
+    yield from _of_nearest(panorama, per_slice, sound)
+
+
+def _of_nearest(panorama: Panorama, per_slice: Mapping[str, NDArray[Any]], sound: Mask) -> Iterator[Doubt]:
+    slices = sound & (per_slice["offset_mm"] > LEAST_OFFSET_MM)
+    from_nearest = panorama.grid.theta_rad - per_slice["offset_direction_rad"][slices, None]
+    near = np.abs(wrap_rad(from_nearest)) < NEAREST_RAD
+    lost = ~panorama.valid[slices]
+    if not near.any():
+        return
+    share, elsewhere = float(lost[near].mean()), float(lost[~near].mean())
+    if share > MOST_NEAREST_LOST and elsewhere < share / 2:
+        what = (
+            f"Of the wall nearest to the catheter {share:.0%} is not valid, of the rest {elsewhere:.0%}: something "
+            "opaque lies there, or the wall was not found where it is nearest."
+        )
+        yield Doubt("nearest-wall-lost", what, value=share, unit="1", expected=(0.0, MOST_NEAREST_LOST))
 
 
 def plain_wall(depth_mm: Image) -> PlainWall:

@@ -132,5 +132,8 @@ MANIFEST = Manifest(
         "lost_rad": Meaning("angle over which A-scans are missing", "rad"),
         "surface_fraction": Meaning("share of A-scans that show the wall", usual=(0.95, 1.0)),
         "wall_sigmas": Meaning("wall over the noise (standard errors)", usual=(12.0, math.inf)),
+        "opening_fraction": Meaning("share of A-scans that meet an opening"),
+        "bone_before_fraction": Meaning("share of A-scans with bone before an opening", usual=(0.0, 0.01)),
+        "dark_wall_fraction": Meaning("share of A-scans with darkness behind the wall", usual=(0.0, 0.1)),
     },
 )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.doubts import doubts_of_sizes, doubts_of_turns
+from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_sizes, doubts_of_surface, doubts_of_turns
 from endoct.modalities.oct.undistort import beam_angles_rad
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
@@ -17,13 +17,14 @@ from endoct.stitching.per_frame import PerFrame
 
 def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama:
     """Return ``panorama`` with a helical scan's rows sheared into place, and doubts of what contradicts the sidecar."""
+    panorama = _with_faint_slices(panorama, calibration)
+    of_surface = (*doubts_of_floor(calibration.background), *doubts_of_surface(panorama))
     if calibration.acquisition.scan == "helical" and panorama.grid.n_z > 1:
         panorama = _sheared(panorama, calibration)
-    panorama = _with_faint_slices(panorama, calibration)
     if panorama.depth_mm is None or not panorama.valid.any():
         return panorama
-    doubts = (*doubts_of_sizes(panorama.depth_mm[panorama.valid], calibration), *doubts_of_turns(calibration))
-    return replace(panorama, doubts=(*panorama.doubts, *doubts)) if doubts else panorama
+    of_geometry = (*doubts_of_sizes(panorama.depth_mm[panorama.valid], calibration), *doubts_of_turns(calibration))
+    return replace(panorama, doubts=(*panorama.doubts, *of_geometry, *of_surface))
 
 
 def _with_faint_slices(panorama: Panorama, calibration: OctCalibration) -> Panorama:

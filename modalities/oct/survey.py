@@ -22,6 +22,7 @@ from endoct.modalities.oct.reduced import ascans_of, columns_of
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_levels
 from endoct.modalities.oct.surface.noise_floor import measure_floor
+from endoct.modalities.oct.surface.second_look import measure_raw_levels
 from endoct.modalities.oct.turning.correction import correct_starts, correct_uneven_turns, nominal_turns
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import NotSeen
@@ -50,19 +51,19 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         _reject_empty(slices)
         _reject_upside_down(slices)
         faces = locate_faces(slices, acquisition, parameters)
+        glass = measure_glass(slices, faces, acquisition.medium_index)
         seek_lines = (
-            partial(find_fixed_lines, slices, faces, acquisition)
+            partial(find_fixed_lines, slices, faces, glass, acquisition)
             if parameters.fixed_lines
             else partial(FixedLines.none, n_depth)
         )
-        lines, (glass, course, sines) = at_once(
-            seek_lines, partial(_glass_course_sines, slices, faces, acquisition, parameters)
-        )
+        lines, (course, sines) = at_once(seek_lines, partial(_course_and_sines, slices, faces, glass, parameters))
         turns = nominal_turns(slices, faces)
         turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
         turns = correct_starts(turns, glass, acquisition, parameters)
         floor = measure_floor(turns.slices, turns.faces, lines.excess > 0, acquisition)
         background = measure_levels(turns.slices, turns.faces, lines.excess, floor, acquisition)
+        raw_levels = measure_raw_levels(turns.slices, turns.faces, lines.excess > 0, acquisition)
     recorded = np.argsort(inward, kind="stable")
     faces, rotation = turns.faces.reordered(recorded), turns.rotation.reordered(recorded)
     sines = tuple(sines[i] for i in recorded)
@@ -82,14 +83,14 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         glass=glass,
         course=course,
         background=background,
+        raw_levels=raw_levels,
     )
 
 
-def _glass_course_sines(
-    slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition, parameters: OctParameters
-) -> tuple[Glass, Course | None, tuple[Sine, ...]]:
-    glass = measure_glass(slices, faces, acquisition.medium_index)
-    return glass, measure_course(slices, faces, glass), fit_sines(slices, faces, parameters)
+def _course_and_sines(
+    slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, parameters: OctParameters
+) -> tuple[Course | None, tuple[Sine, ...]]:
+    return measure_course(slices, faces, glass), fit_sines(slices, faces, parameters)
 
 
 def _grid(row_z_mm: Coordinates, n_theta: int, acquisition: OctAcquisition) -> SurfaceGrid:

@@ -11,9 +11,10 @@ from endoct.modalities.oct.reduced import reduced
 from endoct.modalities.oct.surface.fixed_lines import with_lines_of
 from endoct.modalities.oct.surface.line_removal import bridge_rows, without_lines
 from endoct.modalities.oct.surface.projection import maximum_intensity
+from endoct.modalities.oct.surface.second_look import SecondLook, look_again
 from endoct.modalities.oct.surface.trust import trusted, wall_sigmas
 from endoct.modalities.oct.surface.wall import brightest, first_edge
-from endoct.modalities.oct.undistort import beam_angles_rad, face_depth_mm, radius_mm
+from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, face_depth_mm, radius_mm
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.strip import Strip
 
@@ -25,7 +26,7 @@ class BeamProfile:
     Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``face_mm`` and ``wall_mm``, depths of the outer
     face and of the wall's surface from depth sample 0 (of the last sample where there is no surface); ``surface``,
     whether there is one; ``intensity``, the projection; ``trusted``, whether the surface is the wall's;
-    ``wall_sigmas``, by how much the wall stands out in the whole slice.
+    ``wall_sigmas``, by how much the wall stands out in the whole slice; ``second_look``, what speaks against it all.
     """
 
     angle_rad: Coordinates
@@ -35,6 +36,7 @@ class BeamProfile:
     intensity: Image
     trusted: Mask
     wall_sigmas: float
+    second_look: SecondLook
 
 
 def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
@@ -58,6 +60,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         row = first_edge(level, first_row, background, spacing, parameters)
     surface = row < n_depth
     good = varying(samples) & trusted(level, row, background, spacing)
+    wall = depth_at_radius_mm(calibration, frame.index, angle, np.full(n_theta, calibration.grid.radius_mm))
     return BeamProfile(
         angle_rad=angle,
         face_mm=face,
@@ -66,6 +69,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         intensity=maximum_intensity(samples, first_row, lines),
         trusted=good,
         wall_sigmas=wall_sigmas(level, row, good, background, spacing),
+        second_look=look_again(recorded, row, wall, good, lines, calibration.raw_levels, spacing),
     )
 
 
@@ -96,5 +100,11 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
         depth_mm=(wall_radius - grid.radius_mm)[nearest][None],
         valid=(valid[nearest] & recorded)[None],
         weight=np.ones((1, grid.n_theta), np.float32),
-        diagnostics={"surface_fraction": float(beams.surface.mean()), "wall_sigmas": beams.wall_sigmas},
+        diagnostics={
+            "surface_fraction": float(beams.surface.mean()),
+            "wall_sigmas": beams.wall_sigmas,
+            "opening_fraction": beams.second_look.openings,
+            "bone_before_fraction": beams.second_look.bone_before,
+            "dark_wall_fraction": beams.second_look.dark_wall,
+        },
     )

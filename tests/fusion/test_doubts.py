@@ -9,15 +9,18 @@ import pytest
 from endoct.fusion.doubts import (
     doubt_of_twist,
     doubts_of_alignment,
+    doubts_of_largest_cell,
     doubts_of_orientation,
     doubts_of_result,
     doubts_of_scale,
     scale_at_limit,
 )
+from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.result import CorrectedTwist, Drift, Line, PairScores, Result, StoredAlignment
+from endoct.fusion.registration.align import largest_cell_share
+from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores, Result, StoredAlignment
 from endoct.fusion.stated_scale import remedies
 from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.doubt import Doubt
@@ -101,12 +104,16 @@ def test_a_checked_length_is_suspected_where_its_own_recording_is_doubted() -> N
     assert remedies(sound, placed, 0.8) == ()
 
 
-@pytest.mark.parametrize(("per_mm", "error", "doubted"), [(0.04, 0.01, True), (0.04, 0.03, False), (0.005, 0.0, False)])
-def test_cells_that_drift_apart_cast_doubt(per_mm: float, error: float, doubted: bool) -> None:
+@pytest.mark.parametrize(
+    ("pairs", "per_mm", "error", "doubted"),
+    [(12, 0.04, 0.01, True), (8, 0.04, 0.01, False), (12, 0.04, 0.03, False), (12, 0.005, 0.0, False)],
+)
+def test_cells_that_drift_apart_cast_doubt(pairs: int, per_mm: float, error: float, doubted: bool) -> None:
+    """Four standard errors are sure of 12 pairs (Student's t of 10 degrees: 3.6), and are not of 8 (of 6: 4.3)."""
     still = Line(mean=0.0, per_mm=0.0, per_mm_error=0.01)
     moving = Line(mean=0.0, per_mm=-per_mm, per_mm_error=error)
-    for drift in (Drift(pairs=12, length_mm=8.0, z_mm=moving, arc_mm=still),
-                  Drift(pairs=12, length_mm=8.0, z_mm=still, arc_mm=moving)):  # fmt: skip
+    for drift in (Drift(pairs=pairs, length_mm=8.0, z_mm=moving, arc_mm=still),
+                  Drift(pairs=pairs, length_mm=8.0, z_mm=still, arc_mm=moving)):  # fmt: skip
         found = of_result(scores=PairScores(drift=drift))
         assert [doubt.code for doubt in found] == ["cells-drift-apart"] * doubted
         if doubted:
@@ -114,6 +121,35 @@ def test_cells_that_drift_apart_cast_doubt(per_mm: float, error: float, doubted:
             start = f"Cells that both sides show drift apart {where} the bore, by 0.32 mm over 8.0 mm of it"
             assert found[0].what.startswith(start)
             assert (found[0].value, found[0].unit, found[0].expected) == (pytest.approx(-0.32), "mm", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("overlap", "doubted"),
+    [
+        ({"sites": 9, "jaccard_interval": (0.7, 0.9), "jaccard_without_two": (0.74, 0.84)}, []),
+        ({"sites": 9, "jaccard_interval": (0.38, 0.9), "jaccard_without_two": (0.74, 0.84)}, ["score-uncertain"]),
+        ({"sites": 4, "jaccard_interval": None, "jaccard_without_two": (0.4, 0.84)}, ["few-cells-decide"]),
+        ({"sites": 4, "jaccard_interval": None, "jaccard_without_two": (0.51, 0.96)}, []),
+        ({"sites": 2, "jaccard_interval": None, "jaccard_without_two": None}, ["few-cells-decide"]),
+    ],
+)
+def test_a_score_with_nothing_behind_it_is_doubted(overlap: dict[str, Any], doubted: list[str]) -> None:
+    found = of_result(scores=PairScores(grid=Overlap(jaccard=0.8, **overlap)))
+    assert [doubt.code for doubt in found] == doubted
+
+
+def test_an_alignment_that_rests_on_one_cell_is_doubted() -> None:
+    relief = np.zeros((40, 80), np.float32)
+    relief[5:25, np.arange(-10, 10)] = 0.3  # 400 samples, across the seam
+    relief[30:34, 30:40] = 0.3  # 40
+    valid = np.ones(relief.shape, np.bool_)
+    evidence = Evidence(relief, valid, 0.1 * np.arange(40), 0.1, 0.0, 0.1 * 80 / (2 * np.pi), "relief")
+    assert largest_cell_share(evidence) == pytest.approx(400 / 440)
+    assert [doubt.code for doubt in doubts_of_largest_cell(400 / 440)] == ["one-cell-aligns"]
+    assert list(doubts_of_largest_cell(0.89)) == []
+    valid[:15] = False
+    assert largest_cell_share(evidence) == pytest.approx(200 / 240)
+    assert largest_cell_share(replace(evidence, kind="darkness")) == 0
 
 
 def test_little_wall_and_no_cells_are_doubted() -> None:

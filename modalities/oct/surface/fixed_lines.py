@@ -3,7 +3,8 @@
 A catheter that lies steadily off the axis keeps glass and wall at steady depths too: a depth that is bright in many
 A-scans is no proof of a line. So a line is claimed only where neither can stand, by the geometry of the slice, and only
 if it is there in all parts of the turn and of the pullback. Or, where the capillary is nearer in some directions, if it
-is there before the capillary in all others: the sheath, which keeps its depth all round, lies within the capillary.
+is there before the capillary in all others: the sheath, which keeps its depth all round, lies within the capillary. The
+glass's inner face, which keeps its depth for a third of the turn, counts for no line where geometry predicts it.
 """
 
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ from scipy.ndimage import label, maximum_filter1d, percentile_filter, uniform_fi
 
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
@@ -45,6 +47,7 @@ NEAREST_SHARE, CROSSING_MM = (
     0.03,
 )  # so many A-scans see the face nearest; so much deeper, a line is behind it there
 TURNING_MM = 0.04  # from a face's nearest and farthest depth
+INNER_FACE_MM = 0.04  # before and behind where the glass's inner face is expected: half its line
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,9 @@ class FixedLines:
         return cls(np.zeros(n_depth, np.float32), np.zeros(n_depth, np.bool_))
 
 
-def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition) -> FixedLines:
+def find_fixed_lines(
+    slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, acquisition: OctAcquisition
+) -> FixedLines:
     """Return the detector's fixed lines, with their skirts, by A-scans of all ``slices``, which show ``faces``.
 
     A depth is judged behind the outer face, away from where the wall is expected, in A-scans that are dark a little
@@ -96,7 +101,8 @@ def find_fixed_lines(slices: Sequence[SliceFeatures], faces: Faces, acquisition:
         if not everywhere:
             lines[rows] = 0
         undecided[rows] = everywhere is None
-    lines = np.maximum(lines, _crossing_lines(pool, behind_face, sigma, mm_per_px))
+    no_glass = np.abs(behind_face + glass.path_mm) > INNER_FACE_MM
+    lines = np.maximum(lines, _crossing_lines(pool, behind_face, (no_glass, can_stand), sigma, mm_per_px))
     return FixedLines(lines, undecided & (lines == 0))
 
 
@@ -145,10 +151,14 @@ def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> 
     return np.asarray(contrast, dtype=np.float64)
 
 
-def _crossing_lines(pool: Pool, behind_face: Image, sigma: float, mm_per_px: float) -> Image:
-    """Return the excess of lines that are there all round before the face, but too deep to be before it everywhere."""
+def _crossing_lines(pool: Pool, behind_face: Image, clear: tuple[Mask, Mask], sigma: float, mm_per_px: float) -> Image:
+    """Return the excess of lines that are there all round before the face, but too deep to be before it everywhere.
+
+    ``clear``: where before the face the glass's inner face cannot be, which keeps its depth for a third of the turn
+    where it is farthest; and where behind it neither face nor wall can be. A line is there as well.
+    """
     before = behind_face < -FACE_MM
-    excess = _excess(np.where(before, pool.ascans, np.nan), mm_per_px)
+    excess = _excess(np.where(before & clear[0], pool.ascans, np.nan), mm_per_px)
     lines = _lines_with_skirts(excess, sigma, mm_per_px)
     crossing = float(np.quantile(pool.face_mm, NEAREST_SHARE)) + CROSSING_MM
     runs, count = label(lines > 0)
@@ -156,8 +166,10 @@ def _crossing_lines(pool: Pool, behind_face: Image, sigma: float, mm_per_px: flo
         rows = runs == k
         core = np.flatnonzero(rows & (excess > LINE_SIGMAS * sigma))
         line = slice(int(core[0]), int(core[-1]) + 1)
-        contrast = _contrast(pool.ascans, before, line, mm_per_px)
-        contrast[~before[:, line].all(axis=1)] = np.nan
+        contrast = np.full(len(pool.ascans), np.nan)
+        for judged in (clear[1], before & clear[0]):
+            whole = judged[:, line].all(axis=1)
+            contrast[whole] = _contrast(pool.ascans, judged, line, mm_per_px)[whole]
         if core[-1] * mm_per_px < crossing or not _is_everywhere(contrast, pool.part, LINE_SIGMAS * sigma):
             lines[rows] = 0
     return lines

@@ -1,5 +1,7 @@
 """Intervals hold what they say, distances are those of a cylinder, and agreement is as the textbooks have it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -11,6 +13,7 @@ from endoct.fusion.pose.paired import equivalence, limits_of_agreement
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import Structure, clearance, depth_beside, structures_near
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, Sense, directions
+from endoct.modalities.ct.stored import Segment
 from endoct.modalities.ct_volume import CtVolume
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.errors import EndoctError
@@ -78,7 +81,7 @@ def test_the_difference_of_two_sides_is_antisymmetric() -> None:
 
 def a_structure(local: np.ndarray, pose: BorePose, voxel_mm: float = 0.0) -> Structure:
     to_lps = pose.bore_to_lps
-    return Structure(2, local @ to_lps[:3, :3].T + to_lps[:3, 3], voxel_mm)
+    return Structure(2, local @ to_lps[:3, :3].T + to_lps[:3, 3], voxel_mm, "facial nerve")
 
 
 @pytest.mark.parametrize(
@@ -116,19 +119,20 @@ def test_structures_are_found_by_label_and_lie_where_they_are() -> None:
     k, j, i = np.indices(voxels.shape)
     voxels[np.hypot(np.hypot(k - 20, j - 20), i - 30) < 8] = 7
     steps = np.diag([0.4, 0.4, 0.4])[:, ::-1]
-    volume = CtVolume(voxels, np.array([1.0, 2.0, 3.0]), steps, "lps")
+    bone = (Segment(1, "Temporal_Bone_L", (1,)),)
+    volume = CtVolume(voxels, np.array([1.0, 2.0, 3.0]), steps, "lps", segments=bone)
     middle = np.array([1.0, 2.0, 3.0]) + 0.4 * np.array([30.0, 20.0, 20.0])
     plan = Trajectory(
         (float(middle[0]) - 6, float(middle[1]), float(middle[2])),
         (float(middle[0]), float(middle[1]), float(middle[2])),
     )
     (found,) = structures_near(volume, plan)
-    assert (found.label, found.name, found.voxel_mm) == (7, "label 7", 0.4)
+    assert (found.label, found.name, found.voxel_mm) == (7, "unknown label 7", 0.4)
     apart = np.linalg.norm(found.points_mm - middle, axis=1)
     assert apart.mean() == pytest.approx(8 * 0.4, abs=0.2)
     assert np.ptp(apart) < 0.8
     with pytest.raises(EndoctError, match="no labelled structure"):
-        structures_near(CtVolume(np.ones_like(voxels), volume.origin_mm, steps, "lps"), plan)
+        structures_near(replace(volume, voxels=np.ones_like(voxels)), plan)
     with pytest.raises(EndoctError, match="not whole"):
         structures_near(CtVolume(voxels + np.float32(0.5), volume.origin_mm, steps, "lps"), plan)
 

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
 from endoct.fusion.scoring.overlap import agreement, difference
+from endoct.fusion.scoring.sites import find_sites
 
 A = np.array([[1, 1, 0, 0], [1, 0, 0, 1]], np.bool_)
 B = np.array([[1, 0, 1, 0], [1, 0, 0, 1]], np.bool_)
@@ -18,10 +19,27 @@ def test_by_hand() -> None:
     assert (found.both, found.only_a, found.only_b, found.neither) == (2, 1, 1, 3)
     assert found.jaccard == pytest.approx(2 / 4)
     assert found.dice == pytest.approx(4 / 6)
-    stated = found.overlap(sites=2, jaccard_interval=None, dice_interval=None)
+    stated = found.overlap(sites=2, jaccard_interval=None, dice_interval=None, jaccard_without_two=None)
     assert (stated.jaccard, stated.dice) == pytest.approx((0.5, 2 / 3))
     areas = stated.both_mm2, stated.only_a_mm2, stated.only_b_mm2, stated.neither_mm2
     assert areas == pytest.approx((1.0, 0.5, 0.5, 1.5))
+
+
+def test_what_one_or_two_cells_decide() -> None:
+    """Sites by hand: one large on which both agree, across the seam, and small ones of which one side shows half."""
+    a, b = np.zeros((2, 12, 40), np.bool_)
+    seen = np.ones(a.shape, np.bool_)
+    a[0:4, [38, 39, 0, 1]] = b[0:4, [38, 39, 0, 1]] = True  # 16 of 16
+    for k in range(3):
+        a[6:10, 6 * k + 5] = b[6:8, 6 * k + 5] = True  # 2 of 4 each
+    a[6:10, 30], seen[6:10, 30] = True, False
+    sites = find_sites(a, b, seen, 1.0)
+    assert sorted(sites.both.tolist()) == [2, 2, 2, 16]
+    without_two = sites.jaccard_without_two()
+    assert without_two is not None
+    assert without_two == pytest.approx((6 / 12, (16 + 2) / (16 + 4)))
+    assert find_sites(a[:, :20], b[:, :20], seen[:, :20], 1.0).jaccard_without_two() is not None
+    assert find_sites(a[:4], b[:4], seen[:4], 1.0).jaccard_without_two() is None
 
 
 def test_the_difference_image() -> None:

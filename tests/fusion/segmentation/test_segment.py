@@ -172,6 +172,24 @@ def test_a_wall_within_its_own_spread_is_still_thresholded() -> None:
     assert find_cells(evidence, SegmentParameters(smooth_mm=0, outlines=False)).threshold is not None
 
 
+@pytest.mark.parametrize("cell_mm", [0.0, 0.15])
+def test_a_wall_without_cells_has_none(cell_mm: float) -> None:
+    """Relief that is noise of 8 µm, a stripe of it not observed; one cell of 0.3 × 0.3 mm across the seam, or none."""
+    rng = np.random.default_rng(5)
+    values = rng.normal(0, 0.008, (60, 400)).astype(np.float32)
+    truth = np.zeros(values.shape, np.bool_)
+    truth[20:26, np.arange(-3, 3)] = cell_mm > 0
+    values[truth] += np.float32(cell_mm)
+    valid = np.ones(values.shape, np.bool_)
+    valid[:, 100:140] = False
+    evidence = Evidence(values, valid, 0.05 * np.arange(60), 0.05, 0.0, 0.05 * 400 / (2 * np.pi), "relief")
+    found = find_cells(evidence, SegmentParameters(smooth_mm=0))
+    assert np.array_equal(found.mask, truth)
+    assert found.doubts == ()
+    assert found.threshold is not None
+    assert found.threshold > 0.03
+
+
 def test_a_quantile_of_every_label_is_one_of_its_values():
     rng = np.random.default_rng(0)
     values, labels = rng.normal(size=500).astype(np.float32), rng.integers(0, 6, 500)

@@ -8,7 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from tolerances import AGREEING_RTOL
 
-from endoct.modalities.oct.doubts import plain_wall
+from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_surface, plain_wall
+from endoct.modalities.oct.surface.background import Background
+from endoct.stitching.circle import wrap_rad
 from endoct.stitching.errors import NotSeen
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import BORE_MM, CAPILLARY_MM, PIXEL_MM, Phantom
@@ -107,3 +109,60 @@ def test_the_plain_wall_is_where_it_is_densest_whatever_its_cells_do() -> None:
     plain = plain_wall(depth_mm)
     assert plain.beyond_mm == pytest.approx(0.04, abs=0.001)
     assert plain.share == pytest.approx(5 / 12, abs=0.02)
+
+
+def with_fractions(panorama: Panorama, opening: float, before: float, dark: float) -> Panorama:
+    """The panorama as if every slice had these shares of openings, of bone before them, and of dark wall."""
+    values = {"opening_fraction": opening, "bone_before_fraction": before, "dark_wall_fraction": dark}
+    of_slices = {
+        name: replace(panorama.per_frame[name], values=np.full(panorama.grid.n_z, value))
+        for name, value in values.items()
+    }
+    return replace(panorama, per_frame={**panorama.per_frame, **of_slices})
+
+
+def codes_of_surface(panorama: Panorama) -> list[str]:
+    return [doubt.code for doubt in doubts_of_surface(panorama)]
+
+
+def test_what_samples_contradict_is_doubted(unrolled: UnrollPhantom) -> None:
+    panorama = unrolled(SMALL)[2]
+    assert codes_of_surface(panorama) == []
+    assert codes_of_surface(with_fractions(panorama, 0.2, 0.015, 0.0)) == []
+    assert codes_of_surface(with_fractions(panorama, 0.2, 0.025, 0.0)) == ["bone-before-surface"]
+    assert codes_of_surface(with_fractions(panorama, 0.2, 0.0, 0.06)) == []
+    assert codes_of_surface(with_fractions(panorama, 0.2, 0.0, 0.08)) == ["darkness-behind-wall"]
+    assert codes_of_surface(with_fractions(panorama, 0.0, 0.0, 0.005)) == [], "hardly any of the wall"
+
+
+def test_noise_as_uneven_as_the_wall_is_bright_is_doubted() -> None:
+    level = np.zeros(50, np.float32)
+    for most, doubted in ((4.0, []), (6.0, ["noise-near-wall"])):
+        floor = np.linspace(-most / 2, most / 2, 50, dtype=np.float32)
+        background = Background(noise=40.0, noise_sigma=5.0, wall=50.0, line_excess=level, floor=floor)
+        assert [doubt.code for doubt in doubts_of_floor(background)] == doubted
+
+
+def test_wall_erased_behind_the_search_is_doubted(unrolled: UnrollPhantom, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A third of every turn is taken for an opening: what the second look is for."""
+    from endoct.modalities.oct import unroll
+
+    found = unroll.first_edge
+
+    def erasing(*given: Any) -> NDArray[np.intp]:
+        row = found(*given).copy()
+        row[: row.size // 6], row[-row.size // 6 :] = given[0].shape[1], given[0].shape[1]
+        return row
+
+    monkeypatch.setattr(unroll, "first_edge", erasing)
+    assert "bone-before-surface" in codes(unrolled(SMALL)[2])
+
+
+@pytest.mark.parametrize("offset_mm", [0.02, 0.15])
+def test_a_nearest_wall_that_is_lost_is_doubted(unrolled: UnrollPhantom, offset_mm: float) -> None:
+    panorama = unrolled(replace(SMALL, offset_mm=offset_mm))[2]
+    nearest_rad = panorama.per_frame["offset_direction_rad"].values
+    for turned_rad, doubted in ((0.0, offset_mm > 0.05), (np.pi, False)):
+        away = wrap_rad(panorama.grid.theta_rad - nearest_rad[:, None] - turned_rad)
+        lost = replace(panorama, valid=panorama.valid & (np.abs(away) > 0.3))
+        assert codes_of_surface(lost) == (["nearest-wall-lost"] if doubted else [])

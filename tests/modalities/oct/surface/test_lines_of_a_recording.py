@@ -5,6 +5,7 @@ import pytest
 
 from endoct.modalities.oct.face.circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.ripple import N_RIPPLE
@@ -28,7 +29,14 @@ DEPTH_MM = PIXEL_MM * np.arange(N_DEPTH)
 
 
 def lines_of(
-    offset_mm: float, *, line_row: int | None = None, wander_mm: float = 0.0, glint_db: float = 0.0, cell: bool = True
+    offset_mm: float,
+    *,
+    line_row: int | None = None,
+    wander_mm: float = 0.0,
+    glint_db: float = 0.0,
+    cell: bool = True,
+    face_width_mm: float = 0.01,
+    glass_mm: float = GLASS_MM,
 ) -> FixedLines:
     """The lines found in a pullback of glass and bone, the catheter ``offset_mm`` off the axis, seen in dB."""
     rng = np.random.default_rng(7)
@@ -36,7 +44,7 @@ def lines_of(
     for k in range(N_SLICES):
         circle = Circle(offset_mm + wander_mm * np.sin(k / 3), wander_mm * np.cos(k / 2), AXIS_DEPTH_MM, CAPILLARY_MM)
         in_cell: Mask = (np.abs(ANGLE_RAD - 2) < 0.4) & cell & (5 < k < 12)
-        power = _glass(circle) + _bone(circle, in_cell, glint_db)
+        power = _glass(circle, face_width_mm, glass_mm) + _bone(circle, in_cell, glint_db)
         if line_row is not None:
             power[:, line_row : line_row + 4] += 100
         level = 10 * np.log10(rng.exponential(1 + power)).astype(np.float32)
@@ -50,13 +58,13 @@ def lines_of(
         np.zeros(N_SLICES),
         np.zeros((N_SLICES, N_RIPPLE)),
     )
-    return find_fixed_lines(slices, faces, ACQUISITION)
+    return find_fixed_lines(slices, faces, Glass(CAPILLARY_MM, glass_mm / GLASS_INDEX), ACQUISITION)
 
 
-def _glass(circle: Circle) -> Coordinates:
+def _glass(circle: Circle, width_mm: float, glass_mm: float) -> Coordinates:
     outer = DEPTH_MM - circle.depth_mm(ANGLE_RAD)[:, None]
-    inner = outer + GLASS_MM
-    power: Coordinates = 3000 * np.exp(-((outer / 0.01) ** 2)) + 300 * np.exp(-((inner / 0.01) ** 2))
+    inner = outer + glass_mm
+    power: Coordinates = 3000 * np.exp(-((outer / width_mm) ** 2)) + 300 * np.exp(-((inner / width_mm) ** 2))
     return power
 
 
@@ -73,6 +81,16 @@ def _bone(circle: Circle, in_cell: Mask, glint_db: float) -> Coordinates:
 @pytest.mark.parametrize("glint_db", [0.0, 30.0])
 def test_glass_and_wall_are_no_lines(offset_mm: float, wander_mm: float, glint_db: float) -> None:
     assert not lines_of(offset_mm, wander_mm=wander_mm, glint_db=glint_db).excess.any()
+
+
+@pytest.mark.parametrize("glass_mm", [0.1, 0.15, 0.2])
+@pytest.mark.parametrize("offset_mm", [0.15, 0.2, 0.25])
+@pytest.mark.parametrize("face_width_mm", [0.02, 0.03])
+def test_the_broad_line_of_the_inner_face_is_none_where_it_is_farthest(
+    glass_mm: float, offset_mm: float, face_width_mm: float
+) -> None:
+    """There it keeps its depth for a third of the turn, and lies deeper than the outer face where that is nearest."""
+    assert not lines_of(offset_mm, face_width_mm=face_width_mm, glass_mm=glass_mm).excess.any()
 
 
 @pytest.mark.parametrize("offset_mm", [0.0, 0.03, 0.1, 0.2])
