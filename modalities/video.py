@@ -137,6 +137,11 @@ def _av() -> Any:
     return av
 
 
+def _lenient_about_texts() -> dict[str, str]:
+    """Return what has PyAV open a video whose texts are not UTF-8; from 19 on it does so by itself."""
+    return {} if int(_av().__version__.split(".")[0]) >= 19 else {"metadata_errors": "ignore"}
+
+
 @contextmanager
 def _opened(path: Path) -> "Iterator[av.container.InputContainer]":
     """Open a video with what FFmpeg cannot take for an address, nor use to open anything else."""
@@ -151,7 +156,7 @@ def _opened(path: Path) -> "Iterator[av.container.InputContainer]":
             "r",
             format=container,
             options={"protocol_whitelist": "none", "max_pixels": most_pixels},
-            metadata_errors="ignore",
+            **_lenient_about_texts(),
             buffer_size=READ_AHEAD_BYTES,
             io_open=_refuse_to_open,
         ) as opened,

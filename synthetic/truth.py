@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.modalities.ct_volume import SIGNS, Convention
+from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.stitching.zarr_store import Named, write_arrays
 from endoct.synthetic.bone.anatomy import target_mm
 from endoct.synthetic.bone.wall import Wall

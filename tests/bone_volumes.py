@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk
 
+from benchmarks.ct_faults.writing import write_series
 from endoct.stitching.arrays import Coordinates
 from endoct.synthetic.bone.patient import stated_volume
 from endoct.synthetic.draw import draw
@@ -44,6 +45,25 @@ def block(path: Path, *, turned: bool = False, labels: bool = False, air: bool =
     image.SetDirection(direction.ravel().tolist())
     sitk.WriteImage(image, str(path))
     return path
+
+
+def tilted(folder: Path, degrees: float) -> Path:
+    """Write the block as a series taken with a tilted gantry: each slice farther back than the one before."""
+    step = VOXEL_MM * np.array([0.0, np.tan(np.radians(degrees)), 1.0])
+    corner = ORIGIN - np.array([0.0, SIZE / 2 * step[1], 0.0])
+    j, i = np.indices((2 * SIZE, SIZE))
+    slices = []
+    for k in range(SIZE):
+        places = corner + k * step + VOXEL_MM * np.stack([i, j, np.zeros_like(i)], axis=-1)
+        share = np.clip((CELL_RADIUS_MM - np.linalg.norm(places - CELL, axis=-1)) / VOXEL_MM + 0.5, 0, 1)
+        slices.append(
+            {
+                "name": f"{k}.dcm", "values": np.rint(1500 - 2500 * share).astype(np.int16), "InstanceNumber": k + 1,
+                "ImagePositionPatient": (corner + k * step).tolist(), "ImageOrientationPatient": [1, 0, 0, 0, 1, 0],
+                "PixelSpacing": [VOXEL_MM] * 2, "RescaleSlope": 1, "RescaleIntercept": 0, "GantryDetectorTilt": degrees,
+            }
+        )  # fmt: skip
+    return write_series(folder, slices)
 
 
 def dicom(folder: Path) -> Path:

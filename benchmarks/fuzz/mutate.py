@@ -1,13 +1,16 @@
 """One damage after the other to a sound case, the same ones for the same random numbers."""
 
 import contextlib
+import gzip
 import struct
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import PurePosixPath
 from random import Random
 
 from benchmarks.fuzz.archives import mutate_tar, mutate_zip
 from benchmarks.fuzz.arrays import mutate_npy, mutate_roi
+from benchmarks.fuzz.headers import mutate_dicom, mutate_lines
 from benchmarks.fuzz.images import mutate_bmp, mutate_jpeg, mutate_png
 from benchmarks.fuzz.raw import mutate_bytes, splice
 from benchmarks.fuzz.store_values import change_values
@@ -18,7 +21,18 @@ from benchmarks.fuzz.trees import Entry, Seed, Special
 from benchmarks.fuzz.values import NAMES
 from benchmarks.fuzz.videos import mutate_video
 
-_CANNOT = (ValueError, TypeError, LookupError, AttributeError, RecursionError, OverflowError, struct.error)
+_CANNOT = (
+    OSError,
+    EOFError,
+    zlib.error,
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    RecursionError,
+    OverflowError,
+    struct.error,
+)
 
 DOCUMENTS = ("json", "toml", "csv", "zarray", "zattrs", "zgroup")
 """Ends of the names of files that say what the others are; they are hit more often."""
@@ -75,11 +89,15 @@ def _mutator(name: str, data: bytes) -> Callable[[bytes, Random], bytes]:
         (b"\x93NUMPY", mutate_npy), (b"\x89PNG", mutate_png), (b"\xff\xd8", mutate_jpeg), (b"BM", mutate_bmp),
         (b"II*\0", mutate_tiff), (b"MM\0*", mutate_tiff), (b"II+\0", mutate_tiff), (b"MM\0+", mutate_tiff),
         (b"Iout", mutate_roi), (b"RIFF", mutate_video), (b"\x1a\x45\xdf\xa3", mutate_video),
-        (b"PK", lambda data, rng: mutate_zip(data, rng, _inner)),
+        (b"PK", lambda data, rng: mutate_zip(data, rng, _inner)), (b"NRRD", mutate_lines),
+        (b"ObjectType", mutate_lines), (b"\x1f\x8b", _mutate_gzip),
     )  # fmt: skip
+    if data[128:132] == b"DICM":
+        return mutate_dicom
     ends: dict[str, Callable[[bytes, Random], bytes]] = {
         ".toml": mutate_toml, ".csv": mutate_csv, ".txt": mutate_csv, ".mp4": mutate_video, ".mov": mutate_video,
         ".tar": lambda data, rng: mutate_tar(data, rng, _inner), ".json": mutate_json,
+        ".fcsv": mutate_csv, ".ctbl": mutate_csv,
     }  # fmt: skip
     path = PurePosixPath(name)
     if path.name in ("zarr.json", ".zarray", ".zattrs", ".zgroup", ".zmetadata"):
@@ -92,6 +110,13 @@ def _inner(name: str, data: bytes, rng: Random) -> bytes:
     if data[:6] == b"\x93NUMPY" and b"{" in data[128:] and rng.random() < 0.6:
         return _npy_of_text(data, rng)
     return mutate_file(name, data, rng) if rng.random() < 0.7 else mutate_bytes(data, rng)
+
+
+def _mutate_gzip(data: bytes, rng: Random) -> bytes:
+    """Return a gzip whose content was changed, or itself."""
+    if rng.random() < 0.3:
+        return mutate_bytes(data, rng)
+    return gzip.compress(mutate_bytes(gzip.decompress(data), rng), mtime=0)
 
 
 def _npy_of_text(data: bytes, rng: Random) -> bytes:

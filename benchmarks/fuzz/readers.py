@@ -243,6 +243,34 @@ def _sample(path: Path) -> None:
     _checked(_read_json(path))
 
 
+def _volume(path: Path) -> None:
+    from endoct.fusion.pose.structures import segments_in
+    from endoct.modalities.ct_volume import holds_labels, is_volume, read_ct, upright
+    from endoct.workbench.pipeline.information import texts_of
+    from endoct.workbench.pipeline.volumes import describe_volume
+
+    is_volume(path)
+    ct = upright(read_ct(path, "lps"))
+    texts_of(describe_volume(path))
+    if ct.voxels.min() < 0:
+        holds_labels(ct, str(path), "")
+    else:
+        segments_in(ct)
+
+
+def _plan(path: Path) -> None:
+    from endoct.modalities.markups import is_plan, read_line
+
+    is_plan(path)
+    read_line(path)
+
+
+def _label_names(path: Path) -> None:
+    from endoct.modalities.ct.label_names import read_label_names
+
+    read_label_names(path)
+
+
 def _output(path: Path) -> None:
     from benchmarks.fuzz.seed_outputs import KIND
     from endoct.stitching.errors import EndoctError
@@ -311,6 +339,9 @@ _ALL = (
     Reader("specimens", _specimens, _seeds("seed_sets", "set_seeds"), 2),
     Reader("records", _records, _seeds("seed_sets", "record_seeds"), 2),
     Reader("sample", _sample, _seeds("seed_sets", "sample_seeds"), 3),
+    Reader("volumes", _volume, _seeds("seed_volumes", "volume_seeds"), 12, needs="endoct.modalities.ct"),
+    Reader("plans", _plan, _seeds("seed_volumes", "plan_seeds"), 2, needs="endoct.modalities.ct"),
+    Reader("label-names", _label_names, _seeds("seed_volumes", "label_table_seeds"), 1, needs="endoct.modalities.ct"),
     Reader("outputs", _output, _seeds("seed_outputs", "output_seeds"), 2, needs="endoct.stitching.contents"),
     Reader(
         "unfinished", _unfinished, _seeds("seed_outputs", "unfinished_seeds"), 0.5, needs="endoct.stitching.contents"

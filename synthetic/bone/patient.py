@@ -4,6 +4,7 @@ World coordinates are LPS in here, as :mod:`endoct.modalities.ct_volume` reads t
 """
 
 import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,16 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from endoct.modalities.ct.label_names import TABLE_SUFFIXES
+from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.modalities.ct_volume import (
     LABEL_SIGMA_VOXELS,
-    SIGNS,
-    Convention,
     CtVolume,
     check_within,
     holds_labels,
     in_world,
     meaning_of,
     read_ct,
+    upright,
 )
 from endoct.modalities.trajectory import Trajectory, axes_at
 from endoct.stitching.arrays import Coordinates, Image
@@ -52,11 +54,17 @@ class Bone:
     distance_mm: Image
 
 
-def volume_digest(path: Path) -> str:
-    """Return the sha256 of a file, or that over the lines "name sha256" of the files in a folder."""
-    if not path.is_dir():
+def volume_digest(path: Path, also: Sequence[Path] = ()) -> str:
+    """Return the sha256 of a file, or that over the lines "name sha256" of the files in a folder.
+
+    ``also``: files that belong to that file, such as the voxels that a header names; they are lines then as well.
+    """
+    if path.is_dir():
+        files = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
+    elif also:
+        files = [path, *also]
+    else:
         return sha256_of(path)
-    files = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
     lines = "".join(f"{file.name} {sha256_of(file)}\n" for file in files)
     return hashlib.sha256(lines.encode("utf-8", "backslashreplace")).hexdigest()
 
@@ -70,22 +78,26 @@ def stated_volume(
     bone_hu: float | None = None,
     bone_label: int | None = None,
     detail_mm: float = 0.0,
+    on_read: Callable[[CtVolume], None] | None = None,
 ) -> Volume:
     """Return the volume to drill into, once it is clear that this can be done.
 
     ``coordinates``: what the numbers of ``entry_mm`` and ``target_mm`` mean, as the file says where not stated.
-    ``bone_hu``, ``bone_label``: what is bone; where neither is stated, from 300 HU on, or every label but 0. Raises
+    ``bone_hu``, ``bone_label``: what is bone; where neither is stated, from 300 HU on, or every label but 0.
+    ``on_read`` is called with the volume, which says what was mended in it and what is doubted. Raises
     :class:`EndoctError` where the volume cannot be read, does not say what its numbers mean, holds neither, or where
     the trajectory lies outside it or in no bone.
     """
     ct = read_ct(path, coordinates)
+    if on_read is not None:
+        on_read(ct)
     meaning = meaning_of(ct, coordinates, str(path))
     remedy = f"state what is bone: --bone-hu {BONE_HU:g}, or --bone-label 1"
     if bone_hu is None and bone_label is None and not holds_labels(ct, str(path), remedy):
         bone_hu = BONE_HU
     volume = Volume(
         path=str(path.resolve()),
-        sha256=volume_digest(path),
+        sha256=volume_digest(path, _voxel_files(path, ct)),
         coordinates=meaning,
         entry_mm=entry_mm,
         target_mm=target_mm,
@@ -137,14 +149,15 @@ def bore_to_lps(volume: Volume) -> Coordinates:
 def bone_around(volume: Volume, reach_mm: float) -> Bone:
     """Return the bone within ``reach_mm`` of the bore's axis. Raises where the volume is not the one stated."""
     path = Path(volume.path)
-    ct = read_ct(path, volume.coordinates)
-    if volume_digest(path) != volume.sha256:
-        raise EndoctError(
-            f"{path} is not the volume that was drilled into",
-            found="another sha256",
-            expected=volume.sha256[:12] + "…",
-            remedy="replay with that very file",
-        )
+    try:
+        ct = read_ct(path, volume.coordinates)
+    except EndoctError as error:
+        if volume_digest(path) != volume.sha256:
+            raise _other_volume(path, volume) from error
+        raise
+    if volume_digest(path, _voxel_files(path, ct)) != volume.sha256:
+        raise _other_volume(path, volume)
+    ct = upright(ct)
     whole = Lattice(ct.origin_mm, ct.steps_mm, _shape(ct))
     to_world, length = bore_to_lps(volume), volume.length_mm
     ends = to_world[:3, 3] + np.array([[0.0], [length]]) * to_world[:3, 2]
@@ -170,6 +183,20 @@ def cells_around(volume: Volume, reach_mm: float) -> NDArray[np.int32]:
     spacing = bone.lattice.spacing_mm
     nearest = ndimage.distance_transform_edt(of == 0, spacing, return_distances=False, return_indices=True)
     return np.asarray(of[tuple(nearest)])
+
+
+def _other_volume(path: Path, volume: Volume) -> EndoctError:
+    return EndoctError(
+        f"{path} is not the volume that was drilled into",
+        found="another sha256",
+        expected=volume.sha256[:12] + "…",
+        remedy="replay with that very file",
+    )
+
+
+def _voxel_files(path: Path, ct: CtVolume) -> list[Path]:
+    """Return the files besides ``path`` that hold voxels of it: names of labels are not what is drilled into."""
+    return [file for file in ct.files if file != path and not path.is_dir() and file.suffix not in TABLE_SUFFIXES]
 
 
 def _shape(ct: CtVolume) -> tuple[int, int, int]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.modalities.ct.nifti import OUR_LABELS
 from endoct.stitching.nifti import nifti_header
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.ct.scanning import scan
@@ -20,12 +21,7 @@ def write_ct(folder: Path, sample: Sample) -> None:
     if sample.ct is not None:
         before = scan(sample, sample.ct, drilled=False)
         _write(folder / "ct.nii.gz", before.hu, before.lattice, "HU before drilling")
-        _write(
-            folder / "ct_labels.nii.gz",
-            before.label,
-            before.lattice,
-            "1 bone 2 nerve 3 chorda 4 cochlea 5 sinus 6 antrum",
-        )
+        _write(folder / "ct_labels.nii.gz", before.label, before.lattice, OUR_LABELS)
         _write(folder / "ct_cells.nii.gz", before.cell, before.lattice, "cell_id as in wall.zarr")
     if sample.cone_beam is not None:
         after = scan(sample, sample.cone_beam, drilled=True)

@@ -12,6 +12,7 @@ from endoct.modalities.registry import manifest_for, manifests, open_recording, 
 from endoct.stitching.digests import path_text
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.pipeline.sidecar_template import missing_keys
+from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
 
 _KEY_WIDTH = 18
 STATED = "stated"
@@ -56,7 +57,7 @@ def installed_modalities() -> list[dict[str, object]]:
 
 
 def describe(path: Path, modality: str | None = None) -> dict[str, object]:
-    """Return what ``path`` is: a comparison, a panorama or a recording with its sidecar's state.
+    """Return what ``path`` is: a comparison, panorama, CT, label map or plan, or a recording with its sidecar's state.
 
     Raises :class:`EndoctError` where it is none of them.
     """
@@ -84,23 +85,26 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
             "doubts": [doubt.to_json() for doubt in panorama.doubts],
             "notes": list(panorama.notes),
         }
+    if modality is None and not exists(sidecar_path(path)) and is_volume_or_plan(path):
+        return describe_volume(path)
     return _recording(path, modality)
 
 
 def in_lines(facts: Mapping[str, object]) -> Iterator[str]:
     """Yield what :func:`describe` returned for people: a key and a value on each line."""
     for key, value in facts.items():
-        for number, text in enumerate(_texts(value)):
+        for number, text in enumerate(texts_of(value)):
             yield f"{'' if number else key:<{_KEY_WIDTH}}{text}"
 
 
-def _texts(value: object) -> list[str]:
+def texts_of(value: object) -> list[str]:
+    """Return a value of JSON as lines for people."""
     if isinstance(value, Mapping) and {"code", "what"} <= value.keys():  # a doubt
         return [f"{value['what']} ({value['code']})"]
     if isinstance(value, Mapping):
-        return [f"{key}: {text}" for key, each in value.items() for text in _texts(each)] or ["none"]
+        return [f"{key}: {text}" for key, each in value.items() for text in texts_of(each)] or ["none"]
     if isinstance(value, list) and not all(isinstance(each, int | float) for each in value):
-        return [text for each in value for text in _texts(each)] or ["none"]
+        return [text for each in value for text in texts_of(each)] or ["none"]
     if isinstance(value, list):
         return [", ".join(f"{each:g}" for each in value) or "none"]
     if isinstance(value, bool) or value is None:

@@ -1,11 +1,12 @@
 """A specimen from the command line or from Python, without loading what only comparing takes."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from endoct.modalities.ct_volume import Convention
+from endoct.modalities.ct.stored import Convention
+from endoct.modalities.ct_volume import CtVolume
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
 from endoct.stitching.output import new_output
@@ -43,6 +44,7 @@ def simulate(
     labels: bool = False,
     spectra: bool = False,
     overwrite: bool = False,
+    on_remark: Callable[[str], None] | None = None,
     progress: bool | Stages = True,
 ) -> None:
     """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
@@ -53,7 +55,8 @@ def simulate(
     unless stated, where ``bone_hu`` or more is bone, or ``bone_label``, with ``detail_mm`` rms added that is finer than
     its voxels (:func:`endoct.synthetic.bone.patient.stated_volume`). ``ct`` adds a CT of that bone before drilling, or
     of the simulated mastoid, with slices of ``ct_slice_mm``; ``cone_beam`` one after it. ``labels`` adds truth/labels,
-    for training networks; ``spectra`` the spectrometer's raw data; ``progress=False`` displays none. Raises
+    for training networks; ``spectra`` the spectrometer's raw data; ``on_remark`` is called with what was mended in
+    ``bone`` and what is doubted of it, in sentences; ``progress=False`` displays none. Raises
     :class:`EndoctError` for a parameter that there is not or a range that cannot be, for a bone that cannot be drilled
     so, and where ``output`` exists and ``overwrite`` is not set.
 
@@ -82,6 +85,7 @@ def simulate(
             bone_hu=bone_hu,
             bone_label=bone_label,
             detail_mm=detail_mm,
+            on_read=None if on_remark is None else lambda ct: _remark(ct, on_remark),
         )
     elif any(option is not None for option in (entry_mm, target_mm, coordinates, bone_hu, bone_label)) or detail_mm:
         raise EndoctError("it is not said what to drill into", expected="--bone with the path of a CT")
@@ -103,6 +107,13 @@ def simulate(
             spectra=spectra,
             on_progress=lambda _, share: advance(share),
         )
+
+
+def _remark(ct: CtVolume, say: Callable[[str], None]) -> None:
+    for doubt in ct.doubts:
+        say(f"doubt: {doubt.what}")
+    for note in ct.notes:
+        say(f"note: {note}")
 
 
 def _read_json(path: Path) -> Mapping[str, Any]:

@@ -12,6 +12,7 @@ from endoct.fusion.pose.paired import FEWEST_BORES, equivalence, limits_of_agree
 from endoct.stitching.digests import path_text
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import read_small
+from endoct.stitching.names import spreadsheet_text
 from endoct.workbench.pipeline.summarising import Row
 
 NAME = "pose.json"
@@ -78,7 +79,7 @@ def _row(folder: Path, pose: dict[str, Any]) -> Iterator[tuple[str, str | float 
     for side, of_side in found["by_side"].items():
         yield from _estimate(f"depth_of_last_row_{side}_mm", of_side["last_row"]["depth_mm"])
     for structure in found["structures"]:
-        name = str(structure["name"]).replace(" ", "_")
+        name = spreadsheet_text(str(structure["name"]).replace(" ", "_"))  # a segmentation named it
         yield from _estimate(f"{name}_mm", structure["distance_mm"])
         yield f"{name}_margin_mm", float(structure["margin_mm"])
     if difference is not None:

@@ -1,5 +1,7 @@
 """Figures of a pose: the CT cut along the bore, and each side's wall beside what the CT predicts of it."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -9,7 +11,7 @@ from scipy import ndimage
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.structures import NO_STRUCTURES, name_of
+from endoct.fusion.pose.structures import mask_of, name_of, segments_in
 from endoct.fusion.pose.summary import radius_of
 from endoct.modalities.ct_volume import CtVolume, part_around
 from endoct.stitching.arrays import Coordinates, Image
@@ -46,9 +48,9 @@ BEFORE_MM, AFTER_MM, ASIDE_MM, STEP_MM = 4.0, 9.0, 7.0, 0.1
 """Of the CT around the bore that a cut shows."""
 WINDOW_HU = (-1000.0, 2000.0)
 DEEPEST_MM = 1.0
-STRUCTURE_COLOURS = {2: VERMILION, 3: PURPLE, 4: GREEN}
+STRUCTURE_COLOURS = {"facial nerve": VERMILION, "chorda tympani": PURPLE, "cochlea": GREEN}
 OTHER_COLOURS = BLUE, "#8C564B", "#7F7F00"
-"""By label; of labels without a name of their own in turn."""
+"""Of structures by name; of others in turn."""
 LEAST_SHARE = 0.5
 
 
@@ -173,13 +175,17 @@ def _outline_structures(
     """Outline the structures in a plane; return their colours by name."""
     part, index = _around(labels, pose, z, aside, axis)
     found = {}
-    for label in np.unique(part).astype(int).tolist():
-        inside = ndimage.map_coordinates((part == label).astype(np.float32), index, order=1, cval=0.0)
-        if label in NO_STRUCTURES or not inside.max() > LEAST_SHARE:
+    for segment in segments_in(replace(labels, voxels=part)) if part.size else ():
+        mask = mask_of(part, segment)
+        if not mask.any():
             continue
-        colour = STRUCTURE_COLOURS.get(label, OTHER_COLOURS[label % len(OTHER_COLOURS)])
+        inside = ndimage.map_coordinates(mask.astype(np.float32), index, order=1, cval=0.0)
+        if not inside.max() > LEAST_SHARE:
+            continue
+        name = name_of(segment)
+        colour = STRUCTURE_COLOURS.get(name, OTHER_COLOURS[segment.label % len(OTHER_COLOURS)])
         axes.contour(z, aside, inside, levels=[LEAST_SHARE], colors=[colour], linewidths=1.0)
-        found[name_of(label)] = colour
+        found[name] = colour
     return found
 
 

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from endoct.modalities.ct_volume import Convention
+from endoct.modalities.ct.stored import Convention
 from endoct.modalities.device import Device, check_device
 from endoct.modalities.markups import write_line
 from endoct.modalities.trajectory import Point
@@ -13,6 +13,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.output import new_output
 from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.pipeline.volumes import facts_of
 from endoct.workbench.posing.plan import Planned, read_plan
 from endoct.workbench.posing.pose import check_installed, pose_versions
 from endoct.workbench.running.display import stages_for
@@ -69,7 +70,7 @@ def pose_outlook(
             expected=f"{RADII_MM[0]:g} to {RADII_MM[1]:g} mm",
             remedy="check --radius",
         )
-    paths = [Path(one) for one in (ct, plan) if one is not None]
+    inputs = [Path(one) for one in (ct, plan) if one is not None]
 
     def run(folder: Path | None) -> "OutlookResult":
         planned = read_plan(Path(ct), entry_mm, target_mm, None if plan is None else Path(plan), coordinates)
@@ -81,17 +82,16 @@ def pose_outlook(
                 expected=f"{LEAST_SEEN_MM:g} mm to the length of the plan, {length:.1f} mm",
                 remedy="check --seen, entry and target",
             )
-        return _rehearsed(planned, paths, radius_mm, seen, device, folder, stages_for(progress))
+        return _rehearsed(planned, radius_mm, seen, device, folder, stages_for(progress))
 
     if output is None:
         return run(None)
-    with new_output(Path(output), POSE, overwrite=overwrite, inputs=paths) as scratch:
+    with new_output(Path(output), POSE, overwrite=overwrite, inputs=inputs) as scratch:
         return run(scratch)
 
 
 def _rehearsed(
     planned: Planned,
-    paths: list[Path],
     radius_mm: float,
     seen_mm: float,
     device: Device,
@@ -101,13 +101,14 @@ def _rehearsed(
     from endoct.fusion.pose.air import air_around
     from endoct.fusion.pose.outlook import REHEARSALS, SEED, Outlook, Prospect, rehearsed
     from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
-    from endoct.fusion.pose.wall_facts import facts_of, wall_of_plan
+    from endoct.fusion.pose.wall_facts import facts_of as wall_facts
+    from endoct.fusion.pose.wall_facts import wall_of_plan
     from endoct.workbench.posing.each_side import one_thread
     from endoct.workbench.posing.outlook_result import OutlookResult
     from endoct.workbench.posing.result import Made
 
     start = time.perf_counter()
-    files = {path: state_of(path) for path in paths}
+    files = {path: state_of(path) for path in planned.files}
     with stages.stage("CT around the plan"):
         air = air_around(planned.ct, planned.plan)
         wall = wall_of_plan(air, radius_mm)
@@ -121,7 +122,7 @@ def _rehearsed(
                 advance((number + 1) / REHEARSALS)
         prospects.append(Prospect(instrument.name, tuple(tried)))
     made = Made(
-        inputs={name: digest for path in paths for name, digest in digests(path).items()},
+        inputs={name: digest for path in planned.files for name, digest in digests(path).items()},
         versions=pose_versions(),
         parameters={"device": device, "radius_mm": radius_mm, "seen_mm": seen_mm, "seed": SEED},
         seconds={
@@ -129,7 +130,9 @@ def _rehearsed(
             "in all, before the files": round(time.perf_counter() - start, 3),
         },
     )
-    result = OutlookResult(Outlook(facts_of(wall), tuple(prospects)), planned.plan, planned.coordinates, wall, made)
+    volumes = {"ct": facts_of(planned.ct, "CT", planned.coordinates)}
+    outlook = Outlook(wall_facts(wall), tuple(prospects))
+    result = OutlookResult(outlook, planned.plan, planned.coordinates, wall, made, volumes)
     for path, state in files.items():
         check_unchanged(path, state)
     if folder is not None:

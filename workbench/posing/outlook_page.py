@@ -13,7 +13,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.page.document import document
 from endoct.workbench.page.heading import Heading, Score
 from endoct.workbench.posing.outlook_result import OutlookResult
-from endoct.workbench.posing.page import REMARK, STYLE, provenance
+from endoct.workbench.posing.page import REMARK, STYLE, notes_html, provenance, volumes_html
 from endoct.workbench.posing.result import NOTICE
 from endoct.workbench.report.figures.drawing import INTENSITY_COLOURS, journal_style, render
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
@@ -57,9 +57,9 @@ def _heading(result: OutlookResult, title: str) -> Heading:
             (f"It {outlook.sentence}.",),
             "Why",
         ),
-        doubts=(),
+        doubts=tuple(doubt for facts in result.volumes.values() for doubt in facts.doubts),
         scores=tuple(scores),
-        notes=0,
+        notes=sum(len(facts.notes) for facts in result.volumes.values()),
         endoct=result.made.versions.get("endoct", ""),
     )
 
@@ -71,6 +71,9 @@ def _sections(result: OutlookResult, figures: dict[str, str]) -> Iterator[Sectio
         heads = ("", "told", "place", "off at the target (mm)", "σ stated (mm)", "roll off (°)", "correlation",
                  "second best")  # fmt: skip
         yield Section(one.instrument, f"Rehearsals by {one.instrument}", table(rows, heads) + _reasons(one.tried))
+    if notes := notes_html(result.volumes):
+        yield Section("notes", "Notes", notes)
+    yield Section("volumes", "What was read", volumes_html(result.volumes))
     yield Section("provenance", "How it was made", provenance(result.made))
 
 

@@ -1,12 +1,14 @@
 """What `endoct pose --plan-only` says, and how ``outlook.json`` says it."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from endoct.fusion.pose.outlook import Outlook, Prospect
-from endoct.modalities.ct_volume import Convention
+from endoct.modalities.ct.stored import Convention
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.arrays import Image
+from endoct.workbench.pipeline.volumes import VolumeFacts
 from endoct.workbench.posing.result import NOTICE, Made, plan_json
 
 FORMAT = "endoct-pose-outlook-1"
@@ -23,6 +25,7 @@ class OutlookResult:
     coordinates: the convention, RAS or LPS, of every place in :meth:`to_json`.
     wall: share of air on the wall of a bore along the plan, (n_z, n_theta) float32, as the CT has it.
     made: from what, with what and how fast.
+    volumes: what was read of the CT ("ct"), with notes and doubts.
     """
 
     outlook: Outlook
@@ -30,6 +33,12 @@ class OutlookResult:
     coordinates: Convention
     wall: Image
     made: Made
+    volumes: Mapping[str, VolumeFacts]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """All that is doubted of the CT, in sentences."""
+        return tuple(doubt.what for facts in self.volumes.values() for doubt in facts.doubts)
 
     @property
     def tellable(self) -> bool:
@@ -46,6 +55,8 @@ class OutlookResult:
             "notice": NOTICE,
             "level": self.outlook.level,
             "verdict": self.outlook.sentence,
+            "doubts": list(self.doubts),
+            "volumes": {name: facts.to_json() for name, facts in self.volumes.items()},
             "coordinates": self.coordinates,
             "plan": plan_json(self.plan, self.coordinates),
             "wall": asdict(self.outlook.facts),

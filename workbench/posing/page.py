@@ -1,6 +1,6 @@
 """``report.html`` of a pose: one file that opens offline, with figures and tables, and no program."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 
 from endoct.fusion.pose.clinical import Estimate, Offset
@@ -8,7 +8,10 @@ from endoct.fusion.pose.summary import PoseSummary
 from endoct.stitching.contents import marked
 from endoct.workbench.page.document import document
 from endoct.workbench.page.heading import Heading, Score
+from endoct.workbench.pipeline.information import texts_of
+from endoct.workbench.pipeline.volumes import VolumeFacts
 from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text
+from endoct.workbench.report.doubts import count_doubts
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.illustrated import numbered
 from endoct.workbench.report.sections import Section
@@ -30,12 +33,14 @@ def pose_page(result: PoseResult, title: str, drawn: Sequence[Drawn]) -> str:
 
 def _heading(result: PoseResult, title: str) -> Heading:
     summary, names = result.summary, " and ".join(result.answer.pose.names)
-    doubts = result.answer.doubts
+    doubts, of_ct = result.answer.doubts, tuple(doubt for facts in result.volumes.values() for doubt in facts.doubts)
     if not result.told:
         why = (str(result.answer.reason),)
         verdict = Verdict("unaligned", f"It cannot be told where the bore lies. {NOTICE}", why, "Why")
     elif doubts:
         verdict = Verdict("doubted", f"Told, but not by each of {names}. {NOTICE}", doubts, "Why")
+    elif of_ct:
+        verdict = Verdict("doubted", f"Told by {names}, with {count_doubts(of_ct)}. {NOTICE}")
     else:
         verdict = Verdict("trusted", f"Told by {names}. {NOTICE}")
     scores = _scores(summary) if result.told else ()
@@ -43,9 +48,9 @@ def _heading(result: PoseResult, title: str) -> Heading:
         title=f"{title}: the bore in the CT",
         facts=(("sides", names), ("coordinates", result.coordinates.upper())),
         verdict=verdict,
-        doubts=(),
+        doubts=of_ct,
         scores=tuple(scores),
-        notes=0,
+        notes=sum(len(facts.notes) for facts in result.volumes.values()),
         endoct=result.made.versions.get("endoct", ""),
     )
 
@@ -71,6 +76,9 @@ def _sections(result: PoseResult, figures: dict[str, str]) -> Iterator[Section]:
     yield Section("sides", "Sides", _sides(result))
     if summary.difference is not None:
         yield Section("difference", "The two sides against each other", _difference(result))
+    if notes := notes_html(result.volumes):
+        yield Section("notes", "Notes", notes)
+    yield Section("volumes", "What was read", volumes_html(result.volumes))
     yield Section("provenance", "How it was made", provenance(result.made))
 
 
@@ -115,6 +123,24 @@ def _difference(result: PoseResult) -> str:
     ]
     what = f"The axis by {found.of[0]} alone less that by {found.of[1]} alone. {BRACKETS}"
     return table(rows, ("", "x, y of the plan", "length")) + f"<p>{what}</p>"
+
+
+def notes_html(volumes: Mapping[str, VolumeFacts]) -> str:
+    """Return the notes on volumes as a table, "" where there are none."""
+    rows = [(facts.title, note) for facts in volumes.values() for note in facts.notes]
+    return table(rows, text=(1,)) if rows else ""
+
+
+def volumes_html(volumes: Mapping[str, VolumeFacts]) -> str:
+    """Return what was read of volumes as tables."""
+    return "".join(
+        table(
+            [(name, text) for name, value in facts.facts.items() for text in texts_of(value)],
+            (facts.title, ""),
+            text=(1,),
+        )
+        for facts in volumes.values()
+    )
 
 
 def provenance(made: Made) -> str:

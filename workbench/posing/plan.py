@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from endoct.modalities.ct_volume import Convention, CtVolume, check_within, in_world, meaning_of, read_ct
+from endoct.modalities.ct.stored import Convention
+from endoct.modalities.ct_volume import CtVolume, check_within, in_world, meaning_of, read_ct
 from endoct.modalities.markups import read_line
 from endoct.modalities.trajectory import Point, Trajectory
 from endoct.stitching.errors import EndoctError
@@ -11,11 +12,15 @@ from endoct.stitching.errors import EndoctError
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """A CT with the plan in it. ``coordinates``: what the numbers mean that the user states and is told."""
+    """A CT with the plan in it.
+
+    ``coordinates``: what the numbers mean that the user states and is told. ``files``: all that were read.
+    """
 
     ct: CtVolume
     plan: Trajectory
     coordinates: Convention
+    files: tuple[Path, ...]
 
 
 def read_plan(
@@ -46,4 +51,10 @@ def read_plan(
     elif entry_mm is not None and target_mm is not None:
         trajectory = Trajectory(in_world(entry_mm, meaning), in_world(target_mm, meaning))
     check_within(volume, trajectory, meaning, "the CT")
-    return Planned(volume, trajectory, meaning)
+    files = files_read(ct, volume)
+    return Planned(volume, trajectory, meaning, files if plan is None else (*files, plan))
+
+
+def files_read(path: Path, volume: CtVolume) -> tuple[Path, ...]:
+    """Return what a volume was read from: the folder ``path``, or the file and those that belong to it."""
+    return (path,) if path.is_dir() else volume.files or (path,)

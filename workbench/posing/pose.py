@@ -7,7 +7,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from endoct.modalities.ct_volume import Convention, read_ct
+from endoct.modalities.ct.label_names import OUR_TABLE
+from endoct.modalities.ct.stored import Convention
+from endoct.modalities.ct_volume import CtVolume, read_ct, with_label_names
 from endoct.modalities.device import Device, check_device
 from endoct.modalities.trajectory import Point
 from endoct.stitching.digests import digests
@@ -18,7 +20,8 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.sources import Source, inputs_of
-from endoct.workbench.posing.plan import Planned, read_plan
+from endoct.workbench.pipeline.volumes import facts_of
+from endoct.workbench.posing.plan import Planned, files_read, read_plan
 from endoct.workbench.posing.sides import MOST_SIDES, make_sides, open_sides, side_of_comparison
 from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import POSE
@@ -29,7 +32,7 @@ from endoct.workbench.running.threads import one_blas_thread
 if TYPE_CHECKING:
     from endoct.workbench.posing.result import PoseResult
 
-NEEDED = ("torch", "kornia", "SimpleITK")
+NEEDED = ("torch", "kornia", "SimpleITK", "pydicom", "nibabel")
 
 
 @one_blas_thread()
@@ -43,6 +46,7 @@ def pose(
     plan: Path | str | None = None,
     coordinates: Convention | None = None,
     labels: Path | str | None = None,
+    label_names: Path | str | None = None,
     modality_a: str | None = None,
     modality_b: str | None = None,
     settings_a: Mapping[str, object] | None = None,
@@ -56,8 +60,9 @@ def pose(
     ``sides`` are panoramas at hand, or paths of recordings, panoramas or sides of comparisons ("DIR:SIDE"). The plan
     goes from ``entry_mm`` to ``target_mm``, whose ``coordinates`` are what the file of the CT says unless stated, or is
     the line in ``plan``, a markups file of 3D Slicer. ``labels`` is a segmentation in the world of the CT, with the
-    structures that the bore has to miss. Everything that `endoct pose` promises is written to the folder ``output``
-    where one is given. ``modality_a``, ``settings_a`` and so on are those of :func:`compare`; ``device``:
+    structures that the bore has to miss; ``label_names`` is a table of their names where it has none itself, or
+    "endoct" for those that :func:`simulate` gives. Everything that `endoct pose` promises is written to the folder
+    ``output`` where one is given. ``modality_a``, ``settings_a`` and so on are those of :func:`compare`; ``device``:
     where to compute.
 
     Where it cannot be told where the bore lies, the result's ``pose`` is None and ``answer.reason`` says why. Raises
@@ -82,15 +87,22 @@ def pose(
         side_of_comparison(Source(side if isinstance(side, Panorama) else Path(side), modality, settings or {}, device))
         for side, (modality, settings) in zip(sides, (*options, *[(None, None)] * len(sides)), strict=False)
     )
-    paths = [Path(one) for one in (ct, plan, labels) if one is not None]
-    read = [*paths, *(source.path for source in sources if source.path is not None)]
+    if label_names is not None and labels is None:
+        raise EndoctError("there are no labels to be named", remedy="add --labels, or leave out --label-names")
+    table = [] if label_names in (None, OUR_TABLE) else [label_names]
+    read = [
+        *(Path(one) for one in (ct, plan, labels, *table) if one is not None),
+        *(source.path for source in sources if source.path is not None),
+    ]
 
     def run(folder: Path | None) -> "PoseResult":
         planned = read_plan(Path(ct), entry_mm, target_mm, None if plan is None else Path(plan), coordinates)
         with second_process() if len(sources) == MOST_SIDES else nullcontext() as process:
             if process is not None:  # it loads what it will need while the CT is read
                 process.preload("endoct.workbench.posing.finding", "endoct.workbench.posing.folder")
-            return _found(sources, planned, paths, labels, device, folder, stages_for(progress), process)
+            named = None if labels is None else with_label_names(read_ct(Path(labels), coordinates), label_names)
+            files = planned.files if named is None else (*planned.files, *files_read(Path(str(labels)), named))
+            return _found(sources, planned, named, files, device, folder, stages_for(progress), process)
 
     if output is None:
         return run(None)
@@ -115,15 +127,15 @@ def pose_versions() -> dict[str, str]:
 def _found(
     sources: Sequence[Source],
     planned: Planned,
+    labels: CtVolume | None,
     paths: Sequence[Path],
-    labels: Path | str | None,
     device: Device,
     folder: Path | None,
     stages: Stages,
     process: WorkerProcess | None,
 ) -> "PoseResult":
     from endoct.fusion.pose.air import air_around
-    from endoct.fusion.pose.structures import structures_near
+    from endoct.fusion.pose.structures import label_doubts, structures_near
     from endoct.fusion.pose.summary import summary_of
     from endoct.workbench.posing.each_side import EachSide
     from endoct.workbench.posing.finding import find
@@ -132,8 +144,10 @@ def _found(
     start = time.perf_counter()
     files = {path: state_of(path) for path in (*paths, *(one.path for one in sources if one.path is not None))}
     opened = open_sides(sources)
-    volume = None if labels is None else read_ct(Path(labels), planned.coordinates)
-    structures = () if volume is None else structures_near(volume, planned.plan)
+    structures = () if labels is None else structures_near(labels, planned.plan)
+    volumes = {"ct": facts_of(planned.ct, "CT", planned.coordinates)}
+    if labels is not None:
+        volumes["labels"] = facts_of(labels, "labels", planned.coordinates, label_doubts(labels))
     with stages.stage("CT around the plan"):
         air = air_around(planned.ct, planned.plan)
     # what cannot be used was refused before the work of unrolling
@@ -152,11 +166,11 @@ def _found(
             "in all, before the files": round(time.perf_counter() - start, 3),
         },
     )
-    result = PoseResult(answer, summary, planned.coordinates, made)
+    result = PoseResult(answer, summary, planned.coordinates, made, volumes)
     for path, state in files.items():
         check_unchanged(path, state)
     if folder is not None:
         from endoct.workbench.posing.folder import write_folder  # only who draws loads matplotlib
 
-        write_folder(result, planned.ct, volume, each, folder, stages)
+        write_folder(result, planned.ct, labels, each, folder, stages)
     return result

@@ -11,9 +11,11 @@ from endoct.fusion.pose.clinical import Estimate
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.summary import PoseSummary, radius_of
 from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, SCALE, TURN
-from endoct.modalities.ct_volume import SIGNS, Convention, in_world
+from endoct.modalities.ct.stored import SIGNS, Convention
+from endoct.modalities.ct_volume import in_world
 from endoct.modalities.trajectory import Point, Trajectory
 from endoct.stitching.arrays import Coordinates
+from endoct.workbench.pipeline.volumes import VolumeFacts
 
 FORMAT = "endoct-pose-1"
 NOTICE = "Research software, not for clinical decisions."
@@ -39,12 +41,14 @@ class PoseResult:
     summary: the same in clinical words.
     coordinates: the convention, RAS or LPS, of every place in :meth:`to_json`.
     made: from what, with what and how fast.
+    volumes: what was read of the CT ("ct") and of the segmentation ("labels"), with notes and doubts.
     """
 
     answer: PoseAnswer
     summary: PoseSummary
     coordinates: Convention
     made: Made
+    volumes: Mapping[str, VolumeFacts]
 
     @property
     def told(self) -> bool:
@@ -55,6 +59,11 @@ class PoseResult:
     def pose(self) -> BorePose | None:
         """Where the bore lies; None where that cannot be told."""
         return self.answer.pose if self.told else None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """All that is doubted, in sentences: of the volumes, then of a side."""
+        return (*(doubt.what for facts in self.volumes.values() for doubt in facts.doubts), *self.answer.doubts)
 
     @property
     def axis(self) -> Trajectory:
@@ -74,7 +83,8 @@ class PoseResult:
             "notice": NOTICE,
             "told": self.told,
             "reason": self.answer.reason,
-            "doubts": list(self.answer.doubts),
+            "doubts": list(self.doubts),
+            "volumes": {name: facts.to_json() for name, facts in self.volumes.items()},
             "sides": list(self.answer.pose.names),
             "coordinates": self.coordinates,
             "plan": plan_json(plan, self.coordinates),

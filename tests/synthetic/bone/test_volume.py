@@ -19,6 +19,7 @@ from bone_volumes import (
     drilled,
     point,
     stated,
+    tilted,
 )
 from scipy import ndimage
 
@@ -164,6 +165,20 @@ def test_a_series_of_dicom_is_the_same_volume(tmp_path: Path, wall: Wall) -> Non
     volume = stated(dicom(tmp_path / "series"), coordinates=None)
     assert volume.coordinates == "lps"
     check_same(build_wall(drilled(volume)), wall)
+
+
+def test_a_series_of_a_tilted_gantry_is_the_same_volume(tmp_path: Path, wall: Wall) -> None:
+    askew = build_wall(drilled(stated(tilted(tmp_path / "series", 12.0), coordinates=None)))
+    assert (askew.cell != wall.cell).sum() < 0.02 * wall.cell.sum()
+    assert np.median(np.abs(askew.relief_mm - wall.relief_mm)[askew.cell & wall.cell]) < PART_OF_VOXEL * VOXEL_MM
+
+
+def test_voxels_in_another_file_are_a_part_of_what_was_drilled_into(tmp_path: Path) -> None:
+    sample = drilled(stated(block(tmp_path / "block.mhd")))
+    voxels = (tmp_path / "block.raw").read_bytes()
+    (tmp_path / "block.raw").write_bytes(voxels[:-2] + b"\0\0")
+    with pytest.raises(EndoctError, match="not the volume that was drilled into"):
+        build_scene(sample)
 
 
 def test_axes_that_are_not_at_right_angles_are_refused(tmp_path: Path) -> None:

@@ -2,12 +2,18 @@
 
 from itertools import pairwise
 from pathlib import Path
+from random import Random
 
 import cv2
 import numpy as np
 import pytest
+from tolerances import CT_PLACE_MM
 
+from benchmarks.ct_faults.drawn import drawn, named_slices
+from benchmarks.ct_faults.writing import nrrd_header, write_nrrd, write_series
+from endoct.modalities.markups import write_line
 from endoct.modalities.registry import manifest_for
+from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import unroll
@@ -187,3 +193,33 @@ def test_a_doubt_is_one_line() -> None:
     (line,) = in_lines({"doubts": [doubt.to_json()]})
     assert line.split(maxsplit=1) == ["doubts", f"{doubt.what} (wall-far-from-nominal)"]
     assert list(in_lines({"doubts": []})) == [f"{'doubts':<18}none"]
+
+
+def test_a_ct_labels_and_a_plan_say_what_they_are(tmp_path: Path) -> None:
+    volume = drawn(Random(2))
+    series = write_series(tmp_path / "series", named_slices(volume))
+    said = describe(series)
+    corners = np.array(
+        [volume.place(*(np.array(at) * (np.array(volume.voxels.shape) - 1))) for at in np.ndindex(2, 2, 2)]
+    )
+    assert (said["kind"], said["numbers"], said["coordinates"]) == ("CT", "Hounsfield units", "lps")
+    assert np.allclose(said["from_mm"], corners.min(axis=0), atol=CT_PLACE_MM)  # type: ignore[arg-type]
+    assert np.allclose(said["to_mm"], corners.max(axis=0), atol=CT_PLACE_MM)  # type: ignore[arg-type]
+    assert said["certainty"] == "placed as its file says; nothing speaks against it"
+    assert any("Hounsfield units" in line for line in in_lines(said))
+    labels = (volume.voxels > 0).astype(np.uint8)
+    header = nrrd_header(volume) | {"type": "uchar"}
+    del header["space"]
+    path = write_nrrd(
+        tmp_path / "labels.nrrd", {"type": header.pop("type"), "space dimension": "3"} | header, labels.tobytes()
+    )
+    said = describe(path)
+    assert (said["kind"], said["coordinates"], "from_mm" in said) == ("label map", None, False)
+    assert "state --coordinates" in str(said["certainty"])
+    assert said["numbers"] == "2 labels, which nothing names"
+    write_line(Trajectory((1.0, 2.0, 3.0), (1.0, 2.0, 33.0)), "plan", tmp_path / "plan.mrk.json")
+    said = describe(tmp_path / "plan.mrk.json")
+    assert (said["kind"], said["coordinates"], said["target_mm"]) == ("plan", "lps", [1.0, 2.0, 33.0])
+    (series / "IM0003.dcm").unlink()
+    with pytest.raises(EndoctError, match=r"between IM0002\.dcm and IM0004\.dcm"):
+        describe(series)

@@ -111,3 +111,70 @@ def test_what_are_no_markups_is_refused(tmp_path: Path, content: str) -> None:
     path.write_text(content, encoding="utf-8")
     with pytest.raises(EndoctError):
         read_line(path)
+
+
+FCSV = """# Markups fiducial file version = {version}
+# CoordinateSystem = {system}
+# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID
+1,{entry},0,0,0,1,1,1,0,{first},,{more}
+2,{target},0,0,0,1,1,1,0,"F, 2",,{more}
+"""
+
+
+def fcsv(path: Path, case: PoseCase, system: str, **fields: str) -> Path:
+    signs = SIGNS["RAS" if system in ("RAS", "0") else "LPS"]
+    ends = [",".join(map(repr, (signs * end).tolist())) for end in (case.plan.entry_mm, case.plan.target_mm)]
+    usual = {"version": "4.11", "entry": ends[0], "target": ends[1], "first": "F-1", "more": "", "system": system}
+    path.write_text(FCSV.format(**(usual | fields)), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("version", "system", "more"), [("4.4", "0", ""), ("4.10", "1", ""), ("4.11", "LPS", ""), ("5.4", "RAS", ",2,2")]
+)
+def test_a_list_of_an_older_slicer_is_the_same_plan(
+    case: PoseCase, tmp_path: Path, version: str, system: str, more: str
+) -> None:
+    path = fcsv(tmp_path / "plan.fcsv", case, system, version=version, more=more)
+    line, convention = read_line(path)
+    assert convention == ("ras" if system in ("RAS", "0") else "lps")
+    assert np.allclose([line.entry_mm, line.target_mm], [case.plan.entry_mm, case.plan.target_mm])
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert read_line(path) == (line, convention)
+    turned = fcsv(tmp_path / "plan.fcsv", case, system, first="target").read_text(encoding="utf-8")
+    path.write_text(turned.replace('"F, 2"', "entry"), encoding="utf-8")
+    assert np.allclose(read_line(path)[0].entry_mm, case.plan.target_mm)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"system": "2"}, "RAS or LPS"),
+        ({"system": ""}, "RAS or LPS"),
+        ({"entry": "1,2"}, "has no place"),
+        ({"entry": "1,2,nan"}, "has no place"),
+        ({"version": "5.4", "more": ",2,0"}, "the entry of .* is not placed"),
+        ({"target": "1,2,3,0,0,0,1,1,1,0,F\n3,4,5,6"}, "3 points"),
+    ],
+)
+def test_a_list_that_says_no_line_is_refused(
+    case: PoseCase, tmp_path: Path, fields: dict[str, str], message: str
+) -> None:
+    with pytest.raises(EndoctError, match=message):
+        read_line(fcsv(tmp_path / "plan.fcsv", case, **({"system": "LPS"} | fields)))
+
+
+@pytest.mark.parametrize("status", ["undefined", "preview", "missing", ""])
+def test_a_point_that_nobody_placed_is_no_plan(case: PoseCase, tmp_path: Path, status: str) -> None:
+    path = markups(tmp_path / "plan.mrk.json", case, "LPS")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["markups"][0]["controlPoints"][1] |= {"position": [0, 0, 0], "positionStatus": status}
+    path.write_text("\ufeff" + json.dumps(document), encoding="utf-8")
+    with pytest.raises(EndoctError, match=r"the target of .* is not placed"):
+        read_line(path)
+
+
+def test_what_is_neither_is_said_to_be_neither(tmp_path: Path) -> None:
+    (tmp_path / "plan.txt").write_text("1 2 3\n")
+    with pytest.raises(EndoctError, match=r"is no JSON, and no \.fcsv"):
+        read_line(tmp_path / "plan.txt")

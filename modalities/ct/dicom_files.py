@@ -1,0 +1,239 @@
+"""The DICOM files in a folder, or one of them: which belong to a volume, and their headers, by pydicom.
+
+Why not highdicom, which makes volumes too (0.28)? It takes slices for even where their distances vary by up to 1 %,
+0.6 mm over a head; it says only that they are no volume, and not which slice it is; and it knows no tilted gantry.
+"""
+
+import logging
+import os
+import stat
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BufferedReader
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from endoct.modalities.ct.stored import EXPECTED, odd_ones
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import open_regular, read_start
+from endoct.stitching.names import is_left_by_system
+
+if TYPE_CHECKING:
+    from pydicom import Dataset
+
+PREAMBLE, MAGIC = 128, b"DICM"
+START_BYTES = PREAMBLE + len(MAGIC)
+WITHOUT_PREAMBLE = (
+    b"\x08\x00\x05\x00",
+    b"\x08\x00\x08\x00",
+    b"\x08\x00\x16\x00",
+    b"\x08\x00\x00\x00",
+    b"\x02\x00\x00\x00",
+)
+"""What the first element of DICOM without a preamble is, as old archives wrote it: little endian."""
+NO_DICOM_SUFFIXES = frozenset(
+    (".txt", ".md", ".json", ".xml", ".csv", ".tsv", ".htm", ".html", ".pdf", ".ini", ".inf", ".log", ".toml", ".yaml",
+     ".yml", ".jpg", ".jpeg", ".png", ".gif", ".bmp", ".tif", ".tiff", ".zip", ".exe", ".dll", ".ctbl", ".label",
+     ".fcsv", ".nii", ".gz", ".nrrd", ".mha", ".mhd", ".raw", ".py", ".sh")
+)  # fmt: skip
+"""Of files that may lie next to slices. Another file that is no DICOM may be a damaged slice."""
+LOOKED_AT = 50
+"""Files of a folder, until it is said that it holds no DICOM."""
+SCOUT, DIRECTORY = "LOCALIZER", "1.2.840.10008.1.3.10"
+DEFLATED = "1.2.840.10008.1.2.1.99"
+KEYWORDS = (
+    "SpecificCharacterSet", "ImageType", "SOPClassUID", "SOPInstanceUID", "Modality", "SeriesDescription",
+    "PatientID", "StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID", "AcquisitionNumber",
+    "TemporalPositionIdentifier", "TemporalPositionIndex", "ConvolutionKernel", "SliceThickness", "KVP",
+    "ReconstructionDiameter", "GantryDetectorTilt", "InstanceNumber", "ImagePositionPatient",
+    "ImageOrientationPatient", "PixelSpacing", "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel",
+    "PhotometricInterpretation", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "RescaleSlope",
+    "RescaleIntercept", "RescaleType", "ModalityLUTSequence", "LossyImageCompression",
+    "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence", "SegmentSequence", "SegmentationType",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class DicomFile:
+    """A file with its header up to the voxels."""
+
+    path: Path
+    header: "Dataset"
+
+    def text(self, keyword: str) -> str:
+        """Return the text of an element, "" where there is none."""
+        value = self.header.get(keyword)
+        return "" if value is None else str(value).strip()
+
+    @property
+    def is_scout(self) -> bool:
+        """Whether it says of itself that it is a scout (localizer, topogram)."""
+        return SCOUT in self.text("ImageType")
+
+    @property
+    def is_image(self) -> bool:
+        """Whether it should hold an image: not a report, a plan or the like."""
+        return "Rows" in self.header or "Image" in getattr(self.header.get("SOPClassUID"), "name", "Image")
+
+
+def is_dicom(path: Path) -> bool:
+    """Say whether a file begins as DICOM does."""
+    start = read_start(path, START_BYTES)
+    return start[PREAMBLE:] == MAGIC or start.startswith(WITHOUT_PREAMBLE)
+
+
+def dicom_in(folder: Path) -> bool:
+    """Say whether a folder holds DICOM, by its first files."""
+    files = (
+        entry for entry in sorted(folder.iterdir())[:LOOKED_AT] if entry.is_file() and not entry.name.startswith(".")
+    )
+    return any(is_dicom(entry) for entry in files)
+
+
+def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
+    """Return the images of one series, in a folder or a file, with their headers, and notes on what was left out.
+
+    Scouts, and what is no image, are left out. Raises :class:`EndoctError` where a file may be a damaged slice, where
+    there is something that cannot be read, and where there is no series or more than one.
+    """
+    paths, aside = _candidates(path) if path.is_dir() else ([path], [])
+    files = [file for entry in paths if (file := read_header(entry)).text("SOPClassUID") != DIRECTORY]
+    images = [file for file in files if file.is_image]
+    scouts = [file for file in images if file.is_scout]
+    slices = [file for file in images if not file.is_scout]
+    if not slices:
+        none = "DICOM without images" if files else "no DICOM"
+        found = f"{len(scouts)} scouts only" if scouts else none
+        raise EndoctError(f"{path} is no volume", found=found, expected=EXPECTED, remedy=_where_else(path))
+    _check_one_series(path, slices)
+    notes = [f"left out as {'scouts' if len(scouts) > 1 else 'a scout'}: {odd_ones(_names(scouts))}"] if scouts else []
+    if others := [file for file in files if not file.is_image]:
+        notes.append(f"left out as no images: {odd_ones(_names(others))}")
+    if aside:
+        notes.append(f"left out as no DICOM: {odd_ones(aside)}")
+    return slices, tuple(notes)
+
+
+def read_header(path: Path) -> DicomFile:
+    """Return a file with its header. Raises :class:`EndoctError` where it cannot be read."""
+    with opened(path) as file:
+        from pydicom import dcmread
+
+        header = dcmread(file, stop_before_pixels=True, force=True, specific_tags=list(KEYWORDS))
+        syntax = header.file_meta.get("TransferSyntaxUID") if hasattr(header, "file_meta") else None
+        if syntax == DEFLATED:
+            raise EndoctError(
+                f"{path} cannot be read", found="DICOM that is deflated as a whole", remedy="export it uncompressed"
+            )
+        if not len(header):
+            raise EndoctError(f"{path} cannot be read", found="no header of DICOM, or a damaged one")
+        return DicomFile(path, header)
+
+
+class _Bounded(BufferedReader):
+    """A file that is asked for no more bytes than it has: a damaged length would have 4 GB of memory taken."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return up to ``size`` bytes."""
+        left = max(0, os.fstat(self.fileno()).st_size - self.tell())
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
+@contextmanager
+def reading_dicom(path: Path) -> Iterator[None]:
+    """Have pydicom read in silence; whatever it raises about ``path`` becomes one :class:`EndoctError`.
+
+    It turns values into numbers only as they are asked for, so this is around all that asks.
+    """
+    from pydicom.config import disable_value_validation
+
+    logging.getLogger("pydicom").setLevel(logging.CRITICAL)  # what is wrong is an error here, or is no matter
+    with (
+        warnings.catch_warnings(),
+        disable_value_validation(),
+        refusing(f"{path} cannot be read", expected="DICOM that is whole"),
+    ):
+        warnings.simplefilter("ignore")
+        yield
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BufferedReader]:
+    """Open a DICOM file for pydicom."""
+    with open_regular(path) as file, reading_dicom(path):
+        yield _Bounded(file.raw)
+
+
+def named(path: Path | str, frame: int | None = None) -> str:
+    """Return how a message calls a slice."""
+    return str(path) if frame is None else f"frame {frame + 1} of {path}"
+
+
+def _names(files: Sequence[DicomFile]) -> list[str]:
+    return [file.path.name for file in files]
+
+
+def _candidates(folder: Path) -> tuple[list[Path], list[str]]:
+    """Return the DICOM files in a folder, and the names of files that are surely none."""
+    found, aside = [], []
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() or path.name.startswith(".") or is_left_by_system(path.name):
+            continue
+        try:
+            mode = path.stat().st_mode
+        except OSError as error:
+            nowhere = "a link that leads nowhere" if path.is_symlink() else ""
+            raise _unreadable(path, nowhere or error.strerror or str(error)) from error
+        if not stat.S_ISREG(mode):
+            raise _unreadable(path, "a pipe, or the like")
+        if is_dicom(path):
+            found.append(path)
+            continue
+        start = read_start(path, 512)
+        if not start:
+            raise _unreadable(path, "an empty file")
+        if path.suffix.lower() not in NO_DICOM_SUFFIXES and not _is_text(start):
+            raise _unreadable(path, "a file that is no DICOM, or a damaged one")
+        aside.append(path.name)
+    return found, aside
+
+
+def _is_text(start: bytes) -> bool:
+    text = start.decode("utf-8", "ignore")
+    return all(letter.isprintable() or letter in "\r\n\t" for letter in text) and len(text) > len(start) / 2
+
+
+def _unreadable(path: Path, found: str) -> EndoctError:
+    return EndoctError(
+        f"{path} is no slice", found=found, expected="slices only", remedy="copy the series again, or remove that file"
+    )
+
+
+def _where_else(path: Path) -> str:
+    below = path.is_dir() and any(is_dicom(entry) for entry in _some_below(path))
+    return "name the folder that holds the slices" if below else ""
+
+
+def _some_below(folder: Path, most: int = 200) -> Iterator[Path]:
+    for number, path in enumerate(folder.rglob("*")):
+        if number >= most:
+            return
+        if path.is_file():
+            yield path
+
+
+def _check_one_series(path: Path, files: Sequence[DicomFile]) -> None:
+    series = Counter(file.text("SeriesInstanceUID") for file in files)
+    if len(series) == 1:
+        return
+    said = {file.text("SeriesInstanceUID"): file.text("SeriesDescription") for file in files}
+    each = [f"'{said[uid] or uid[-12:]}' ({count} files)" for uid, count in series.most_common()]
+    raise EndoctError(
+        f"{path} is no volume",
+        found=f"{len(series)} DICOM series: {odd_ones(each)}",
+        expected="one DICOM series in a folder",
+        remedy="put the series into a folder of its own",
+    )

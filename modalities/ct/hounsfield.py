@@ -1,0 +1,86 @@
+"""Whether values look like Hounsfield units of a head: air near −1000, bone above 300, slices that differ."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.doubt import Doubt
+
+LEAST_HU = -500.0
+"""A volume that holds less than that has Hounsfield units."""
+BONE_HU = 300.0
+LEAST_BONE = 1e-4
+"""Share of voxels that are bone, at least."""
+DARKEST_HU, DARK_SHARE, FEWEST_DARK = -850.0, 0.1, 10
+"""What the darkest tenth of air reaches; in cells of a mastoid most voxels hold some bone."""
+AIR_HU = (-1100.0, -600.0)
+"""Where most of what is darker than the second lies, at least: air, with scanners 24 HU or more apart."""
+TOO_LOW_HU, MOST_TOO_LOW = -1400.0, 0.005
+"""No tissue is that dark, and noise and metal only in places."""
+PEAKED, WIDTH_HU = 0.6, 100.0
+"""Share of a kind of voxels within so much of one value: so is air, and bone is not."""
+PERHAPS = "Its values may be shifted or inverted."
+SAMPLE = 4_000_000
+MOST_COPIES = 0.1
+"""Share of slices: where more are the same, it is a phantom."""
+
+
+def hounsfield_doubts(voxels: NDArray[Any], name: str) -> tuple[Doubt, ...]:
+    """Return what speaks against values (k, j, i) as Hounsfield units of the CT called ``name``."""
+    flat = voxels.reshape(-1)
+    some = flat[:: max(1, flat.size // SAMPLE)].astype(np.float32)
+    padding = float(voxels.min())
+    inside = some[some > padding] if padding < AIR_HU[0] else some  # what was never seen has one value
+    return (*_of_values(inside, name), *_of_copies(voxels, name))
+
+
+def _of_values(values: NDArray[np.float32], name: str) -> Iterator[Doubt]:
+    if not values.size:
+        return
+    too_low = float(np.mean(values < TOO_LOW_HU))
+    air = values[values < AIR_HU[1]]
+    usual = float(np.median(air)) if air.size else 0.0
+    darkest = float(np.quantile(air, DARK_SHARE)) if air.size >= FEWEST_DARK else float(values.min())
+    bone = float(np.mean(values > BONE_HU))
+    if too_low > MOST_TOO_LOW or usual < AIR_HU[0]:
+        said = f"{too_low:.1%} of {name} is darker than {TOO_LOW_HU:g} HU, and its air at {usual:.0f}. {PERHAPS}"
+        yield Doubt("ct-values-too-low", _signed(said), value=usual, unit="HU", expected=AIR_HU)
+    if darkest > DARKEST_HU:
+        said = f"Nothing in {name} is as dark as air, −1000 HU: the darkest is at {darkest:.0f}. {PERHAPS}"
+        yield Doubt("ct-no-air", _signed(said), value=darkest, unit="HU", expected=(AIR_HU[0], DARKEST_HU))
+    bright = values[values > BONE_HU]
+    if bright.size and _near(bright, 1000) > PEAKED > (_near(air, -1000) if air.size else 0):
+        said = f"What is bright in {name} is nearly all at 1000 HU, as air is at −1000. {PERHAPS}"
+        yield Doubt("ct-values-inverted", said, value=float(np.median(bright)), unit="HU")
+    if bone < LEAST_BONE:
+        said = f"Nothing in {name} is as bright as bone, over {BONE_HU:g} HU. {PERHAPS}"
+        yield Doubt("ct-no-bone", said, value=float(values.max()), unit="HU", expected=None)
+
+
+def _near(values: NDArray[np.float32], at: float) -> float:
+    return float(np.mean(np.abs(values - np.float32(at)) < WIDTH_HU))
+
+
+def _of_copies(voxels: NDArray[Any], name: str) -> Iterator[Doubt]:
+    seen: Counter[bytes] = Counter()
+    at: dict[bytes, list[int]] = {}
+    for k, slice_ in enumerate(voxels):
+        if slice_.min() == slice_.max():
+            continue
+        digest = hashlib.blake2b(slice_.tobytes(), digest_size=16).digest()
+        seen[digest] += 1
+        at.setdefault(digest, []).append(k)
+    copies = [places for places in at.values() if len(places) > 1]
+    count = sum(len(places) - 1 for places in copies)
+    if 0 < count <= max(1, MOST_COPIES * sum(seen.values())):
+        first, second = copies[0][:2]
+        said = f"Slices {first + 1} and {second + 1} of {name} are the same to the last voxel: one may be a copy."
+        yield Doubt("ct-slices-copied", said, value=float(count), unit="slices", expected=0.0)
+
+
+def _signed(text: str) -> str:
+    return text.replace(" -", " −")

@@ -1,0 +1,203 @@
+"""NIfTI: header by nibabel; units, qform and sform taken for what they say."""
+
+import gzip
+import math
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.ct.raw_voxels import read_voxels
+from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.errors import EndoctError, refusing
+from endoct.stitching.files import open_regular, read_start
+from endoct.stitching.limits import check_array_size
+
+GZIP = b"\x1f\x8b"
+HEADER_BYTES = 540
+SHORTEST, FARTHEST = 348, 1_000_000_000
+"""Bytes before the voxels."""
+UNITS_MM = {1: 1000.0, 2: 1.0, 3: 1e-3}
+"""Of ``xyzt_units``: m, mm, µm."""
+APART_VOXELS = 0.1
+"""How far sform and qform may lie apart with a doubt, of the smallest voxel."""
+SINGLE, PAIR = (b"n+1\0", b"n+2\0"), (b"ni1\0", b"ni2\0")
+OUR_LABELS = "1 bone 2 nerve 3 chorda 4 cochlea 5 sinus 6 antrum"
+"""The description of label maps that the simulator writes."""
+
+
+def is_nifti(path: Path) -> bool:
+    """Say whether a file, compressed or not, begins as NIfTI does."""
+    return _kind(_start(path)) is not None
+
+
+def read_nifti(path: Path) -> StoredVolume:
+    """Return the volume in a NIfTI-1 or -2 file, LPS.
+
+    With neither qform nor sform the voxels lie along the axes of coordinates that the file does not name, from 0 on
+    (``placed`` is False). Raises :class:`EndoctError` where these contradict each other, and for what is no volume.
+    """
+    from nibabel.nifti1 import Nifti1Header
+    from nibabel.nifti2 import Nifti2Header
+
+    start = _start(path)
+    kind = _kind(start)
+    with refusing(f"{path} cannot be read", expected="NIfTI that is whole"):
+        if kind in PAIR:
+            raise EndoctError(f"{path} has its voxels in another file", expected="one file, .nii or .nii.gz")
+        of = Nifti1Header if kind == SINGLE[0] else Nifti2Header
+        header: Any = of.from_fileobj(BytesIO(start), check=False)  # type: ignore[no-untyped-call]
+        shape = _shape(header, path)
+        dtype = header.get_data_dtype()
+        if dtype.kind not in "iuf" or dtype.itemsize > 8:
+            raise EndoctError(f"{path} is no volume", found=f"voxels of {dtype}", expected="one real number a voxel")
+        check_array_size(shape, dtype.itemsize, str(path))
+        to_ras, placed, notes, doubts = _affine(header, shape, path)
+        stored = _voxels(path, int(header["vox_offset"]), shape, dtype)
+        voxels = _scaled(header, stored)
+    signs = np.diag([-1.0, -1.0, 1.0]) if placed else np.eye(3)
+    columns = signs @ to_ras[:3, :3]
+    return StoredVolume(
+        voxels=voxels,
+        origin_mm=signs @ to_ras[:3, 3],
+        steps_mm=columns.T[::-1].copy(),
+        coordinates="ras" if placed else None,
+        placed=placed,
+        kind=f"NIfTI-{1 if kind == SINGLE[0] else 2}",
+        files=(path,),
+        notes=tuple(notes),
+        doubts=tuple(doubts),
+    )
+
+
+def is_our_label_map(path: Path) -> bool:
+    """Say whether a file is a label map that the simulator wrote."""
+    start = _start(path)
+    return _kind(start) == SINGLE[0] and start[148:228].rstrip(b"\0") == OUR_LABELS.encode()
+
+
+def _start(path: Path) -> bytes:
+    start = read_start(path, 4096)
+    if not start.startswith(GZIP):
+        return start[:HEADER_BYTES]
+    try:
+        with open_regular(path) as file, gzip.open(file) as stream:
+            return stream.read(HEADER_BYTES)
+    except Exception:  # noqa: BLE001  no gzip, or a damaged one: no NIfTI
+        return b""
+
+
+def _kind(start: bytes) -> bytes | None:
+    of_first, of_second = start[344:348], start[4:8]  # where NIfTI-1 and NIfTI-2 have their magic
+    if of_first in (SINGLE[0], PAIR[0]):
+        return of_first
+    return of_second if of_second in (SINGLE[1], PAIR[1]) else None
+
+
+def _shape(header: Any, path: Path) -> tuple[int, int, int]:
+    """Return how many voxels there are along i, j and k."""
+    dims = [int(n) for n in header["dim"]]
+    n_dims, sizes = dims[0], dims[1:]
+    whole = AXES <= n_dims <= 7 and all(n >= 1 for n in sizes[:n_dims]) and all(n == 1 for n in sizes[AXES:n_dims])
+    if not whole:
+        said = " × ".join(map(str, sizes[: max(0, min(n_dims, 7))]))
+        raise EndoctError(f"{path} is no volume", found=f"{n_dims} dimensions, {said}", expected="three dimensions")
+    return sizes[0], sizes[1], sizes[2]
+
+
+def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coordinates, bool, list[str], list[Doubt]]:
+    """Return the matrix (4, 4) of (i, j, k) to RAS in mm, whether the file has one, and what is to be said of it."""
+    unit = int(header["xyzt_units"]) & 7
+    if unit not in (0, *UNITS_MM):
+        raise EndoctError(f"{path} does not say its unit", found=f"code {unit}", expected="1 m, 2 mm or 3 µm")
+    notes = [] if unit else ["It does not say its unit of length: taken for mm."]
+    scale = np.diag([*[UNITS_MM.get(unit, 1.0)] * 3, 1.0])
+    steps = np.abs(np.array(header["pixdim"][1:4], dtype=np.float64))
+    sform = scale @ _sform(header, path) if int(header["sform_code"]) > 0 else None
+    needs_steps = sform is None or int(header["qform_code"]) > 0
+    if needs_steps and not (np.all(np.isfinite(steps)) and np.all(steps > 0)):
+        raise EndoctError(f"{path} does not say how far its voxels lie apart", found=f"pixdim {steps.tolist()}")
+    qform = scale @ _qform(header, steps, path) if int(header["qform_code"]) > 0 else None
+    corners = np.array(np.meshgrid(*[(0, n - 1) for n in shape])).reshape(3, -1)
+    homogeneous = np.vstack([corners, np.ones(corners.shape[1])])
+    chosen = sform if sform is not None else qform
+    if chosen is None:
+        return scale @ np.diag([*steps, 1.0]), False, notes, []
+    if sform is None or qform is None:
+        lengths = np.linalg.norm(chosen[:3, :3], axis=0)
+        stated = scale[0, 0] * steps
+        if np.all(stated > 0) and np.abs(lengths - stated).max() > 0.01 * stated.min():
+            found = ", ".join(f"{own:.4g} and {size:.4g}" for own, size in zip(lengths, stated, strict=True))
+            raise EndoctError(
+                f"{path} says two things of how far its voxels lie apart",
+                found=f"{found} mm",
+                expected="the same in sform and pixdim",
+                remedy="resample it, or save it anew",
+            )
+        return chosen, True, notes, []
+    apart = float(np.linalg.norm((sform - qform)[:3] @ homogeneous, axis=0).max())
+    if not apart <= APART_VOXELS * float(np.linalg.norm(chosen[:3, :3], axis=0).min()):
+        raise EndoctError(
+            f"{path} does not say where its voxels lie",
+            found=f"sform and qform {apart:.3g} mm apart, or sheared",
+            expected="the same place in both",
+            remedy="resample it, or give it one of them only",
+        )
+    if apart <= PLACE_MM:
+        return chosen, True, notes, []
+    said = f"The sform and the qform of {path.name} lie {apart:.3f} mm apart: the sform was taken."
+    return chosen, True, notes, [Doubt("ct-forms-apart", said, value=apart, unit="mm", expected=(0.0, PLACE_MM))]
+
+
+def _sform(header: Any, path: Path) -> Coordinates:
+    matrix = np.eye(4)
+    matrix[:3] = [header["srow_x"], header["srow_y"], header["srow_z"]]
+    return _checked(matrix, "sform", path)
+
+
+def _qform(header: Any, steps: Coordinates, path: Path) -> Coordinates:
+    from scipy.spatial.transform import Rotation  # takes a while to load
+
+    b, c, d = (float(header[f"quatern_{axis}"]) for axis in "bcd")
+    length = b * b + c * c + d * d
+    if not length <= 1 + 1e-5:  # also where one is no number
+        raise EndoctError(f"{path} does not say where its voxels lie", found=f"quaternion {b:g}, {c:g}, {d:g}")
+    turn = Rotation.from_quat([b, c, d, math.sqrt(max(0.0, 1 - length))]).as_matrix()
+    handed = -1.0 if float(header["pixdim"][0]) == -1 else 1.0
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn * (steps * np.array([1.0, 1.0, handed]))
+    matrix[:3, 3] = [float(header[f"qoffset_{axis}"]) for axis in "xyz"]
+    return _checked(matrix, "qform", path)
+
+
+def _checked(matrix: Coordinates, what: str, path: Path) -> Coordinates:
+    if not np.all(np.isfinite(matrix)):
+        raise EndoctError(f"{path} does not say where its voxels lie", found=f"{what} with numbers that are none")
+    return matrix
+
+
+def _voxels(path: Path, offset: int, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return the stored voxels, (k, j, i), in the machine's order of bytes."""
+    if not SHORTEST <= offset <= FARTHEST:
+        raise EndoctError(f"{path} cannot be read", found=f"voxels at byte {offset}", expected=f"{SHORTEST} at least")
+    with open_regular(path) as file:
+        packing = "zlib" if file.read(2) == GZIP else "raw"
+        file.seek(0)
+        return read_voxels(file, path, math.prod(shape), dtype, packing, offset).reshape(shape[::-1])
+
+
+def _scaled(header: Any, stored: NDArray[Any]) -> NDArray[Any]:
+    """Return values: stored numbers times ``scl_slope`` plus ``scl_inter``, whole numbers where these are."""
+    slope, inter = header.get_slope_inter()
+    if slope is None or (slope == 1 and inter == 0):
+        return stored
+    if slope == 1 and inter == round(inter) and stored.dtype.kind in "iu" and stored.dtype.itemsize < 4:
+        values = stored.astype(np.int32) + int(inter)
+        limits = np.iinfo(np.int16)
+        small = limits.min <= int(values.min()) and int(values.max()) <= limits.max
+        return values.astype(np.int16) if small else values
+    return (stored * np.float64(slope) + np.float64(inter)).astype(np.float32)

@@ -1,0 +1,103 @@
+"""What a file says of a volume: its voxels, where they lie, what they are called. Every reader returns it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.doubt import Doubt
+from endoct.stitching.errors import EndoctError
+
+Convention = Literal["ras", "lps"]
+SIGNS: dict[Convention, tuple[float, float, float]] = {"lps": (1.0, 1.0, 1.0), "ras": (-1.0, -1.0, 1.0)}
+"""By what x, y and z of LPS are multiplied to have those of a convention."""
+SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".dcm")
+EXPECTED = f"a file {', '.join(SUFFIXES)}, or a folder with one DICOM series"
+PLACE_MM = 0.01
+"""How far a voxel may lie from where its file says."""
+AXES = 3
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A label with its name; ``values``: the numbers of its voxels, several where it overlaps others."""
+
+    label: int
+    name: str
+    values: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StoredVolume:
+    """Voxels (k, j, i) of any number type; voxel [k, j, i] lies at ``origin_mm`` + (k, j, i) · ``steps_mm``.
+
+    Attributes
+    ----------
+    coordinates: what x, y and z mean in the file's own numbers; None where it does not say.
+    placed: whether ``origin_mm`` and ``steps_mm`` are LPS. Else they are along the axes of coordinates that the file
+        does not name.
+    kind: the format, and of what it is made ("DICOM, 30 slices").
+    files: all that were read.
+    tilted: whether its slices are known to lie askew, as a tilted gantry has them.
+    segments: the labels it names; None where it names none.
+    notes, doubts: what was mended, and what speaks against it.
+    """
+
+    voxels: NDArray[Any]
+    origin_mm: Coordinates
+    steps_mm: Coordinates
+    coordinates: Convention | None
+    placed: bool
+    kind: str
+    files: tuple[Path, ...]
+    tilted: bool = False
+    segments: tuple[Segment, ...] | None = None
+    notes: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+
+
+def layers_as_one(
+    masks: Sequence[tuple[int, str, NDArray[np.bool_]]], shape: tuple[int, ...], what: str
+) -> tuple[NDArray[np.uint16], tuple[Segment, ...]]:
+    """Return segments that may overlap, (label, name, mask) each, as one volume of numbers, and what these stand for.
+
+    A number stands for a set of segments: a label where it is only one, a new number where several overlap. Raises
+    :class:`EndoctError`, naming ``what``, where there are more such sets than numbers, or a label is too large.
+    """
+    most = np.iinfo(np.uint16).max
+    if any(not 0 < label <= most for label, _, _ in masks):
+        raise EndoctError(f"a label of {what} cannot be used", expected=f"whole numbers from 1 to {most}")
+    voxels = np.zeros(shape, np.uint16)
+    sets: dict[frozenset[int], int] = {frozenset(): 0}
+    sets |= {frozenset([label]): label for label, _, _ in masks}
+    content = {number: some for some, number in sets.items()}
+    following = max((label for label, _, _ in masks), default=0) + 1
+    for label, _, mask in masks:
+        for before in np.unique(voxels[mask]).tolist():
+            together = content[before] | {label}
+            if together not in sets:
+                if following > most:
+                    raise EndoctError(f"the segments of {what} overlap in too many ways")
+                sets[together], content[following] = following, together
+                following += 1
+            voxels[mask & (voxels == before)] = sets[together]
+    there = set(np.unique(voxels).tolist())
+    return voxels, tuple(
+        Segment(label, name, tuple(number for number, some in content.items() if label in some and number in there))
+        for label, name, _ in masks
+    )
+
+
+def segments_of(names: Mapping[int, str]) -> tuple[Segment, ...]:
+    """Return names by label as segments that do not overlap."""
+    return tuple(Segment(label, name, (label,)) for label, name in sorted(names.items()))
+
+
+def odd_ones(names: Sequence[str], most: int = 3) -> str:
+    """Return some names for a message: "a.dcm, b.dcm and 4 more"."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
