@@ -14,11 +14,12 @@ $(shell rm -rf $(VENV))
 endif
 endif
 
-.PHONY: help demo test test-all lint types layers site page bench wheel-test clean
+.PHONY: help demo test test-all gate lint types layers site page bench wheel-test lowest newest clean
 
 help:
 	@echo "make demo        simulate a bore, compare both recordings, write demo/comparison/report.html"
 	@echo "make test        the tests (test-all: the slow ones too)"
+	@echo "make gate        accuracy and doubts on worlds of all kinds, against the record"
 	@echo "make lint        ruff: rules and format"
 	@echo "make types       mypy, strict"
 	@echo "make layers      import-linter: who may import whom"
@@ -26,6 +27,7 @@ help:
 	@echo "make page        the page's program, from its sources in TypeScript (needs Node and npm)"
 	@echo "make bench       benchmarks against scikit-image"
 	@echo "make wheel-test  build the wheel, install it into a clean environment, run it there"
+	@echo "make lowest      the same with the lowest versions that pyproject.toml allows; newest: with the newest"
 	@echo "make clean       remove the environment and everything built"
 
 demo: $(VENV)/.ready-run
@@ -36,8 +38,11 @@ demo: $(VENV)/.ready-run
 test: $(VENV)/.ready-dev
 	$(RUN) pytest -m "not slow" --numprocesses=2 --dist=worksteal
 
-test-all: $(VENV)/.ready-dev
+test-all: $(VENV)/.ready-dev lowest newest
 	$(RUN) pytest --numprocesses=2 --dist=worksteal
+
+gate: $(VENV)/.ready-dev
+	$(RUN) benchmarks.gate
 
 lint: $(VENV)/.ready-dev
 	$(RUN) ruff check
@@ -61,6 +66,13 @@ bench: $(VENV)/.ready-dev
 
 wheel-test: $(VENV)/.ready-dev
 	.ci/wheel-test $(VENV)/bin/python
+
+lowest:
+	.ci/bounds lowest $(PYTHON)
+
+# With the newest Python that runs here
+newest:
+	.ci/bounds newest
 
 clean:
 	rm -rf $(VENV) build dist demo site *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks

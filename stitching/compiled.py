@@ -1,9 +1,11 @@
 """Loops over samples as machine code, made by numba: for steps that would take many passes over an array."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.core.caching import FunctionCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -12,10 +14,28 @@ def compiled(function: Function) -> Function:
     """Compile ``function`` at its first call, to run on one processor without the interpreter's lock.
 
     The machine code is kept for later processes, beside the module or, where nothing can be written there, in the
-    user's cache folder; where that cannot be written either, every process compiles anew. Floating-point operations
-    keep the order in which they are written.
+    user's cache folder; where that cannot be written either, or is full, every process compiles anew. What is kept but
+    damaged is made again. Floating-point operations keep the order in which they are written.
     """
-    try:
-        return cast(Function, njit(nogil=True, error_model="numpy", cache=True)(function))
-    except RuntimeError:  # numba found no folder for its cache
-        return cast(Function, njit(nogil=True, error_model="numpy")(function))
+    dispatcher: Any = njit(nogil=True, error_model="numpy")(function)
+    with suppress(RuntimeError):  # numba found no folder for its cache
+        dispatcher._cache = _KeptCode(function)  # type: ignore[no-untyped-call]  # as its enable_caching does
+    return cast(Function, dispatcher)
+
+
+class _KeptCode(FunctionCache):
+    """Numba's cache of one function, without which everything works as well."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the code that is kept for a signature, None where there is none, or none that is whole."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except Exception:  # noqa: BLE001 - damaged bytes may raise anything as they are unpickled
+            with suppress(Exception):
+                self.flush()  # type: ignore[no-untyped-call]  # or what is saved now would be added to what cannot be read
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for a signature, if there is room."""
+        with suppress(Exception):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]

@@ -21,6 +21,11 @@ from endoct.stitching.parallel import thread_map
 NAME = "endoct-output.json"
 FORMAT = "endoct-output-1"
 PAGE = "page"
+SMALL_FILES = (
+    *(NAME, "result.json", "zarr.json", "comparison.zarr/zarr.json", "panoramas/*/zarr.json"),
+    *("sample.json", "wall.zarr/zarr.json"),
+)
+"""By which an output is known: its list where it has one, and what says how its arrays came about."""
 SEALED_AT_ONCE = 8
 """Files: hundreds of small ones wait for the disk, not for a processor."""
 MOST_BYTES = 16_000_000
@@ -96,6 +101,23 @@ def read_contents(folder: Path) -> Contents | None:
     for name in (*contents.files, *contents.parts):
         inside(folder, name, str(path))
     return contents
+
+
+def output_digest(folder: Path) -> str:
+    """Return the sha256 over the small files by which an output is known, with their names."""
+    digest = hashlib.sha256()
+    for path in small_files(folder):
+        try:
+            content = read_small(path, MOST_BYTES)
+        except EndoctError:
+            continue
+        digest.update(f"{path.relative_to(folder)}\0{len(content)}\0".encode(errors="surrogateescape") + content)
+    return digest.hexdigest()
+
+
+def small_files(folder: Path) -> list[Path]:
+    """Return the small files by which an output is known."""
+    return sorted(path for pattern in SMALL_FILES for path in folder.glob(pattern))
 
 
 def whole_of(folder: Path) -> Path | None:

@@ -1,8 +1,10 @@
 """What endoct raises for input it cannot use."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+_SHORT_WRITE = re.compile(r"(\d+) requested and (\d+) written")
 LONGEST_CAUSE = 300
 LONGEST_PATH = 1000
 
@@ -57,8 +59,15 @@ def cause_of(error: BaseException) -> str:
     """Return what an exception of a library says, in one line, with its kind where it says little."""
     if isinstance(error, RecursionError):
         return "nested too deeply"
-    text = " ".join(((isinstance(error, OSError) and error.strerror) or str(error)).split())[:LONGEST_CAUSE]
+    text = " ".join((system_cause(error) if isinstance(error, OSError) else str(error)).split())[:LONGEST_CAUSE]
     return text if isinstance(error, OSError | ValueError) and text else f"{type(error).__name__}: {text}".rstrip(": ")
+
+
+def system_cause(error: OSError) -> str:
+    """Return what the system says in an error: of NumPy, which asks it for no reason, that the disk took no more."""
+    if short := _SHORT_WRITE.fullmatch(str(error)):
+        return f"the disk took only {short[2]} of {short[1]} numbers: it is full, or a limit is reached"
+    return error.strerror or str(error)
 
 
 def _short(text: str, most: int = LONGEST_CAUSE) -> str:

@@ -12,6 +12,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from endoct.stitching.ending import exchanging
+
 _NOREPLACE, _EXCHANGE = 1, 2
 _HERE = -100  # AT_FDCWD
 _UNSUPPORTED = (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP)
@@ -66,9 +68,17 @@ def uninterrupted() -> Iterator[None]:
     Blocking them for this thread alone would not do: Python runs handlers in the main thread, whichever thread the
     system says.
     """
-    if threading.current_thread() is not threading.main_thread():  # handlers run elsewhere then
-        yield
-        return
+    with exchanging:
+        if threading.current_thread() is threading.main_thread():
+            with _signals_held_back():
+                yield
+        else:  # handlers run elsewhere then
+            yield
+
+
+@contextmanager
+def _signals_held_back() -> Iterator[None]:
+    """Note signals that come, and send the first of them again in the end."""
     came: list[int] = []
 
     def note(number: int, frame: FrameType | None) -> None:

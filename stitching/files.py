@@ -3,6 +3,7 @@
 import hashlib
 import os
 import stat
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BufferedReader
@@ -16,6 +17,9 @@ SMALL_BYTES = 1_000_000
 
 BLOCK_BYTES = 2**22
 """Read at a time for a digest. Its thread waits for the interpreter at every block: 5 ms and more, if that is busy."""
+
+HELD_FOLDERS = Path("/proc/self/fd")
+"""Where paths lie that lead into folders which are held open, wherever these lie."""
 
 State = dict[str, tuple[int, ...]]
 """Of every file below a path: device, number, size, and the times of its last changes."""
@@ -39,6 +43,27 @@ def open_regular(path: Path) -> Iterator[BufferedReader]:
         raise EndoctError(f"{path} is no file with content", found=kind, expected="a regular file")
     with os.fdopen(handle, "rb") as file:
         yield file
+
+
+@contextmanager
+def held_folder(folder: Path) -> Iterator[Path]:
+    """Yield a path to the folder that lies at ``folder`` now, which leads there also once that is moved or replaced.
+
+    Once the folder is removed nothing can be made in it. Where the system has no such paths (other than Linux) it is
+    ``folder`` itself. Raises :class:`EndoctError` where there is no folder.
+    """
+    if not sys.platform.startswith("linux"):
+        yield folder
+        return
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise EndoctError(f"{folder} is no folder", found=error.strerror or str(error)) from error
+    try:
+        held = HELD_FOLDERS / str(handle)
+        yield held if held.exists() else folder
+    finally:
+        os.close(handle)
 
 
 def read_start(path: Path, count: int) -> bytes:

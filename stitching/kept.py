@@ -7,7 +7,7 @@ from tempfile import TemporaryFile
 from threading import Lock
 from typing import IO, Generic, NamedTuple, TypeVar, cast, overload
 
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, system_cause
 
 MOST_IN_MEMORY = 48 * 2**20
 """Bytes: what a survey keeps of 150 slices fits in."""
@@ -113,6 +113,6 @@ def _disk_reported(done: str) -> Iterator[None]:
     except OSError as error:
         raise EndoctError(
             f"the temporary file that a long recording needs cannot be {done}",
-            found=error.strerror or str(error),
+            found=system_cause(error),
             remedy="free space in the folder for temporary files, or name another one in the variable TMPDIR",
         ) from error

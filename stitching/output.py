@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from endoct.stitching.contents import Contents, differences, read_contents, remove_listed, seal, sync
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, system_cause
 from endoct.stitching.exchange import exchange, put_new, uninterrupted
-from endoct.stitching.files import State, state_of
+from endoct.stitching.files import HELD_FOLDERS, State, state_of
 from endoct.stitching.scratch import NEW, REPLACED, clear_dead_scratch, keep_aside, remove_or_keep, scratch_beside
 
 OVERWRITE = "choose another output, or replace it with overwrite=True"
@@ -86,7 +86,10 @@ def check_output(
 
 
 def check_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
-    """Return where ``path`` leads, links resolved. Raises :class:`EndoctError` where no output may ever be."""
+    """Return where ``path`` leads, links resolved. Raises :class:`EndoctError` where no output may ever be.
+
+    A path into a folder that is held open (:func:`~endoct.stitching.files.held_folder`) is returned as it is.
+    """
     if path.is_symlink() and not path.exists():
         raise EndoctError(f"{path} is a link to nothing", found=str(path.readlink()), remedy=MOVE_AWAY)
     try:
@@ -108,7 +111,7 @@ def check_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
             raise EndoctError(f"the output {path} lies inside the input {source}", remedy="choose another output")
     if os.path.ismount(place):
         raise EndoctError(f"the output {path} is where a disk is mounted", remedy="name a new folder in it")
-    return place
+    return path if path.parent.parent == HELD_FOLDERS else place
 
 
 def remove_output(path: Path, kind: str) -> None:
@@ -217,7 +220,7 @@ def _below(root: Path, state: State) -> State:
 
 
 def _cause(error: Exception) -> str:
-    return (isinstance(error, OSError) and error.strerror) or str(error)
+    return system_cause(error) if isinstance(error, OSError) else str(error)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

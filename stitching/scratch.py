@@ -7,6 +7,7 @@ import socket
 import stat
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import IO
 
 from endoct.stitching.contents import Contents, read_contents, remove_listed, sync
+from endoct.stitching.ending import undone_in_the_end
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.exchange import put_new
 from endoct.stitching.files import read_start
@@ -27,6 +29,10 @@ NEW, REPLACED = "new", "replaced"
 _LOCK = re.compile(r"process \d+ on .*\n")
 _SURELY_LOCKED_S = 5.0
 """A scratch folder that has no lock by then has lost its maker before it was locked."""
+
+
+_QUIET_S, _LONGEST_AFTER_S = 0.2, 2.0
+"""How long nobody must have written into a folder that was removed, and how long that is waited for."""
 
 
 class HeldError(Exception):
@@ -79,10 +85,14 @@ def scratch_beside(place: Path) -> Iterator[Path]:
     place.parent.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{_short(place.name)}-", dir=place.parent))
     try:
-        with _lock_in(scratch):
+        with undone_in_the_end(lambda: _remove(scratch)), _lock_in(scratch):
             yield scratch
-    finally:
+    except BaseException:
         _remove(scratch)
+        if threading.active_count() > 1:
+            _remove_made_anew(scratch)
+        raise
+    _remove(scratch)
 
 
 class TemporaryFolder(tempfile.TemporaryDirectory[str]):
@@ -92,12 +102,13 @@ class TemporaryFolder(tempfile.TemporaryDirectory[str]):
         prefix = f"endoct-{purpose}-"
         _clear(Path(tempfile.gettempdir()), prefix)
         super().__init__(prefix=prefix, ignore_cleanup_errors=True)
-        self._lock = ExitStack()
-        self._lock.enter_context(_lock_in(Path(self.name)))
+        self._in_use = ExitStack()
+        self._in_use.enter_context(undone_in_the_end(lambda: _remove(Path(self.name))))
+        self._in_use.enter_context(_lock_in(Path(self.name)))
 
     def cleanup(self) -> None:
         """Remove the folder."""
-        self._lock.close()
+        self._in_use.close()
         _remove(Path(self.name))
         super().cleanup()
 
@@ -127,6 +138,17 @@ def _remove(folder: Path) -> None:
     with suppress(OSError):
         folder = folder.rename(gone)
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def _remove_made_anew(folder: Path) -> None:
+    """Remove a scratch folder that threads of a library make anew, which go on to write after an error."""
+    quiet_since = time.monotonic()
+    until = quiet_since + _LONGEST_AFTER_S
+    while (now := time.monotonic()) < min(until, quiet_since + _QUIET_S):
+        if folder.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            quiet_since = now
+        time.sleep(_QUIET_S / 10)
 
 
 def clear_dead_scratch(folder: Path, name: str = "") -> int:

@@ -27,6 +27,7 @@ from importlib import import_module
 from threading import Lock
 from typing import IO, Any, TypeVar
 
+from endoct.stitching.ending import undone_in_the_end
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.own_process import settle_in
 
@@ -106,7 +107,7 @@ def worker_process() -> Iterator[WorkerProcess]:
     # -P: what lies in the working folder is not imported in place of a library
     command = [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
-    with ThreadPoolExecutor(1) as requests:
+    with undone_in_the_end(process.kill), ThreadPoolExecutor(1) as requests:
         try:
             yield WorkerProcess(process, requests)
         finally:

@@ -3,6 +3,8 @@
 import gc
 import os
 import shutil
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -59,3 +61,15 @@ def quick_specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
             simulate(making, preset="quick", seed=1000)
             making.rename(specimen)
     return specimen
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 1 MiB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
+    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("mounting a small disk needs an administrator's rights")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)

@@ -63,6 +63,10 @@ class PoseCase:
         image.SetSpacing((VOXEL_MM,) * 3)
         image.SetOrigin(origin.tolist())
         image.SetDirection(direction.ravel().tolist())
+        if labels:  # as 3D Slicer names segments, where the format has room for that
+            for number, name in enumerate(("bone", "facial nerve")):
+                image.SetMetaData(f"Segment{number}_Name", name)
+                image.SetMetaData(f"Segment{number}_LabelValue", str(number + 1))
         sitk.WriteImage(image, str(path))
         return path
 

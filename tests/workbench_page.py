@@ -1,10 +1,12 @@
 """Folders to show, made up, and the server that shows one of them."""
 
+import json
 import shutil
 import threading
 from dataclasses import dataclass, replace
 from http.client import HTTPConnection
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from mock_comparison import GRID, Kind, write_comparison
@@ -15,6 +17,14 @@ from endoct.fusion.scoring.cells import measure
 from endoct.fusion.scoring.surface import Surface
 from endoct.workbench.page.serving import listening_socket, page_or_table
 
+PAIR = {
+    "a": {"theta_rad": 2.0, "z_mm": 1.5},
+    "b": {"theta_rad": 2.1, "z_mm": 1.4},
+    "role": "correct",
+    "name": "rim",
+    "sigma_mm": 0.05,
+}
+"""Landmarks as the page sends them."""
 IN_PLACE = Alignment(0.0, 0.0, confidence=0.6, correlation=0.9, ratio=3.0)
 
 
@@ -52,6 +62,21 @@ class Served:
             return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
         finally:
             connection.close()
+
+
+def post(served: Served, path: str, body: Any, **headers: str | None) -> tuple[int, str]:
+    """Send ``body`` as the page does, headers changed or (None) left out; return status and answer."""
+    origin = served.url.rstrip("/")
+    sent = {"Origin": origin, "Content-Type": "application/json", **headers}
+    data = body if isinstance(body, bytes) else json.dumps(body).encode()
+    connection = HTTPConnection("127.0.0.1", served.port, timeout=60)
+    try:
+        named = {name.replace("_", "-"): value for name, value in sent.items() if value is not None}
+        connection.request("POST", path, data, named)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
+    finally:
+        connection.close()
 
 
 class serving:

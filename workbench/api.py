@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from endoct.modalities.acquisition import validate
 from endoct.modalities.device import Device, check_device
 from endoct.modalities.registry import load_ahead
+from endoct.stitching.ending import undone_in_the_end
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import OVERWRITE, check_output, check_place, new_output, remove_output
 from endoct.stitching.panorama import Panorama
@@ -229,12 +230,17 @@ def demo(
     specimen, comparison = output / "specimen", output / "comparison"
     for part, kind in ((specimen, SPECIMEN), (comparison, COMPARISON)):
         check_output(part, kind, overwrite=overwrite)
-    try:
-        simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, progress=stages)
-        return compare(specimen / "endoscope", specimen / "oct", comparison, overwrite=overwrite, progress=stages)
-    except BaseException:
-        if not existed:
+
+    def leave_nothing() -> None:
+        if not existed and not comparison.exists():
             remove_output(specimen, SPECIMEN)
             with suppress(OSError):  # somebody else has put something there
                 output.rmdir()
-        raise
+
+    with undone_in_the_end(leave_nothing):
+        try:
+            simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, progress=stages)
+            return compare(specimen / "endoscope", specimen / "oct", comparison, overwrite=overwrite, progress=stages)
+        except BaseException:
+            leave_nothing()
+            raise

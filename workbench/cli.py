@@ -1,28 +1,42 @@
 """The entry point of the command line: exit statuses, and one line for every error."""
 
 import os
+import select
 import sys
+from contextlib import suppress
+from functools import partial
 from io import TextIOWrapper
+from threading import Event
 
 from endoct.stitching.own_process import settle_in
-from endoct.workbench.running.interruption import watch
+from endoct.workbench.running.interruption import ending_in_time, watch
 from endoct.workbench.running.status import DONE, INTERRUPTED, UNUSABLE_INPUT
+
+INTERRUPTION = "interrupted; nothing was left half-written"
 
 
 def main() -> None:
     """Run `endoct`: exit status 0 done, 1 unusable input, 2 wrong usage, 3 not aligned, 130 interrupted."""
     watch()
+    _open_what_is_closed()
     settle_in()
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may lack letters, as those of a file's name
+    said = Event()
+    with ending_in_time(partial(_end_interrupted, said)):
+        _run_and_exit(said)
+
+
+def _run_and_exit(said: Event) -> None:
+    """Run the command; whatever is raised, exit with its status. Where it was interrupted, that is ``said``."""
     try:
         try:
             sys.exit(_run())
         finally:
             sys.stdout.flush()  # a failure is reported below, not by Python as it ends
     except KeyboardInterrupt as stopped:
-        kept = f"; {stopped}" if str(stopped) else ""
-        _print_error(f"interrupted; nothing was left half-written{kept}")
+        said.set()
+        _print_error(f"{INTERRUPTION}; {stopped}" if str(stopped) else INTERRUPTION)
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
         # the reader of our output went away (`endoct … | head`)
@@ -56,6 +70,26 @@ def _run() -> int:
             raise
         _print_error(line)
         return UNUSABLE_INPUT
+
+
+def _open_what_is_closed() -> None:
+    """Open nothing in place of an input or output that was closed: the next file would take its place, as stderr."""
+    for number, mode in ((0, "r"), (1, "w"), (2, "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the lowest number that is free
+            name = ("stdin", "stdout", "stderr")[number]
+            if getattr(sys, name) is None:
+                setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def _end_interrupted(said: Event) -> None:
+    """End this process as it is, which has not ended by itself; say so where that can be done without waiting."""
+    with suppress(OSError, ValueError):
+        if not said.is_set() and select.select([], [sys.stderr], [], 0)[1]:
+            _print_error(INTERRUPTION)
+    os._exit(INTERRUPTED)
 
 
 def _print_error(line: str) -> None:

@@ -1,10 +1,14 @@
 """Outputs appear whole or not at all, and replace nothing but what endoct wrote."""
 
+import errno
 import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -507,3 +511,33 @@ def test_scratch_of_a_part_that_was_killed_stands_in_nobodys_way(tmp_path: Path)
     (scratch / "lock").write_text(LOCK)
     write(tmp_path / "out", "new", overwrite=True)
     assert names(tmp_path) == ["out"]
+
+
+def test_a_folder_that_threads_make_anew_after_an_error_is_removed(tmp_path: Path) -> None:
+    threads: list[threading.Thread] = []
+
+    def go_on(folder: Path) -> None:
+        for number in range(20):
+            with suppress(FileNotFoundError):  # it was removed just now
+                folder.mkdir(parents=True, exist_ok=True)
+                (folder / str(number)).touch()
+            time.sleep(0.01)
+
+    def write_and_fail() -> None:
+        with new_output(tmp_path / "out", "export") as scratch:
+            threads.append(threading.Thread(target=go_on, args=(scratch / "c",)))
+            threads[0].start()
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(EndoctError, match="No space"):
+        write_and_fail()
+    threads[0].join()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_short_write_is_told_in_words(tmp_path: Path) -> None:
+    with (
+        pytest.raises(EndoctError, match="the disk took only 14445 of 157923 numbers: it is full"),
+        new_output(tmp_path / "out", "export"),
+    ):
+        raise OSError("157923 requested and 14445 written")  # as NumPy says it

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from bone_volumes import ENTRY, RAS, TARGET, block, point
+from bone_volumes import ENTRY, RAS, TARGET, block, point, tilted
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import simulate
@@ -40,6 +40,20 @@ def test_a_bore_in_a_volume_is_replayed_to_the_byte(tmp_path: Path, monkeypatch:
     assert world["target_mm"] == pytest.approx(point(RAS * TARGET))
     stated = json.loads((tmp_path / "one/truth/sample.json").read_text(encoding="utf-8"))["bore"]["volume"]
     assert (stated["bone_hu"], stated["bone_label"], stated["detail_mm"]) == (300.0, None, 0.004)
+
+
+def test_what_is_doubted_of_a_bone_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    series = tilted(tmp_path / "series", 12.0)
+    words = ["simulate", "-o", str(tmp_path / "out"), "--preset", "learning", "--seed", "3", "--bone", str(series)]
+    monkeypatch.setattr(
+        "sys.argv", ["endoct", *words, f"--entry={text(point(ENTRY))}", f"--target={text(point(TARGET))}"]
+    )
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert "note: The gantry was tilted by 12.0°" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -286,3 +286,20 @@ def test_sides_in_the_table_of_cells_are_no_formulae(tmp_path: Path) -> None:
 def _cells(path: Path) -> list[list[str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.reader(file))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a POSIX shell")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+def test_what_is_closed_is_no_fault(closed: str, quick_specimen: Path, tmp_path: Path) -> None:
+    program = f"{sys.executable} -c 'from endoct.workbench.cli import main; main()'"
+    for arguments, status in (
+        ("--version", 0),
+        (f"info {quick_specimen / 'oct'}", 0),
+        (f"unroll {tmp_path / 'missing'} -o {tmp_path / 'x.zarr'}", 1),
+        ("--help", 0),
+    ):
+        run = subprocess.run(f"{program} {arguments} {closed}", shell=True, capture_output=True, text=True, check=False)
+        assert run.returncode == status
+        assert "Traceback" not in run.stderr
+        assert "Exception ignored" not in run.stderr
+        assert bool(run.stderr) == (status == 1 and "2>" not in closed)

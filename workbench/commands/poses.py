@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypedDict
+from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from endoct.modalities.device import Device
 from endoct.stitching.errors import EndoctError
@@ -15,6 +15,7 @@ from endoct.workbench.running.status import DONE, UNTOLD
 
 if TYPE_CHECKING:
     from endoct.modalities.trajectory import Point
+    from endoct.workbench.posing.outlook_result import OutlookResult
     from endoct.workbench.posing.result import PoseResult
 
 
@@ -39,6 +40,7 @@ def pose(
     plan: Path | None = None,
     coordinates: Literal["ras", "lps"] | None = None,
     labels: Path | None = None,
+    label_names: Annotated[str | None, arg(metavar="FILE|endoct")] = None,
     modality_a: ModalityName = None,
     modality_b: ModalityName = None,
     set_a: Settings = (),
@@ -61,8 +63,9 @@ def pose(
         target: where it was planned to end, mm
         plan: instead of these two, a line of 3D Slicer (.mrk.json)
         coordinates: what x, y and z of these two mean; default: as the file says (NIfTI RAS, NRRD its space, else LPS)
-        labels: segmentation in the world of the CT: 2 facial nerve, 3 chorda tympani, 4 cochlea; 0 and 1 are no
-            structures
+        labels: segmentation in the world of the CT, with the names of its labels in it or in a table next to it
+        label_names: table of these names, of 3D Slicer or ITK-SNAP; or the word endoct: 1 bone, 2 facial nerve,
+            3 chorda tympani, 4 cochlea, 5 sigmoid sinus, 6 antrum
         modality_a: plug-in to read the first side with
         modality_b: plug-in to read the second side with
         set_a: a key of the first side's sidecar or a parameter of its processing
@@ -79,8 +82,8 @@ def pose(
     from endoct.workbench.posing.pose import pose as find_pose
 
     of_sides: dict[str, object] = {
-        "a side": sides, "--labels": labels, "--modality-a": modality_a, "--modality-b": modality_b,
-        "--set-a": set_a, "--set-b": set_b,
+        "a side": sides, "--labels": labels, "--label-names": label_names, "--modality-a": modality_a,
+        "--modality-b": modality_b, "--set-a": set_a, "--set-b": set_b,
     }  # fmt: skip
     _check_options(plan_only, of_sides, {"--radius": radius, "--seen": seen})
     asked: _Asked = {
@@ -101,6 +104,7 @@ def pose(
             print_json(outlook.to_json())
         else:
             print_line(outlook.outlook.sentence)
+            _print_doubts(outlook)
             print_line(f"report: {output / 'report.html'}")
         return DONE if outlook.tellable else UNTOLD
     result = find_pose(
@@ -108,6 +112,7 @@ def pose(
         ct,
         output,
         labels=labels,
+        label_names=label_names,
         modality_a=modality_a,
         modality_b=modality_b,
         settings_a=parse(set_a),
@@ -141,6 +146,7 @@ def _print(result: "PoseResult") -> None:
 
     if not result.told:
         print_line(f"cannot be told: {result.answer.reason}")
+        _print_doubts(result)
         return
     summary = result.summary
     print_line(
@@ -149,6 +155,13 @@ def _print(result: "PoseResult") -> None:
     )
     for one in summary.clearances:
         print_line(f"{one.name}: {estimate_text(one.distance_mm)} mm from the bore")
-    for doubt in result.answer.doubts:
-        print_line(f"doubt: {doubt}")
+    _print_doubts(result)
     print_line(f"In brackets: 95 % intervals. {NOTICE}")
+
+
+def _print_doubts(result: "PoseResult | OutlookResult") -> None:
+    for doubt in result.doubts:
+        print_line(f"doubt: {doubt}")
+    for facts in result.volumes.values():
+        for note in facts.notes:
+            print_line(f"note ({facts.title}): {note}")

@@ -89,7 +89,7 @@ def info(
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Describe a recording, a panorama or a comparison, and what its sidecar lacks.
+    """Describe a recording, a panorama, a comparison, a CT, a label map or a plan, and what a sidecar lacks.
 
     Args:
         path: folder or file

@@ -95,6 +95,7 @@ def simulate(
         labels=labels,
         spectra=spectra,
         overwrite=overwrite,
+        on_remark=print_line,
         progress=command_stages(False),
     )
     print_line(f"specimen: {output}")

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Event
 
+from endoct.stitching.ending import undone_in_the_end
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_place
 from endoct.stitching.parallel import thread_map
@@ -16,7 +18,7 @@ from endoct.stitching.scratch import HeldError, TemporaryFolder, clear_dead_scra
 from endoct.synthetic.draw import draw
 from endoct.workbench.dataset.contact_sheet import NAME as SHEET
 from endoct.workbench.dataset.contact_sheet import write_contact_sheet
-from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, top_file
+from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, settle_written, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
@@ -83,7 +85,7 @@ def make_dataset(
     start = time.perf_counter()
     stages = stages or SilentStages()
     root, workers = _checked(output, plan, workers, scheduler)
-    with refusing_disk_errors(root), _begun(root, plan):
+    with refusing_disk_errors(root), _begun(root, plan) as handed_out:
         _clear(root)
         set_aside = count_damaged(root)
         sizes = _finished_bytes(root, plan, stages)
@@ -95,7 +97,7 @@ def make_dataset(
             try:
                 with (
                     stages.stage(f"{to_make} specimens") as advance,
-                    _makers(root, plan, missing, workers, scheduler, make) as makers,
+                    _makers(root, plan, missing, workers, scheduler, make, handed_out) as makers,
                 ):
                     for done in makers:
                         made += done.made
@@ -107,6 +109,7 @@ def make_dataset(
         with stages.stage("manifest and contact sheet"):
             write_manifest(root, plan)
             write_contact_sheet(root)
+        settle_written(root)
     set_aside = count_damaged(root) - set_aside
     return Built(plan.count, made, plan.count - made, size, time.perf_counter() - start, set_aside)
 
@@ -169,26 +172,43 @@ def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str
 
 
 @contextmanager
-def _begun(root: Path, plan: Plan) -> Iterator[None]:
-    """Hold the lock of ``root``, with the files that describe the set in it; leave nothing where nothing was made."""
-    existed = root.exists()
-    root.mkdir(parents=True, exist_ok=True)
+def _begun(root: Path, plan: Plan) -> Iterator[Event]:
+    """Hold the lock of ``root``, with the files that describe the set in it; leave nothing where nothing was made.
+
+    The event that is yielded is to be set once processes that outlive this one may make something.
+    """
+    handed_out = Event()
+
+    def leave_nothing() -> None:
+        if made and not handed_out.is_set() and not any((root / RECORDS).glob("*.json")):
+            _remove_begun(root)
+            remove_made()
+
+    def remove_made() -> None:
+        for folder in made:
+            with suppress(OSError):  # not empty
+                folder.rmdir()
+
+    made = [folder for folder in (root, *root.parents) if not folder.exists()]
     try:
-        with held(root / LOCK_NAME):
+        root.mkdir(parents=True, exist_ok=True)
+        with held(root / LOCK_NAME), undone_in_the_end(leave_nothing):
             check_identity(root, plan)  # again: another run may have begun one just now
-            write_identity(root, plan)
-            for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan))):
-                with top_file(root, name) as file:
-                    file.write(text.encode())
             try:
-                yield
+                write_identity(root, plan)
+                for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan))):
+                    with top_file(root, name) as file:
+                        file.write(text.encode())
+                yield handed_out
             finally:
-                if not existed and not any((root / RECORDS).glob("*.json")):
-                    _leave_nothing(root)
+                leave_nothing()
+            os.truncate(root / LOCK_NAME, 0)  # who made a set is nobody's business
     except HeldError as error:
         raise EndoctError(
             f"another run is at work in {root}", found=str(error), remedy="wait for that, or end it"
         ) from error
+    finally:
+        remove_made()  # where it came to nothing before anything was begun
 
 
 def _finished_bytes(root: Path, plan: Plan, stages: Stages) -> dict[str, int]:
@@ -211,20 +231,24 @@ def _clear(root: Path) -> None:
             clear_dead_scratch(folder)
 
 
-def _leave_nothing(root: Path) -> None:
+def _remove_begun(root: Path) -> None:
     """Remove what was begun of a set without a specimen, and nothing else that may lie there."""
     _clear(root)
     for name in (*TOP_FILES, WRITTEN, LOCK_NAME):
         (root / name).unlink(missing_ok=True)
-    for folder in (*(path for path in root.iterdir() if path.is_dir()), root):
+    for folder in (path for path in root.iterdir() if path.is_dir()):
         with suppress(OSError):  # something lies in it
             folder.rmdir()
 
 
 @contextmanager
 def _makers(
-    root: Path, plan: Plan, missing: Sequence[Unit], workers: int, scheduler: str | None, make: Make
+    root: Path, plan: Plan, missing: Sequence[Unit], workers: int, scheduler: str | None, make: Make, handed_out: Event
 ) -> Iterator[Iterator[Done]]:
+    """Yield what makes the ``missing`` units.
+
+    Workers of somebody else's cluster finish what they are at, whatever becomes of this run: then the set stays begun.
+    """
     if scheduler is None and workers == 1:
         yield make_here(root, plan, missing, make)
         return
@@ -232,6 +256,7 @@ def _makers(
 
     if scheduler is not None:
         with existing_cluster(scheduler) as client:
+            handed_out.set()
             yield make_on(client, root, plan, missing, make)
     else:
         with own_cluster(min(workers, len(missing))) as client:

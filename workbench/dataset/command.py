@@ -7,6 +7,7 @@ from pathlib import Path
 
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.building import forecast, make_dataset
+from endoct.workbench.dataset.identity import NAME as IDENTITY
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
 from endoct.workbench.dataset.plan import SPLITS, Plan, split_of
 from endoct.workbench.pipeline.vary import ranges_text
@@ -19,7 +20,11 @@ def run_dataset(
     """Make the data set, or only say what it would take; return that as facts and as lines for people."""
     if dry_run:
         return _dry_run(output, plan, workers, scheduler, stages)
-    built = make_dataset(output, plan, workers=workers, scheduler=scheduler, stages=stages)
+    try:
+        built = make_dataset(output, plan, workers=workers, scheduler=scheduler, stages=stages)
+    except KeyboardInterrupt:
+        kept = f"{output} is begun, and the same command goes on with it" if (output / IDENTITY).exists() else ""
+        raise KeyboardInterrupt(kept) from None
     manifest = output / MANIFEST
     digest = hashlib.sha256(manifest.read_bytes()).hexdigest()
     facts = {"output": str(output), **asdict(built), "seconds": round(built.seconds, 1), "manifest_sha256": digest}

@@ -88,6 +88,14 @@ def top_file(root: Path, name: str) -> Iterator[IO[bytes]]:
         sync(root)
 
 
+def settle_written(root: Path) -> None:
+    """Note of every file at the top only what is there now: so the note depends on the set alone, not on its past."""
+    written = _written(root)
+    now = {name: [sha256_of(root / name)] for name in sorted(written) if (root / name).is_file()}
+    if settled := {name: digest for name, digest in now.items() if digest[0] in written[name]}:
+        _note_written(root, settled)
+
+
 def changed_top_files(root: Path) -> list[str]:
     """Return the names of the files at the top of the set that are not as they were written, or gone."""
     return [

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,12 +14,14 @@ from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.json_values import read_object
 from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.dataset.records import made_beyond
+from endoct.workbench.dataset.records import RECORDS, made_beyond
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.vary import ranges_text
 
 NAME = "dataset.json"
 LICENCE = "CC0-1.0"
+FOLDERS = "specimens", "shards", RECORDS
+"""Of a set, that come into it with its units."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ def check_identity(root: Path, plan: Plan) -> None:
         raise EndoctError(f"{root} is no folder", remedy="choose a folder that is empty or does not exist")
     path = root / NAME
     if not path.exists():
-        others = sorted(entry.name for entry in root.iterdir() if not entry.name.startswith("."))
+        others = sorted(entry.name for entry in root.iterdir() if not _is_bare(entry))
         if others:
             raise EndoctError(
                 f"{root} holds something else than a data set",
@@ -77,6 +80,23 @@ def check_identity(root: Path, plan: Plan) -> None:
                 expected=str(begun_with),
                 remedy=f"install that version of {name}, or choose another folder",
             )
+
+
+def remove_abandoned(root: Path) -> None:
+    """Remove the empty folders of a set that is gone, which a worker has made anew."""
+    if (root / NAME).exists():
+        return
+    for folder in (*(root / name for name in FOLDERS), root):
+        with suppress(OSError):  # something lies in it
+            folder.rmdir()
+
+
+def _is_bare(entry: Path) -> bool:
+    """Say whether what lies in a folder is hidden, or a folder of a set that never held a specimen."""
+    if entry.name.startswith("."):
+        return True
+    is_folder = entry.name in FOLDERS and entry.is_dir() and not entry.is_symlink()
+    return is_folder and all(inner.name.startswith(".") for inner in entry.iterdir())
 
 
 def read_identity(root: Path) -> Identity:

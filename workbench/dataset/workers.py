@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.dataset.identity import check_worker
+from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
 from endoct.workbench.dataset.making import Done, Make, make_unit
-from endoct.workbench.dataset.plan import Plan, Unit
+from endoct.workbench.dataset.plan import Job, Plan, Unit
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -73,5 +73,16 @@ def make_on(client: "Client", root: Path, plan: Plan, wanted: Iterable[Unit], ma
 
 
 def _make_on_worker(root: Path, plan: Plan, unit: Unit, make: Make) -> Done:
+    """Make ``unit``; put it only into the set that it was made for, which may be gone by then, or another."""
+
+    def make_and_look(folder: Path, of: Plan, job: Job) -> None:
+        make(folder, of, job)
+        check_worker(root)
+        check_identity(root, of)
+
     check_worker(root)
-    return make_unit(root, plan, unit, make)
+    try:
+        return make_unit(root, plan, unit, make_and_look)
+    except EndoctError:
+        remove_abandoned(root)
+        raise

@@ -1,14 +1,18 @@
-"""OME-TIFF: tiled images with sizes in mm, a channel for each image of each side, coarser levels of large ones."""
+"""OME-TIFF: images with sizes in mm, a channel for each image of each side; large ones in tiles, with coarser levels.
+
+Images that are not large lie in strips: ITK, and so SimpleITK and 3D Slicer, reads no tiles.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
+from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
+from endoct.stitching.contents import output_digest
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.levels import Level, blocks, levels_of, read_level, thinned
 from endoct.workbench.exporting.mark import BLANK, mark
@@ -20,7 +24,8 @@ Rows = Callable[[Level], Iterator[NDArray[Any]]]
 
 TILE_PX = 512
 LARGE_PX = 2048
-"""An image with a longer side has coarser levels."""
+"""An image with a longer side has tiles and coarser levels."""
+STRIP_ROWS = 64
 _BIG_BYTES = 2_000_000_000
 """From here on offsets of 64 bits: compression may bring nothing."""
 
@@ -74,24 +79,43 @@ def _write(
     path: Path, source: Source, names: Sequence[str], dtype: np.dtype[Any], levels: Sequence[Level], rows: Rows
 ) -> None:
     """Write channels ``names``; ``rows(level)`` yields their rows channel by channel, in blocks as high as a tile."""
-    described = partial(_metadata, names, source.grid, source.title)
     n_bytes = len(names) * dtype.itemsize * sum(level.shape[0] * level.shape[1] for level in levels)
     with tifffile.TiffWriter(path, ome=True, bigtiff=n_bytes > _BIG_BYTES) as tiff:
         for k, level in enumerate(levels):
             step_z_mm, step_theta_mm = level.step_mm(source.grid)
-            first: dict[str, Any] = {"subifds": len(levels) - 1, "software": f"endoct {BLANK}", "metadata": described()}
+            own: dict[str, Any] = {"subfiletype": 1}
+            cut: dict[str, Any] = {"data": _pages(rows(level), level.shape[0]), "rowsperstrip": STRIP_ROWS}
+            if k == 0:
+                described = {"UUID": _identifier(source, names), **_metadata(names, source.grid, source.title)}
+                own = {"subifds": len(levels) - 1, "software": f"endoct {BLANK}", "metadata": described}
+            if len(levels) > 1:
+                cut = {"data": _tiles(rows(level), level.shape[1]), "tile": (TILE_PX, TILE_PX)}
             tiff.write(
-                data=_tiles(rows(level), level.shape[1]),
                 shape=(len(names), *level.shape),
                 dtype=dtype,
-                tile=(TILE_PX, TILE_PX),
                 photometric="minisblack",
                 compression="zlib",
                 resolution=(10 / step_theta_mm, 10 / step_z_mm),
                 resolutionunit="CENTIMETER",
-                **(first if k == 0 else {"subfiletype": 1}),
+                **cut,
+                **own,
             )
     mark(path)
+
+
+def _identifier(source: Source, names: Sequence[str]) -> str:
+    """Return the UUID that OME wants of a file: of the same the same, without the time and the machine's number."""
+    return f"urn:uuid:{uuid5(NAMESPACE_URL, f'endoct:{output_digest(source.folder)}:{names}')}"
+
+
+def _pages(rows: Iterator[NDArray[Any]], n_rows: int) -> Iterator[NDArray[Any]]:
+    """Yield whole channels from blocks of their rows."""
+    page: list[NDArray[Any]] = []
+    for block in rows:
+        page.append(block)
+        if sum(map(len, page)) == n_rows:
+            yield np.concatenate(page)
+            page.clear()
 
 
 def _tiles(rows: Iterator[NDArray[Any]], n_columns: int) -> Iterator[NDArray[Any]]:

@@ -16,6 +16,8 @@ COLUMNS = (
     ("Jaccard", "overlap of the cells"), ("Dice", "overlap of the cells"), ("confidence", "of the alignment"),
     ("doubts", "how many"), ("written", "when"),
 )  # fmt: skip
+PAGES = "/at"
+"""Below this lie the pages of entries, by their names."""
 LEVELS = {"trusted": "trusted", "doubted": "doubted", "unaligned": "not aligned"}
 
 
@@ -48,7 +50,7 @@ def collection_html(title: str, entries: Sequence[Entry], version: str) -> str:
 
 def address_of(entry: Entry) -> str:
     """Return where the page of an entry is."""
-    return f"/at/{quote(os.fsencode(entry.name))}/"
+    return f"{PAGES}/{quote(os.fsencode(entry.name))}/"
 
 
 def _head(name: str, hint: str) -> str:

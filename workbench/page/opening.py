@@ -24,6 +24,7 @@ from endoct.workbench.page.layers import (
     panorama_layers,
     wall_of,
 )
+from endoct.workbench.page.presence import Origin
 from endoct.workbench.page.recorded import Reader, recording_of
 from endoct.workbench.page.sessions import session_of
 from endoct.workbench.page.shown import Shown, ShownSide
@@ -46,12 +47,13 @@ def can_be_shown(path: Path) -> bool:
 def open_shown(path: Path) -> Shown:
     """Open what `endoct compare` or `endoct unroll` wrote to ``path``.
 
-    Raises :class:`EndoctError` where it is neither, or damaged.
+    Raises :class:`EndoctError` where it is neither, damaged, or replaced meanwhile.
     """
-    if is_panorama(path):
-        return _panorama(path)
-    if (path / "comparison.zarr").is_dir():
-        return _comparison(path)
+    origin = Origin(path)
+    if can_be_shown(path):
+        shown = _panorama(origin) if is_panorama(path) else _comparison(origin)
+        origin.check_present()
+        return shown
     raise EndoctError(
         f"{path} cannot be shown",
         found="neither comparison.zarr nor a panorama" if path.is_dir() else "no such folder",
@@ -59,7 +61,8 @@ def open_shown(path: Path) -> Shown:
     )
 
 
-def _comparison(folder: Path) -> Shown:
+def _comparison(origin: Origin) -> Shown:
+    folder = origin.folder
     outline = read_comparison(folder / "comparison.zarr")
     wall = wall_of(outline.grid)
     outlines = [read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names]
@@ -86,11 +89,12 @@ def _comparison(folder: Path) -> Shown:
         has_volume=False,
     )
     layers = {one.part.key: one.layer for one in described}
-    sections, session = comparison_sections(outline.result), session_of(folder, outline, (outlines[0], outlines[1]))
-    return Shown(heading, sections, description, wall, layers, sides, session)
+    sections, session = comparison_sections(outline.result), session_of(origin, outline, (outlines[0], outlines[1]))
+    return Shown(heading, sections, description, wall, layers, origin, sides, session)
 
 
-def _panorama(store: Path) -> Shown:
+def _panorama(origin: Origin) -> Shown:
+    store = origin.folder
     outline = read_panorama(store)
     wall = wall_of(outline.grid)
     described = list(panorama_layers(store, outline, wall, ChunkCache(CACHE_BYTES)))
@@ -111,7 +115,7 @@ def _panorama(store: Path) -> Shown:
     )
     layers = {one.part.key: one.layer for one in described}
     sides = {outline.modality: _side(outline, store / PICTURES)}
-    return Shown(heading, panorama_sections(outline), description, wall, layers, sides, panorama=store)
+    return Shown(heading, panorama_sections(outline), description, wall, layers, origin, sides, panorama=store)
 
 
 def _side(outline: PanoramaOutline, pictures: Path) -> ShownSide:

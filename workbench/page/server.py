@@ -1,24 +1,28 @@
 """The server of the page: its files, its description, tiles, values. It opens nothing but what it was given."""
 
 import json
-from collections.abc import AsyncIterator
+import threading
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.resources import files
 from typing import Any
 
 from anyio.to_thread import current_default_thread_limiter
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
-from starlette.routing import Route
+from starlette.routing import Mount, Route
+from starlette.types import Receive, Scope, Send
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.page.document import document
 from endoct.workbench.page.guard import Guard, allowed_hosts
 from endoct.workbench.page.heading import Link
 from endoct.workbench.page.layer import png_of
-from endoct.workbench.page.session_routes import session_routes
+from endoct.workbench.page.presence import Gone, concerning
+from endoct.workbench.page.session_routes import FRESH, session_routes
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
@@ -45,38 +49,53 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
     ``above`` leads to the table that it was opened from.
     """
     description = json.dumps(shown.description.to_json(), allow_nan=False).encode()
+    head = f'<meta name="endoct-output" content="{shown.origin.digest}">\n{PROGRAM}'
+    of_shown = concerning(shown.origin)
 
+    @of_shown
     def page(_: Request) -> Response:
-        html = document(shown.heading, shown.sections, head=PROGRAM, above=above)
-        return HTMLResponse(html, headers={"cache-control": "no-cache"})
+        html = document(shown.heading, shown.sections, head=head, above=above)
+        return HTMLResponse(html, headers=FRESH)
 
+    @of_shown
+    def present(_: Request) -> Response:
+        return Response(status_code=204, headers=FRESH)
+
+    @of_shown
     def describe(_: Request) -> Response:
-        return Response(description, media_type="application/json", headers={"cache-control": "no-store"})
+        return Response(description, media_type="application/json", headers=FRESH)
 
+    @of_shown
     def outline(_: Request) -> Response:
-        return JSONResponse(shown.outlines(), headers={"cache-control": "no-store"})
+        return JSONResponse(shown.outlines(), headers=FRESH)
 
+    @of_shown
     def tile(request: Request) -> Response:
         level, column, row = (whole_number(request.path_params[name]) for name in ("level", "column", "row"))
         png = png_of(shown.tile(request.path_params["key"], Tile(level, column, row)))
         return Response(png, media_type="image/png", headers={"cache-control": KEPT})
 
+    @of_shown
     def relief(request: Request) -> Response:
         found = shown.relief(request.path_params["key"])
         return Response(found, media_type="application/octet-stream", headers={"cache-control": KEPT})
 
+    @of_shown
     def volume(_: Request) -> Response:
         return Response(shown.volume(), media_type="application/octet-stream", headers={"cache-control": KEPT})
 
+    @of_shown
     def values(request: Request) -> Response:
         theta_rad = _place(request, "theta_rad", MOST_TURNS_RAD)
         z_mm = _place(request, "z_mm", FARTHEST_MM)
-        return JSONResponse(shown.values_at(theta_rad, z_mm), headers={"cache-control": "no-store"})
+        return JSONResponse(shown.values_at(theta_rad, z_mm), headers=FRESH)
 
+    @of_shown
     def pictures(request: Request) -> Response:
         found = shown.pictures(request.path_params["side"], whole_number(request.path_params["place"]))
         return JSONResponse(found, headers={"cache-control": KEPT})
 
+    @of_shown
     def reading(request: Request) -> Response:
         """Say how far a recording was read again; asked by POST, begin to read it."""
         reader = shown.side(request.path_params["side"]).reader
@@ -85,12 +104,13 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
         if request.method == "POST":
             reader.start()
         said = {"state": reader.state, "share": reader.share, "said": reader.said}
-        return JSONResponse(said, headers={"cache-control": "no-store"})
+        return JSONResponse(said, headers=FRESH)
 
     return Starlette(
         lifespan=few_threads,
         routes=[
             Route("/", page),
+            Route("/present", present),
             Route("/description.json", describe),
             Route("/outlines.json", outline),
             Route("/values.json", values),
@@ -103,7 +123,7 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
             Route("/{name}", asset),
         ],
         middleware=[Middleware(Guard, hosts=allowed_hosts(host, port))],
-        exception_handlers={NoSuchTile: not_found, EndoctError: failed},
+        exception_handlers=ANSWERS_TO_ERRORS,
     )
 
 
@@ -146,6 +166,55 @@ async def not_found(_: Request, error: Any) -> Response:
     return PlainTextResponse(str(error), status_code=404)
 
 
+async def not_there(_: Request, error: Any) -> Response:
+    """Answer that what the page shows is there no more."""
+    return PlainTextResponse(str(error), status_code=410, headers=FRESH)
+
+
 async def failed(_: Request, error: Any) -> Response:
     """Answer that something cannot be read."""
     return PlainTextResponse(str(error), status_code=500)
+
+
+ANSWERS_TO_ERRORS: dict[Any, Any] = {NoSuchTile: not_found, Gone: not_there, EndoctError: failed}
+
+
+def page_app(shown: Shown, open_anew: Callable[[], Shown], host: str, port: int) -> Starlette:
+    """Return the application of one page alone, as :class:`Page` serves it."""
+    page = Page(shown, open_anew, host, port)
+    guard = Middleware(Guard, hosts=allowed_hosts(host, port))
+    return Starlette(lifespan=few_threads, routes=[Mount("/", app=page)], middleware=[guard])
+
+
+class Page:
+    """Serves what is ``shown`` until that is gone and the page is asked for: then what ``open_anew`` returns."""
+
+    def __init__(
+        self, shown: Shown, open_anew: Callable[[], Shown], host: str, port: int, above: Link | None = None
+    ) -> None:
+        self._open_anew, self._place = open_anew, (host, port, above)
+        self._lock = threading.Lock()
+        self._serve(shown)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request; of the page itself with what lies in the folder now."""
+        path = str(scope["path"]).removeprefix(str(scope["root_path"]))
+        if path in ("", "/") and (refused := await run_in_threadpool(self._follow)):
+            await PlainTextResponse(refused, status_code=410, headers=FRESH)(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
+
+    def _serve(self, shown: Shown) -> None:
+        self._origin, self._app = shown.origin, app_for(shown, *self._place)
+
+    def _follow(self) -> str:
+        """Open what lies in the folder now, where that is something else; return why it cannot be, else ""."""
+        with self._lock:
+            try:
+                self._origin.check_present()
+            except Gone:
+                try:
+                    self._serve(self._open_anew())
+                except EndoctError as error:
+                    return str(error)
+        return ""

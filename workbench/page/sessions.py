@@ -6,7 +6,8 @@ The session file is the only thing that the page ever writes.
 import hashlib
 import shlex
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -32,11 +33,12 @@ from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import orientations_of
 from endoct.fusion.registration.by_hand import Bore, distance, distances, judge
 from endoct.fusion.result import ByHand, PairDistance, Result
-from endoct.stitching.contents import whole_of
+from endoct.stitching.contents import output_digest, whole_of
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import SMALL_BYTES, read_small, sha256_of
+from endoct.stitching.files import SMALL_BYTES, held_folder, read_small, sha256_of
 from endoct.stitching.output import new_output
 from endoct.stitching.store import PanoramaOutline, load_panorama
+from endoct.workbench.page.presence import Gone, Origin, gone
 
 KIND = "session"
 PLAIN = ("corrected-by-hand", "aligned-by-hand")
@@ -46,14 +48,14 @@ POSTED = "what the page sent"
 
 @dataclass(frozen=True, eq=False)
 class Sessions:
-    """The session file of a comparison's ``folder``, and what landmark pairs are judged by.
+    """The session file of the comparison at ``origin``, and what landmark pairs are judged by.
 
     Attributes: ``names`` of the sides, ``outlines`` of their panoramas; ``automatic``, the alignment found without
     pairs, ``present`` the one that is shown, None where there is none; ``used``, pairs that have corrected it already;
     ``refused``, why there can be no session here, else "".
     """
 
-    folder: Path
+    origin: Origin
     names: tuple[str, str]
     outlines: tuple[PanoramaOutline, PanoramaOutline]
     automatic: Alignment | NotAligned
@@ -62,6 +64,11 @@ class Sessions:
     parameters: CompareParameters
     refused: str = ""
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the comparison."""
+        return self.origin.folder
 
     @property
     def path(self) -> Path:
@@ -87,7 +94,7 @@ class Sessions:
         pairs, saved, refused = self.used, None, self.refused
         if not refused:
             try:
-                found = self._stored()
+                found = self._stored(self.folder)
                 if found is not None:
                     pairs, saved = found[0].pairs, found[1]
             except EndoctError as error:
@@ -127,14 +134,19 @@ class Sessions:
         return {"present": present, "by_hand": _json(judged.said), "said": said, "error": ""}
 
     def judged_from(self, data: bytes) -> dict[str, Any]:
-        """Return as :meth:`judged` what is to be said of posted pairs. Raises :class:`EndoctError` for nonsense."""
+        """Return as :meth:`judged` what is to be said of posted pairs.
+
+        Raises :class:`EndoctError` for nonsense, and :class:`Gone` where the comparison is not there any more.
+        """
+        self.origin.check_present()
         return self.judged(pairs_from(object_from(data, POSTED), POSTED))
 
     def save(self, data: bytes) -> dict[str, Any]:
         """Write posted pairs into the session file and return its digest as ``saved``.
 
         ``based_on`` in ``data`` is the digest of the file that the page had read, null where there was none. Raises
-        :class:`EndoctError` for nonsense, and where the file is another by now, a link, or no session of these sides.
+        :class:`EndoctError` for nonsense, and where the file is another by now, a link, or no session of these sides;
+        :class:`Gone` where the comparison is not there any more. No other folder than the comparison's is written to.
         """
         if self.refused:
             raise EndoctError(self.refused)
@@ -143,17 +155,23 @@ class Sessions:
         session = Session(self.identities, pairs_from(posted, POSTED))
         content = session.to_bytes()
         session_from(content, POSTED)  # what is written can be read
-        with self._lock:
-            found = self._stored()
+        with self._lock, self._held() as folder:
+            found = self._stored(folder)
             if (found and found[1]) != based_on:
                 raise EndoctError(
                     f"{self.path} was changed meanwhile, by another window perhaps",
                     remedy="note what you placed and load the page anew",
                 )
             with new_output(
-                self.path, KIND, overwrite=found is not None, is_ours=lambda path: sha256_of(path) == based_on
+                folder / NAME, KIND, overwrite=found is not None, is_ours=lambda path: sha256_of(path) == based_on
             ) as scratch:
                 scratch.write_bytes(content)
+            try:
+                self.origin.check_present()
+            except Gone:
+                if found is None:  # the page says that nothing was saved
+                    (folder / NAME).unlink(missing_ok=True)
+                raise
         return {"saved": hashlib.sha256(content).hexdigest()}
 
     def command(self, folder: Path) -> str:
@@ -166,31 +184,56 @@ class Sessions:
         parts = ["endoct", "compare", *stores, "-o", str(output), "--session", str(folder / NAME), *options]
         return shlex.join(parts)
 
-    def _stored(self) -> tuple[Session, str] | None:
-        """Return the session in the file and the file's digest; None where there is no file."""
-        if self.path.is_symlink():
+    @contextmanager
+    def _held(self) -> Iterator[Path]:
+        """Yield a path to the comparison's own folder, which leads there also if that is moved away meanwhile.
+
+        Raises :class:`Gone` where it does not lie there.
+        """
+        self.origin.check_present()
+        folder = self.folder
+        try:
+            with held_folder(self.folder) as folder:
+                if output_digest(folder) != self.origin.digest:
+                    raise gone(self.folder)
+                yield folder
+        except Gone:
+            raise
+        except EndoctError as error:
+            self.origin.check_present()
+            raise type(error)(
+                error.what.replace(str(folder), str(self.folder)),
+                found=error.found,
+                expected=error.expected,
+                remedy=error.remedy.replace(str(folder), str(self.folder)),
+            ) from error
+
+    def _stored(self, folder: Path) -> tuple[Session, str] | None:
+        """Return the session in the file in ``folder`` and the file's digest; None where there is no file."""
+        path = folder / NAME
+        if path.is_symlink():
             raise EndoctError(f"{self.path} is a link", expected="a session file", remedy="move it away")
-        if not self.path.exists():
+        if not path.exists():
             return None
-        data = read_small(self.path, SMALL_BYTES)
+        data = read_small(path, SMALL_BYTES)
         session = session_from(data, str(self.path))
         check_sides(session, self.identities, str(self.path))
         return session, hashlib.sha256(data).hexdigest()
 
 
-def session_of(folder: Path, outline: ComparisonOutline, sides: tuple[PanoramaOutline, PanoramaOutline]) -> Sessions:
-    """Return what the page knows of landmarks on the comparison in ``folder`` of two ``sides``."""
+def session_of(origin: Origin, outline: ComparisonOutline, sides: tuple[PanoramaOutline, PanoramaOutline]) -> Sessions:
+    """Return what the page knows of landmarks on the comparison at ``origin`` of two ``sides``."""
     result = outline.result
     by_hand = result.by_hand
     return Sessions(
-        folder=folder,
+        origin=origin,
         names=outline.names,
         outlines=sides,
         automatic=_automatic(outline),
         present=outline.alignment,
         used=() if by_hand is None else _used(by_hand),
         parameters=_parameters(result),
-        refused=_refusal(folder, result),
+        refused=_refusal(origin.folder, result),
     )
 
 

@@ -14,6 +14,7 @@ from endoct.workbench.page.heading import Heading
 from endoct.workbench.page.layer import Classes, Layer, Scalar
 from endoct.workbench.page.outlines import outlines
 from endoct.workbench.page.picturing import picture_json, ring_of
+from endoct.workbench.page.presence import Origin
 from endoct.workbench.page.recorded import Reader
 from endoct.workbench.page.relief import MOST_SAMPLES, relief_bytes
 from endoct.workbench.page.sessions import Sessions
@@ -36,8 +37,8 @@ class ShownSide:
 class Shown:
     """A comparison, or a panorama, opened for the page: ``heading`` and ``sections`` are its text.
 
-    The ``description`` is for its program, ``layers`` are by key and ``sides`` by name; ``session`` has the landmarks
-    of a comparison.
+    The ``description`` is for its program, ``layers`` are by key and ``sides`` by name; ``origin`` is where it lies,
+    ``session`` has the landmarks of a comparison.
     """
 
     heading: Heading
@@ -45,6 +46,7 @@ class Shown:
     description: Description
     wall: Wall
     layers: Mapping[str, Layer]
+    origin: Origin
     sides: Mapping[str, ShownSide] = field(default_factory=dict)
     session: Sessions | None = None
     panorama: Path | None = None

@@ -20,6 +20,7 @@ HOST = "127.0.0.1"
 DEATHS = 5
 """Workers that may die holding a piece of work before that piece is thought to be at fault."""
 CONNECT_S = 20.0
+CLOSE_S = 1.0
 # dask by itself has workers give memory back at once; fetching it anew for every array takes twice the processor's time
 WORKER_ENVIRONMENT = {"OMP_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1, "MKL_NUM_THREADS": 1}
 # a terminal sends Ctrl-C to every process it has; workers end with their cluster, without a traceback each
@@ -63,7 +64,7 @@ def existing_cluster(address: str) -> Iterator[Client]:
     Who answers there is trusted: what it sends is unpickled here, which may run anything. Raises :class:`EndoctError`
     where there is none, or it has no worker.
     """
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _quieten()
     with refusing(
         f"no scheduler answers at {address}",
         expected="an address as tcp://host:8786 or tls://host:8786",
@@ -78,7 +79,7 @@ def existing_cluster(address: str) -> Iterator[Client]:
                 remedy="see docs/how-to/datasets.md",
             )
         client = Client(address, security=security, timeout=CONNECT_S)
-    with client:
+    with _closed_in_the_end(client):
         try:
             client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
@@ -86,6 +87,22 @@ def existing_cluster(address: str) -> Iterator[Client]:
                 f"the scheduler at {address} has no worker", remedy=f"start one with `dask worker {address}`"
             ) from error
         yield client
+
+
+def _quieten() -> None:
+    """Have Dask log nothing: what it would say, traces among it, comes as an error too."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.split(".")[0] == "distributed":  # some have a level of their own
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+@contextmanager
+def _closed_in_the_end(client: Client) -> Iterator[None]:
+    """Close ``client`` in the end, without waiting long for a scheduler that does not answer any more."""
+    try:
+        yield
+    finally:
+        client.close(timeout=CLOSE_S)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.errors import EndoctError, system_cause
 
 
 @contextmanager
@@ -15,6 +15,6 @@ def refusing_disk_errors(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise EndoctError(
             f"{folder} cannot be written",
-            found=error.strerror or str(error),
+            found=system_cause(error),
             remedy="mend that and start again with the same arguments; what is finished is kept",
         ) from error

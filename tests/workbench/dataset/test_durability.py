@@ -224,6 +224,21 @@ def test_another_simulator_is_refused(root: Path, cheap: Cheap) -> None:
         make(root, FOLDERS, cheap)
 
 
+def test_hidden_files_depend_on_the_set_alone(root: Path, cheap: Cheap, tmp_path: Path) -> None:
+    make(root, FOLDERS, cheap)
+    grown = Plan(**vars(FOLDERS) | {"count": FOLDERS.count + 1})
+    make(root, grown, cheap)
+    make(tmp_path / "at once", grown, cheap)
+    for name in (".lock", ".written.json"):
+        assert (root / name).read_bytes() == (tmp_path / "at once" / name).read_bytes()
+    assert (root / ".lock").read_bytes() == b""
+
+
+def test_a_folder_with_empty_folders_of_a_set_that_was_removed_is_taken(root: Path, cheap: Cheap) -> None:
+    (root / "specimens" / ".endoct-000000-x").mkdir(parents=True)
+    assert make(root, FOLDERS, cheap) == FOLDERS.count
+
+
 def test_a_folder_that_holds_something_else_is_refused(root: Path, cheap: Cheap) -> None:
     root.mkdir()
     (root / "thesis.tex").write_text("")
@@ -285,18 +300,6 @@ def test_a_lock_is_held_once_and_released(tmp_path: Path) -> None:
         pass
     with scratch_beside(tmp_path / "a" / "b"):
         assert clear_dead_scratch(tmp_path) == 0
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 1 MiB."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
-    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("mounting a small disk needs an administrator's rights")
-    yield disk
-    subprocess.run(["umount", str(disk)], check=True)
 
 
 def test_a_full_disk_is_told_and_the_set_resumed(small_disk: Path, cheap: Cheap) -> None:

@@ -1,15 +1,20 @@
 """Several processes make the same set as one, also where some of them die."""
 
+import json
 import os
+import shutil
 import signal
 import socket
 import ssl
 import stat
+import subprocess
+import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -25,8 +30,9 @@ from distributed.security import Security
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.dataset.building import make_dataset
-from endoct.workbench.dataset.identity import check_worker
-from endoct.workbench.dataset.plan import Plan
+from endoct.workbench.dataset.identity import check_worker, write_identity
+from endoct.workbench.dataset.plan import Job, Plan, units
+from endoct.workbench.dataset.workers import _make_on_worker
 from endoct.workbench.running.cluster import existing_cluster, own_cluster
 
 PLAN = Plan(9, seed=5)
@@ -80,6 +86,113 @@ def test_workers_of_an_existing_cluster_make_the_same(tmp_path: Path, by_one: di
         assert address.startswith(f"{protocol}://")
         make_dataset(tmp_path / "set", PLAN, scheduler=address, make=Cheap(tmp_path / "log"))
     assert contents(tmp_path / "set") == by_one
+
+
+@dataclass
+class Cluster:
+    """A scheduler with a worker, each a process of its own as somebody else would start them."""
+
+    scheduler: "subprocess.Popen[str]"
+    worker: "subprocess.Popen[bytes]"
+    address: str
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    dask_program, said = [sys.executable, "-m", "distributed.cli.dask_scheduler"], tmp_path / "scheduler.json"
+    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(said)]
+    knows = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # where makers of these tests lie
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": knows}
+    scheduler = subprocess.Popen([*dask_program, *options], text=True, **quiet)
+    while not said.exists() or not said.read_text().endswith("}"):
+        time.sleep(0.05)
+    address = json.loads(said.read_text())["address"]
+    run = [
+        sys.executable,
+        "-m",
+        "distributed.cli.dask_worker",
+        address,
+        "--nthreads",
+        "1",
+        "--no-dashboard",
+        "--no-nanny",
+    ]
+    worker = subprocess.Popen(run, **quiet)
+    yield Cluster(scheduler, worker, address)
+    for process in (worker, scheduler):
+        process.kill()
+        process.wait()
+
+
+def when_begun(cheap: Cheap, act: Callable[[], None]) -> threading.Thread:
+    """Do something as soon as a first specimen is begun, in a thread that is returned."""
+
+    def wait() -> None:
+        while not cheap.noted("begin"):
+            time.sleep(0.02)
+        act()
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_a_set_that_was_interrupted_before_its_first_specimen_can_be_completed(
+    tmp_path: Path, by_one: dict[str, bytes], cluster: Cluster
+) -> None:
+    cheap = Cheap(tmp_path / "log", seconds=1.0)
+    interrupting = when_begun(cheap, lambda: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        make_dataset(tmp_path / "set", PLAN, scheduler=cluster.address, make=cheap)
+    interrupting.join()
+    assert not cheap.noted("end")
+    while not cheap.noted("end"):  # the worker finishes what it was at
+        time.sleep(0.02)
+    make_dataset(tmp_path / "set", PLAN, scheduler=cluster.address, make=Cheap(tmp_path / "log 2"))
+    assert contents(tmp_path / "set") == by_one
+    assert not leftovers(tmp_path / "set")
+
+
+def test_a_set_whose_scheduler_was_lost_can_be_completed(
+    tmp_path: Path, by_one: dict[str, bytes], cluster: Cluster, capfd: pytest.CaptureFixture[str]
+) -> None:
+    cheap = Cheap(tmp_path / "log", seconds=1.0)
+    losing = when_begun(cheap, cluster.scheduler.kill)
+    with pytest.raises(EndoctError, match=r"the cluster was lost.*start again with the same arguments"):
+        make_dataset(tmp_path / "set", PLAN, scheduler=cluster.address, make=cheap)
+    losing.join()
+    assert "Traceback" not in "".join(capfd.readouterr())
+    cluster.worker.kill()  # it may be at work still, or not
+    cluster.worker.wait()
+    make_dataset(tmp_path / "set", PLAN, workers=1, make=Cheap(tmp_path / "log 2"))
+    assert contents(tmp_path / "set") == by_one
+
+
+@dataclass(frozen=True)
+class Meanwhile(Cheap):
+    """Does something to the set once a specimen is made."""
+
+    root: Path = Path()
+    other: Plan | None = None
+
+    def __call__(self, folder: Path, plan: Plan, job: Job) -> None:
+        super().__call__(folder, plan, job)
+        shutil.rmtree(self.root)
+        if self.other is not None:
+            self.root.mkdir()
+            write_identity(self.root, self.other)
+        (folder / "truth").mkdir(parents=True)  # as a library goes on to write where it was
+
+
+@pytest.mark.parametrize("other", [None, Plan(9, seed=6)], ids=["removed", "replaced"])
+def test_a_worker_puts_nothing_into_a_set_that_is_gone_or_another(tmp_path: Path, other: Plan | None) -> None:
+    root = tmp_path / "set"
+    root.mkdir()
+    write_identity(root, PLAN)
+    with pytest.raises(EndoctError, match="was begun with another --seed" if other else "does not see"):
+        _make_on_worker(root, PLAN, next(units(PLAN)), Meanwhile(tmp_path / "log", root=root, other=other))
+    assert not list(root.glob("specimens/*"))
+    assert root.exists() == (other is not None)
 
 
 def _credentials(folder: Path) -> dict[str, str]:

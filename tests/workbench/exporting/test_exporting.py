@@ -171,3 +171,12 @@ def test_napari_gets_layers_in_mm_and_only_of_what_is_endocts(panorama: Path, co
     assert kinds[-2:] == [("endoscope cells", "labels"), ("oct cells", "labels")]
     assert reader_of(str(tmp_path)) is None
     assert reader_of([str(panorama)]) is None
+
+
+@pytest.mark.parametrize("name", ["ome-zarr", "ome-tiff", "ply"])
+def test_a_full_disk_is_told_and_nothing_left(name: str, comparison: Path, small_disk: Path) -> None:
+    (small_disk / "thesis.tex").write_bytes(bytes(shutil.disk_usage(small_disk).free - 24_000))
+    for _ in range(5):
+        with pytest.raises(EndoctError, match=r"failed; found (No space left on device|the disk took only)"):
+            export(comparison, small_disk / f"x{FORMATS[name].suffixes[0]}", to=name)  # type: ignore[arg-type, index]
+        assert [path.name for path in small_disk.iterdir()] == ["thesis.tex"]

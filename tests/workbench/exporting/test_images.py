@@ -188,3 +188,24 @@ def test_uneven_rows_become_even_ones_and_gaps_stay_open(tmp_path: Path) -> None
     assert np.isnan(image[61]).all()
     assert np.nanmax(image) > 0.9 * MARK
     assert_is_marked(image, (-0.5, 0.0), (0.05, of.dtheta_mm), place)
+
+
+@pytest.mark.parametrize("to", ["ome-tiff", "labels"])
+def test_ome_tiff_is_read_by_simpleitk_too(tmp_path: Path, to: Any) -> None:
+    sitk = pytest.importorskip("SimpleITK", reason="SimpleITK is not installed")
+    comparison = write_marked_comparison(tmp_path / "result", PLACES[0])
+    exported = export(comparison, tmp_path / "x.ome.tif", to=to)
+    image = sitk.ReadImage(str(tmp_path / "x.ome.tif"))
+    np.testing.assert_array_equal(sitk.GetArrayFromImage(image), tifffile.imread(tmp_path / "x.ome.tif"))
+    assert image.GetSpacing()[:2] == pytest.approx(exported.facts["step_mm"][::-1], rel=1e-5)  # type: ignore[index]
+
+
+@pytest.mark.parametrize("rows", [40, 2100])
+def test_ome_tiff_is_the_same_whenever_it_is_written(tmp_path: Path, rows: int) -> None:
+    store = write_marked(tmp_path / "wall.zarr", PLACES[0], grid(rows))
+    names = "one.ome.tif", "other.ome.tif"
+    for name in names:
+        export(store, tmp_path / name)
+    one, other = ((tmp_path / name).read_bytes() for name in names)
+    assert one == other
+    assert re.search(rb'UUID="urn:uuid:\w{8}-\w{4}-5', one)  # made of what is in it, not of the machine and the time

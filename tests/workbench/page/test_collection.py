@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -156,6 +157,34 @@ def test_names_that_no_text_can_hold(tmp_path: Path):
     page = collection_html("many", read_collection(tmp_path / "many"), "v")
     assert "/at/caf%E9/" in page
     page.encode()
+
+
+@pytest.mark.parametrize("name", [b"caf\xe9", b"two\nlines", b"per%cent", b"a?b#c", "Größe".encode()])
+def test_a_page_is_served_whatever_its_folder_is_called(name: bytes, tmp_path: Path):
+    try:
+        written(tmp_path / "many" / os.fsdecode(name))
+    except OSError:
+        pytest.skip("this disk has no such names")
+    with serving(tmp_path / "many") as served:
+        address = re.search(r'href="(/at/[^"]+)"', served.get("/")[1].decode())
+        assert address is not None
+        assert served.get(address[1])[0] == 200
+        assert served.get(address[1].rstrip("/"))[0] in (301, 302, 307)
+        assert json.loads(served.get(f"{address[1]}description.json")[1])["sides"] == ["endoscope", "oct"]
+        assert served.get(f"{address[1]}tiles/v/oct-image/0/0_0.png")[2]["content-type"] == "image/png"
+        assert served.get(f"{address[1]}nothing")[0] == 404
+
+
+def test_thumbnails_are_those_of_the_table_they_are_in(tmp_path: Path):
+    written(tmp_path / "many" / "b")
+    with serving(tmp_path / "many") as served:
+        version = re.search(r"/thumbnails/(\w+)/0", served.get("/")[1].decode())
+        assert version is not None
+        shown = served.get(f"/thumbnails/{version[1]}/0.png")[1]
+        written(tmp_path / "many" / "a")
+        (tmp_path / "many" / "a" / "result.json").unlink()
+        served.get("/")
+        assert served.get(f"/thumbnails/{version[1]}/0.png")[1] == shown
 
 
 def test_the_table_in_a_browser(folder: Path, served: Served):

@@ -13,7 +13,7 @@ from workbench_page import Served, written
 
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.page.opening import open_shown
-from endoct.workbench.page.serving import listening_socket
+from endoct.workbench.page.serving import listening_socket, name_in_browsers
 from endoct.workbench.page.wall import Tile
 
 
@@ -155,10 +155,26 @@ def test_what_is_no_output_is_refused(tmp_path: Path):
         open_shown(folder)
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "::", ""])
+@pytest.mark.parametrize(
+    "host", ["0.0.0.0", "", "0", "0x0", "000.0.0.0", "0.0", "::", "::0", "0:0::", "::ffff:0.0.0.0"]
+)
 def test_it_listens_on_one_address_only(host: str):
     with pytest.raises(EndoctError, match="cannot listen on every address"):
         listening_socket(host, 0)
+
+
+@pytest.mark.parametrize("host", ["127.1", "0x7f000001", "::ffff:127.0.0.1"])
+def test_an_address_in_another_notation_is_called_as_browsers_write_it(host: str):
+    with listening_socket(host, 0) as listening:
+        assert name_in_browsers(host, listening) == "127.0.0.1"
+    with listening_socket("localhost", 0) as listening:
+        assert name_in_browsers("localhost", listening) == "localhost"
+
+
+def test_a_name_that_cannot_be_is_refused():
+    for host in ("a" * 70, "\ud800", "no such host"):
+        with pytest.raises(EndoctError, match="no server can listen"):
+            listening_socket(host, 0)
 
 
 def test_a_port_that_is_taken_is_refused():

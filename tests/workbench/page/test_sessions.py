@@ -4,13 +4,12 @@ import json
 import shutil
 from contextlib import suppress
 from dataclasses import replace
-from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from workbench_page import Served, serving, written
+from workbench_page import PAIR, Served, post, serving, written
 
 from endoct.fusion.files.session import Session, read_session, session_from
 from endoct.stitching.contents import NAME as LIST_NAME
@@ -19,34 +18,12 @@ from endoct.stitching.errors import EndoctError
 from endoct.workbench import verify
 from endoct.workbench.page.opening import open_shown
 
-PAIR = {
-    "a": {"theta_rad": 2.0, "z_mm": 1.5},
-    "b": {"theta_rad": 2.1, "z_mm": 1.4},
-    "role": "correct",
-    "name": "rim",
-    "sigma_mm": 0.05,
-}
 CHECK = {**PAIR, "a": {"theta_rad": 0.1, "z_mm": 0.7}, "b": {"theta_rad": 6.2, "z_mm": 0.7}, "role": "check"}
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return written(tmp_path / "specimen-8")
-
-
-def post(served: Served, path: str, body: Any, **headers: str | None) -> tuple[int, str]:
-    """Send ``body`` as the page does, headers changed or (None) left out; return status and answer."""
-    origin = served.url.rstrip("/")
-    sent = {"Origin": origin, "Content-Type": "application/json", **headers}
-    data = body if isinstance(body, bytes) else json.dumps(body).encode()
-    connection = HTTPConnection("127.0.0.1", served.port, timeout=60)
-    try:
-        named = {name.replace("_", "-"): value for name, value in sent.items() if value is not None}
-        connection.request("POST", path, data, named)
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode()
-    finally:
-        connection.close()
 
 
 def test_pairs_are_judged_as_shown_and_as_corrected(served: Served):

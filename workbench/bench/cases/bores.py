@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from endoct.modalities.ct_volume import SIGNS, SUFFIXES, CtVolume, read_ct
+from endoct.modalities.ct.stored import SIGNS, SUFFIXES
+from endoct.modalities.ct_volume import CtVolume, read_ct
 from endoct.modalities.markups import read_line
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.arrays import Coordinates, Mask

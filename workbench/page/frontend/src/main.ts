@@ -5,6 +5,7 @@ import { Workspace } from "./workspace";
 
 async function start(top: HTMLElement, more: HTMLElement): Promise<void> {
   const source = await openSource();
+  source.onGone((text) => top.append(element("p", { class: "gone", role: "alert" }, text)));
   const workspace = new Workspace(source.description, source);
   fold(more);
   workspace.plotQuality(more);

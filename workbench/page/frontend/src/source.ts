@@ -4,6 +4,9 @@ import type { Description } from "./description";
 import type { Judged, Pair, SessionState } from "./landmarks";
 import { OVERLAP_PX, TILE_PX, Wall, wrapped } from "./wall";
 
+/** What the server answers where what the page shows was replaced or deleted. */
+const GONE = 410;
+
 export type Values = Record<string, number | null>;
 /** By layer, lines as flat θ in rad, z in mm, θ, z, …; θ goes on beyond a turn where a line does. */
 export type Outlines = Record<string, number[][]>;
@@ -51,9 +54,13 @@ export interface Source {
   /** What landmark pairs say; null where nobody can be asked. */
   judge(pairs: readonly Pair[]): Promise<Judged | null>;
   /** Whether a session is written where the comparison lies; else it is downloaded. */
-  canSave: boolean;
+  readonly canSave: boolean;
   /** Save a session, and return the digest of its file. */
   saveSession(session: SessionState, pairs: readonly Pair[]): Promise<string | null>;
+  /** Call `told` once what the page shows was replaced or deleted, with a text that says so. */
+  onGone(told: (text: string) => void): void;
+  /** Find out whether what the page shows is still there. */
+  checkPresent(): void;
 }
 
 interface Frozen {
@@ -73,8 +80,38 @@ export async function openSource(): Promise<Source> {
   return frozen ? frozenSource(JSON.parse(frozen.textContent ?? "") as Frozen) : servedSource();
 }
 
+/** Asks the server about one output, by its digest: another that lies in its place by now is never taken for it. */
+class Asker {
+  gone = "";
+  private readonly output = document.querySelector<HTMLMetaElement>('meta[name="endoct-output"]')?.content ?? "";
+  private readonly told: ((text: string) => void)[] = [];
+
+  address(path: string): string {
+    return `${path}${path.includes("?") ? "&" : "?"}of=${this.output}`;
+  }
+
+  async ask(path: string, how?: RequestInit): Promise<Response> {
+    const answer = await fetch(this.address(path), how);
+    if (answer.status === GONE && !this.gone) {
+      this.gone = await answer.clone().text();
+      for (const tell of this.told) tell(this.gone);
+    }
+    return answer;
+  }
+
+  send(path: string, body: unknown): Promise<Response> {
+    return this.ask(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
+  }
+
+  onGone(tell: (text: string) => void): void {
+    if (this.gone) tell(this.gone);
+    else this.told.push(tell);
+  }
+}
+
 async function servedSource(): Promise<Source> {
-  const answer = await fetch("description.json");
+  const asker = new Asker();
+  const answer = await asker.ask("description.json");
   if (!answer.ok) throw new Error(await answer.text());
   const description = (await answer.json()) as Description;
   const version = Date.now().toString(36);
@@ -83,52 +120,64 @@ async function servedSource(): Promise<Source> {
     description,
     finestLevel: (layer) => finest.get(layer) ?? 0,
     tileUrl: (layer, level, column, row) =>
-      `tiles/${version}/${encodeURIComponent(layer)}/${level}/${column}_${row}.png`,
+      asker.address(`tiles/${version}/${encodeURIComponent(layer)}/${level}/${column}_${row}.png`),
     outlines: async () => {
-      const found = await fetch("outlines.json");
+      const found = await asker.ask("outlines.json");
       return found.ok ? ((await found.json()) as Outlines) : {};
     },
     pictures: async (side, place) => {
-      const found = await fetch(`pictures/${version}/${encodeURIComponent(side)}/${place}.json`);
+      const found = await asker.ask(`pictures/${version}/${encodeURIComponent(side)}/${place}.json`);
       return found.ok ? ((await found.json()) as FramePicture[]) : null;
     },
     reading: async (side, begin) => {
-      const found = await fetch(`reading/${encodeURIComponent(side)}`, { method: begin ? "POST" : "GET" });
+      const found = await asker.ask(`reading/${encodeURIComponent(side)}`, { method: begin ? "POST" : "GET" });
       if (!found.ok) return { state: "failed", share: 0, said: await found.text() };
       return (await found.json()) as Reading;
     },
     relief: async (layer) => {
-      const found = await fetch(`relief/${version}/${encodeURIComponent(layer)}.bin`);
+      const found = await asker.ask(`relief/${version}/${encodeURIComponent(layer)}.bin`);
       return found.ok ? found.arrayBuffer() : null;
     },
     volume: async () => {
-      const found = await fetch(`volume/${version}.bin`);
+      const found = await asker.ask(`volume/${version}.bin`);
       return found.ok ? found.arrayBuffer() : null;
     },
     values: async (theta_rad, z_mm) => {
-      const found = await fetch(`values.json?theta_rad=${theta_rad}&z_mm=${z_mm}`);
+      const found = await asker.ask(`values.json?theta_rad=${theta_rad}&z_mm=${z_mm}`);
       return found.ok ? ((await found.json()) as Values) : null;
     },
     session: async () => {
       if (description.sides.length < 2) return null;
-      const found = await fetch("session.json");
+      const found = await asker.ask("session.json");
       return found.ok ? ((await found.json()) as SessionState) : null;
     },
     judge: async (pairs) => {
-      const found = await send("landmarks.json", { pairs });
+      const found = await asker.send("landmarks.json", { pairs });
       return found.ok ? ((await found.json()) as Judged) : null;
     },
-    canSave: true,
+    get canSave() {
+      return !asker.gone;
+    },
     saveSession: async (session, pairs) => {
-      const found = await send("session.json", { pairs, based_on: session.saved });
+      if (asker.gone) return download(session, pairs);
+      const found = await asker.send("session.json", { pairs, based_on: session.saved });
+      if (found.status === GONE) throw new Error(`${await found.text()}. Nothing was saved; save again to download the session file.`);
       if (!found.ok) throw new Error(await found.text());
       return ((await found.json()) as { saved: string }).saved;
     },
+    onGone: (told) => asker.onGone(told),
+    checkPresent: () => void asker.ask("present").catch(() => null),
   };
 }
 
-function send(address: string, body: unknown): Promise<Response> {
-  return fetch(address, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
+/** Have the browser save a session file. */
+function download(session: SessionState, pairs: readonly Pair[]): null {
+  const text = JSON.stringify({ format: "endoct-session-1", sides: session.sides, pairs }, null, 1);
+  const link = document.createElement("a");
+  link.download = "session.json";
+  link.href = URL.createObjectURL(new Blob([`${text}\n`], { type: "application/json" }));
+  link.click();
+  return null;
 }
 
 /** Read values back from the codes of the finest tiles that there are. */
@@ -186,13 +235,8 @@ function frozenSource(frozen: Frozen): Source {
     session: () => Promise.resolve(frozen.session),
     judge: () => Promise.resolve(null),
     canSave: false,
-    saveSession: (session, pairs) => {
-      const text = JSON.stringify({ format: "endoct-session-1", sides: session.sides, pairs }, null, 1);
-      const link = document.createElement("a");
-      link.download = "session.json";
-      link.href = URL.createObjectURL(new Blob([`${text}\n`], { type: "application/json" }));
-      link.click();
-      return Promise.resolve(null);
-    },
+    saveSession: (session, pairs) => Promise.resolve(download(session, pairs)),
+    onGone: () => undefined,
+    checkPresent: () => undefined,
   };
 }

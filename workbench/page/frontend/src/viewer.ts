@@ -41,6 +41,7 @@ export class LayerViewer {
       gestureSettingsTouch: { clickToZoom: false },
       gestureSettingsPen: { clickToZoom: false },
     } as OpenSeadragon.Options);
+    this.viewer.addHandler("tile-load-failed", () => source.checkPresent());
     this.viewer.setKeyboardNavEnabled(false); // keys are the page's: they act on all panes, wherever the focus is
   }
 
