@@ -112,6 +112,8 @@ def _bored(recipe: Recipe, bone: Bone, to_lps: Floats, rng: Generator) -> Bore:
     first = bone.share(places)
     depth, going = np.zeros(first.shape, np.float32), first > 0.5
     for behind in np.arange(MARCH_MM, DEEPEST_MM, MARCH_MM):
+        if not going.any():
+            break
         going[going] = bone.share(places[going] + behind * outward[going]) > 0.5
         depth[going] = behind + MARCH_MM / 2
     level = _finer(2 * (1 - first), bare.level.shape)  # 1 where the share of air is a half

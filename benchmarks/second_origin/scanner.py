@@ -37,7 +37,7 @@ def scanned(bone: Bone, bore: Floats, length_mm: float, noise_hu: float, rng: Ge
     hu += np.float32(ENHANCED) * (hu - ndimage.gaussian_filter(hu, WIDER * sigma))
     voxels = hu.reshape(shape[2], FINER, shape[1], FINER, shape[0], FINER).mean(axis=(1, 3, 5))
     voxels += noise_hu * _noise(voxels.shape, rng)
-    return CtVolume(np.clip(np.rint(voxels), -1024, 3071).astype(np.int16), origin, steps, "lps", "second origin")
+    return CtVolume(np.clip(np.rint(voxels), -1024, 3071).astype(np.int16), origin, steps[::-1], "lps", "second origin")
 
 
 def _steps(rng: Generator) -> Floats:

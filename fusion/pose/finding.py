@@ -10,6 +10,7 @@ from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.answer import PoseAnswer
 from endoct.fusion.pose.controls import shuffled_patterns, turned_patterns
 from endoct.fusion.pose.fit import SOFTNESS, Fit, fit_pose, start_of
+from endoct.fusion.pose.handedness import favours_mirror, mirror_reason, open_handedness
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import (
@@ -21,6 +22,7 @@ from endoct.fusion.pose.search import (
     pattern_of,
     senses_of,
 )
+from endoct.fusion.pose.support import support_doubts, too_wide
 from endoct.fusion.pose.wall import SHARED
 from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.arrays import Coordinates
@@ -82,21 +84,51 @@ def find_pose(air: AirAround, plan: Trajectory, sides: Sequence[Observation]) ->
 
 
 def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnswer:
-    """Return the pose by all sides that were ``found`` alone, or why it cannot be told: where none of them can."""
+    """Return the pose by all sides that were ``found`` alone, or why it cannot be told.
+
+    That is where none of them can, where they contradict each other, where a mirror image fits, or where the edges of
+    cells leave it open.
+    """
     together = found[0].fit if len(found) == 1 else fit_together(air, found)
+    pose = BorePose(plan, together)
     reasons = [one.reason for one in found if one.reason is not None]
-    doubts = [f"{reason}: its own depth and turn may be wrong" for reason in reasons]
+    by_mirror, of_hands = _of_hands(air, found, together)
+    reason = "; ".join(reasons) if len(reasons) == len(found) else None
+    reason = reason or by_mirror or _contradiction(air, found) or too_wide(pose)
+    standing = [one.standing for one in found if one.reason is None]
+    doubts = [
+        *of_hands,
+        *support_doubts(pose, standing),
+        *(f"{one}: its own depth and turn may be wrong" for one in reasons),
+    ]
     return PoseAnswer(
-        pose=BorePose(plan, together),
+        pose=pose,
         alone=tuple(BorePose(plan, one.fit) for one in found),
-        reason="; ".join(reasons) if len(reasons) == len(found) else _contradiction(air, found),
+        reason=reason,
         standing=tuple(one.standing for one in found),
-        doubts=tuple(doubts) if len(reasons) < len(found) else (),
+        doubts=() if reason is not None else tuple(doubts),
     )
+
+
+def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[str | None, list[str]]:
+    """Return why a mirror image rules the pose out, if it does, and what is doubted of the sense of θ."""
+    sides = [one.fit.sides[0] for one in found]
+    if any(side.handed and one.reason is None for side, one in zip(sides, found, strict=True)):
+        return None, []  # it was found in its own sense
+    for side in sides:
+        if side.handed and (mirrored := favours_mirror(air, side, together.parameters[:SHARED])) is not None:
+            return (mirror_reason(side.name), []) if mirrored else (None, [])
+    return None, [open_handedness([side.name for side in sides if not side.handed])]
 
 
 def find_alone(air: AirAround, side: Observation) -> Found:
     """Return the pose that ``side`` alone has in ``air``."""
+    starts, standing = searched(air, side)
+    return fitted(air, side, starts, standing)
+
+
+def searched(air: AirAround, side: Observation) -> tuple[list[Candidate], float]:
+    """Return the best candidates that lie apart, and by how many spreads of the controls the first stands out."""
     device = str(air.values.device)
     true = [pattern_of(side, sense, device) for sense in senses_of(side)]
     turned, shuffled = turned_patterns(true[0]), shuffled_patterns(true[0])
@@ -105,7 +137,11 @@ def find_alone(air: AirAround, side: Observation) -> Found:
     of_controls = np.split(np.array(best[len(true) :]), 2)
     standing = min(_standing(max(best[: len(true)]), kind) for kind in of_controls)
     candidates = sorted((one for some in by_pattern[: len(true)] for one in some), key=lambda one: -one.score)
-    starts = _apart(candidates, air.length_mm)
+    return _apart(candidates, air.length_mm), standing
+
+
+def fitted(air: AirAround, side: Observation, starts: Sequence[Candidate], standing: float) -> Found:
+    """Return the best pose of ``side`` that a fit finds from ``starts``."""
     rough = [fit_pose(air, [side], [one.sense], start_of(one), softness=ROUGH) for one in starts]
     rough.sort(key=lambda fit: -fit.agreement[0])
     others = [fit.agreement[0] for fit in rough[1:] if differ(summary(fit), summary(rough[0]), air.length_mm)]
@@ -140,8 +176,7 @@ def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
         senses.append(best.sense)
         softness = SOFTNESS
     sides = [one.fit.sides[0] for one in found]
-    dispersion = [one.fit.dispersion[0] for one in found]
-    return fit_pose(air, sides, senses, torch.cat(start), softness=softness, dispersion=dispersion, leading=leading)
+    return fit_pose(air, sides, senses, torch.cat(start), softness=softness, leading=leading)
 
 
 def _standing(score: float, of_controls: Coordinates) -> float:

@@ -7,37 +7,29 @@ import numpy as np
 import torch
 
 from endoct.fusion.pose.air import AirAround
-from endoct.fusion.pose.observation import STRETCH_MM, Observation
+from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.search import Candidate
-from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, SHARED, TURN, Sense, prior_deviations, wall_places
+from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, RIMS, SHARED, TURN, Sense, directions, prior_deviations, wall_places
 from endoct.stitching.arrays import Coordinates
 
 SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)
 """Residuals in shares of air beyond which samples count less and less (Geman and McClure), in turn."""
 ROUNDS, LEAST_MOVE_MM, MOST_MOVE_MM = 8, 1e-3, 0.3
 GAINS = (0.7, 1.4)
-PATCH_MM = 0.35
-"""Samples closer than this are about one."""
-LEAST_VARIANCE = 1e-4
-ACROSS = 2
-"""Parameters that move the axis aside: x and y."""
+LEAST_VARIANCE = 1e-3
+"""Of residuals, in shares of air: no two instruments see a cell more alike."""
 ALIKE = 0.35
 """How alike two sides err, which look for the same cells in the same CT: the correlation of their errors across the
 axis at the target, from 46 simulated bores of the preset 'patient', seeds 2000 to 2062."""
-AWAY_FROM_EDGES = 0.1
-"""Weight of samples far from any edge that a side shows, over that of those at one.
-
-A cell that a side misses, or that lies hidden just behind the wall, pulls over all its area, and says nothing of where
-the bore lies.
-"""
+LEAST_FREE = 1.0
+"""Independent samples that are left, at least, beyond the parameters that they determine."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A pose fitted to sides: ``parameters`` (n,) as :mod:`endoct.fusion.pose.wall` says, ``covariance`` (n, n).
 
-    By side, ``agreement``: the correlation of what it shows near edges with what the CT has there;
-    ``dispersion``: the variance of the axis as stated, over that which residuals alone would leave.
+    ``agreement``, by side: the correlation of what it shows near edges with what the CT has there.
     """
 
     sides: tuple[Observation, ...]
@@ -45,7 +37,6 @@ class Fit:
     parameters: Coordinates
     covariance: Coordinates
     agreement: tuple[float, ...]
-    dispersion: tuple[float, ...]
 
     def of_side(self, number: int) -> Coordinates:
         """Return the parameters of one side, (OF_SIDE,)."""
@@ -68,21 +59,17 @@ def fit_pose(
     start: torch.Tensor,
     *,
     softness: Sequence[float] = SOFTNESS,
-    dispersion: Sequence[float] | None = None,
     leading: Sequence[bool] | None = None,
 ) -> Fit:
     """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
 
-    ``softness``: residuals, in shares of air, beyond which samples count less and less, in turn. ``dispersion``, of
-    fits of each alone, says how much less a side counts than its residuals would let it. ``leading``: which sides move
-    the axis, all unless said; the others only find their own depth and turn along it.
+    ``softness``: residuals, in shares of air, beyond which samples count less and less, in turn. ``leading``: which
+    sides move the axis, all unless said; the others only find their own depth and turn along it.
     """
     leading = leading or [True] * len(sides)
     at = start.to(device=air.values.device, dtype=torch.float64).clone()
-    levels, dispersion = [(1.0, 0.0)] * len(sides), dispersion or [1.0] * len(sides)
-    # of a side that counts less its own priors do too, or they would move it off the place that its wall shows
-    counts_less = torch.tensor([1.0] * SHARED + [one for one in dispersion for _ in range(OF_SIDE)], device=at.device)
-    inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(at.device) ** -2 / counts_less)
+    levels = [(1.0, 0.0)] * len(sides)
+    inverse_prior = torch.diag(prior_deviations(tuple(sides)).to(at.device) ** -2)
     for soft in softness:
         for _ in range(ROUNDS):
             information, gradient = inverse_prior.clone(), -inverse_prior @ at
@@ -92,8 +79,8 @@ def fit_pose(
                 if not leading[number]:
                     moved = torch.cat([torch.zeros_like(moved[:, :SHARED]), moved[:, SHARED:]], dim=1)
                 part = _part(number)
-                information[part[:, None], part] += moved.T @ (moved * counts[:, None]) / dispersion[number]
-                gradient[part] += moved.T @ (counts * residual) / dispersion[number]
+                information[part[:, None], part] += moved.T @ (moved * counts[:, None])
+                gradient[part] += moved.T @ (counts * residual)
             move = torch.linalg.solve(information, gradient)
             ends_mm = float(move[:2].abs().max() + air.length_mm / 2 * move[2:SHARED].abs().max())
             at = at + move * min(1.0, MOST_MOVE_MM / max(ends_mm, 1e-9))
@@ -126,10 +113,12 @@ def _compared(air: AirAround, side: Observation, sense: Sense, at: torch.Tensor,
         gradient = gradient.to(torch.float64)
         change = torch.einsum("iztp,izt->ztp", moved.permute(2, 0, 1, 3), gradient)
         slope = gradient.norm(dim=0)
-        change[..., SHARED + EDGE] = slope
-        has = has + own[SHARED + EDGE] * slope
+        along = torch.einsum("izt,i->zt", gradient, directions(own[2:SHARED])[:, 2]).abs()
+        change[..., SHARED + EDGE], change[..., SHARED + RIMS] = slope, along
+        has = has + own[SHARED + EDGE] * slope + own[SHARED + RIMS] * along
         shown = at.new_tensor(layer.air)
-        weight = at.new_tensor(layer.weight) * (AWAY_FROM_EDGES + (1 - AWAY_FROM_EDGES) * 4 * shown * (1 - shown))
+        # bare wall says nothing: the CT's noise and the density of bone would be taken for a pattern there
+        weight = at.new_tensor(layer.weight) * 4 * shown * (1 - shown)
         parts.append((shown.flatten(), weight.flatten(), has.flatten(), change.flatten(0, 1)))
     return _Compared(*(torch.cat(one) for one in zip(*parts, strict=True)))
 
@@ -140,7 +129,7 @@ def _levelled(
     """Return gain and offset of what is shown over what the CT has, the robust weights, and the residuals."""
     gain, offset = levels
     weight = _robust(seen.weight, seen.shown - gain * seen.has - offset, softness)
-    total = weight.sum()
+    total = weight.sum().clamp_min(1e-9)  # 0 where a side shows no edge
     shown, has = (weight * seen.shown).sum() / total, (weight * seen.has).sum() / total
     spread = (weight * (seen.has - has) ** 2).sum().clamp_min(1e-9)
     gain = float(((weight * (seen.has - has) * (seen.shown - shown)).sum() / spread).clamp(*GAINS))
@@ -162,10 +151,14 @@ def _weighed(
     A sample counts as its share of an independent one, over the variance of them all.
     """
     levels, weight, residual = _levelled(seen, levels, softness)
-    variance = ((weight * residual**2).sum() / weight.sum()).clamp_min(LEAST_VARIANCE)
+    variance = ((weight * residual**2).sum() / weight.sum().clamp_min(1e-9)).clamp_min(LEAST_VARIANCE)
+    return levels, levels[0] * seen.moved, weight * _share_of_one(side) / variance, residual
+
+
+def _share_of_one(side: Observation) -> float:
+    """Return which part of an independent sample each one is."""
     step, column = float(side.z_mm[1] - side.z_mm[0]), 2 * np.pi * side.radius_mm / side.layers[0].air.shape[1]
-    counts = weight * (step * column / PATCH_MM**2 / np.sqrt(len(side.layers))) / variance
-    return levels, levels[0] * seen.moved, counts, residual
+    return float(step * column / side.alike_mm**2 / np.sqrt(len(side.layers)))
 
 
 def _finished(
@@ -178,12 +171,11 @@ def _finished(
 ) -> Fit:
     """Return the fit with its covariance."""
     n = at.numel()
-    covariance, of_axis = np.zeros((n, n)), []
-    agreement, dispersion = [], []
+    covariance, of_axis, agreement = np.zeros((n, n)), [], []
     for number, (side, sense) in enumerate(zip(sides, senses, strict=True)):
         seen = _compared(air, side, sense, at, number)
         _, moved, counts, residual = _weighed(side, seen, levels[number], SOFTNESS[-1])
-        own, ideal = _of_one(side, moved, counts, residual)
+        own = _of_one(side, moved, counts, residual)
         part = _part(number).numpy()
         covariance[np.ix_(part[SHARED:], part[SHARED:])] = own[SHARED:, SHARED:]
         if leading[number]:
@@ -191,9 +183,8 @@ def _finished(
             covariance[np.ix_(part, part)] += np.pad(own[:SHARED, SHARED:], ((0, OF_SIDE), (SHARED, 0)))
             covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
         agreement.append(_correlation(seen))
-        dispersion.append(float(np.mean((np.diag(own) / ideal)[:SHARED])))
     covariance[:SHARED, :SHARED] = _together(of_axis)
-    return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement), tuple(dispersion))
+    return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement))
 
 
 def _together(each: Sequence[Coordinates]) -> Coordinates:
@@ -208,35 +199,21 @@ def _together(each: Sequence[Coordinates]) -> Coordinates:
     return np.asarray(mean @ spread @ mean)
 
 
-def _of_one(
-    side: Observation, moved: torch.Tensor, counts: torch.Tensor, residual: torch.Tensor
-) -> tuple[Coordinates, Coordinates]:
-    """Return the covariance (n, n) of one side's fit, and the variances (n,) that its residuals alone would leave.
+def _of_one(side: Observation, moved: torch.Tensor, counts: torch.Tensor, residual: torch.Tensor) -> Coordinates:
+    """Return the covariance (n, n) of one side's fit.
 
-    The covariance is that of the jackknife, each stretch of bore left out in turn: few of them hold the pattern, and
-    their residuals are small because the fit went through them. To it comes what no fit can tell: that every stretch
-    lies aside by chance.
+    What edges leave open, and that alone: their residuals are smaller than their errors by as much as the fit went
+    through them, which is much where there are few.
     """
-    pulling = moved * counts[:, None]
     prior = torch.diag(prior_deviations((side,)).to(moved.device) ** -2)
-    information = prior + pulling.T @ moved
-    inverse = torch.linalg.inv(information)
-    covariance = inverse @ prior @ inverse
-    shape = side.layers[0].air.shape
-    n_rows = max(1, round(STRETCH_MM / float(side.z_mm[1] - side.z_mm[0])))
-    stretches = [
-        torch.split(one.reshape(-1, *shape, one.shape[-1]), n_rows, dim=1)
-        for one in (pulling, moved, residual[:, None])
-    ]
-    for one in zip(*stretches, strict=True):
-        pulls, moves, left = (each.flatten(0, 2) for each in one)
-        of_stretch = pulls.T @ moves
-        left_out = torch.linalg.solve(information - of_stretch, pulls.T @ left)
-        aside = inverse[:SHARED] @ of_stretch[:, :ACROSS] * side.aside_mm
-        covariance += left_out @ left_out.T
-        covariance[:SHARED, :SHARED] += aside @ aside.T
+    of_edges = moved.T @ (moved * counts[:, None])
+    inverse = torch.linalg.inv(prior + of_edges)
+    total = counts.sum().clamp_min(1e-9)
+    samples = float(total * ((counts * residual**2).sum() / total).clamp_min(LEAST_VARIANCE))
+    taken = float(torch.trace(inverse @ of_edges))
+    covariance = inverse @ (prior + samples / max(samples - taken, LEAST_FREE) * of_edges) @ inverse
     covariance[SHARED + DEPTH, SHARED + DEPTH] += side.along_mm**2
-    return covariance.cpu().numpy(), torch.diag(inverse).cpu().numpy()
+    return np.asarray(covariance.cpu().numpy())
 
 
 def _correlation(seen: _Compared) -> float:

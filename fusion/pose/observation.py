@@ -22,12 +22,11 @@ EVEN_STEPS = 0.03
 """Relative spread of the steps between frames below which a drive made them, not a stitching."""
 DRIVEN_STRETCH_MM, STITCHED_STRETCH_MM = 0.02, 0.12
 """How far places along the bore may lie off, the scale of the whole aside."""
-STRETCH_ASIDE_MM = 0.06
-"""By how much a stretch of ``STRETCH_MM`` of bore seems to lie aside of where it is, by what unrolling and segmentation
-leave: from 97 simulated bores of the preset 'patient', seeds 2000 to 2099, and ten in real bone."""
+ALIKE_BY_DEPTH_MM, ALIKE_BY_CELLS_MM = 0.5, 0.7
+"""Over which edges err alike: samples closer than this are about one."""
 ALONG_BY_DEPTH_MM, ALONG_BY_CELLS_MM = 0.02, 0.075
 """By how much the whole lies off along the bore: from twelve such bores, seeds 100 to 111."""
-STRETCH_MM = 1.0
+RIMS_BY_DEPTH_MM, RIMS_BY_CELLS_MM = 0.02, 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +52,9 @@ class Observation:
     radius_mm: float
     layers: tuple[Layer, ...]
     stretch_mm: float
-    aside_mm: float
+    alike_mm: float
     along_mm: float
+    rims_mm: float
     handed: bool
     directed: bool
 
@@ -91,8 +91,9 @@ def observe(side: Side, cells: Mask | None = None) -> Observation:
         radius_mm=panorama.grid.radius_mm,
         layers=layers,
         stretch_mm=DRIVEN_STRETCH_MM if driven else STITCHED_STRETCH_MM,
-        aside_mm=STRETCH_ASIDE_MM,
+        alike_mm=ALIKE_BY_DEPTH_MM if evidence.kind == "relief" else ALIKE_BY_CELLS_MM,
         along_mm=ALONG_BY_DEPTH_MM if evidence.kind == "relief" else ALONG_BY_CELLS_MM,
+        rims_mm=RIMS_BY_DEPTH_MM if evidence.kind == "relief" else RIMS_BY_CELLS_MM,
         handed=panorama.handedness_known,
         directed=panorama.travel_known,
     )

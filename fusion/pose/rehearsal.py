@@ -7,6 +7,8 @@ import torch
 
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import (
+    ALIKE_BY_CELLS_MM,
+    ALIKE_BY_DEPTH_MM,
     ALONG_BY_CELLS_MM,
     ALONG_BY_DEPTH_MM,
     BLUR_MM,
@@ -15,14 +17,14 @@ from endoct.fusion.pose.observation import (
     HIDDEN_MM,
     LAYERS_MM,
     LEAST_KNOWN,
+    RIMS_BY_CELLS_MM,
+    RIMS_BY_DEPTH_MM,
     ROWS_MM,
     STITCHED_STRETCH_MM,
-    STRETCH_ASIDE_MM,
-    STRETCH_MM,
     Layer,
     Observation,
 )
-from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, SHARED, TURN, Sense, prior_deviations, wall_places
+from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, RIMS, SHARED, TURN, Sense, prior_deviations, wall_places
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.circle import gaussian, masked_gaussian
 
@@ -32,6 +34,9 @@ STEP_MM = 0.05
 """Between cylinders behind the wall, up to the one where light meets bone."""
 STEEPNESS = 4.0
 """How much sharper the edges of a recording are than those of a clinical CT."""
+STRETCH_MM, STRETCH_ASIDE_MM = 1.0, 0.06
+"""By how much every stretch of bore seems to lie aside of where it is, by what unrolling and segmentation leave: from 97
+simulated bores of the preset 'patient', seeds 2000 to 2099, and ten in real bone."""
 MISSED, PATCH_MM = 0.17, 0.3
 """Share of the CT's air on the wall that recordings do not show, and σ of the field whose crests are such patches: the
 share is that of twelve simulated bores of the preset 'patient', seeds 100 to 111, by OCT and endoscope alike."""
@@ -41,20 +46,23 @@ share is that of twelve simulated bores of the preset 'patient', seeds 100 to 11
 class Instrument:
     """A kind of instrument, by what it gets wrong.
 
-    ``layers_mm`` behind the wall at which it shows air; ``stretch_mm``, ``aside_mm``, ``along_mm`` as of an
+    ``layers_mm`` behind the wall at which it shows air; the others as of an
     :class:`~endoct.fusion.pose.observation.Observation`.
     """
 
     name: str
     layers_mm: tuple[float, ...]
     stretch_mm: float
-    aside_mm: float
+    alike_mm: float
     along_mm: float
+    rims_mm: float
 
 
-WITH_DEPTH = Instrument("depth", LAYERS_MM, DRIVEN_STRETCH_MM, STRETCH_ASIDE_MM, ALONG_BY_DEPTH_MM)
+WITH_DEPTH = Instrument(
+    "depth", LAYERS_MM, DRIVEN_STRETCH_MM, ALIKE_BY_DEPTH_MM, ALONG_BY_DEPTH_MM, RIMS_BY_DEPTH_MM
+)
 """Like OCT."""
-BY_CELLS = Instrument("cells", (0.0,), STITCHED_STRETCH_MM, STRETCH_ASIDE_MM, ALONG_BY_CELLS_MM)
+BY_CELLS = Instrument("cells", (0.0,), STITCHED_STRETCH_MM, ALIKE_BY_CELLS_MM, ALONG_BY_CELLS_MM, RIMS_BY_CELLS_MM)
 """Like an endoscope."""
 
 
@@ -78,8 +86,9 @@ def rehearse(
         radius_mm=radius_mm,
         layers=tuple(Layer(behind, blank, blank) for behind in instrument.layers_mm),
         stretch_mm=instrument.stretch_mm,
-        aside_mm=instrument.aside_mm,
+        alike_mm=instrument.alike_mm,
         along_mm=instrument.along_mm,
+        rims_mm=instrument.rims_mm,
         handed=True,
         directed=True,
     )
@@ -111,14 +120,15 @@ def _layers(
     """Return what is shown of the air: a place behind the wall is where no bone is before it."""
     column_mm = 2 * np.pi * side.radius_mm / COLUMNS
     shape = side.layers[0].air.shape
-    edge_mm = float(parameters[SHARED + EDGE])
+    edge_mm, rims_mm = float(parameters[SHARED + EDGE]), float(parameters[SHARED + RIMS])
     moved = torch.as_tensor(_aside(instrument, side, generator), dtype=torch.float64)[:, None]
     behind = STEP_MM * np.arange(1 + round(max(instrument.layers_mm) / STEP_MM))
     open_at = []
     for one in behind.tolist():
         places, _ = wall_places(side, Sense(), air.length_mm / 2, parameters, one)
         share, gradient = air.share_and_gradient(places + moved)
-        open_at.append(share.cpu().numpy() + edge_mm * gradient.norm(dim=0).cpu().numpy())
+        outward = edge_mm * gradient.norm(dim=0) + rims_mm * gradient[2].abs()  # the bore runs nearly along z
+        open_at.append((share + outward).cpu().numpy())
     sharp = np.clip(0.5 + STEEPNESS * (np.minimum.accumulate(open_at) - 0.5), 0, 1).astype(np.float32)
     sharp *= _kept(shape, column_mm, generator)
     sigmas = BLUR_MM / ROWS_MM, BLUR_MM / column_mm
@@ -135,7 +145,7 @@ def _layers(
 def _aside(instrument: Instrument, side: Observation, generator: np.random.Generator) -> Coordinates:
     """Return how far each row seems to lie off, (n_z, 3): every stretch of the bore across, and all of it along."""
     knots = np.arange(0, side.length_mm + STRETCH_MM, STRETCH_MM)
-    across = instrument.aside_mm * generator.normal(size=(2, knots.size))
+    across = STRETCH_ASIDE_MM * generator.normal(size=(2, knots.size))
     off = np.full((side.z_mm.size, 3), instrument.along_mm * generator.normal())
     for axis in range(2):
         off[:, axis] = np.interp(side.z_mm, knots, across[axis])

@@ -3,7 +3,8 @@
 Parameters, float64. Shared by all sides: x and y in mm of the bore's axis at the middle of the plan's length, and its
 tilt against the plan as a rotation vector about x and y, rad. Of each side: depth of its middle row along the axis from
 the plan's entry, mm; turn about the axis, rad; relative change of its scale along z; change of the radius, mm; by
-how much the edges of its cells lie outward of those in the CT, mm; TWISTS
+how much the edges of its cells lie outward of those in the CT, mm; by how much more those do that run across the bore,
+at the near and the far end of cells, mm; TWISTS
 coefficients of a slow error of θ along z, rad; STRETCHES of a slow error of z, mm.
 """
 
@@ -17,7 +18,7 @@ from endoct.fusion.pose.observation import Observation
 
 SHARED = 4
 TWISTS, STRETCHES = 6, 5
-DEPTH, TURN, SCALE, RADIUS, EDGE, FIRST_TWIST = 0, 1, 2, 3, 4, 5
+DEPTH, TURN, SCALE, RADIUS, EDGE, RIMS, FIRST_TWIST = 0, 1, 2, 3, 4, 5, 6
 FIRST_STRETCH = FIRST_TWIST + TWISTS
 OF_SIDE = FIRST_STRETCH + STRETCHES
 FREE = 100.0
@@ -37,7 +38,7 @@ def prior_deviations(sides: tuple[Observation, ...]) -> torch.Tensor:
     """Return the standard deviation of every parameter before anything was looked at, (n,)."""
     deviations = [FREE] * SHARED
     for side in sides:
-        deviations += [FREE, FREE, SCALE_PRIOR, RADIUS_PRIOR_MM, EDGE_PRIOR_MM]
+        deviations += [FREE, FREE, SCALE_PRIOR, RADIUS_PRIOR_MM, EDGE_PRIOR_MM, side.rims_mm]
         deviations += [TWIST_PRIOR_RAD / k for k in range(1, TWISTS + 1)]
         deviations += [side.stretch_mm / k for k in range(1, STRETCHES + 1)]
     return torch.tensor(deviations, dtype=torch.float64)

@@ -27,11 +27,11 @@ def a_pose(
 ) -> BorePose:
     z = np.arange(0, 20.01, 0.2)
     layer = Layer(0.0, np.zeros((z.size, 64), np.float32), np.ones((z.size, 64), np.float32))
-    side = Observation(name, z, RADIUS_MM, (layer,), 0.1, 0.04, 0.07, handed=True, directed=True)
+    side = Observation(name, z, RADIUS_MM, (layer,), 0.1, 0.7, 0.07, 0.15, handed=True, directed=True)
     parameters = np.zeros(SHARED + OF_SIDE)
     parameters[:4], parameters[SHARED] = (*aside, tilt, -tilt / 2), 15.0
     covariance = np.diag([deviation**2] * 2 + [(deviation / 10) ** 2] * 2 + [0.01] * OF_SIDE)
-    return BorePose(PLAN, Fit((side,), (Sense(),), parameters, covariance, (0.9,), (1.0,)))
+    return BorePose(PLAN, Fit((side,), (Sense(),), parameters, covariance, (0.9,)))
 
 
 @pytest.mark.parametrize("true", [(0.0, 0.0), (0.05, 0.0), (1.0, -0.5)])

@@ -1,0 +1,85 @@
+"""What a pose rests on: where along the bore its sides show edges of cells, and what is doubted where they show few."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from endoct.fusion.pose.observation import Observation
+from endoct.fusion.pose.pose import BorePose
+
+LEAST_EDGE = 0.5
+"""Weight of a row's clearest edge, 1 for one that is half air, from which on the row shows one."""
+LONG_BARE_MM = 8.0
+WIDE_MM, TOO_WIDE_MM = 0.5, 1.0
+"""Half of the long axis of the 95 % ellipse beyond the target: surgery at the facial recess asks for 0.3 to 0.5 mm."""
+BEYOND_MM = 5.0
+CLEAR_STANDING = 3.0
+"""Spreads above the controls from which on a pattern stands clear of them. Wrong ones reached 2.4."""
+REACH = float(np.sqrt(stats.chi2.ppf(0.95, 2)))
+
+
+@dataclass(frozen=True)
+class BareStretch:
+    """Depths, mm from the planned entry, between which the wall that was seen shows no edge of a cell."""
+
+    from_mm: float
+    to_mm: float
+
+    @property
+    def length_mm(self) -> float:
+        """How long it is."""
+        return self.to_mm - self.from_mm
+
+
+def longest_bare_stretch(pose: BorePose) -> BareStretch:
+    """Return the longest stretch of what any side saw of the bore in which none shows an edge."""
+    seen, edges = [], []
+    for name, side in zip(pose.names, pose.fit.sides, strict=True):
+        depths = pose.depth_of(name, side.z_mm)
+        seen += [float(depths.min()), float(depths.max())]
+        edges += depths[shows_edges(side)].tolist()
+    places = np.array([min(seen), *sorted(edges), max(seen)])
+    widest = int(np.argmax(np.diff(places)))
+    return BareStretch(float(places[widest]), float(places[widest + 1]))
+
+
+def shows_edges(side: Observation) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return which rows of a side show an edge of a cell, bool (n_z,)."""
+    layer = side.layers[0]
+    return np.asarray((4 * layer.air * (1 - layer.air) * layer.weight).max(axis=1) > LEAST_EDGE)
+
+
+def ellipse_mm(pose: BorePose) -> float:
+    """Return half the long axis of the 95 % ellipse across the bore, ``BEYOND_MM`` beyond the plan's target."""
+    covariance = pose.axis_covariance(pose.plan.length_mm + BEYOND_MM)
+    return REACH * float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+
+
+def too_wide(pose: BorePose) -> str | None:
+    """Return why the edges that a pose rests on leave it open, None where they do not."""
+    if (reach := ellipse_mm(pose)) <= TOO_WIDE_MM:
+        return None
+    bare = longest_bare_stretch(pose)
+    return (
+        f"the edges of cells leave open where the bore lies: {BEYOND_MM:g} mm beyond the target by up to {reach:.1f} mm, "
+        f"{TOO_WIDE_MM:g} mm at most ({bare.length_mm:.1f} mm of the bore are without an edge)"
+    )
+
+
+def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[str]:
+    """Yield what is doubted of a pose that is told. ``standing`` of those sides that can tell it alone."""
+    bare = longest_bare_stretch(pose)
+    if bare.length_mm >= LONG_BARE_MM:
+        yield (
+            f"{bare.length_mm:.1f} mm of the bore show no edge of a cell, from {bare.from_mm:.1f} to {bare.to_mm:.1f} mm "
+            "depth: the axis is drawn on there from the rest"
+        )
+    if (reach := ellipse_mm(pose)) > WIDE_MM:
+        yield f"{BEYOND_MM:g} mm beyond the target the axis is known to {reach:.1f} mm only, {WIDE_MM:g} mm are asked for"
+    if standing and max(standing) < CLEAR_STANDING:
+        yield (
+            f"the pattern stands {max(standing):.1f} spreads above rearranged ones, {CLEAR_STANDING:g} are clear: "
+            "it may lie elsewhere"
+        )
