@@ -8,9 +8,9 @@ from numpy.random import Generator
 from scipy import ndimage
 
 from benchmarks.independent.bore import STEP_MM, Bore, Cell, Floats, drill
-from benchmarks.independent.pair import Pair, write_pair
 from benchmarks.independent.catheter import pull_back
 from benchmarks.independent.mirror import travel
+from benchmarks.independent.pair import Pair, write_pair
 from benchmarks.independent.recipe import Recipe
 from benchmarks.independent.sets import recipe_of
 from benchmarks.second_origin.bone import (
@@ -125,9 +125,7 @@ def _bored(recipe: Recipe, bone: Bone, to_lps: Floats, rng: Generator) -> Bore:
              float(rng.uniform(0.15, 0.45)))
         for _ in range(n_cells + 1)
     )  # fmt: skip
-    return replace(
-        bare, cells=floors, level=level, relief_mm=relief.astype(np.float32), number=number.astype(np.int32)
-    )
+    return replace(bare, cells=floors, level=level, relief_mm=relief.astype(np.float32), number=number.astype(np.int32))
 
 
 def _lit(bore: Bore, lamp: float) -> Floats:

@@ -10,9 +10,9 @@ class PoseAnswer:
     """The best ``pose`` there is, of all sides together, and of each ``alone``.
 
     ``reason``: why it cannot be told, in a full sentence; None where it is told. ``standing``: by side, how far its
-    score lies above that of control patterns, in their spreads. ``doubts``, of a pose that is told, the gravest first: a
-    sense of θ that is not known, long stretches without an edge, wide ellipses, a pattern that hardly stands out, and a
-    side that could not tell the pose alone. The axis is by the other one then, and this one's depth and turn may be
+    score lies above that of control patterns, in their spreads. ``doubts``, of a pose that is told, the gravest first:
+    a sense of θ that is not known, long stretches without an edge, wide ellipses, a pattern that hardly stands out, and
+    a side that could not tell the pose alone. The axis is by the other one then, and this one's depth and turn may be
     wrong.
     """
 

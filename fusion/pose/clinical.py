@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.wall import SHARED
+from endoct.fusion.pose.wall import OF_SIDE, SHARED, TURN
 from endoct.stitching.arrays import Coordinates
 
 LEVEL = 0.95
@@ -89,6 +89,14 @@ def ends_of(pose: BorePose, name: str) -> tuple[Estimate, Estimate]:
         for depth, z in zip(pose.depth_of(name, z_mm), z_mm, strict=True)
     )
     return first, last
+
+
+def roll_of(pose: BorePose, name: str) -> Estimate:
+    """Return the angle of θ = 0 of a side's panorama about the bore's axis, degrees in [0, 360), from the frame's x."""
+    number = pose.names.index(name)
+    turn = SHARED + OF_SIDE * number + TURN
+    value = float(np.degrees(pose.fit.parameters[turn])) % 360
+    return estimate(value, float(np.degrees(np.sqrt(pose.fit.covariance[turn, turn]))))
 
 
 def difference(one: BorePose, other: BorePose) -> Difference:

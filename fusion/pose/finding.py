@@ -58,8 +58,7 @@ class Found:
     @property
     def reason(self) -> str | None:
         """Why this side alone cannot tell, None where it can."""
-        name, agreement = self.fit.sides[0].name, self.fit.agreement[0]
-        least = LEAST_BY_DEPTH if len(self.fit.sides[0].layers) > 1 else LEAST_BY_CELLS
+        name, agreement, least = self.fit.sides[0].name, self.fit.agreement[0], _least_of(self.fit.sides[0])
         if agreement < least:
             return f"the {name}'s edges correlate {agreement:.2f} with the CT's at best, {least:g} at least"
         if self.standing < LEAST_STANDING:
@@ -94,7 +93,7 @@ def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnsw
     reasons = [one.reason for one in found if one.reason is not None]
     by_mirror, of_hands = _of_hands(air, found, together)
     reason = "; ".join(reasons) if len(reasons) == len(found) else None
-    reason = reason or by_mirror or _contradiction(air, found) or too_wide(pose)
+    reason = reason or by_mirror or _contradiction(air, found) or _stranger(found, together) or too_wide(pose)
     standing = [one.standing for one in found if one.reason is None]
     doubts = [
         *of_hands,
@@ -201,6 +200,21 @@ def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:
     distance = float(np.linalg.norm(ends[0] - ends[1], axis=1).max())
     names = [axis.names[0] for axis in axes]
     return f"{names[0]} and {names[1]} find axes that lie {distance:.2f} mm apart, more than either could be off"
+
+
+def _stranger(found: Sequence[Found], together: Fit) -> str | None:
+    """Return which side shows nothing of the bore that the other one finds, None where each fits somewhere along it."""
+    for one, side, agreement in zip(found, together.sides, together.agreement, strict=True):
+        if one.reason is not None and agreement < _least_of(side):
+            return (
+                f"along the axis that the other side finds the {side.name}'s edges correlate {agreement:.2f} with the "
+                f"CT's, {_least_of(side):g} at least: it may be of another bore, or show too little; try the other alone"
+            )
+    return None
+
+
+def _least_of(side: Observation) -> float:
+    return LEAST_BY_DEPTH if len(side.layers) > 1 else LEAST_BY_CELLS
 
 
 Summary = tuple[tuple[float, float, float, float], float, float]

@@ -9,7 +9,18 @@ import torch
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.search import Candidate
-from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, RIMS, SHARED, TURN, Sense, directions, prior_deviations, wall_places
+from endoct.fusion.pose.wall import (
+    DEPTH,
+    EDGE,
+    OF_SIDE,
+    RIMS,
+    SHARED,
+    TURN,
+    Sense,
+    directions,
+    prior_deviations,
+    wall_places,
+)
 from endoct.stitching.arrays import Coordinates
 
 SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)

@@ -15,7 +15,7 @@ SETTLED = 0.1
 
 
 def favours_mirror(air: AirAround, side: Observation, axis: Coordinates) -> bool | None:
-    """Return whether ``side``, its sense of θ known, fits the mirror image along ``axis`` (4,); None where it is open."""
+    """Return whether ``side``, its sense of θ known, fits the mirror image along ``axis`` (4,); None if it is open."""
     known = {sense.turning for sense in senses_of(side)}
     senses = senses_of(replace(side, handed=False))
     patterns = [pattern_of(side, sense, str(air.values.device)) for sense in senses]
@@ -28,8 +28,8 @@ def favours_mirror(air: AirAround, side: Observation, axis: Coordinates) -> bool
 def mirror_reason(side: str) -> str:
     """Return why nothing is told where a side's mirror image fits."""
     return (
-        f"the {side}, of which the sense of θ is known, fits the mirror image of the CT: the CT is mirrored, or it is of "
-        "the other ear"
+        f"the {side}, of which the sense of θ is known, fits the mirror image of the CT: the CT is mirrored, or "
+        "it is of the other ear"
     )
 
 

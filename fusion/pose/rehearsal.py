@@ -35,8 +35,8 @@ STEP_MM = 0.05
 STEEPNESS = 4.0
 """How much sharper the edges of a recording are than those of a clinical CT."""
 STRETCH_MM, STRETCH_ASIDE_MM = 1.0, 0.06
-"""By how much every stretch of bore seems to lie aside of where it is, by what unrolling and segmentation leave: from 97
-simulated bores of the preset 'patient', seeds 2000 to 2099, and ten in real bone."""
+"""By how much every stretch of bore seems to lie aside of where it is, by what unrolling and segmentation leave: from
+97 simulated bores of the preset 'patient', seeds 2000 to 2099, and ten in real bone."""
 MISSED, PATCH_MM = 0.17, 0.3
 """Share of the CT's air on the wall that recordings do not show, and σ of the field whose crests are such patches: the
 share is that of twelve simulated bores of the preset 'patient', seeds 100 to 111, by OCT and endoscope alike."""
@@ -58,9 +58,7 @@ class Instrument:
     rims_mm: float
 
 
-WITH_DEPTH = Instrument(
-    "depth", LAYERS_MM, DRIVEN_STRETCH_MM, ALIKE_BY_DEPTH_MM, ALONG_BY_DEPTH_MM, RIMS_BY_DEPTH_MM
-)
+WITH_DEPTH = Instrument("depth", LAYERS_MM, DRIVEN_STRETCH_MM, ALIKE_BY_DEPTH_MM, ALONG_BY_DEPTH_MM, RIMS_BY_DEPTH_MM)
 """Like OCT."""
 BY_CELLS = Instrument("cells", (0.0,), STITCHED_STRETCH_MM, ALIKE_BY_CELLS_MM, ALONG_BY_CELLS_MM, RIMS_BY_CELLS_MM)
 """Like an endoscope."""

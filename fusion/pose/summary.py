@@ -15,9 +15,11 @@ from endoct.fusion.pose.clinical import (
     difference,
     ends_of,
     offset_at,
+    roll_of,
 )
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import Clearance, Structure, clearance, depth_beside
+from endoct.fusion.pose.support import BareStretch, ellipse_mm, longest_bare_stretch
 
 SEED = 1986
 
@@ -32,6 +34,9 @@ class PoseSummary:
     beyond: the same, 5 mm beyond the target; ``recess``: where the bore passes the facial nerve, if that is labelled.
     angle_deg: between the axis and the plan.
     ends_mm: by side, the depth along the bore of its first and its last row.
+    roll_deg: by side, the angle of its θ = 0 about the axis, from x of the bore frame.
+    bare: the longest stretch of what was seen of the bore without an edge of a cell.
+    ellipse_mm: half the long axis of the 95 % ellipse of the axis at ``beyond``.
     clearances: from each labelled structure.
     difference: of the two sides' own axes; None for one side.
     """
@@ -42,6 +47,9 @@ class PoseSummary:
     recess: Offset | None
     angle_deg: Estimate
     ends_mm: dict[str, tuple[Estimate, Estimate]]
+    roll_deg: dict[str, Estimate]
+    bare: BareStretch
+    ellipse_mm: float
     clearances: tuple[Clearance, ...]
     difference: Difference | None
 
@@ -58,6 +66,9 @@ def summary_of(answer: PoseAnswer, structures: Sequence[Structure]) -> PoseSumma
         recess=None if nerve is None else offset_at(pose, depth_beside(pose, nerve)),
         angle_deg=angle_of(pose),
         ends_mm={name: ends_of(pose, name) for name in pose.names},
+        roll_deg={name: roll_of(pose, name) for name in pose.names},
+        bare=longest_bare_stretch(pose),
+        ellipse_mm=ellipse_mm(pose),
         clearances=tuple(clearance(pose, one, radius, np.random.default_rng([SEED, one.label])) for one in structures),
         difference=difference(*answer.alone) if len(answer.alone) == 2 else None,
     )

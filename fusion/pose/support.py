@@ -4,8 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
+from endoct.fusion.pose.clinical import BEYOND_MM
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
 
@@ -14,7 +16,6 @@ LEAST_EDGE = 0.5
 LONG_BARE_MM = 8.0
 WIDE_MM, TOO_WIDE_MM = 0.5, 1.0
 """Half of the long axis of the 95 % ellipse beyond the target: surgery at the facial recess asks for 0.3 to 0.5 mm."""
-BEYOND_MM = 5.0
 CLEAR_STANDING = 3.0
 """Spreads above the controls from which on a pattern stands clear of them. Wrong ones reached 2.4."""
 REACH = float(np.sqrt(stats.chi2.ppf(0.95, 2)))
@@ -45,7 +46,7 @@ def longest_bare_stretch(pose: BorePose) -> BareStretch:
     return BareStretch(float(places[widest]), float(places[widest + 1]))
 
 
-def shows_edges(side: Observation) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def shows_edges(side: Observation) -> NDArray[np.bool_]:
     """Return which rows of a side show an edge of a cell, bool (n_z,)."""
     layer = side.layers[0]
     return np.asarray((4 * layer.air * (1 - layer.air) * layer.weight).max(axis=1) > LEAST_EDGE)
@@ -63,8 +64,8 @@ def too_wide(pose: BorePose) -> str | None:
         return None
     bare = longest_bare_stretch(pose)
     return (
-        f"the edges of cells leave open where the bore lies: {BEYOND_MM:g} mm beyond the target by up to {reach:.1f} mm, "
-        f"{TOO_WIDE_MM:g} mm at most ({bare.length_mm:.1f} mm of the bore are without an edge)"
+        f"the edges of cells leave open where the bore lies: {BEYOND_MM:g} mm beyond the target by up to {reach:.1f} "
+        f"mm, {TOO_WIDE_MM:g} mm at most ({bare.length_mm:.1f} mm of the bore are without an edge)"
     )
 
 
@@ -73,11 +74,13 @@ def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[str]:
     bare = longest_bare_stretch(pose)
     if bare.length_mm >= LONG_BARE_MM:
         yield (
-            f"{bare.length_mm:.1f} mm of the bore show no edge of a cell, from {bare.from_mm:.1f} to {bare.to_mm:.1f} mm "
-            "depth: the axis is drawn on there from the rest"
+            f"{bare.length_mm:.1f} mm of the bore show no edge of a cell, from {bare.from_mm:.1f} to {bare.to_mm:.1f} "
+            "mm depth: the axis is drawn on there from the rest"
         )
     if (reach := ellipse_mm(pose)) > WIDE_MM:
-        yield f"{BEYOND_MM:g} mm beyond the target the axis is known to {reach:.1f} mm only, {WIDE_MM:g} mm are asked for"
+        yield (
+            f"{BEYOND_MM:g} mm beyond the target the axis is known to {reach:.1f} mm only; {WIDE_MM:g} mm are asked for"
+        )
     if standing and max(standing) < CLEAR_STANDING:
         yield (
             f"the pattern stands {max(standing):.1f} spreads above rearranged ones, {CLEAR_STANDING:g} are clear: "

@@ -142,20 +142,26 @@ def _check_options(plan_only: bool, of_sides: Mapping[str, object], of_plan: Map
 
 
 def _print(result: "PoseResult") -> None:
-    from endoct.workbench.posing.result import NOTICE, estimate_text
+    from endoct.workbench.posing.result import NOTICE, estimate_text, place_text
 
     if not result.told:
         print_line(f"cannot be told: {result.answer.reason}")
         _print_doubts(result)
         return
-    summary = result.summary
+    summary, length_mm = result.summary, result.answer.pose.plan.length_mm
+    _print_doubts(result)  # before any number: these hold as far as that
     print_line(
         f"offset from the plan (mm): entry {estimate_text(summary.at_entry.distance_mm)}, target "
         f"{estimate_text(summary.at_target.distance_mm)}; angle {estimate_text(summary.angle_deg)}°"
     )
+    print_line(
+        f"the bore's axis in the CT ({result.coordinates.upper()}, mm): {place_text(result.place(0.0))} at the depth "
+        f"of the planned entry, {place_text(result.place(length_mm))} at that of the target"
+    )
+    for name, roll in summary.roll_deg.items():
+        print_line(f"roll of {name}: θ = 0 lies at {estimate_text(roll, 0)}° about the axis")
     for one in summary.clearances:
         print_line(f"{one.name}: {estimate_text(one.distance_mm)} mm from the bore")
-    _print_doubts(result)
     print_line(f"In brackets: 95 % intervals. {NOTICE}")
 
 

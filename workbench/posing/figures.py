@@ -13,6 +13,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import mask_of, name_of, segments_in
 from endoct.fusion.pose.summary import radius_of
+from endoct.fusion.pose.support import LONG_BARE_MM, longest_bare_stretch
 from endoct.modalities.ct_volume import CtVolume, part_around
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.grid import SurfaceGrid
@@ -62,6 +63,7 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) 
     width_in = PAGE_WIDTH_IN - 0.6
     height_in = width_in * np.ptp(aside) / np.ptp(z)
     low, high = _window(ct)
+    bare = longest_bare_stretch(pose)
     names: dict[str, str] = {}
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 2 * height_in + 1.0)
@@ -72,6 +74,8 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) 
             if labels is not None:
                 names |= _outline_structures(axes, labels, pose, z, aside, axis)
             _draw_bore(axes, pose, axis, told)
+            if bare.length_mm >= LONG_BARE_MM:
+                axes.axvspan(bare.from_mm, bare.to_mm, color=SKY, alpha=0.25, linewidth=0)
             axes.set_title(f"({'ab'[k]}) {title}", pad=3)
             axes.set_ylabel("from the axis (mm)")
             axes.set_xlim(z[0], z[-1])
@@ -90,7 +94,8 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) 
     caption = (
         "Two planes through the found axis, at right angles, drawn to scale; the CT is from before drilling. "
         "Solid: the bore's envelope and axis, between thin lines that hold the wall in 95 % of cases. Dashed: the "
-        "plan, projected onto the plane."
+        f"plan, projected onto the plane. Tinted, where it is {LONG_BARE_MM:g} mm or more: no edge of a cell was seen, "
+        "and the axis is drawn on from the rest."
     )
     return Drawn(rendered, "cut", "The CT along the bore", caption)
 

@@ -10,7 +10,7 @@ from endoct.workbench.page.document import document
 from endoct.workbench.page.heading import Heading, Score
 from endoct.workbench.pipeline.information import texts_of
 from endoct.workbench.pipeline.volumes import VolumeFacts
-from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text
+from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text, place_text
 from endoct.workbench.report.doubts import count_doubts
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.illustrated import numbered
@@ -20,6 +20,10 @@ from endoct.workbench.report.wording import table
 
 STYLE = "endoct.workbench.page"
 BRACKETS = "In brackets: 95 % intervals."
+PLAN_AXES = (
+    "x and y lie across the plan: x points to the head, or to the front where the bore runs within 10° of that; y is "
+    "90° on, clockwise as seen looking in along the plan."
+)
 REMARK = f"{NOTICE} The figures lie next to this page, lossless, in figures/."
 
 
@@ -38,7 +42,7 @@ def _heading(result: PoseResult, title: str) -> Heading:
         why = (str(result.answer.reason),)
         verdict = Verdict("unaligned", f"It cannot be told where the bore lies. {NOTICE}", why, "Why")
     elif doubts:
-        verdict = Verdict("doubted", f"Told, but not by each of {names}. {NOTICE}", doubts, "Why")
+        verdict = Verdict("doubted", f"Told by {names}, with {count_doubts(doubts)}. {NOTICE}", doubts, "Why")
     elif of_ct:
         verdict = Verdict("doubted", f"Told by {names}, with {count_doubts(of_ct)}. {NOTICE}")
     else:
@@ -68,7 +72,7 @@ def _sections(result: PoseResult, figures: dict[str, str]) -> Iterator[Section]:
     summary = result.summary
     yield Section("cut", "The CT along the bore", figures["cut"])
     told = "" if result.told else "<p>Of the best pose there is, which is not told.</p>"
-    yield Section("plan", "Against the plan", told + _against_plan(summary))
+    yield Section("plan", "Against the plan", told + _against_plan(result))
     if summary.clearances:
         yield Section("structures", "Structures", told + _structures(summary))
     for name in result.answer.pose.names:
@@ -82,14 +86,25 @@ def _sections(result: PoseResult, figures: dict[str, str]) -> Iterator[Section]:
     yield Section("provenance", "How it was made", provenance(result.made))
 
 
-def _against_plan(summary: PoseSummary) -> str:
+def _against_plan(result: PoseResult) -> str:
+    summary = result.summary
     places: list[tuple[str, Offset]] = [("entry", summary.at_entry), ("target", summary.at_target)]
     if summary.recess is not None:
         places.insert(1, ("facial recess", summary.recess))
     places.append(("5 mm beyond the target", summary.beyond))
-    rows = [(name, f"{one.depth_mm:.1f}", _across(one), estimate_text(one.distance_mm)) for name, one in places]
-    rows.append(("angle of the axis (°)", "", "", estimate_text(summary.angle_deg)))
-    return table(rows, ("", "depth (mm)", "x, y of the plan (mm)", "off the plan (mm)")) + f"<p>{BRACKETS}</p>"
+    rows = [
+        (name, f"{one.depth_mm:.1f}", place_text(result.place(one.depth_mm)), _across(one),
+         estimate_text(one.distance_mm))
+        for name, one in places
+    ]  # fmt: skip
+    rows.append(("angle of the axis (°)", "", "", "", estimate_text(summary.angle_deg)))
+    in_ct = f"the axis in the CT ({result.coordinates.upper()}, mm)"
+    bare = summary.bare
+    said = (
+        f"{BRACKETS} {PLAN_AXES} The longest stretch that was seen without an edge of a cell is {bare.length_mm:.1f} "
+        f"mm, from {bare.from_mm:.1f} to {bare.to_mm:.1f} mm depth: there the axis is drawn on from the rest."
+    )
+    return table(rows, ("", "depth (mm)", in_ct, "x, y of the plan (mm)", "off the plan (mm)")) + f"<p>{said}</p>"
 
 
 def _structures(summary: PoseSummary) -> str:
@@ -107,9 +122,12 @@ def _sides(result: PoseResult) -> str:
     for number, name in enumerate(pose.names):
         first, last = result.summary.ends_mm[name]
         stands = f"{standing[number]:.1f}" if standing else "–"
-        rows.append((name, estimate_text(first), estimate_text(last), f"{pose.fit.agreement[number]:.3f}", stands))
-    heads = ("", "depth of the first row (mm)", "depth of the last row (mm)", "correlation with the CT", "standing")
-    return table(rows, heads)
+        roll = estimate_text(result.summary.roll_deg[name], 0)
+        agreement = f"{pose.fit.agreement[number]:.3f}"
+        rows.append((name, estimate_text(first), estimate_text(last), roll, agreement, stands))
+    heads = ("", "first row's depth (mm)", "last row's depth (mm)", "roll (°)", "correlation with the CT", "standing")
+    said = "Roll: where θ = 0 of the panorama lies about the axis, from x of the plan towards y."
+    return table(rows, heads) + f"<p>{BRACKETS} {said}</p>"
 
 
 def _difference(result: PoseResult) -> str:

@@ -10,7 +10,7 @@ from endoct.fusion.pose.answer import PoseAnswer
 from endoct.fusion.pose.clinical import Estimate
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.summary import PoseSummary, radius_of
-from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, SCALE, TURN
+from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, RIMS, SCALE, TURN
 from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.modalities.ct_volume import in_world
 from endoct.modalities.trajectory import Point, Trajectory
@@ -70,6 +70,10 @@ class PoseResult:
         """The bore's axis, from the depth of the plan's entry to that of its target."""
         return axis_of(self.answer.pose)
 
+    def place(self, depth_mm: float) -> Point:
+        """Return the point of the bore's axis at a depth from the planned entry, mm in ``coordinates``."""
+        return in_world(_point(self.answer.pose.axis_lps(np.array([depth_mm]))[0].tolist()), self.coordinates)
+
     def __repr__(self) -> str:
         target = self.summary.at_target.distance_mm
         said = f"{target.value:.2f} mm off its plan at the target" if self.told else f"not told: {self.answer.reason}"
@@ -110,6 +114,8 @@ class PoseResult:
             "beyond_target": asdict(summary.beyond),
             "facial_recess": None if summary.recess is None else asdict(summary.recess),
             "angle_deg": asdict(summary.angle_deg),
+            "ellipse_beyond_mm": summary.ellipse_mm,
+            "longest_bare_mm": {**asdict(summary.bare), "length_mm": summary.bare.length_mm},
             "structures": [asdict(one) for one in summary.clearances],
             "by_side": {name: self._side(number, name) for number, name in enumerate(pose.names)},
         }
@@ -124,15 +130,20 @@ class PoseResult:
             "standing": standing[number] if standing else None,
             "mirrored": sense.turning < 0,
             "z_reversed": sense.inward < 0,
-            "first_row": {"z_mm": float(side.z_mm[0]), "depth_mm": asdict(first)},
-            "last_row": {"z_mm": float(side.z_mm[-1]), "depth_mm": asdict(last)},
+            "first_row": self._row(float(side.z_mm[0]), first),
+            "last_row": self._row(float(side.z_mm[-1]), last),
             "turn_rad": float(own[TURN] % (2 * np.pi)),
+            "roll_deg": asdict(self.summary.roll_deg[name]),
             "z_scale": float(1 + own[SCALE]),
             "radius_change_mm": float(own[RADIUS]),
             "edge_mm": float(own[EDGE]),
+            "rims_mm": float(own[RIMS]),
             "twist_rad": own[FIRST_TWIST:FIRST_STRETCH].tolist(),
             "stretch_mm": own[FIRST_STRETCH:].tolist(),
         }
+
+    def _row(self, z_mm: float, depth: Estimate) -> dict[str, Any]:
+        return {"z_mm": z_mm, "depth_mm": asdict(depth), "axis_mm": list(self.place(depth.value))}
 
     def _alone(self, pose: BorePose) -> dict[str, Any]:
         axis = axis_of(pose)
@@ -166,6 +177,11 @@ def in_convention(to_lps: Coordinates, coordinates: Convention) -> Coordinates:
 def estimate_text(value: Estimate, digits: int = 2) -> str:
     """Return "0.31 (0.22 to 0.40)"."""
     return f"{value.value:.{digits}f} ({value.low:.{digits}f} to {value.high:.{digits}f})".replace("-", "−")
+
+
+def place_text(place: Point) -> str:
+    """Return "12.5, −40.0, 7.1"."""
+    return ", ".join(f"{value:.1f}" for value in place).replace("-", "−")
 
 
 def _point(values: list[float]) -> Point:
