@@ -16,8 +16,8 @@ LEAST_EDGE = 0.5
 LONG_BARE_MM = 8.0
 WIDE_MM, TOO_WIDE_MM = 0.5, 1.0
 """Half of the long axis of the 95 % ellipse beyond the target: surgery at the facial recess asks for 0.3 to 0.5 mm."""
-CLEAR_STANDING = 3.0
-"""Spreads above the controls from which on a pattern stands clear of them. Wrong ones reached 2.4."""
+CLEAR_STANDING = 3.5
+"""Spreads above the controls from which on a pattern stands clear of them."""
 REACH = float(np.sqrt(stats.chi2.ppf(0.95, 2)))
 
 
