@@ -8,8 +8,9 @@
 - ``curves``: one thing at a time is changed: the length of bore seen, nearest to its end; the share of the wall, a
   sector; the voxels of the CT, scanned anew; how far the plan lies off. Everything else is as ``endoct bench pose`` has
   it. By endoscope, OCT, and both.
-- ``impossible``: the recordings of one bore in the CT of the next two, each with its own plan; mirrored, in their own
-  CT, with the sense of θ taken for known; and with a plan 5 mm aside.
+- ``impossible``, with sidecars as they are: the recordings of one bore in the CT of the next two, each with its own
+  plan; in the mirror image of their own CT and plan; with a plan 5 mm aside; and with the OCT of the next bore, in the
+  CT of that.
 
 Judged as by ``endoct bench pose``. ``told`` says whether a pose was given; errors are stated also where it was not.
 ``cells``: how many cells of at least 0.1 mm² of wall the bore truly meets where it was seen.
@@ -61,7 +62,10 @@ def main() -> None:
     given = parser.parse_args()
     torch.set_num_threads(1)
     rows: list[Row] = []
-    found = curves(given.specimens, given.only or SWEEPS) if given.kind == "curves" else impossible(given.specimens)
+    if given.kind == "curves":
+        found = curves(given.specimens, given.only or SWEEPS)
+    else:
+        found = impossible([_case(one, None, "as it is", 0) for one in given.specimens])
     for row in found:
         rows.append(row)
         words = [f"{key}={value:.4g}" if isinstance(value, float) else f"{key}={value}" for key, value in row.items()]
@@ -79,24 +83,24 @@ def curves(specimens: Sequence[Path], names: Sequence[str]) -> Iterator[Row]:
                 about: Row = {"specimen": specimen.name, "changed": name, "value": value}
                 try:
                     case = _case(specimen, sample, name, value)
-                    yield from _judged(case, {**about, "cells": _cells(specimen, case)})
+                    yield from judged(case, {**about, "cells": _cells(specimen, case)})
                 except EndoctError as error:
                     yield {**about, "sides": "", "told": False, "reason": str(error)}
 
 
-def impossible(specimens: Sequence[Path]) -> Iterator[Row]:
-    """Yield what is said of every specimen's recordings where they cannot be."""
-    cases = [_case(one, None, "as it is", 0) for one in specimens]
+def impossible(cases: Sequence[PoseCase]) -> Iterator[Row]:
+    """Yield what is said of the recordings of every case, OCT first, where they cannot be."""
     for number, case in enumerate(cases):
-        sides = _observed(case)
+        sides, ct, plan = observed(case), case.given[1], case.given[2]
         for step in (1, 2):
             other = cases[(number + step) % len(cases)]
             yield from _said(sides, other.given[1], other.given[2], f"{case.name} in {other.name}")
-        mirrored = [_mirrored(one, pose.sense) for one, pose in zip(sides, case.truth.sides, strict=True)]
-        yield from _said(mirrored, *case.given[1:], f"{case.name} mirrored")
-        plan = case.given[2]
+        yield from _said(sides, *_mirrored(ct, plan), f"{case.name} mirrored")
         aside = 5 * plan.to_lps[:3, number % 2] * (1 if number % 4 < 2 else -1)
-        yield from _said(sides, case.given[1], _moved(plan, aside), f"{case.name} 5 mm aside")
+        yield from _said(sides, ct, _moved(plan, aside), f"{case.name} 5 mm aside")
+        other = cases[(number + 1) % len(cases)]
+        mixed = [observed(other)[0], sides[1]]
+        yield from _said(mixed, other.given[1], other.given[2], f"{case.name} with the OCT of {other.name}")
 
 
 def _case(specimen: Path, sample: Sample | None, name: str, value: float) -> PoseCase:
@@ -113,14 +117,14 @@ def _case(specimen: Path, sample: Sample | None, name: str, value: float) -> Pos
     return replace(case, given=(case.given[0], ct, case.given[2]))
 
 
-def _observed(case: PoseCase) -> list[Observation]:
+def observed(case: PoseCase) -> list[Observation]:
     return [observe(side) for side in two_sides(*case.given[0])]
 
 
-def _judged(case: PoseCase, about: Row) -> Iterator[Row]:
+def judged(case: PoseCase, about: Row) -> Iterator[Row]:
     panoramas, ct, plan = case.given
     air = air_around(ct, plan)
-    found = [find_alone(air, side) for side in _observed(case)]
+    found = [find_alone(air, side) for side in observed(case)]
     for sides, of in (("oct", found[:1]), ("endoscope", found[1:]), ("both", found)):
         answered = answer(air, plan, of)
         numbers = range(2) if sides == "both" else [SIDES.index(sides)]
@@ -150,18 +154,16 @@ def _told(answered: PoseAnswer, of: Sequence[Found]) -> Row:
         "told": answered.reason is None,
         "agreement": max(one.fit.agreement[0] for one in of),
         "standing": max(one.standing for one in of),
+        "doubts": len(answered.doubts),
         "reason": answered.reason or "",
     }
 
 
-def _mirrored(side: Observation, sense: int) -> Observation:
-    """Return a side as a mirror shows it, and as one of which the sense of θ is known; ``sense``: how θ truly runs."""
-    if sense < 0:
-        return replace(side, handed=True)
-    layers = tuple(
-        replace(layer, air=layer.air[:, ::-1].copy(), weight=layer.weight[:, ::-1].copy()) for layer in side.layers
-    )
-    return replace(side, layers=layers, handed=True)
+def _mirrored(ct: CtVolume, plan: Trajectory) -> tuple[CtVolume, Trajectory]:
+    """Return a CT and its plan with left and right exchanged."""
+    left = np.array([-1.0, 1.0, 1.0])
+    (a, b, c), (d, e, f) = plan.entry_mm, plan.target_mm
+    return replace(ct, origin_mm=ct.origin_mm * left, steps_mm=ct.steps_mm * left), Trajectory((-a, b, c), (-d, e, f))
 
 
 def _moved(plan: Trajectory, by_mm: Coordinates) -> Trajectory:

@@ -209,7 +209,7 @@ def _stranger(found: Sequence[Found], together: Fit) -> str | None:
         if one.reason is not None and agreement < _least_of(side):
             return (
                 f"along the axis that the other side finds the {side.name}'s edges correlate {agreement:.2f} with the "
-                f"CT's, {_least_of(side):g} at least: it may be of another bore, or show too little; try the other alone"
+                f"CT's, {_least_of(side):g} at least: of another bore, or too poor; try the other side alone"
             )
     return None
 

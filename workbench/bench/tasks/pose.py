@@ -131,7 +131,8 @@ def judge(case: PoseCase, answer: Located) -> dict[str, float]:
         }
     if answer.covariance is not None:
         stated = across.T @ answer.covariance(place) @ across
-        scores["inside_95"] = float((across.T @ off) @ np.linalg.solve(stated, across.T @ off) < CHI_SQUARE_95)
+        scores["chi_square"] = float((across.T @ off) @ np.linalg.solve(stated, across.T @ off))
+        scores["inside_95"] = float(scores["chi_square"] < CHI_SQUARE_95)
     return {SUCCESS: float(scores.get("target_mm", aside_mm) < SUCCESS_MM), **scores}
 
 
@@ -175,6 +176,7 @@ TASK = Task(
         "across_mm": "its part across the axis, mm",
         "axis_deg": "angle between the axis and the true one, °",
         "roll_deg": "error of the turn about the axis, °",
+        "chi_square": "square of the error across the axis over its stated covariance; 2 on average where that is right",
         "inside_95": "share whose stated 95 % ellipse across the axis holds the truth",
     },
     own=own_cases,
