@@ -176,7 +176,7 @@ TASK = Task(
         "across_mm": "its part across the axis, mm",
         "axis_deg": "angle between the axis and the true one, °",
         "roll_deg": "error of the turn about the axis, °",
-        "chi_square": "square of the error across the axis over its stated covariance; 2 on average where that is right",
+        "chi_square": "squared error across the axis over its stated covariance: 2 on average where that is right",
         "inside_95": "share whose stated 95 % ellipse across the axis holds the truth",
     },
     own=own_cases,
