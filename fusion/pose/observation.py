@@ -23,10 +23,12 @@ EVEN_STEPS = 0.03
 DRIVEN_STRETCH_MM, STITCHED_STRETCH_MM = 0.02, 0.12
 """How far places along the bore may lie off, the scale of the whole aside."""
 ALIKE_BY_DEPTH_MM, ALIKE_BY_CELLS_MM = 0.5, 0.7
-"""Over which edges err alike: samples closer than this are about one."""
+"""Over which edges err alike: samples closer than this are about one. From 14 sparse and 4 other bores of
+benchmarks/second_origin, tuning seeds."""
 ALONG_BY_DEPTH_MM, ALONG_BY_CELLS_MM = 0.02, 0.075
 """By how much the whole lies off along the bore: from twelve such bores, seeds 100 to 111."""
 RIMS_BY_DEPTH_MM, RIMS_BY_CELLS_MM = 0.02, 0.15
+"""By how much edges that run across the bore may lie farther in or out than others: lamps light rims away from them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +44,9 @@ class Layer:
 class Observation:
     """What one side shows of the air around the bore, columns from θ = 0 on.
 
-    ``stretch_mm``: how far its places along the bore may be off, smoothly; ``aside_mm``, ``along_mm``: what its places
-    may be off that no fit can tell, across every few mm of the bore and along all of it; ``handed``, ``directed``:
-    whether the sense of θ and the direction of z are known.
+    ``stretch_mm``: how far its places along the bore may be off, smoothly; ``along_mm``: how far all of them, which no
+    fit can tell; ``alike_mm``: over which its edges err alike; ``rims_mm``: how far edges that run across the bore may
+    lie off against others; ``handed``, ``directed``: whether the sense of θ and the direction of z are known.
     """
 
     name: str

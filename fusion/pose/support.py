@@ -14,6 +14,7 @@ from endoct.fusion.pose.pose import BorePose
 LEAST_EDGE = 0.5
 """Weight of a row's clearest edge, 1 for one that is half air, from which on the row shows one."""
 LONG_BARE_MM = 8.0
+"""A third of a usual bore: from here on a stretch without an edge is doubted."""
 WIDE_MM, TOO_WIDE_MM = 0.5, 1.0
 """Half of the long axis of the 95 % ellipse beyond the target: surgery at the facial recess asks for 0.3 to 0.5 mm."""
 CLEAR_STANDING = 3.5

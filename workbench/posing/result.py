@@ -62,8 +62,8 @@ class PoseResult:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """All that is doubted, in sentences: of the volumes, then of a side."""
-        return (*(doubt.what for facts in self.volumes.values() for doubt in facts.doubts), *self.answer.doubts)
+        """All that is doubted, in sentences: of the pose, the gravest first, then of the volumes."""
+        return (*self.answer.doubts, *(doubt.what for facts in self.volumes.values() for doubt in facts.doubts))
 
     @property
     def axis(self) -> Trajectory:
