@@ -1,7 +1,7 @@
 """The pose of a bore from one recording or two: searched for, fitted, and told from chance."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -49,17 +49,21 @@ CLOSE_AGREEMENT = 0.05
 class Found:
     """The best pose of one side; ``second``: how well the best one apart from it agrees, None where all fits met.
 
-    ``standing``: by how many of the controls' spreads the search's score lies above their mean.
+    ``standing``: by how many of the controls' spreads the search's score lies above their mean. ``mirrored``: whether
+    the sense of θ is known, and the mirror image of the CT fits better.
     """
 
     fit: Fit
     second: float | None
     standing: float
+    mirrored: bool = False
 
     @property
     def reason(self) -> str | None:
         """Why this side alone cannot tell, None where it can."""
         name, agreement, least = self.fit.sides[0].name, self.fit.agreement[0], _least_of(self.fit.sides[0])
+        if self.mirrored:
+            return mirror_reason(name)
         if agreement < least:
             return f"the {name}'s edges correlate {agreement:.2f} with the CT's at best, {least:g} at least"
         if self.standing < LEAST_STANDING:
@@ -112,32 +116,40 @@ def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnsw
 
 def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[str | None, list[str]]:
     """Return why a mirror image rules the pose out, if it does, and what is doubted of the sense of θ."""
-    sides = [one.fit.sides[0] for one in found]
-    if any(side.handed and one.reason is None for side, one in zip(sides, found, strict=True)):
-        return None, []  # it was found in its own sense
-    for side in sides:
-        if side.handed and (mirrored := favours_mirror(air, side, together.parameters[:SHARED])) is not None:
-            return (mirror_reason(side.name), []) if mirrored else (None, [])
-    return None, [open_handedness([side.name for side in sides if not side.handed])]
+    unknown = [one.fit.sides[0].name for one in found if not one.fit.sides[0].handed]
+    for one in found if unknown else ():
+        if (side := one.fit.sides[0]).handed:
+            mirrored = favours_mirror(air, side, together.parameters[:SHARED])
+            if mirrored:
+                return mirror_reason(side.name), []
+            if mirrored is False or one.reason is None:
+                return None, []
+    return None, [open_handedness(unknown)] if unknown else []
 
 
 def find_alone(air: AirAround, side: Observation) -> Found:
     """Return the pose that ``side`` alone has in ``air``."""
-    starts, standing = searched(air, side)
-    return fitted(air, side, starts, standing)
+    starts, standing, mirrored = searched(air, side)
+    return replace(fitted(air, side, starts, standing), mirrored=mirrored)
 
 
-def searched(air: AirAround, side: Observation) -> tuple[list[Candidate], float]:
-    """Return the best candidates that lie apart, and by how many spreads of the controls the first stands out."""
+def searched(air: AirAround, side: Observation) -> tuple[list[Candidate], float, bool]:
+    """Return the best candidates that lie apart, by how many spreads of the controls the first stands out, and whether
+    a mirror image fits better where the sense of θ is known.
+    """
     device = str(air.values.device)
     true = [pattern_of(side, sense, device) for sense in senses_of(side)]
     turned, shuffled = turned_patterns(true[0]), shuffled_patterns(true[0])
-    by_pattern = candidates_along(air, side, [*true, *turned, *shuffled], axes_around(air.length_mm))
+    back = [replace(sense, turning=-sense.turning) for sense in senses_of(side)] if side.handed else []
+    mirrored = [pattern_of(side, sense, device) for sense in back]
+    by_pattern = candidates_along(air, side, [*true, *turned, *shuffled, *mirrored], axes_around(air.length_mm))
     best = [some[0].score for some in by_pattern]
-    of_controls = np.split(np.array(best[len(true) :]), 2)
-    standing = min(_standing(max(best[: len(true)]), kind) for kind in of_controls)
+    highest, controls = max(best[: len(true)]), len(turned) + len(shuffled)
+    of_controls = np.split(np.array(best[len(true) : len(true) + controls]), 2)
+    standing = min(_standing(highest, kind) for kind in of_controls)
     candidates = sorted((one for some in by_pattern[: len(true)] for one in some), key=lambda one: -one.score)
-    return _apart(candidates, air.length_mm), standing
+    mirror_fits = max(best[len(true) + controls :], default=-1.0) > highest
+    return _apart(candidates, air.length_mm), standing, mirror_fits
 
 
 def fitted(air: AirAround, side: Observation, starts: Sequence[Candidate], standing: float) -> Found:
