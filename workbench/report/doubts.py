@@ -7,7 +7,7 @@ from endoct.stitching.doubt import Doubt
 from endoct.workbench.report.wording import table
 
 
-def count_doubts(doubts: Sequence[Doubt]) -> str:
+def count_doubts(doubts: Sequence[object]) -> str:
     """Return "1 doubt" or "2 doubts"."""
     return f"{len(doubts)} doubt{'s' if len(doubts) != 1 else ''}"
 
