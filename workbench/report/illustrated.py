@@ -1,6 +1,6 @@
 """The sections of a report with its figures, each embedded, under a number, with its caption."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 
 from endoct.stitching.store import PanoramaOutline
@@ -17,14 +17,16 @@ CSS_PIXELS_PER_INCH = 148
 def report_sections(findings: Findings, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
     """Return all that there is to say and to draw of a comparison besides its headline."""
     figures = {"sides": side_table(findings), **numbered(drawn)}
-    figures |= {quality_name(side.name): _quality(side, figures) for side in findings.sides}
+    for side in findings.sides:
+        figures[quality_name(side.name)] = _quality(side, figures)
     return comparison_sections(findings.result, figures)
 
 
 def recording_sections(side: SideFindings, outline: PanoramaOutline, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
     """Return all that there is to say and to draw of one recording besides its headline."""
     figures = numbered(drawn)
-    return panorama_sections(outline, {**figures, quality_name(side.name): _quality(side, figures)})
+    figures[quality_name(side.name)] = _quality(side, figures)
+    return panorama_sections(outline, figures)
 
 
 def numbered(drawn: Sequence[Drawn]) -> dict[str, str]:
@@ -36,8 +38,8 @@ def numbered(drawn: Sequence[Drawn]) -> dict[str, str]:
     return sections
 
 
-def _quality(side: SideFindings, figures: Mapping[str, str]) -> str:
-    main, others = figures.get(quality_name(side.name), ""), figures.get(f"numbers-{side.name}", "")
+def _quality(side: SideFindings, figures: dict[str, str]) -> str:
+    main, others = figures.pop(quality_name(side.name), ""), figures.pop(f"numbers-{side.name}", "")
     return "".join(quality_of(side, main, others))
 
 

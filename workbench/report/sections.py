@@ -62,6 +62,7 @@ def comparison_sections(result: Result, figures: Mapping[str, str] = NO_FIGURES)
         **{quality_name(side): f"Quality of {side} along the bore" for side in result.sides},
     }
     order = (*ORDER, *map(quality_name, result.sides), "words", "provenance")
+    _check_placed(figures, order)
     html = {name: figures.get(name, "") + tables.get(name, "") for name in order}
     for side in result.sides:
         html[quality_name(side)] = plots_of(side) + html[quality_name(side)]
@@ -84,7 +85,13 @@ def panorama_sections(outline: PanoramaOutline, figures: Mapping[str, str] = NO_
         quality_name(side): f"Quality of {side} along the bore",
     }
     order = "panoramas", "frames", quality_name(side), "notes", "provenance"
+    _check_placed(figures, order)
     return tuple(Section(name, titles[name], html[name]) for name in order if html.get(name))
+
+
+def _check_placed(figures: Mapping[str, str], order: Sequence[str]) -> None:
+    if homeless := sorted(figures.keys() - set(order)):
+        raise ValueError(f"no section of the report takes the figures of {', '.join(homeless)}")
 
 
 def quality_name(side: str) -> str:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
-from endoct.fusion.scoring.overlap import agreement, difference
+from endoct.fusion.scoring.overlap import agreement, difference, jaccard
 from endoct.fusion.scoring.sites import find_sites
 
 A = np.array([[1, 1, 0, 0], [1, 0, 0, 1]], np.bool_)
@@ -51,6 +51,8 @@ def test_no_cells_at_all_is_no_score() -> None:
     found = agreement(none, none, SEEN, 1.0)
     assert found.jaccard is None
     assert found.dice is None
+    assert jaccard(none, none, SEEN) is None
+    assert jaccard(A, B, SEEN) == pytest.approx(2 / 4)
 
 
 @given(
