@@ -217,3 +217,6 @@ AIR_SAME = 1e-3
 
 # The axis of a bore that is found, off the true target; the demonstration's is 0.016 mm off.
 TARGET_OFF_MM = 0.1
+
+# Counts of an image that another processor may round otherwise.
+COUNTS_BY_ROUNDING = 1
