@@ -177,8 +177,8 @@ def summarise(
 
     >>> from endoct.workbench import summarise
     >>> tables = summarise(["demo/comparison"])
-    >>> [row["specimens"] for row in tables["summary"] if row["score"] == "jaccard"]
-    [1]
+    >>> next(row["specimens"] for row in tables["summary"] if row["score"] == "jaccard")
+    1
     """
     from endoct.workbench.pipeline.summarising import summarise as summarise_comparisons
     from endoct.workbench.pipeline.summarising import write_summary
