@@ -34,8 +34,16 @@ def frozen_page(shown: Shown, sections: Sequence[Section], data: Markup, remark:
         f"default-src 'none'; script-src {' '.join(map(_digest, programs))}; "
         f"style-src {_digest(style)} {_digest('')}; img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
-    parts = {"policy": policy, "style": style, "data": data, "programs": programs}
-    return document("page/frozen.html", shown.heading, sections, remark=remark, **parts)
+    return document(
+        "page/frozen.html",
+        shown.heading,
+        sections,
+        remark=remark,
+        policy=policy,
+        style=style,
+        data=data,
+        programs=programs,
+    )
 
 
 def frozen_data(shown: Shown) -> Markup:

@@ -1,0 +1,59 @@
+"""Templates escape every text, miss no name in silence, and are all that makes markup."""
+
+import re
+from itertools import chain
+from pathlib import Path
+
+import pytest
+from jinja2 import UndefinedError
+from markupsafe import Markup
+
+import endoct.workbench
+from endoct.stitching.doubt import Doubt
+from endoct.workbench.page.document import printed_page
+from endoct.workbench.page.heading import Heading, Score
+from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.sections import Section
+from endoct.workbench.report.verdict import Verdict
+
+HOSTILE = "</title>\"'><script>alert(1)</script>&{{ 7 * 7 }}{% raw %}=cmd|'/c'!A1\x1b[31m\u202e\udce9"
+WORKBENCH = Path(next(iter(endoct.workbench.__path__)))
+ROOMS = [WORKBENCH / room for room in ("report", "page", "posing")]
+
+
+def test_a_text_is_never_markup_nor_a_template() -> None:
+    sections = (Section("s", HOSTILE, rendered("report/sides.html", header=["", HOSTILE], rows=[[HOSTILE, HOSTILE]])),)
+    verdict = Verdict("doubted", HOSTILE, (HOSTILE,), HOSTILE)
+    scores = (Score(HOSTILE, HOSTILE, HOSTILE),)
+    heading = Heading(
+        HOSTILE, ((HOSTILE, HOSTILE),), verdict, (Doubt("odd", HOSTILE, side=HOSTILE),), scores, 1, HOSTILE
+    )
+    page = printed_page(heading, sections, HOSTILE)
+    said = page.partition("</style>")[2]
+    assert "<script" not in said
+    assert said.replace("\n", "").isprintable()
+    assert "\\x1b[31m\\u202e\\udce9" in said
+    assert said.count("&lt;script&gt;alert(1)&lt;/script&gt;") == said.count("{{ 7 * 7 }}{% raw %}") >= 19
+    assert "\"'>" not in said
+    page.encode()
+
+
+def test_markup_alone_is_put_in_as_it_is() -> None:
+    assert rendered("report/quality.html", side="<i>", measured=Markup("<i>")).endswith(
+        'data-side="&lt;i&gt;"></div>\n<i>'
+    )
+
+
+def test_a_name_that_is_missing_is_an_error() -> None:
+    with pytest.raises(UndefinedError, match="'measured' is undefined"):
+        rendered("report/quality.html", side="oct")
+
+
+def test_no_template_and_few_modules_say_what_is_safe() -> None:
+    for template in chain.from_iterable(room.glob("templates/*") for room in ROOMS):
+        assert not re.search(r"\|\s*safe|autoescape|\bMarkup\b", template.read_text(encoding="utf-8")), template
+    sources = {path: path.read_text(encoding="utf-8") for room in ROOMS for path in room.rglob("*.py")}
+    makers = {
+        path.relative_to(WORKBENCH).as_posix() for path, text in sources.items() if re.search(r"Markup\([^)]", text)
+    }
+    assert makers == {"report/html_templates.py", "page/document.py", "page/frozen.py"}
