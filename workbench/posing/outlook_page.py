@@ -68,7 +68,7 @@ def _sections(result: OutlookResult, figures: Mapping[str, Markup]) -> tuple[Sec
         **{instrument: f"Rehearsals by {instrument}" for instrument in prospects},
         **TITLES,
     }
-    texts = {"wall": rendered("posing/predicted_wall.html", facts=_facts(result))}
+    texts = {"wall": rendered("report/plain_table.html", header=["", ""], rows=_facts(result))}
     for instrument, tried in prospects.items():
         rows = map(_row, count(1), tried)
         texts[instrument] = rendered("posing/rehearsals.html", rehearsals=rows, reasons=_reasons(tried))

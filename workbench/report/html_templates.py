@@ -52,4 +52,4 @@ def _environment() -> "Environment":
 
 def _source(template: str) -> str:
     room, _, file = template.partition("/")
-    return files(f"{WORKBENCH}.{room}").joinpath("templates", file).read_text("utf-8")
+    return files(f"{WORKBENCH}.{room}.templates").joinpath(file).read_text("utf-8")

@@ -20,7 +20,7 @@ CSS_PIXELS_PER_INCH = 148
 def report_sections(findings: Findings, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
     """Return all that there is to say and to draw of a comparison besides its headline."""
     header, rows = side_table(findings)
-    figures = {"sides": rendered("report/sides.html", header=header, rows=rows), **numbered(drawn)}
+    figures = {"sides": rendered("report/plain_table.html", header=header, rows=rows), **numbered(drawn)}
     for side in findings.sides:
         figures[quality_name(side.name)] = _measured(side, figures)
     return comparison_sections(findings.result, figures)

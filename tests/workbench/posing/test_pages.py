@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 
 from endoct.stitching.doubt import Doubt
-from endoct.workbench.pipeline.volumes import VolumeFacts
 from endoct.workbench.posing.page import pose_page
 from endoct.workbench.posing.result import PoseResult
 
