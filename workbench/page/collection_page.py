@@ -3,7 +3,6 @@
 import math
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from urllib.parse import quote
 
 from markupsafe import Markup
@@ -21,15 +20,6 @@ COLUMNS = (
 PAGES = "/at"
 """Below this lie the pages of entries, by their names."""
 LEVELS = {"trusted": "trusted", "doubted": "doubted", "unaligned": "not aligned"}
-
-
-@dataclass(frozen=True)
-class Number:
-    """A number of an entry: its text, the ``key`` by which it is sorted, and its interval where it may have one."""
-
-    text: str
-    key: str
-    interval: str | None
 
 
 def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
@@ -63,14 +53,14 @@ def _level(entry: Entry) -> tuple[int, str]:
     return (list(LEVELS).index(entry.level), LEVELS[entry.level]) if entry.level else (len(LEVELS), NOTHING)
 
 
-def _numbers(entry: Entry) -> Iterator[Number]:
-    """Yield the numbers of an entry by column."""
-    yield _number(entry.jaccard, interval=interval_text(entry.interval).removeprefix("95 % interval "))
-    yield _number(entry.dice)
-    yield _number(entry.confidence, digits=2)
+def _numbers(entry: Entry) -> Iterator[tuple[str, str, str]]:
+    """Yield the numbers of an entry by column: by which it is sorted, the text, and its interval."""
+    yield *_number(entry.jaccard), interval_text(entry.interval).removeprefix("95 % interval ")
+    yield *_number(entry.dice), ""
+    yield *_number(entry.confidence, digits=2), ""
 
 
-def _number(value: float | None, digits: int = 3, interval: str | None = None) -> Number:
+def _number(value: float | None, digits: int = 3) -> tuple[str, str]:
     if value is None or not math.isfinite(value):
-        return Number(NOTHING, "", None)
-    return Number(f"{value:.{digits}f}", f"{value:.9f}", interval)
+        return "", NOTHING
+    return f"{value:.9f}", f"{value:.{digits}f}"
