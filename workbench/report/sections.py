@@ -71,9 +71,8 @@ def comparison_sections(result: Result, figures: Mapping[str, Markup] = NO_FIGUR
         pair_rows=pair_rows,
         leaf_rows=leaf_rows,
     )
-    return in_order(
-        titles, {**figures, **{quality_name(side): _quality(side, figures) for side in result.sides}}, texts
-    )
+    qualities = {quality_name(side): _quality(side, figures) for side in result.sides}
+    return in_order(titles, {**figures, **qualities}, texts)
 
 
 def panorama_sections(outline: PanoramaOutline, figures: Mapping[str, Markup] = NO_FIGURES) -> tuple[Section, ...]:
