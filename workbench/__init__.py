@@ -1,7 +1,7 @@
 """The public Python interface, the command line, the pipeline and the report.
 
-``from endoct.workbench import compare, demo, demo_pose, export, pose, pose_outlook, simulate,
-summarise, unroll, verify``. Each loads on first use, so that the command line starts at once.
+``from endoct.workbench import compare, demo, export, pose, pose_outlook, simulate, summarise, unroll,
+verify``. Each loads on first use, so that the command line starts at once.
 """
 
 from importlib import import_module
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from endoct.workbench.api import compare, demo, summarise, unroll
     from endoct.workbench.exporting.export import export
     from endoct.workbench.pipeline.simulating import simulate
-    from endoct.workbench.posing.demonstration import demo_pose
     from endoct.workbench.posing.outlook import pose_outlook
     from endoct.workbench.posing.pose import pose
     from endoct.workbench.verifying import verify
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = [
     "compare",
     "demo",
-    "demo_pose",
     "export",
     "pose",
     "pose_outlook",
@@ -41,7 +39,6 @@ if not TYPE_CHECKING:  # else every misspelt name would be an object to type che
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         elsewhere = {
-            "demo_pose": "posing.demonstration",
             "export": "exporting.export",
             "pose": "posing.pose",
             "pose_outlook": "posing.outlook",
