@@ -25,7 +25,8 @@ from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.recording import image_files, open_stack
 from endoct.modalities.registry import manifest_for
 from endoct.modalities.tiff import is_tiff
-from endoct.modalities.video import ReadVideo, is_video
+from endoct.modalities.video import ReadVideo
+from endoct.modalities.video_container import is_video
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
