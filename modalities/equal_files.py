@@ -34,7 +34,7 @@ def _grouped(pairs: Iterable[tuple[Hashable, Path]]) -> dict[Hashable, list[Path
 
 def _size(file: Path) -> int:
     with suppress(OSError, ValueError):
-        return os.stat(file).st_size
+        return file.stat().st_size
     return 0
 
 

@@ -7,12 +7,13 @@ is refused. What names leave open is doubted.
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from endoct.modalities.equal_files import sets_of_equal
-from endoct.modalities.frame_names import LONGEST_NUMBER, Name, read_names, seems_negative, spacing_in, varying
+from endoct.modalities.frame_names import LONGEST_NUMBER, Name, Unit, read_names, seems_negative, spacing_in, varying
 from endoct.modalities.numbering import Along
 from endoct.modalities.remarks import NONE, Remarks, some_names
 from endoct.stitching.doubt import Doubt
@@ -59,9 +60,13 @@ def choose_frames(folder: Path, files: Sequence[Path], alike: Alike) -> FrameFil
     else:
         field, on_order = _counting(names)
         remarks += on_order
-    along = None if field is None else _along(names, field)
-    if along is not None and field is not None:
+    along = None
+    if field is not None and max(abs(float(name.numbers[field])) for name in names) < 10**LONGEST_NUMBER:
+        along = _along(names, field)
         remarks += _on_signs(names, field)
+    elif field is not None and spacing_in(names, field).kind != "even":
+        what = f"Numbers in names are too long to count frames, and uneven; frames were placed evenly: {_run(names)}."
+        remarks += _doubted("frames-uneven", what)
     return FrameFiles(tuple(name.path for name in names), along, remarks)
 
 
@@ -185,10 +190,10 @@ def _counting(names: list[Name]) -> tuple[int | None, Remarks]:
     if not single:
         what = f"Names count several series, which were taken one behind the other: {_run(names)}."
         return None, _doubted("names-of-several-series", what)
-    rising = [k for k in single if all(a.numbers[k] < b.numbers[k] for a, b in zip(names, names[1:], strict=False))]
+    rising = [k for k in single if all(a.numbers[k] < b.numbers[k] for a, b in pairwise(names))]
     if len(rising) < len(single) or not rising:
         what = f"Two numbers in names put the images in different orders; {_run(names)} was taken."
-        return (rising or [None])[-1], _doubted("names-in-two-orders", what)
+        return rising[-1] if rising else None, _doubted("names-in-two-orders", what)
     kinds = {k: spacing_in(names, k).kind for k in rising}
     stated = [k for k in rising if names[0].units[k]]
     if stated:
@@ -200,18 +205,18 @@ def _counting(names: list[Name]) -> tuple[int | None, Remarks]:
     return (regular or rising)[-1], NONE
 
 
-def _along(names: Sequence[Name], field: int) -> Along | None:
+def _along(names: Sequence[Name], field: int) -> Along:
     values = [name.numbers[field] for name in names]
-    unit = names[0].units[field] if len({name.units[field] for name in names}) == 1 else ""
-    if max(abs(value) for value in values) >= 10**LONGEST_NUMBER and spacing_in(names, field).kind == "gaps":
-        return None  # a number of an image, with others joined to it
+    unit: Unit = names[0].units[field] if len({name.units[field] for name in names}) == 1 else ""
     return Along(np.array([float(value - values[0]) for value in values]), unit, _BY_NAMES)
 
 
 def _on_signs(names: Sequence[Name], field: int) -> Remarks:
     values = [name.numbers[field] for name in names]
     if max(values) <= 0 and min(values) < 0:
-        what = f"Places in names are all negative and were taken in ascending order, {_run(names)}: recorded the other way?"
+        what = (
+            f"Places in names are all negative and were taken in ascending order: {_run(names)}. Was it the other way?"
+        )
         return _doubted("names-negative", what)
     if seems_negative(names, field):
         what = f"The hyphen before the numbers in names may be a minus sign; {_run(names)} was taken."

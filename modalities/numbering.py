@@ -87,7 +87,10 @@ def _from_first(values: Coordinates, scale: float) -> Positions:
 
 
 def _other_pitch(usual: float, pitch_mm: float) -> Doubt:
-    what = f"By their names frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were placed by the sidecar."
+    what = (
+        f"By their names frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were placed by the "
+        "sidecar."
+    )
     return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)
 
 
@@ -101,8 +104,8 @@ def _other_rate(found_hz: float, rate_hz: float, by: str) -> Doubt:
 
 def _uneven(along: Along) -> Doubt:
     what = (
-        f"By {along.by} frames do not lie at even steps, nor at multiples of one; they were placed evenly. Where places "
-        "are known, state positions_mm."
+        f"By {along.by} frames do not lie at even steps, nor at multiples of one; they were placed evenly. Where "
+        "places are known, state positions_mm."
     )
     return Doubt("frames-uneven", what)
 

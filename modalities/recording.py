@@ -91,12 +91,14 @@ class ImageStack:
         return ImageStack(self.path, len(self), self.reader, along=self.along, remarks=remarks + self._remarks)
 
     def grey(self) -> "ImageStack":
-        """Return the stack with frames of three equal colours as (row, column); itself where the first has others.
+        """Return the stack with frames of three equal colours as (row, column); itself where some have others.
 
-        Reading a later frame that has colours raises :class:`EndoctError`.
+        Three frames are looked at. Reading another one that has colours raises :class:`EndoctError`.
         """
-        first = self[0]
-        if first.ndim != 3 or first.shape[2] != 3 or without_colour(first) is None:
+        if len(self.frame_shape) != 3 or self.frame_shape[2] != 3:
+            return self
+        greys = [without_colour(frame) for frame in some_frames(self)]
+        if any(grey is None for grey in greys) or not any(np.ptp(grey) for grey in greys if grey is not None):
             return self
         return ImageStack(self.path, len(self), _ReadGrey(self), along=self.along, remarks=self._remarks)
 
@@ -185,16 +187,6 @@ class _ReadImages:
     def __init__(self, files: tuple[Path, ...]) -> None:
         self.files = files
         self._orientation = UPRIGHT
-
-    def grey(self) -> "ImageStack":
-        """Return the stack with frames of three equal colours as (row, column); itself where the first has others.
-
-        Reading a later frame that has colours raises :class:`EndoctError`.
-        """
-        first = self[0]
-        if first.ndim != 3 or first.shape[2] != 3 or without_colour(first) is None:
-            return self
-        return ImageStack(self.path, len(self), _ReadGrey(self), along=self.along, remarks=self._remarks)
 
     @property
     def remarks(self) -> Remarks:

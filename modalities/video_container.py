@@ -111,7 +111,7 @@ def is_shortage(error: Exception) -> bool:
 
 
 def cause_of_video(error: Exception) -> str:
-    # what FFmpeg says without the number of the error and the name of the file
+    """Return what FFmpeg says, without the number of the error and the name of the file."""
     return (isinstance(error, load_av().error.FFmpegError) and error.strerror) or cause_of(error)
 
 

@@ -134,20 +134,15 @@ def _on_end(path: Path, walk: _Walk, unedited: _Walk | None, cut_off: bool | Non
     times = sorted(walk.stamps)
     step = float(np.median(np.diff(times))) if n > 1 else 0.0
     stated_end = None if walk.seconds is None else walk.seconds / walk.unit
-    if walk.declared:
-        short = walk.declared > held
-    else:
-        short = stated_end is not None and walk.last_end + step / 2 < stated_end
-    if not short:
+    ends_early = stated_end is not None and walk.last_end + step / 2 < stated_end
+    if not (walk.declared > held if walk.declared else ends_early):
         return NONE
     stated = f"{walk.declared}" if walk.declared or walk.seconds is None else f"{walk.seconds:.2f} s of them"
     if cut_off is not False:
         raise EndoctError(
             f"{path} is truncated", found=f"{n} frames", expected=stated, remedy="copy or export it again"
         )
-    what = (
-        f"The video's header states {stated if not walk.declared else stated + ' frames'}; it is whole and holds {n}."
-    )
+    what = f"The video's header states {stated}{' frames' if walk.declared else ''}; the file is whole and holds {n}."
     return Remarks(doubts=(Doubt("video-shorter-than-stated", what, value=float(n), unit="1"),))
 
 

@@ -53,8 +53,8 @@ class Pullback:
             acquisition = acquisition.model_copy(update={"intensity": "log", "db_per_count": 1 / COUNTS_PER_DB})
         self._on_places = NONE
         if acquisition.positions_mm is None:
-            places, self._on_places = positions_along(self._stack.along, acquisition.pullback_pitch_mm)
-            acquisition = acquisition.model_copy(update={"positions_mm": places})
+            along_mm, self._on_places = positions_along(self._stack.along, acquisition.pullback_pitch_mm)
+            acquisition = acquisition.model_copy(update={"positions_mm": along_mm})
         self._acquisition = acquisition
         shape = self._stack.frame_shape
         if len(shape) != 2 or shape[0] < LEAST_DEPTH or shape[1] < LEAST_ASCANS:
