@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from endoct.modalities.equal_files import sets_of_equal
-from endoct.modalities.frame_names import LONGEST_NUMBER, Name, Unit, read_names, seems_negative, spacing_in, varying
+from endoct.modalities.frame_names import LONGEST_NUMBER, Name, Unit, read_names, resolution_of, seems_negative, spacing_in, varying
 from endoct.modalities.numbering import Along
 from endoct.modalities.remarks import NONE, Remarks, some_names
 from endoct.stitching.doubt import Doubt
@@ -208,7 +208,9 @@ def _counting(names: list[Name]) -> tuple[int | None, Remarks]:
 def _along(names: Sequence[Name], field: int) -> Along:
     values = [name.numbers[field] for name in names]
     unit: Unit = names[0].units[field] if len({name.units[field] for name in names}) == 1 else ""
-    return Along(np.array([float(value - values[0]) for value in values]), unit, _BY_NAMES)
+    resolution = resolution_of(values)
+    places = np.array([float(value - values[0]) for value in values])
+    return Along(places, unit, _BY_NAMES, not unit and resolution < 1, resolution)
 
 
 def _on_signs(names: Sequence[Name], field: int) -> Remarks:

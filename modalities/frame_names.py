@@ -69,9 +69,11 @@ def read_names(files: Sequence[Path]) -> tuple[list[Name], bool]:
     ranked = sorted(readings, key=lambda each: _rank(*each))
     best, names = ranked[0]
     order = [name.path for name in names]
-    plain = _rank(best, names)[:2]
+    n_forms = _rank(best, names)[0]
+    if _is_even(names):
+        return names, False
     # a sign is one only where it tells names apart
-    others = [each for reading, each in ranked[1:] if not reading.signed and _rank(reading, each)[:2] == plain]
+    others = [each for reading, each in ranked[1:] if not reading.signed and _rank(reading, each)[0] == n_forms]
     distinct = [each for each in others if len({(name.form, name.numbers) for name in each}) == len(each)]
     return names, any([name.path for name in each] != order for each in distinct)
 
@@ -84,7 +86,12 @@ def varying(names: Sequence[Name]) -> list[int]:
 def spacing_in(names: Sequence[Name], field: int) -> Spacing:
     """Return how one of the numbers of ``names`` is spaced."""
     values = [name.numbers[field] for name in names]
-    return spacing_of([float(value - values[0]) for value in values])
+    return spacing_of([float(value - values[0]) for value in values], resolution_of(values))
+
+
+def resolution_of(values: Sequence[Number]) -> float:
+    """Return the least by which numbers can differ that are written with as many digits."""
+    return 1 / max(value.denominator for value in values)
 
 
 def seems_negative(names: Sequence[Name], field: int) -> bool:
@@ -92,7 +99,7 @@ def seems_negative(names: Sequence[Name], field: int) -> bool:
     before = {name.form.split("#")[field] for name in names}
     hyphens = all(text.endswith(_MINUS) for text in before)
     places = names[0].units[field] == "mm" or any(name.numbers[field].denominator > 1 for name in names)
-    return hyphens and (places or any(len(text) == 1 for text in before))
+    return hyphens and (places or (field == 0 and before <= set(_MINUS)))
 
 
 def _possible(files: Sequence[Path]) -> list[Reading]:
@@ -161,6 +168,13 @@ def _rank(reading: Reading, names: Sequence[Name]) -> tuple[int, int, int, int]:
         collide = len({name.numbers for name in names}) < len(names)
         irregular = int(collide or not fields or _is_irregular(names, fields))
     return len(forms), irregular, n_varying, reading.signed * 4 + reading.decimal * 2 - 8 * reading.clock
+
+
+def _is_even(names: Sequence[Name]) -> bool:
+    if len({name.form for name in names}) > 1 or len(names) < 3:
+        return False
+    fields = varying(names)
+    return len(fields) == 1 and spacing_in(names, fields[0]).kind == "even"
 
 
 def _is_irregular(names: Sequence[Name], fields: Sequence[int]) -> bool:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from endoct.modalities.remarks import NONE, Remarks
-from endoct.modalities.spacing import spacing_of
+from endoct.modalities.spacing import WITHIN, spacing_of
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.doubt import Doubt
 
@@ -24,12 +24,17 @@ Positions = tuple[float, ...] | None
 class Along:
     """What a recording's files say of where its frames lie: ``values``, float64 (n,), in the order of the frames.
 
-    In mm, in s, or, without a ``unit``, counts. ``by``: what says so, in words.
+    In mm, in s, or, without a ``unit``, counts. ``by``: what says so, in words. ``decimal``: they are no whole numbers
+    and may be mm; ``resolution``: the least by which they can differ. ``within``: the share of a
+    step by which they jitter.
     """
 
     values: Coordinates
     unit: Literal["", "mm", "s"]
     by: str
+    decimal: bool = False
+    resolution: float = 0.0
+    within: float = WITHIN
 
 
 def positions_along(
@@ -42,9 +47,9 @@ def positions_along(
     """
     if along is None:
         return None, NONE
-    spacing = spacing_of(along.values)
+    spacing = spacing_of(along.values, along.resolution, along.within)
     usual, remarks = spacing.usual, NONE
-    if along.unit == "mm" and spacing.kind != "uneven" and usual > 0 and abs(usual / pitch_mm - 1) > OTHER_PITCH:
+    if (along.unit == "mm" or along.decimal) and spacing.kind != "uneven" and usual > 0 and abs(usual / pitch_mm - 1) > OTHER_PITCH:
         remarks += Remarks(doubts=(_other_pitch(usual, pitch_mm),))
     if along.unit == "s" and rate_hz is not None and usual > 0:
         if abs(usual * rate_hz - 1) > OTHER_RATE:
@@ -59,12 +64,14 @@ def positions_along(
         note = "Names give uneven places in mm; frames were placed by them."
         return _from_first(along.values, 1.0), remarks + Remarks(notes=(note,))
     if spacing.kind == "uneven":
-        if steady:
+        if steady and rate_hz is not None:
+            usual = 1 / rate_hz
             note = f"Frames were not taken at an even rate; they were placed by {along.by}."
             remarks += Remarks(notes=(note,))
         else:
             remarks += Remarks(doubts=(_uneven_times(along),))
-    return _from_first(along.values, pitch_mm / usual), remarks
+        return _from_first(along.values, pitch_mm / usual), remarks
+    return _from_first(spacing.places, pitch_mm), remarks
 
 
 def notes_on_gaps(positions_mm: Sequence[float] | None) -> tuple[str, ...]:
@@ -88,7 +95,7 @@ def _from_first(values: Coordinates, scale: float) -> Positions:
 
 def _other_pitch(usual: float, pitch_mm: float) -> Doubt:
     what = (
-        f"By their names frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were placed by the "
+        f"If the numbers in names are mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were placed by the "
         "sidecar."
     )
     return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)

@@ -28,7 +28,8 @@ class OtherKind:
 
     def refusal(self, path: Path) -> EndoctError:
         """Return what to raise for the file at ``path``."""
-        return EndoctError(f"{path} is {self.name}, which is not read", remedy=self.remedy)
+        what = "image" if self.remedy == _IMAGE else "recording"
+        return EndoctError(f"{path} is no readable {what}", found=f"{self.name}, which is not read", remedy=self.remedy)
 
 
 def kind_not_read(path: Path) -> OtherKind | None:

@@ -23,6 +23,8 @@ from endoct.modalities.video_container import VIDEO_SUFFIXES, is_video
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import open_regular
 
+STAMP_JITTER = 0.1
+"""Of the usual step: what time stamps of a video jitter; where they do more, frames were taken at uneven times."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
 
@@ -141,7 +143,7 @@ def open_stack(path: Path) -> ImageStack:
         return ImageStack(path, *read_tiff(path))
     if is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES:
         read = ReadVideo(path)
-        along = Along(read.times_s, "s", "the time stamps of the video")
+        along = Along(read.times_s, "s", "the time stamps of the video", within=STAMP_JITTER)
         return ImageStack(path, read.n_frames, read, along=along)
     if (kind := kind_not_read(path)) is not None:
         raise kind.refusal(path)

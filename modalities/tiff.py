@@ -97,9 +97,11 @@ class _ReadTiff:
     def stored(self, index: int) -> NDArray[Any]:
         """Return one frame, upright, black as 0; numbers of colours where there is a palette."""
         frame = self._read(index)
+        if frame.dtype == np.bool_:
+            frame = frame.astype(np.uint8) * np.uint8(1 if self.palette is not None else 255)
         if self.layout.photometric == WHITE_IS_ZERO:
-            whole = frame.dtype.type((1 << self.layout.bits) - 1)
-            grey = whole - frame if frame.dtype != np.bool_ else ~frame
+            whole = frame.dtype.type(255 if self.layout.bits == 1 else (1 << self.layout.bits) - 1)
+            grey = whole - frame
             if frame.ndim == 3:  # the others are transparency
                 grey[..., 1:] = frame[..., 1:]
             frame = grey

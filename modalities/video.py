@@ -73,7 +73,7 @@ class ReadVideo:
         if index in self._recent:
             return self._recent[index]
         key = max(int(np.searchsorted(self._keys, index, "right")) - 1, 0)
-        first = int(self._keys[key])
+        first = int(self._keys[key]) if self._keys.size and self._keys[0] <= index else 0  # the key frame may be hidden
         if self._ahead is None or not first <= self._next <= index:
             self._ahead, self._next = _decoded(self.path, int(self._times[first]) if first else None), first
         found = self._walk(index)

@@ -135,6 +135,8 @@ def _on_end(path: Path, walk: _Walk, unedited: _Walk | None, cut_off: bool | Non
     step = float(np.median(np.diff(times))) if n > 1 else 0.0
     stated_end = None if walk.seconds is None else walk.seconds / walk.unit
     ends_early = stated_end is not None and walk.last_end + step / 2 < stated_end
+    if container_of(path) == "avi":  # it counts frames that were dropped, and time stamps count them too
+        held = max(held, times[-1] + 1)
     if not (walk.declared > held if walk.declared else ends_early):
         return NONE
     stated = f"{walk.declared}" if walk.declared or walk.seconds is None else f"{walk.seconds:.2f} s of them"
