@@ -129,7 +129,13 @@ def _labels(ran: Ran) -> bool:
 
 _INFO = ("info", "recording", "--json")
 _CT = ("info", "series", "--json")
-_PLAN = ("--entry=0,0,0", "--target=0,0,10", "-o", "SCRATCH/out")
+_LINE = ("--entry=0,0,0", "--target=0,0,10", "-o", "SCRATCH/out")
+
+
+def _plan(ct: str) -> tuple[str, ...]:
+    return ("pose", "--plan-only", "--ct", ct, *_LINE)
+
+
 _MARK = (0.0, 18.2, 111.0)
 INPUTS: Mapping[str, Input] = {
     "chirp-dat-is-text": Input("refused: wrong length", _INFO, _frames(2)),
@@ -143,15 +149,15 @@ INPUTS: Mapping[str, Input] = {
     "ct-scout-in-series": Input("31 slices, 38.7 mm off", _CT, _ct(_MARK, "scout: 000.dcm")),
     "ct-scout-other-size": Input("a C++ exception", _CT, _refused("000.dcm", "64 × 32")),
     "ct-two-volumes-one-series": Input("30 slices, alternately", _CT, _refused("000_0.dcm and 000_1.dcm")),
-    "dicom-slow": Input("15 to 25 s", ("pose", "--plan-only", "--ct", ".", *_PLAN), _refused(".dcm")),
+    "dicom-slow": Input("15 to 25 s", _plan("."), _refused(".dcm")),
     "grey-as-palette-png": Input("refused as colour", _INFO, _frames(12)),
     "labels-named-segments": Input("facial nerve as bone", ("info", "labels.seg.nrrd", "--json"), _labels),
     "mask-miniswhite": Input("0.936 of the wall", (), lambda _: True),
-    "metaimage-dimensions": Input("segmentation fault", ("pose", "--plan-only", "--ct", "ct.mhd", *_PLAN), _refused("ct.mhd")),
+    "metaimage-dimensions": Input("segmentation fault", _plan("ct.mhd"), _refused("ct.mhd")),
     "mp4-trimmed": Input('"truncated"', _INFO, _frames(15, "edit list")),
     "names-decimals": Input("0.2 0.4 … 0.25 0.75 0 1.2", _INFO, _in_place),
     "nifti-microns": Input('"sheared"', ("info", "ct.nii.gz", "--json"), _ct(_MARK, lps=False)),
-    "nifti-no-codes": Input("RAS, no word", ("pose", "--plan-only", "--ct", "ct.nii.gz", *_PLAN), _refused("RAS or LPS")),
+    "nifti-no-codes": Input("RAS, no word", _plan("ct.nii.gz"), _refused("RAS or LPS")),
     "oct-miniswhite": Input("upside down in brightness", _INFO, _frames(12, "WhiteIsZero")),
     "plan-undefined-point": Input("0, 0, 0", ("info", "plan.mrk.json"), _refused("the target", "not placed")),
     "processed-beside-raw": Input("12 frames of 6", _INFO, _refused("slice_000_filtered.png")),
@@ -201,7 +207,9 @@ def main() -> int:
     outcomes = {name: outcome(folder, name) for name in INPUTS}
     print("| input | before | now | right |\n|---|---|---|---|")
     for name, now in outcomes.items():
-        print(f"| {name} | {INPUTS[name].before} | {now.said.replace(str(folder), '')} | {'yes' if now.right else 'NO'} |")
+        print(
+            f"| {name} | {INPUTS[name].before} | {now.said.replace(str(folder), '')} | {'yes' if now.right else 'NO'} |"
+        )
     wrong = [name for name, now in outcomes.items() if not now.right]
     print(f"\n{len(outcomes) - len(wrong)} of {len(outcomes)} are read rightly, or refused for the right reason")
     return 1 if wrong else 0

@@ -13,7 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from endoct.modalities.equal_files import sets_of_equal
-from endoct.modalities.frame_names import LONGEST_NUMBER, Name, Unit, read_names, resolution_of, seems_negative, spacing_in, varying
+from endoct.modalities.frame_names import (
+    LONGEST_NUMBER,
+    Name,
+    Unit,
+    read_names,
+    resolution_of,
+    seems_negative,
+    spacing_in,
+    varying,
+)
 from endoct.modalities.numbering import Along
 from endoct.modalities.remarks import NONE, Remarks, some_names
 from endoct.stitching.doubt import Doubt

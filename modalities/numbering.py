@@ -49,7 +49,12 @@ def positions_along(
         return None, NONE
     spacing = spacing_of(along.values, along.resolution, along.within)
     usual, remarks = spacing.usual, NONE
-    if (along.unit == "mm" or along.decimal) and spacing.kind != "uneven" and usual > 0 and abs(usual / pitch_mm - 1) > OTHER_PITCH:
+    if (
+        (along.unit == "mm" or along.decimal)
+        and spacing.kind != "uneven"
+        and usual > 0
+        and abs(usual / pitch_mm - 1) > OTHER_PITCH
+    ):
         remarks += Remarks(doubts=(_other_pitch(usual, pitch_mm),))
     if along.unit == "s" and rate_hz is not None and usual > 0:
         if abs(usual * rate_hz - 1) > OTHER_RATE:
@@ -95,8 +100,8 @@ def _from_first(values: Coordinates, scale: float) -> Positions:
 
 def _other_pitch(usual: float, pitch_mm: float) -> Doubt:
     what = (
-        f"If the numbers in names are mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were placed by the "
-        "sidecar."
+        f"If the numbers in names are mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were "
+        "placed by the sidecar."
     )
     return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)
 

@@ -41,7 +41,9 @@ def namings(rng: Random, n: int) -> Mapping[str, Naming]:
     return {
         "padded": lambda k: f"{word}{between or '_'}{first + step * k:04d}",
         "counted": lambda k: f"{word}{between or '_'}{first + step * k}",
-        "upper and lower": lambda k: f"{word}{'_'}{first + step * k:03d}".upper() if k % 2 else f"{word}_{first + step * k:03d}".lower(),
+        "upper and lower": lambda k: (
+            f"{word}{'_'}{first + step * k:03d}".upper() if k % 2 else f"{word}_{first + step * k:03d}".lower()
+        ),
         "with a constant": lambda k: f"{word}_{first + step * k:03d}_10um",
         "brackets": lambda k: f"{word} ({k + 1})",
         "square brackets": lambda k: f"{word} [{k}]",
@@ -207,7 +209,9 @@ def uneven_numbers(folder: Path, rng: Random) -> Truth:
 def decimals_or_sections(folder: Path, rng: Random) -> Truth:
     """Numbers that are places with decimals, or sections and items, which nothing says."""
     truth = drawn(rng, 6, 9)
-    places = sorted([1.35, *rng.sample([1.1, 1.2, 1.25, 1.3, 1.4, 1.45, 1.5, 1.6, 1.7, 1.75, 1.8], len(truth.frames) - 1)])
+    places = sorted(
+        [1.35, *rng.sample([1.1, 1.2, 1.25, 1.3, 1.4, 1.45, 1.5, 1.6, 1.7, 1.75, 1.8], len(truth.frames) - 1)]
+    )
     truth = truth.at(np.array(places) - places[0])
     _write_all(folder, rng, truth, [f"z{place}" for place in places])
     return truth

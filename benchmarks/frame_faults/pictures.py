@@ -114,7 +114,9 @@ CODED: Mapping[str, Write] = {
     "white is 0": _tiff(_white_is_zero),
     "grey palette": _folder(_grey_palette, lambda rng: rng.choice((".png", ".bmp", ".tif"))),
     "grey palette, stack": _tiff(_palette_stack),
-    "grey in channels": _folder(_channels, lambda rng: (rng.choice(("LA", "RGB", "RGBA")), rng.choice((".png", ".tif")))),
+    "grey in channels": _folder(
+        _channels, lambda rng: (rng.choice(("LA", "RGB", "RGBA")), rng.choice((".png", ".tif")))
+    ),
     "orientation": _folder(_oriented, lambda rng: (rng.randint(1, 8), rng.choice((".tif", ".png")))),
     "colours": _folder(_coloured),
     "one page otherwise": _tiff(_mixed),

@@ -14,7 +14,12 @@ from benchmarks.frame_faults.drawn import PITCH_MM, RATE_HZ, Frames, Truth, draw
 Write = Callable[[Path, Random], Truth]
 _TICKS = 1000
 """Of a second: as Matroska counts."""
-_CODECS = {"mkv": ("ffv1", "gray"), "mp4": ("libx264", "yuv420p"), "mov": ("libx264", "yuv420p"), "avi": ("ffv1", "gray")}
+_CODECS = {
+    "mkv": ("ffv1", "gray"),
+    "mp4": ("libx264", "yuv420p"),
+    "mov": ("libx264", "yuv420p"),
+    "avi": ("ffv1", "gray"),
+}
 
 
 def _scene(rng: Random) -> Truth:
@@ -25,7 +30,13 @@ def _scene(rng: Random) -> Truth:
 
 
 def write_video(
-    path: Path, frames: Frames, times_s: Sequence[float], *, shift_s: float = 0.0, group: int = 4, empty: Sequence[float] = ()
+    path: Path,
+    frames: Frames,
+    times_s: Sequence[float],
+    *,
+    shift_s: float = 0.0,
+    group: int = 4,
+    empty: Sequence[float] = (),
 ) -> Path:
     """Write frames at their times; frames before ``shift_s`` are hidden by an edit list; ``empty``: null frames."""
     av.logging.set_level(av.logging.PANIC)
@@ -103,7 +114,13 @@ def _cut(folder: Path, rng: Random) -> Truth:
     truth = _scene(rng)
     hidden = rng.randint(1, 6)
     suffix = rng.choice((".mp4", ".mov"))
-    write_video(folder / f"r{suffix}", truth.frames, _even(len(truth.frames)), shift_s=hidden / RATE_HZ, group=rng.choice((4, 99)))
+    write_video(
+        folder / f"r{suffix}",
+        truth.frames,
+        _even(len(truth.frames)),
+        shift_s=hidden / RATE_HZ,
+        group=rng.choice((4, 99)),
+    )
     with_sidecar(folder, "endoscope")
     part = truth.part(slice(hidden, None))
     return part.at(part.places_mm - part.places_mm[0])

@@ -1,12 +1,10 @@
 """Places of frames by the numbers in their names, as a plug-in that opens a folder of images has them."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from endoct.modalities.frame_files import choose_frames
 from endoct.modalities.numbering import Positions, positions_along
-from endoct.stitching.errors import EndoctError
 
 
 def positions_by_number(files: Sequence[Path], pitch_mm: float) -> Positions:
