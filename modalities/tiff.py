@@ -18,6 +18,7 @@ from endoct.modalities.arrays_on_disk import ReadBlocks
 from endoct.modalities.images import check_jpeg
 from endoct.modalities.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.remarks import Remarks
+from endoct.modalities.repeated_frames import without_colour
 from endoct.modalities.tiff_directory import (
     COMPRESSIONS,
     FOREIGN,
@@ -65,7 +66,7 @@ def read_tiff(path: Path) -> "tuple[int, _ReadTiff]":
             places.append(page.place)
             if len(places) == 1:
                 first, layout = page, page.layout(file)
-                palette = page.palette(file, layout) if layout.photometric == PALETTE else None
+                palette = _palette(page, file, layout) if layout.photometric == PALETTE else None
             elif (other := page.layout(file)) != layout:
                 raise EndoctError(
                     f"{path} mixes pages",
@@ -227,6 +228,21 @@ def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
             expected="a stack of images, one page a frame",
         )
     return max([images, *several]) if images else 1
+
+
+def _palette(page: Page, file: BinaryIO, layout: Layout) -> NDArray[Any]:
+    """Return the colours that samples number: (n,) grey, or (n, 3); u8, or u16 where they need more bits."""
+    n = 1 << layout.bits
+    colours = np.array(page.numbers(file, 320, most=3 << 16), np.uint16)
+    if colours.size != 3 * n:
+        damaged(page.path, f"{colours.size} values in a palette of {n} colours")
+    colours = colours.reshape(3, n).T
+    if colours.max() < 256:  # some writers count colours from 0 to 255
+        colours = colours.astype(np.uint8)
+    elif (colours % 257 == 0).all() or (colours % 256 == 0).all():
+        colours = (colours >> 8).astype(np.uint8)
+    grey = without_colour(colours[None])
+    return colours if grey is None else grey[0]
 
 
 def _stack_in_one_page(page: Page, file: BinaryIO, layout: Layout, n_frames: int) -> ReadBlocks:

@@ -11,11 +11,9 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.modalities.orientation import TAG as ORIENTATION_TAG
 from endoct.modalities.orientation import UPRIGHT, checked
-from endoct.modalities.repeated_frames import without_colour
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.limits import check_array_size
 
@@ -128,20 +126,6 @@ class Page:
         if photometric == WHITE_IS_ZERO and (samples > 2 or dtype.kind not in "ub"):
             found = f"white is 0 (WhiteIsZero) in samples of {dtype}"
             raise EndoctError(f"{self.path} does not say which value is black", found=found, remedy=remedy)
-
-    def palette(self, file: BinaryIO, layout: Layout) -> NDArray[Any]:
-        """Return the colours that samples number: (n,) grey, or (n, 3); u8, or u16 where they need more bits."""
-        n = 1 << layout.bits
-        colours = np.array(self.numbers(file, 320, most=3 << 16), np.uint16)
-        if colours.size != 3 * n:
-            damaged(self.path, f"{colours.size} values in a palette of {n} colours")
-        colours = colours.reshape(3, n).T
-        if colours.max() < 256:  # some writers count colours from 0 to 255
-            colours = colours.astype(np.uint8)
-        elif (colours % 257 == 0).all() or (colours % 256 == 0).all():
-            colours = (colours >> 8).astype(np.uint8)
-        grey = without_colour(colours[None])
-        return colours if grey is None else grey[0]
 
     def plain_offset(self, file: BinaryIO, layout: Layout) -> int | None:
         """Return where the samples begin if they lie as they are in memory, one behind the other; else None."""
