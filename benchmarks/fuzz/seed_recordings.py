@@ -80,7 +80,7 @@ def tiff_seeds() -> Iterator[Seed]:
         "labels": (noise(6, 8, dtype="u4"), {}),
         "white as 0": (noise(2, 6, 8, dtype="u2"), {"photometric": "miniswhite", "compression": "zlib"}),
         "palette": (grey, {"photometric": "palette", "colormap": noise(3, 256, dtype="u2") * 257}),
-        "turned": (grey, {"extratags": [(274, "H", 1, 6, True)], "metadata": None}),
+        "turned": (grey, {"extratags": [(274, "H", 1, 6, False)], "metadata": None}),
     }
     for name, (samples, options) in kinds.items():
         try:
@@ -107,9 +107,8 @@ def _turned(suffix: str, mode: str) -> bytes:
     buffer, exif = io.BytesIO(), Image.Exif()
     exif[274] = 6
     grey = Image.fromarray(noise(8, 12))
-    (grey.quantize(16) if mode == "P" else grey.convert(mode)).save(
-        buffer, {".jpg": "JPEG"}.get(suffix, "PNG"), exif=exif
-    )
+    coded = grey.quantize(16) if mode == "P" else grey.convert(mode)
+    coded.save(buffer, {".jpg": "JPEG"}.get(suffix, "PNG"), exif=exif)
     return buffer.getvalue()
 
 
@@ -220,22 +219,10 @@ def recording_seeds() -> Iterator[Seed]:
     gaps = {f"frame_{k:04d}.png": frames["frame_0000.png"] for k in (0, 1, 2, 3, 4, 7, 8)}
     sidecar = ENDOSCOPE_TOML.replace("positions_mm = [0.0, 0.2, 0.4]\n", "")
     yield Seed("endoscope with gaps", "", {"acquisition.toml": sidecar.encode(), **gaps})
-    named = (
-        "z0mm",
-        "z0.2mm",
-        "z0.25mm",
-        "z-0.4mm",
-        "z1mm",
-        "2024-05-01_10-22-59-900",
-        "z1mm (1)",
-        "f (2)",
-        "f (3)",
-        "f",
-    )
-    for k, some in enumerate((named[:5], named[:7], named[7:], named)):
-        yield Seed(
-            f"oct with names {k}", "", {**oct_, **{f"{name}.png": image(layered[0] + n) for n, name in enumerate(some)}}
-        )
+    places, series = ("z0mm", "z0.2mm", "z0.25mm", "z-0.4mm", "z1mm"), ("f (2)", "f (1)", "f")
+    for k, names in enumerate((places, series, (*places, "2024-05-01_10-22-59-900"), (*places, *series))):
+        images = {f"{name}.png": image(layered[0] + n) for n, name in enumerate(names)}
+        yield Seed(f"oct with names {k}", "", {**oct_, **images}, refused=k > 1)
     twins = {f"s{k}{suffix}": image(layered[0] + k, suffix) for k in range(4) for suffix in (".png", ".bmp")}
     yield Seed("oct twice", "", {**oct_, **twins})
     spectra = '[spectra]\nfile = "s.bin"\nsamples = 128\nascans = 64\nchirp = "Chirp.dat"\n'
