@@ -61,8 +61,8 @@ def _member(path: Path, name: str) -> str | None:
                 return None
             file.seek(0)
             with zipfile.ZipFile(file) as members:
-                found = next((each for each in members.namelist() if each.lower() == name), None)
-                if found is None:
+                found = next((each for each in members.infolist() if each.filename.lower() == name), None)
+                if found is None or found.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     return None
                 with members.open(found) as member:
                     data = member.read(_LOOKED_AT)
