@@ -17,6 +17,9 @@ OTHER_PITCH = 0.05
 OTHER_RATE = 0.02
 """Share by which the time stamps of a video may differ from the frame rate of the sidecar."""
 
+MOST_MISSING = 3
+"""Times as many places as frames: where there are more, numbers rather begin anew than count missing frames."""
+
 Positions = tuple[float, ...] | None
 
 
@@ -76,6 +79,8 @@ def positions_along(
         else:
             remarks += Remarks(doubts=(_uneven_times(along),))
         return _from_first(along.values, pitch_mm / usual), remarks
+    if spacing.places[-1] + 1 > MOST_MISSING * len(spacing.places):
+        remarks += Remarks(doubts=(_mostly_missing(along, spacing.places),))
     return _from_first(spacing.places, pitch_mm), remarks
 
 
@@ -112,6 +117,14 @@ def _other_rate(found_hz: float, rate_hz: float, by: str) -> Doubt:
         "wrong, or the file was written with another rate. Frames were placed by the sidecar."
     )
     return Doubt("frame-rate-against-stamps", what, value=found_hz, unit="Hz", expected=rate_hz)
+
+
+def _mostly_missing(along: Along, places: Coordinates) -> Doubt:
+    what = (
+        f"By {along.by} {int(places[-1]) + 1 - len(places)} frames are missing between {len(places)}: the count may "
+        "have begun anew, and the order be another."
+    )
+    return Doubt("frames-mostly-missing", what, value=float(places[-1] + 1), unit="1", expected=float(len(places)))
 
 
 def _uneven(along: Along) -> Doubt:

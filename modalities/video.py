@@ -4,17 +4,25 @@ import threading
 from collections import OrderedDict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.modalities.orientation import UPRIGHT, on_orientation, upright
+from endoct.modalities.remarks import Remarks
 from endoct.modalities.video_container import cause_of_video, is_shortage, opened_video, pictures_of
 from endoct.modalities.video_index import index_of
 from endoct.stitching.errors import EndoctError
 
 if TYPE_CHECKING:
     import av
+
+_ORIENTATIONS = {
+    (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
+    (0, -1, 1, 0): 8,
+}  # fmt: skip
+"""By the signs of x' = a·x + c·y, y' = b·x + d·y, as (a, b, c, d); y runs down."""
 
 
 class ReadVideo:
@@ -25,8 +33,8 @@ class ReadVideo:
     the video has more than 8 bits. ``n_frames`` are counted by going once through the file's packets, without
     decoding them. Frames are found by their time stamps from the key frame before them, so that a frame is the same
     however it was come by. Raises :class:`EndoctError` for a file without pictures, a truncated or a damaged one.
-    ``times_s``: the time stamp of every frame, float64 (n_frames,), ascending. ``remarks``: what is to be said of the
-    file.
+    Frames are upright, as the file has them displayed. ``times_s``: the time stamp of every frame, float64
+    (n_frames,), ascending.
     """
 
     def __init__(self, path: Path) -> None:
@@ -34,12 +42,13 @@ class ReadVideo:
         found = index_of(path)
         self._times, self._keys, self._kept = found.times, found.keys, found.kept
         self.times_s = found.times_s
-        self.remarks = found.remarks
+        self._remarks = found.remarks
+        self._orientation = UPRIGHT
         self.n_frames = len(self._times)
         self._close()
 
     def __getstate__(self) -> dict[str, Any]:
-        names = ("path", "_times", "_keys", "_kept", "n_frames", "times_s", "remarks")
+        names = ("path", "_times", "_keys", "_kept", "n_frames", "times_s", "_remarks", "_orientation")
         return {name: getattr(self, name) for name in names}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -50,7 +59,9 @@ class ReadVideo:
         """Return one frame."""
         with self._lock:
             try:
-                return _samples(self._frame(index))
+                frame = self._frame(index)
+                self._orientation = _orientation(frame)
+                return upright(_samples(frame), self._orientation)
             except EndoctError:
                 self._forget()
                 raise
@@ -59,6 +70,11 @@ class ReadVideo:
                     self._forget()
                     raise
                 raise self._unreadable(index, cause_of_video(error)) from error
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of the file, and of the orientation of the frames once one was read."""
+        return self._remarks + on_orientation(self._orientation)
 
     def _close(self) -> None:
         self._lock = threading.Lock()
@@ -117,6 +133,15 @@ def _decoded(path: Path, start: int | None) -> "Iterator[av.VideoFrame]":
         if start is not None:
             container.seek(start, stream=stream)
         yield from container.decode(stream)
+
+
+def _orientation(frame: "av.VideoFrame") -> int:
+    """Return how a frame is stored, as images count it, by the matrix that a file has it displayed with."""
+    for data in cast(Any, frame.side_data):
+        if data.type.name == "DISPLAYMATRIX":
+            a, b, _, c, d = np.sign(np.frombuffer(bytes(data), "<i4", 5)).tolist()
+            return _ORIENTATIONS.get((a, b, c, d), UPRIGHT)
+    return UPRIGHT
 
 
 def _samples(frame: "av.VideoFrame") -> NDArray[Any]:

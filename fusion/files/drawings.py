@@ -24,7 +24,7 @@ from skimage.draw import polygon
 from endoct.modalities.recording import open_stack
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
+from endoct.stitching.files import read_small, read_start
 from endoct.stitching.json_values import an_object, read_object
 from endoct.stitching.names import inside
 from endoct.stitching.zarr_check import check_array
@@ -108,6 +108,13 @@ def _finest(path: Path) -> Declared:
 
 
 def _image(path: Path) -> Mask:
+    if read_start(path, 3) == b"\xff\xd8\xff":
+        raise EndoctError(
+            f"the mask {path} does not say what is cell",
+            found="a JPEG, whose losses leave black samples that are not zero",
+            expected="PNG or TIFF",
+            remedy="draw it in a format without losses",
+        )
     stack = open_stack(path)
     if len(stack) != 1:
         raise EndoctError(f"{path} is no mask", found=f"{len(stack)} images", expected="one")

@@ -147,6 +147,12 @@ def test_times_become_places() -> None:
     ]
 
 
+def test_a_count_that_began_anew_is_doubted(tmp_path: Path) -> None:
+    of = chosen(tmp_path, {f"IMG_{number:04d}.png": str(number) for number in (9997, 9998, 9999, 0, 1, 2, 3)})
+    _, remarks = positions_along(of.along, 0.2)
+    assert [doubt.code for doubt in remarks.doubts] == ["frames-mostly-missing"]
+
+
 def test_millimetres_in_names_are_held_against_the_pitch() -> None:
     even = Along(np.arange(5) * 0.1, "mm", "the numbers in names", resolution=0.01)
     places, remarks = positions_along(even, 0.2)

@@ -145,6 +145,12 @@ def test_numbers_of_a_palette_are_labels_unless_its_colours_contradict(tmp_path:
         read_drawing(tmp_path / "m.tif", CELLS.shape)
 
 
+def test_a_mask_with_losses_is_refused(tmp_path: Path) -> None:
+    Image.fromarray(CELLS.astype(np.uint8) * 255).save(tmp_path / "m.jpg", quality=80)
+    with pytest.raises(EndoctError, match="a JPEG"):
+        read_drawing(tmp_path / "m.jpg", CELLS.shape)
+
+
 @pytest.mark.parametrize("photometric", ["miniswhite", "minisblack"])
 def test_a_mask_of_one_bit(photometric: str, tmp_path: Path) -> None:
     stored = ~CELLS if photometric == "miniswhite" else CELLS

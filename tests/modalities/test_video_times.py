@@ -1,5 +1,6 @@
 """When the frames of a video were taken: lost frames, edit lists, frames that were dropped; what is whole is read."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,31 @@ def test_a_header_that_states_more_than_a_whole_file_holds_is_doubted(tmp_path: 
     path.write_bytes(data[:at] + np.array(9000.0, ">f8").tobytes() + data[at + 8 :])
     (doubt,) = index_of(path).remarks.doubts
     assert (doubt.code, doubt.value) == ("video-shorter-than-stated", N)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "as_displayed"),
+    [
+        ((0, 1, -1, 0), lambda image: np.rot90(image, -1)),
+        ((0, -1, 1, 0), np.rot90),
+        ((-1, 0, 0, -1), lambda image: image[::-1, ::-1]),
+        ((-1, 0, 0, 1), lambda image: image[:, ::-1]),
+        ((1, 0, 0, -1), lambda image: image[::-1]),
+    ],
+    ids=str,
+)
+def test_frames_are_turned_as_the_file_says(
+    matrix: tuple[int, ...], as_displayed: Callable[[np.ndarray], np.ndarray], tmp_path: Path
+) -> None:
+    path = write_video(tmp_path / "r.mp4", FRAMES, EVEN)
+    data = path.read_bytes()
+    at = data.index(b"tkhd") + 44
+    a, b, c, d = (65536 * value for value in matrix)
+    changed = np.array([a, b, 0, c, d, 0, 0, 0, 1 << 30], ">i4").tobytes()
+    path.write_bytes(data[:at] + changed + data[at + 36 :])
+    stack = open_stack(path)
+    assert np.abs(stack[3].mean(axis=-1) - as_displayed(FRAMES[3])).mean() < 12
+    assert "put upright" in stack.remarks.notes[0]
 
 
 def test_a_webm_is_read_and_several_tracks_are_refused(tmp_path: Path) -> None:
