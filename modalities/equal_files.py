@@ -10,7 +10,7 @@ from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import open_regular, sha256_of
 
 _BLOCK = 4096
-_PARTS = 4
+_PARTS = 2
 
 
 def sets_of_equal(files: Sequence[Path]) -> list[list[Path]]:

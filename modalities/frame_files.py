@@ -51,11 +51,12 @@ def choose_frames(folder: Path, files: Sequence[Path], alike: Alike) -> FrameFil
     ``alike`` says of two files whether they hold the same pixels. Raises :class:`EndoctError` where there are two
     images of one place that differ, or several series.
     """
-    names, _ = read_names(files)
+    names, unclear = read_names(files)
     kept, remarks = _without_copies(names)
     kept, on_twins = _without_twins(folder, kept, alike)
     remarks += on_twins
-    names, unclear = read_names([name.path for name in kept])
+    if len(kept) < len(names):  # others may be read in another way
+        names, unclear = read_names([name.path for name in kept])
     if len(names) < 2:
         return FrameFiles(tuple(name.path for name in names), None, remarks)
     if unclear:

@@ -157,8 +157,11 @@ def some_frames(stack: ImageStack) -> list[NDArray[Any]]:
 
 def image_files(folder: Path) -> list[Path]:
     """Return the images in ``folder`` in the order of the numbers in their names."""
-    files = [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]
-    return [name.path for name in read_names(files)[0]]
+    return [name.path for name in read_names(_images(folder))[0]]
+
+
+def _images(folder: Path) -> list[Path]:
+    return [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]
 
 
 class _ReadGrey:
@@ -243,7 +246,7 @@ def whole_recordings(folder: Path) -> list[Path]:
 
 
 def _open_folder(folder: Path) -> ImageStack:
-    whole, images = whole_recordings(folder), image_files(folder)
+    whole, images = whole_recordings(folder), _images(folder)
     if len(whole) == 1 and not images:
         return open_stack(whole[0])
     if images and all(file.suffix.lower() == ".npy" for file in whole):
