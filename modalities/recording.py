@@ -256,7 +256,7 @@ def _open_folder(folder: Path) -> ImageStack:
         if not whole:
             files = chosen.files
             return ImageStack(folder, len(files), _ReadImages(files), along=chosen.along, remarks=chosen.remarks)
-    if not whole and not images and (refusal := _refusal_of_others(folder)) is not None:
+    if not whole and not images and (refusal := refusal_of(folder)) is not None:
         raise refusal
     raise EndoctError(
         f"{folder} holds no recording" if not whole else f"{folder} holds more than one recording",
@@ -265,9 +265,9 @@ def _open_folder(folder: Path) -> ImageStack:
     )
 
 
-def _refusal_of_others(folder: Path) -> EndoctError | None:
-    """Return what to say of a folder that holds files of a known kind which is not read; None where it does not."""
-    for file in sorted(entries(folder)):
+def refusal_of(path: Path) -> EndoctError | None:
+    """Return what to say of a file of a known kind that is not read, or of a folder with one; None for others."""
+    for file in sorted(entries(path)) if is_folder(path) else [path]:
         if (kind := kind_not_read(file)) is not None:
             return kind.refusal(file)
     return None

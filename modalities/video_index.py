@@ -150,9 +150,9 @@ def _on_end(path: Path, walk: _Walk, unedited: _Walk | None, cut_off: bool | Non
 
 def _taken(times: NDArray[np.int64], walk: _Walk, unedited: _Walk | None) -> tuple[Coordinates, Remarks]:
     """Return when each frame was taken, in time stamps: before an edit list cut the video."""
-    shown = times.astype(np.float64)
+    displayed = times.astype(np.float64)
     if unedited is None:
-        return shown, NONE
+        return displayed, NONE
     when = {place: stamp for stamp, (_, place) in unedited.stamps.items() if place >= 0}
     places = [walk.stamps[time][1] for time in times.tolist()]
     hidden = len(unedited.stamps) - len(times)
@@ -162,9 +162,9 @@ def _taken(times: NDArray[np.int64], walk: _Walk, unedited: _Walk | None) -> tup
         remarks = Remarks(notes=(note,))
     if not all(place in when for place in places) or len(when) < len(unedited.stamps):
         what = "When the frames of an edited video were taken is not known: they were placed as they are shown."
-        return shown, remarks + Remarks(doubts=(Doubt("video-edited", what),))
+        return displayed, remarks + Remarks(doubts=(Doubt("video-edited", what),))
     taken = np.array([when[place] for place in places], np.float64)
     if (np.diff(taken) <= 0).any():
         what = "The video's edit list shows frames in another order than they were recorded in; that order was taken."
-        return shown, remarks + Remarks(doubts=(Doubt("video-edited", what),))
+        return displayed, remarks + Remarks(doubts=(Doubt("video-edited", what),))
     return taken, remarks

@@ -137,7 +137,7 @@ def _edited(folder: Path, rng: Random) -> Truth:
     return truth.part([*range(first), *range(last, n)])
 
 
-def with_edits(data: bytes, shown: Sequence[tuple[int, int]]) -> bytes:
+def with_edits(data: bytes, runs: Sequence[tuple[int, int]]) -> bytes:
     """Return an MP4 whose edit list shows runs of frames: each the first frame, and how many."""
     at = data.index(b"elst") - 4
     size = int.from_bytes(data[at : at + 4], "big")
@@ -145,8 +145,8 @@ def with_edits(data: bytes, shown: Sequence[tuple[int, int]]) -> bytes:
     movie_scale = int.from_bytes(data[scale_at + 12 : scale_at + 16], "big")
     media_at = data.index(b"mdhd") + 4
     media_scale = int.from_bytes(data[media_at + 12 : media_at + 16], "big")
-    body = b"elst" + bytes(4) + len(shown).to_bytes(4, "big")
-    for first, count in shown:
+    body = b"elst" + bytes(4) + len(runs).to_bytes(4, "big")
+    for first, count in runs:
         body += round(count / RATE_HZ * movie_scale).to_bytes(4, "big")
         body += round(first / RATE_HZ * media_scale).to_bytes(4, "big") + b"\0\1\0\0"
     new = (len(body) + 4).to_bytes(4, "big") + body

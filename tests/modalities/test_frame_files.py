@@ -96,7 +96,7 @@ def test_what_names_leave_open_is_doubted(names: list[str], code: str, tmp_path:
     assert len(of.files) == len(names)
 
 
-def test_an_image_beside_the_frames_is_refused(tmp_path: Path) -> None:
+def test_an_image_that_is_no_frame_is_refused(tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match=r"overview.png \(1\)"):
         chosen(tmp_path, {f"s{k}.png": str(k) for k in range(5)} | {"overview.png": "all"})
 
