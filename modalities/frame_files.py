@@ -6,6 +6,7 @@ is refused. What names leave open is doubted.
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -28,8 +29,8 @@ from endoct.modalities.remarks import NONE, Remarks, some_names
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 
-COMPARED = 16
-"""Pairs of files whose pixels are compared, evenly through a folder that has each image twice."""
+COMPARED, COMPARED_BYTES = 16, 400_000_000
+"""Of a folder that has images twice, pixels are compared: of all, or of so many pairs where files are larger in all."""
 _PREFERRED = (".tif", ".tiff", ".btf", ".tf8", ".png", ".bmp", ".jpg", ".jpeg")
 _BY_NAMES = "the numbers in names"
 
@@ -115,7 +116,8 @@ def _without_twins(folder: Path, names: Sequence[Name], alike: Alike) -> tuple[l
     if not twins:
         suffixes = Counter(name.path.suffix.lower() for name in names)
         return list(names), _on_suffixes(suffixes)
-    for k in sorted({int(at) for at in np.linspace(0, len(twins) - 1, COMPARED)}):
+    some = len(twins) if sum(map(_size, (name for each in twins for name in each))) <= COMPARED_BYTES else COMPARED
+    for k in sorted({int(at) for at in np.linspace(0, len(twins) - 1, some)}):
         first, *others = twins[k]
         for other in others:
             if not alike(first.path, other.path):
@@ -136,6 +138,12 @@ def _without_twins(folder: Path, names: Sequence[Name], alike: Alike) -> tuple[l
     note = f"Images of the same places, with the same pixels, were left out: {listed}."
     remaining = [name for name in names if name.path in kept]
     return remaining, Remarks(notes=(note,)) + _on_suffixes(Counter(name.path.suffix.lower() for name in remaining))
+
+
+def _size(name: Name) -> int:
+    with suppress(OSError):
+        return name.path.stat().st_size
+    return 0
 
 
 def _on_suffixes(suffixes: Counter[str]) -> Remarks:

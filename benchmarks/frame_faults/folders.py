@@ -129,6 +129,15 @@ def in_two_formats(folder: Path, rng: Random) -> Truth:
     return truth
 
 
+def in_two_formats_with_one_changed(folder: Path, rng: Random) -> Truth:
+    """All frames in a second format, one of them another image there."""
+    truth, names = _sound(folder, rng)
+    changed = rng.randrange(len(names))
+    for k, name in enumerate(names):
+        save(folder / f"{name}.tif", truth.frames[k] if k != changed else 255 - truth.frames[k])
+    return truth
+
+
 def processed(folder: Path, rng: Random) -> Truth:
     """Filtered images among the raw ones."""
     truth, names = _sound(folder, rng)
@@ -235,6 +244,7 @@ SOUND: Mapping[str, Write] = {
 FAULTS: Mapping[str, Write] = {
     "copies": copied,
     "two formats": in_two_formats,
+    "two formats, one changed": in_two_formats_with_one_changed,
     "filtered among raw": processed,
     "two series": two_series,
     "other images": with_others,
