@@ -28,16 +28,19 @@ FUSION, OCT, ENDOSCOPE = "tests/fusion", "tests/modalities/oct", "tests/modaliti
 _BY_TEST: Mapping[str, tuple[str, ...]] = {
     f"{FUSION}/scoring/test_boundary.py": ("fusion/scoring/boundary.py",),
     f"{FUSION}/scoring/test_budget.py": ("fusion/scoring/budget.py", "fusion/scoring/visibility.py"),
-    f"{FUSION}/scoring/test_cells.py": ("fusion/scoring/cells.py", "fusion/scoring/matched_cells.py"),
+    f"{FUSION}/scoring/test_cells.py": ("fusion/scoring/cells.py",),
+    f"{FUSION}/scoring/test_matched_cells.py": ("fusion/scoring/matched_cells.py",),
     f"{FUSION}/scoring/test_intervals.py": ("fusion/scoring/intervals.py",),
     f"{FUSION}/scoring/test_overlap.py": ("fusion/scoring/overlap.py", "fusion/scoring/sites.py"),
     f"{FUSION}/scoring/test_raters.py": ("fusion/scoring/raters.py",),
     f"{FUSION}/scoring/test_scores.py": ("fusion/scoring/scores.py",),
     f"{FUSION}/registration/test_align.py {FUSION}/registration/test_confidence.py": (
         "fusion/registration/align.py",
+        "fusion/registration/search.py",
+    ),
+    f"{FUSION}/registration/test_correlation.py {FUSION}/registration/test_confidence.py": (
         "fusion/registration/chance.py",
         "fusion/registration/correlation.py",
-        "fusion/registration/search.py",
     ),
     f"{FUSION}/registration/test_by_hand.py": ("fusion/registration/by_hand.py",),
     f"{FUSION}/registration/test_displacement.py": ("fusion/registration/displacement.py",),
@@ -57,8 +60,8 @@ _BY_TEST: Mapping[str, tuple[str, ...]] = {
         "fusion/segmentation/segment.py",
     ),
     f"{FUSION}/segmentation/test_threshold.py": ("fusion/segmentation/threshold.py",),
+    f"{FUSION}/test_alignment.py": ("fusion/geometry/alignment.py",),
     f"{FUSION}/test_placement.py": (
-        "fusion/geometry/alignment.py",
         "fusion/geometry/placement.py",
         "fusion/geometry/resample.py",
     ),
