@@ -70,7 +70,8 @@ _BY_TEST: Mapping[str, tuple[str, ...]] = {
     f"{FUSION}/test_comparison.py": ("fusion/comparison.py",),
     "tests/stitching/test_feed.py": ("stitching/feed.py", "stitching/chain.py"),
     "tests/stitching/test_robust.py": ("stitching/robust.py",),
-    f"{OCT}/surface/test_wall.py": ("modalities/oct/surface/wall.py", "modalities/oct/surface/evidence.py"),
+    f"{OCT}/surface/test_wall.py": ("modalities/oct/surface/wall.py",),
+    f"{OCT}/surface/test_evidence.py": ("modalities/oct/surface/evidence.py",),
     f"{OCT}/surface/test_bore.py": ("modalities/oct/surface/bore.py",),
     f"{OCT}/surface/test_levels.py": ("modalities/oct/surface/levels.py",),
     f"{OCT}/surface/test_noise_floor.py": ("modalities/oct/surface/noise_floor.py",),
@@ -128,7 +129,10 @@ WORDS: Mapping[str, str] = {"wrap": "nearest", "grid-wrap": "nearest", "nearest"
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: ``source`` of the whole module, what it was and became, and in which line."""
+    """One change: ``source`` of the whole module, what it was and became, and in which line.
+
+    ``computed``: whether in a function; else it is a setting, such as a limit.
+    """
 
     module: str
     line: int
@@ -136,6 +140,7 @@ class Mutant:
     after: str
     source: str
     tests: tuple[str, ...]
+    computed: bool = True
 
 
 def main() -> int:
@@ -152,23 +157,26 @@ def main() -> int:
     modules = [name for name in TESTS if not options.only or name.startswith(tuple(options.only))]
     mutants = list(named() if options.named else drawn(modules, options.each, options.seed))
     random.Random(options.seed).shuffle(mutants)  # a run that is broken off is a sample as well
-    caught, began = 0, time.monotonic()
+    caught: dict[bool, list[bool]] = {True: [], False: []}
+    began = time.monotonic()
     with tempfile.TemporaryDirectory() as scratch:
         tree = copied_tree(Path(scratch) / "tree")
         for tests in () if options.unchecked else dict.fromkeys(mutant.tests for mutant in mutants):
             if fails(tree, tests):
                 raise SystemExit(f"{' '.join(tests)} fail without any mutant")
         for mutant in mutants:
-            caught += (is_caught := tried(tree, mutant))
-            said = (
-                f"{'caught' if is_caught else 'LIVES '} {mutant.module}:{mutant.line}  {mutant.before} → {mutant.after}"
-            )
+            is_caught = tried(tree, mutant)
+            caught[mutant.computed].append(is_caught)
+            said = f"{'caught' if is_caught else 'LIVES '} {'' if mutant.computed else '(setting) '}"
+            said += f"{mutant.module}:{mutant.line}  {mutant.before} → {mutant.after}"
             print(said, flush=True)
             if options.output:
                 with options.output.open("a", encoding="utf-8") as lines:
                     print(said, file=lines)
-    share = caught / max(len(mutants), 1)
-    print(f"{caught} of {len(mutants)} caught, {share:.0%}, in {time.monotonic() - began:.0f} s")
+    for what, some in (("computations", caught[True]), ("settings", caught[False])):
+        print(f"{what}: {sum(some)} of {len(some)} caught, {sum(some) / max(len(some), 1):.0%}")
+    share = sum(map(sum, caught.values())) / max(len(mutants), 1)
+    print(f"{share:.0%} of {len(mutants)} in {time.monotonic() - began:.0f} s")
     return int(share < (1 if options.named else options.least))
 
 
@@ -186,7 +194,7 @@ def drawn(modules: list[str], each: int, seed: int) -> Iterator[Mutant]:
     """Yield ``each`` mutants of every module, or as many as there are, in the order of their lines."""
     for module in modules:
         tree = ast.parse((ROOT / module).read_text("utf-8"))
-        nodes = list(_code(tree))
+        nodes = [node for node, _ in _code(tree)]
         all_ = [(k, change) for k, node in enumerate(nodes) for change in range(len(list(_changes(node))))]
         some = random.Random(f"{seed} {module}").sample(all_, min(each, len(all_)))
         yield from (_mutant(module, tree, *which) for which in sorted(some, key=lambda one: nodes[one[0]].lineno))
@@ -195,22 +203,22 @@ def drawn(modules: list[str], each: int, seed: int) -> Iterator[Mutant]:
 def _mutant(module: str, tree: ast.Module, k: int, change: int) -> Mutant:
     """Return the mutant of which the expression ``k`` of a module is changed in one way."""
     changed = copy.deepcopy(tree)
-    node = list(_code(changed))[k]
+    node, computed = _code(changed)[k]
     before = ast.unparse(node)
     list(_changes(node))[change]()
     source = ast.unparse(ast.fix_missing_locations(changed))
-    return Mutant(module, node.lineno, before, ast.unparse(node), source, TESTS[module])
+    return Mutant(module, node.lineno, before, ast.unparse(node), source, TESTS[module], computed)
 
 
-def _code(tree: ast.Module) -> Iterator[ast.expr]:
-    """Yield what a module computes: expressions in functions, and numbers outside them; no texts, no annotations."""
-    yield from _computed(tree, inside=False)
+def _code(tree: ast.Module) -> list[tuple[ast.expr, bool]]:
+    """Return what a module computes: expressions in functions, and settings outside them, with which of the two."""
+    return list(_computed(tree, inside=False))
 
 
 LEFT_OUT = ast.Raise | ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom
 
 
-def _computed(tree: ast.AST, *, inside: bool) -> Iterator[ast.expr]:
+def _computed(tree: ast.AST, *, inside: bool) -> Iterator[tuple[ast.expr, bool]]:
     inside = inside or isinstance(tree, ast.FunctionDef | ast.Lambda)
     for name, value in ast.iter_fields(tree):
         if name in ("annotation", "returns", "decorator_list"):
@@ -219,7 +227,7 @@ def _computed(tree: ast.AST, *, inside: bool) -> Iterator[ast.expr]:
             if not isinstance(node, ast.AST) or isinstance(node, LEFT_OUT):
                 continue
             if isinstance(node, ast.expr) and (inside or isinstance(node, ast.Constant)):
-                yield node
+                yield node, inside
             yield from _computed(node, inside=inside)
 
 
