@@ -15,6 +15,9 @@ ANNULUS_PX = 1.0
 FRAME_Z_MM = 0.03
 FRAME_ROLL_RAD = 0.0052  # 0.3°
 
+# Root mean square of 2000 normal errors over their standard errors, which err by 1/√(2·80) each: 0.016, times four.
+MEDIAN_ERROR = 0.065
+
 # Feed and roll of strips cut from a known texture: the residue of linear interpolation between samples.
 FEED_ATOL_MM = 0.002
 ROLL_ATOL_RAD = 0.001
