@@ -83,7 +83,7 @@ def test_a_header_that_states_more_than_a_whole_file_holds_is_doubted(tmp_path: 
         ((-1, 0, 0, 1), lambda image: image[:, ::-1]),
         ((1, 0, 0, -1), lambda image: image[::-1]),
     ],
-    ids=str,
+    ids=["a quarter back", "a quarter on", "half a turn", "left to right", "upside down"],
 )
 def test_frames_are_turned_as_the_file_says(
     matrix: tuple[int, ...], as_displayed: Callable[[np.ndarray], np.ndarray], tmp_path: Path
