@@ -55,7 +55,7 @@ layers: $(VENV)/.ready-dev
 	$(VENV)/bin/lint-imports --no-logo
 
 site: $(VENV)/.ready-docs
-	NO_MKDOCS_2_WARNING=1 $(RUN) mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(RUN) mkdocs build --strict
 	@echo "The site: $(CURDIR)/site/index.html (open it in a browser)"
 
 page:

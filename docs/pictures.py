@@ -70,7 +70,7 @@ def report(folder: Path) -> None:
 
 
 def pose_in_ct(folder: Path) -> None:
-    """Write the picture of the tutorial on a bore in a CT. Needs `endoct[pose]`."""
+    """Write the picture of the tutorial on a bore in a CT."""
     case, found = folder / "case", folder / "pose"
     simulate(case, preset="small-patient", seed=7, ct=True, vary={"ct.voxel_mm": (0.3, 0.3)})
     pose(

@@ -21,6 +21,7 @@ from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.landmarks import LandmarkPair
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
+from endoct.fusion.methods import OURS
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
     BELIEVABLE,
@@ -33,6 +34,7 @@ from endoct.fusion.registration.align import (
     orientations_of,
 )
 from endoct.fusion.registration.by_hand import Bore, align_by_hand
+from endoct.fusion.registration.by_method import align_by_method, doubts_by_method
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
 from endoct.fusion.result import Believable, ByHand, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
@@ -116,6 +118,11 @@ def _compared(
     # align
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
     search_result = align_sides(a, b, z_scale_range=z_scale_range, force=parameters.force)
+    of_method: tuple[Doubt, ...] = ()
+    if (name := parameters.alignment_method) != OURS:
+        ours, search_result = search_result, align_by_method(a, b, name)
+        if isinstance(search_result, Alignment):
+            of_method = tuple(doubts_by_method(search_result, ours, name, a, b))
     by_hand: ByHand | None = None
     if pairs:
         bore = Bore(a.grid.radius_mm, orientations_of(a.panorama, b.panorama), z_scale_range)
@@ -126,6 +133,8 @@ def _compared(
     segmented = segment_sides(a, b, alignment, parameters, parameters.polarity)
     compared = _placed(segmented, search_result, by_hand, parameters, when_placed)
     noted: dict[str, object] = {"notes": {b.name: on_bore}} if on_bore else {}
+    if of_method:
+        noted["doubts"] = (*of_method, *compared.result.doubts)
     if by_hand is not None:
         noted["by_hand"] = by_hand
     return replace(compared, result=compared.result.model_copy(update=noted))

@@ -4,12 +4,16 @@ from typing import Literal
 
 from pydantic import Field
 
+from endoct.fusion.methods import OURS
 from endoct.fusion.segmentation.parameters import SegmentParameters
 
 
 class CompareParameters(SegmentParameters):
     """How two sides are compared: the parameters of segmentation, and those of alignment and of the grid."""
 
+    alignment_method: str = Field(
+        default=OURS, max_length=100, description="method that aligns, by its name in `endoct bench alignment`"
+    )
     dz_mm: float | None = Field(
         default=None,
         ge=1e-4,

@@ -14,7 +14,7 @@ from endoct.modalities.folders import exists, is_folder
 from endoct.modalities.keys import abridged, check_kinds, expectation, field_at, table_model
 from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
+from endoct.stitching.files import read_small, text_of
 from endoct.stitching.names import inside
 
 SIDECAR_NAME = "acquisition.toml"
@@ -175,7 +175,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file of at most 1 MB. Raises :class:`EndoctError` where it cannot be read."""
     data = read_small(path)
     with refusing(f"{path} is not valid TOML"):
-        text = data.decode("utf-8")
+        text = text_of(data)
         try:
             return tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:

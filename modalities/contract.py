@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from endoct.modalities.acquisition import MOST_PLACE_MM, Acquisition
 from endoct.modalities.device import Device
+from endoct.modalities.remarks import NONE, Remarks
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError, cause_of
 from endoct.stitching.grid import SurfaceGrid
@@ -67,13 +68,14 @@ class Preview:
 
     Attributes: ``n_frames``; ``size``, the samples of one frame in words, as "504 A-scans × 373 depth samples";
     ``dtype`` of the samples; ``pictures``, a few frames from the first to the last as their files hold them,
-    (row, column) or (row, column, channel).
+    (row, column) or (row, column, channel); ``remarks`` on the files, their order among it.
     """
 
     n_frames: int
     size: str
     dtype: str
     pictures: tuple[NDArray[Any], ...]
+    remarks: Remarks = NONE
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,11 @@ class Manifest:
 
 
 class FrameStream(Protocol):
-    """A recording, opened. Sized, indexable from 0, picklable; reads one frame's samples when indexed."""
+    """A recording, opened. Sized, indexable from 0, picklable; reads one frame's samples when indexed.
+
+    It may have ``remarks`` on its files, a :class:`~endoct.modalities.remarks.Remarks`: their order, what was left out.
+    They are asked for once all frames are read, and become notes and doubts of the panorama.
+    """
 
     @property
     def acquisition(self) -> Acquisition:

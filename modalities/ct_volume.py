@@ -8,7 +8,6 @@ ends the process over a damaged header, and opens any file that a header names.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +28,6 @@ from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import open_regular
 
-LIBRARIES = {"pydicom": "pydicom", "nibabel": "nibabel", "nrrd": "pynrrd"}
-"""What reads a CT: by module, the name it is installed by."""
 MOST_LABELS = 64
 LABEL_SIGMA_VOXELS = 0.6
 """Blur of a segmentation: takes its steps, leaves septa of one voxel."""
@@ -93,7 +90,6 @@ def read_ct(path: Path, stated: Convention | None = None) -> CtVolume:
     if not path.exists():
         found = "a link that leads nowhere" if path.is_symlink() else "no such file"
         raise EndoctError(f"{path} cannot be read", found=found, expected=EXPECTED, remedy="check the path")
-    _check_installed()
     stored = read_dicom(path) if path.is_dir() else _read_file(path)
     _check_geometry(stored, path)
     origin, steps = stored.origin_mm, stored.steps_mm
@@ -230,14 +226,6 @@ def check_within(ct: CtVolume, line: Trajectory, coordinates: Convention, name: 
             found=", ".join(f"{value:g}" for value in in_world(place, coordinates)),
             expected=f"within {extent} mm ({coordinates.upper()})",
             remedy="check the numbers, and --coordinates",
-        )
-
-
-def _check_installed() -> None:
-    if missing := [name for module, name in LIBRARIES.items() if find_spec(module) is None]:
-        raise EndoctError(
-            f"a CT can only be read where {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} installed",
-            remedy="pip install 'endoct[ct]'",
         )
 
 

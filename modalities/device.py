@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import Literal
 
 from endoct.stitching.errors import EndoctError
@@ -12,14 +11,9 @@ Device = Literal["cpu", "cuda"]
 
 
 def check_device(device: Device) -> None:
-    """Raise :class:`EndoctError` where there is no such device, or no torch. Loads nothing for "cpu"."""
+    """Raise :class:`EndoctError` where there is no such device. Loads nothing for "cpu"."""
     if device == "cpu":
         return
-    if find_spec("torch") is None:
-        raise EndoctError(
-            "only torch computes on a CUDA device, and it is not installed",
-            remedy="pip install 'endoct[cuda]', or leave out device='cuda'",
-        )
     import torch
 
     if not torch.cuda.is_available():

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.modalities.orientation import UPRIGHT, orientation_in_exif, upright
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.files import open_regular
 from endoct.stitching.limits import check_array_size
@@ -29,10 +30,11 @@ _PNG, _JPEG, _BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 
 
-def read_image(path: Path) -> NDArray[Any]:
-    """Return the image in a file: u8 or u16, (row, column) or (row, column, channel), RGB or RGB and transparency.
+def read_image(path: Path) -> tuple[NDArray[Any], int]:
+    """Return the image in a file, upright, and the orientation in which it is stored.
 
-    Raises :class:`EndoctError` where the file is none, is damaged, or asks for too much memory.
+    u8 or u16, (row, column) or (row, column, channel): RGB, or grey or RGB with transparency last. Raises
+    :class:`EndoctError` where the file is none, is damaged, or asks for too much memory.
     """
     said = f"{path} is no readable image"
     expected, remedy = "PNG, JPEG, BMP or TIFF", "copy or export the file again"
@@ -42,11 +44,13 @@ def read_image(path: Path) -> NDArray[Any]:
             check_array_size((size,), 1, f"{path}")
             data = file.read(size)
         if data.startswith(_PNG):
-            return _png(data, path)
+            image, orientation = _png(data, path)
+            return upright(image, orientation), orientation
         if data.startswith(_JPEG):
-            return _jpeg(data, path)
+            orientation = _orientation_of_jpeg(data)
+            return upright(_jpeg(data, path), orientation), orientation
         if data.startswith(_BMP):
-            return _bmp(data, path)
+            return _bmp(data, path), UPRIGHT
         raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
 
 
@@ -59,7 +63,7 @@ def check_jpeg(data: bytes, shape: tuple[int, int], what: str) -> None:
         )
 
 
-def _png(data: bytes, path: Path) -> NDArray[Any]:
+def _png(data: bytes, path: Path) -> tuple[NDArray[Any], int]:
     import imagecodecs  # here and below, so that a plug-in's manifest can name suffixes without loading decoders
 
     chunks = list(_chunks(data))
@@ -69,10 +73,8 @@ def _png(data: bytes, path: Path) -> NDArray[Any]:
     _check(rows, columns, CHANNELS.get(colour, 4), 2 if bits == 16 else 1, path)
     # texts, profiles and animations are of no use, and may be large when they are unpacked
     image = imagecodecs.png_decode(_PNG + b"".join(part for kind, part in chunks if kind in _PICTURE))
-    if image.ndim == 3 and image.shape[2] == 2:
-        # grey with transparency: three equal colours, but plain grey where only one value counts as transparent
-        return np.repeat(image[..., :1], 3, axis=2) if colour == 4 else np.ascontiguousarray(image[..., 0])
-    return np.asarray(image)
+    exif = next((part[8:-4] for kind, part in chunks if kind == b"eXIf"), b"")
+    return np.asarray(image), orientation_in_exif(exif)
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
@@ -113,6 +115,18 @@ def _jpeg_shape(data: bytes) -> tuple[int, int, int]:
     if in_scans and data.count(b"\xff\xda") > MOST_SCANS:  # others have three at most
         raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
     return rows, columns, channels
+
+
+def _orientation_of_jpeg(data: bytes) -> int:
+    """Return the orientation in a JPEG's EXIF, which lies in one of the segments before its samples."""
+    place = 2
+    while data[place : place + 1] == b"\xff" and data[place + 1 : place + 2] not in (b"\xda", b""):
+        length = int.from_bytes(data[place + 2 : place + 4], "big")
+        segment = data[place + 4 : place + 2 + max(length, 2)]
+        if data[place + 1] == 0xE1 and segment.startswith(b"Exif\0\0"):
+            return orientation_in_exif(segment)
+        place += 2 + max(length, 2)
+    return UPRIGHT
 
 
 def _bmp(data: bytes, path: Path) -> NDArray[Any]:

@@ -1,35 +1,87 @@
-"""Frames that are missing, by the numbers in the names of a recording's images."""
+"""Where frames lie along the travel, by the numbers or times that their files give them: frames that are missing."""
 
-import re
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-LEAST_REGULAR = 0.8
-"""Share of equal steps below which numbers in names are taken for something else than a count."""
+from endoct.modalities.remarks import NONE, Remarks
+from endoct.modalities.spacing import WITHIN, spacing_of
+from endoct.stitching.arrays import Coordinates
+from endoct.stitching.doubt import Doubt
+
 GAP_STEPS = 1.5
-LONGEST_NUMBER = 15
-"""Digits; longer ones, as of a time in ns, do not count frames."""
+OTHER_PITCH = 0.05
+"""Share by which the millimetres in names may differ from the pitch of the sidecar."""
+OTHER_RATE = 0.02
+"""Share by which the time stamps of a video may differ from the frame rate of the sidecar."""
+
+MOST_MISSING = 3
+"""Times as many places as frames: where there are more, numbers rather begin anew than count missing frames."""
+
+Positions = tuple[float, ...] | None
 
 
-def positions_by_number(files: Sequence[Path], pitch_mm: float) -> tuple[float, ...] | None:
-    """Return the place of every file along the travel, mm from the first, where their numbering has gaps.
+@dataclass(frozen=True, eq=False)
+class Along:
+    """What a recording's files say of where its frames lie: ``values``, float64 (n,), in the order of the frames.
 
-    None where the last numbers in the names count without a gap, or do not count at all.
+    In mm, in s, or, without a ``unit``, counts. ``by``: what says so, in words. ``decimal``: they are no whole numbers
+    and may be mm; ``resolution``: the least by which they can differ. ``within``: the share of a
+    step by which they jitter.
     """
-    found = [re.findall(r"[0-9]+", file.stem) for file in files]  # \d would take digits of other scripts
-    if len(files) < 3 or not all(found) or max(len(digits[-1]) for digits in found) > LONGEST_NUMBER:
-        return None
-    numbers = np.array([int(digits[-1]) for digits in found])
-    steps = np.diff(numbers)
-    values, counts = np.unique(steps, return_counts=True)
-    usual = int(values[np.argmax(counts)])
-    if usual < 1 or counts.max() < LEAST_REGULAR * steps.size or (steps < 1).any() or (steps % usual).any():
-        return None
-    if (steps == usual).all():
-        return None
-    return tuple(float(place) for place in (numbers - numbers[0]) / usual * pitch_mm)
+
+    values: Coordinates
+    unit: Literal["", "mm", "s"]
+    by: str
+    decimal: bool = False
+    resolution: float = 0.0
+    within: float = WITHIN
+
+
+def positions_along(
+    along: Along | None, pitch_mm: float, rate_hz: float | None = None, *, steady: bool = False
+) -> tuple[Positions, Remarks]:
+    """Return the place of every frame along the travel, mm from the first, None where all lie evenly; and remarks.
+
+    ``pitch_mm`` is the nominal distance of neighbours, ``rate_hz`` the stated frame rate. ``steady``: the instrument
+    moves at a stated speed, so that times are places.
+    """
+    if along is None:
+        return None, NONE
+    spacing = spacing_of(along.values, along.resolution, along.within)
+    usual, remarks = spacing.usual, NONE
+    if (
+        (along.unit == "mm" or along.decimal)
+        and spacing.kind != "uneven"
+        and usual > 0
+        and abs(usual / pitch_mm - 1) > OTHER_PITCH
+    ):
+        remarks += Remarks(doubts=(_other_pitch(usual, pitch_mm),))
+    if along.unit == "s" and rate_hz is not None and usual > 0:
+        if abs(usual * rate_hz - 1) > OTHER_RATE:
+            remarks += Remarks(doubts=(_other_rate(1 / usual, rate_hz, along.by),))
+        else:
+            usual = 1 / rate_hz
+    if spacing.kind == "even":
+        return None, remarks
+    if spacing.kind == "uneven" and (not np.all(np.diff(along.values) > 0) or along.unit == ""):
+        return None, remarks + Remarks(doubts=(_uneven(along),))
+    if spacing.kind == "uneven" and along.unit == "mm":
+        note = "Names give uneven places in mm; frames were placed by them."
+        return _from_first(along.values, 1.0), remarks + Remarks(notes=(note,))
+    if spacing.kind == "uneven":
+        if steady and rate_hz is not None:
+            usual = 1 / rate_hz
+            note = f"Frames were not taken at an even rate; they were placed by {along.by}."
+            remarks += Remarks(notes=(note,))
+        else:
+            remarks += Remarks(doubts=(_uneven_times(along),))
+        return _from_first(along.values, pitch_mm / usual), remarks
+    if spacing.places[-1] + 1 > MOST_MISSING * len(spacing.places):
+        remarks += Remarks(doubts=(_mostly_missing(along, spacing.places),))
+    return _from_first(spacing.places, pitch_mm), remarks
 
 
 def notes_on_gaps(positions_mm: Sequence[float] | None) -> tuple[str, ...]:
@@ -45,3 +97,47 @@ def notes_on_gaps(positions_mm: Sequence[float] | None) -> tuple[str, ...]:
         f"Frames are missing in {gaps.size} place{'s' if gaps.size > 1 else ''}, at the widest {steps[widest]:.2f} mm "
         f"between frames {widest} and {widest + 1}; what lies beyond was placed by the nominal pitch.",
     )
+
+
+def _from_first(values: Coordinates, scale: float) -> Positions:
+    return tuple(float(value) for value in (values - values[0]) * scale)
+
+
+def _other_pitch(usual: float, pitch_mm: float) -> Doubt:
+    what = (
+        f"If the numbers in names are mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were "
+        "placed by the sidecar."
+    )
+    return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)
+
+
+def _other_rate(found_hz: float, rate_hz: float, by: str) -> Doubt:
+    what = (
+        f"By {by} there are {found_hz:.4g} frames a second, by the sidecar {rate_hz:g}: its frame_rate_hz may be "
+        "wrong, or the file was written with another rate. Frames were placed by the sidecar."
+    )
+    return Doubt("frame-rate-against-stamps", what, value=found_hz, unit="Hz", expected=rate_hz)
+
+
+def _mostly_missing(along: Along, places: Coordinates) -> Doubt:
+    what = (
+        f"By {along.by} {int(places[-1]) + 1 - len(places)} frames are missing between {len(places)}: the count may "
+        "have begun anew, and the order be another."
+    )
+    return Doubt("frames-mostly-missing", what, value=float(places[-1] + 1), unit="1", expected=float(len(places)))
+
+
+def _uneven(along: Along) -> Doubt:
+    what = (
+        f"By {along.by} frames do not lie at even steps, nor at multiples of one; they were placed evenly. Where "
+        "places are known, state positions_mm."
+    )
+    return Doubt("frames-uneven", what)
+
+
+def _uneven_times(along: Along) -> Doubt:
+    what = (
+        f"By {along.by} frames were not taken at even steps. They were placed by time, as if the instrument moved "
+        "evenly; where it did not, state positions_mm."
+    )
+    return Doubt("frames-uneven", what)

@@ -12,6 +12,7 @@ from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, 
 from endoct.modalities.device import Device
 from endoct.modalities.folders import exists
 from endoct.modalities.keys import abridged
+from endoct.modalities.recording import refusal_of
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.names import plain_name
 
@@ -68,6 +69,8 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
             f"{path} could be {' or '.join(claims)}",
             remedy=f"say which with modality='NAME', or with 'modality' in {sidecar_path(path)}",
         )
+    if (refusal := refusal_of(path)) is not None:
+        raise refusal
     inside: list[str] = []
     with suppress(OSError):
         inside = sorted(str(sidecar.parent) for sidecar in path.glob(f"*/{SIDECAR_NAME}"))

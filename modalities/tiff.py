@@ -16,12 +16,17 @@ from numpy.typing import NDArray
 
 from endoct.modalities.arrays_on_disk import ReadBlocks
 from endoct.modalities.images import check_jpeg
+from endoct.modalities.orientation import UPRIGHT, on_orientation, upright
+from endoct.modalities.remarks import Remarks
+from endoct.modalities.repeated_frames import without_colour
 from endoct.modalities.tiff_directory import (
     COMPRESSIONS,
     FOREIGN,
     JPEG,
     MOST_PAGES,
     MOST_TABLE_BYTES,
+    PALETTE,
+    WHITE_IS_ZERO,
     Layout,
     Page,
     damaged,
@@ -50,7 +55,7 @@ def is_tiff(path: Path) -> bool:
     return read_start(path, 4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
-def read_tiff(path: Path) -> tuple[int, Callable[[int], NDArray[Any]]]:
+def read_tiff(path: Path) -> "tuple[int, _ReadTiff]":
     """Return the number of frames of a TIFF, and what reads one. Raises :class:`EndoctError` where it is no stack.
 
     A frame is a page; only what ImageJ and tifffile write as one page before all samples of a stack is more.
@@ -61,6 +66,7 @@ def read_tiff(path: Path) -> tuple[int, Callable[[int], NDArray[Any]]]:
             places.append(page.place)
             if len(places) == 1:
                 first, layout = page, page.layout(file)
+                palette = _palette(page, file, layout) if layout.photometric == PALETTE else None
             elif (other := page.layout(file)) != layout:
                 raise EndoctError(
                     f"{path} mixes pages",
@@ -70,10 +76,42 @@ def read_tiff(path: Path) -> tuple[int, Callable[[int], NDArray[Any]]]:
                 )
         stacked = _frames_told(first, file, layout)
         if len(places) == 1 and stacked > 1:
-            return stacked, _stack_in_one_page(first, file, layout, stacked)
+            return stacked, _ReadTiff(_stack_in_one_page(first, file, layout, stacked), layout, palette)
         for end in (first, page):  # a copy that was cut off lacks the last
             end.segments(file, layout)
-        return len(places), _ReadTiffPages(path, places, layout)
+        return len(places), _ReadTiff(_ReadTiffPages(path, places, layout), layout, palette)
+
+
+class _ReadTiff:
+    """Reads one frame as it is to be seen: samples turned over where 0 is white, colours for their numbers, upright."""
+
+    def __init__(self, read: Callable[[int], NDArray[Any]], layout: Layout, palette: NDArray[Any] | None) -> None:
+        self._read, self.layout, self.palette = read, layout, palette
+
+    @property
+    def remarks(self) -> Remarks:
+        """What was done to all frames."""
+        note = "The TIFF says that 0 is white (WhiteIsZero); its samples were turned over, so that 0 is black."
+        turned_over = self.layout.photometric == WHITE_IS_ZERO
+        return Remarks(notes=(note,) if turned_over else ()) + on_orientation(self.layout.orientation)
+
+    def stored(self, index: int) -> NDArray[Any]:
+        """Return one frame, upright, black as 0; numbers of colours where there is a palette."""
+        frame = self._read(index)
+        if frame.dtype == np.bool_:
+            frame = frame.astype(np.uint8) * np.uint8(1 if self.palette is not None else 255)
+        if self.layout.photometric == WHITE_IS_ZERO:
+            whole = frame.dtype.type(255 if self.layout.bits == 1 else (1 << self.layout.bits) - 1)
+            grey = whole - frame
+            if frame.ndim == 3:  # the others are transparency
+                grey[..., 1:] = frame[..., 1:]
+            frame = grey
+        return upright(frame, self.layout.orientation)
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        """Return one frame."""
+        frame = self.stored(index)
+        return frame if self.palette is None else self.palette[frame.astype(np.intp, copy=False)]
 
 
 class _ReadTiffPages:
@@ -192,6 +230,21 @@ def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
     return max([images, *several]) if images else 1
 
 
+def _palette(page: Page, file: BinaryIO, layout: Layout) -> NDArray[Any]:
+    """Return the colours that samples number: (n,) grey, or (n, 3); u8, or u16 where they need more bits."""
+    n = 1 << layout.bits
+    colours = np.array(page.numbers(file, 320, most=3 << 16), np.uint16)
+    if colours.size != 3 * n:
+        damaged(page.path, f"{colours.size} values in a palette of {n} colours")
+    colours = colours.reshape(3, n).T
+    if colours.max() < 256:  # some writers count colours from 0 to 255
+        colours = colours.astype(np.uint8)
+    elif (colours % 257 == 0).all() or (colours % 256 == 0).all():
+        colours = (colours >> 8).astype(np.uint8)
+    grey = without_colour(colours[None])
+    return colours if grey is None else grey[0]
+
+
 def _stack_in_one_page(page: Page, file: BinaryIO, layout: Layout, n_frames: int) -> ReadBlocks:
     offset = page.plain_offset(file, layout)
     if offset is None or n_frames > 16 * MOST_PAGES:
@@ -205,4 +258,6 @@ def _stack_in_one_page(page: Page, file: BinaryIO, layout: Layout, n_frames: int
 
 
 def _shown(layout: Layout) -> str:
-    return f"{layout.dtype} {' × '.join(map(str, layout.shape))}"
+    how = f"{layout.dtype} {' × '.join(map(str, layout.shape))}"
+    how += {WHITE_IS_ZERO: ", 0 is white", PALETTE: ", colours by number"}.get(layout.photometric, "")
+    return how + (f", orientation {layout.orientation}" if layout.orientation != UPRIGHT else "")

@@ -12,6 +12,8 @@ from typing import Any, BinaryIO, Literal, NoReturn
 
 import numpy as np
 
+from endoct.modalities.orientation import TAG as ORIENTATION_TAG
+from endoct.modalities.orientation import UPRIGHT, checked
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.limits import check_array_size
 
@@ -27,6 +29,10 @@ JPEG = 7
 FOREIGN = {33629: "MetaMorph", 34412: "LSM", 34118: "SEM"}
 """Tags of files in which frames lie by rules of their own."""
 
+WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE, YCBCR = 0, 1, 2, 3, 6
+_NOT_READ = {4: "a mask of transparency", 5: "CMYK", 8: "CIE L*a*b*", 9: "ICC L*a*b*", 10: "ITU L*a*b*", 32803: "CFA"}
+"""Photometric interpretations that are not read."""
+
 _START: Mapping[bytes, tuple[Order, bool]] = {
     b"II*\0": ("<", False),
     b"MM\0*": (">", False),
@@ -39,10 +45,16 @@ _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12
 
 @dataclass(frozen=True)
 class Layout:
-    """What the frames of a recording have in common: ``shape`` (row, column) or (row, column, sample), and dtype."""
+    """What the frames of a recording have in common: ``shape`` (row, column) or (row, column, sample), and dtype.
+
+    As stored. ``photometric``: what samples mean, as the tag has it; ``bits`` of a sample; ``orientation``.
+    """
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+    photometric: int = BLACK_IS_ZERO
+    bits: int = 8
+    orientation: int = UPRIGHT
 
 
 @dataclass(frozen=True)
@@ -100,7 +112,20 @@ class Page:
             damaged(self.path, f"samples of {sorted(bits)} bits, format {sorted(kind)}")
         shape = (rows, columns) if samples == 1 else (rows, columns, samples)
         check_array_size(shape, dtype.itemsize, f"a page of {self.path}")
-        return Layout(shape, dtype)
+        photometric = self.number(file, 262, BLACK_IS_ZERO if samples < 3 else RGB)
+        self._check_meaning(photometric, samples, dtype)
+        orientation = checked(self.number(file, ORIENTATION_TAG, UPRIGHT))
+        return Layout(shape, dtype, photometric, next(iter(bits)), orientation)
+
+    def _check_meaning(self, photometric: int, samples: int, dtype: np.dtype[Any]) -> None:
+        remedy = "export it as grey or RGB, black as 0"
+        if photometric in _NOT_READ:
+            raise EndoctError(f"{self.path} is not read", found=f"colours as {_NOT_READ[photometric]}", remedy=remedy)
+        if photometric == PALETTE and (samples != 1 or dtype not in (np.uint8, np.uint16, np.bool_)):
+            damaged(self.path, f"a palette for pages of {samples} samples of {dtype}")
+        if photometric == WHITE_IS_ZERO and (samples > 2 or dtype.kind not in "ub"):
+            found = f"white is 0 (WhiteIsZero) in samples of {dtype}"
+            raise EndoctError(f"{self.path} does not say which value is black", found=found, remedy=remedy)
 
     def plain_offset(self, file: BinaryIO, layout: Layout) -> int | None:
         """Return where the samples begin if they lie as they are in memory, one behind the other; else None."""

@@ -1,45 +1,28 @@
-"""Frames of a video file by their index: Matroska, MP4, AVI or QuickTime, decoded exactly, one at a time."""
+"""Frames of a video file by their index: Matroska, WebM, MP4, AVI or QuickTime, decoded exactly, one at a time."""
 
 import threading
 from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.errors import EndoctError, cause_of
-from endoct.stitching.files import open_regular, read_start
-from endoct.stitching.limits import check_array_size, largest_array_bytes
+from endoct.modalities.orientation import UPRIGHT, on_orientation, upright
+from endoct.modalities.remarks import Remarks
+from endoct.modalities.video_container import cause_of_video, is_shortage, opened_video, pictures_of
+from endoct.modalities.video_index import index_of
+from endoct.stitching.errors import EndoctError
 
 if TYPE_CHECKING:
     import av
 
-VIDEO_SUFFIXES = (".mkv", ".mp4", ".avi", ".mov")
-RECENT_FRAMES = 8
-"""Decoded frames kept, because threads ask for neighbours in any order; fewer where frames are very large."""
-MOST_FRAMES = 1_000_000
-PIXEL_BYTES = 8
-"""A decoded pixel takes at most, in any format."""
-READ_AHEAD_BYTES = 1 << 18
-QUICKTIME_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
-
-
-def is_video(path: Path) -> bool:
-    """Say whether the file starts as a Matroska, MP4, QuickTime or AVI file does."""
-    return bool(_container(path))
-
-
-def _container(path: Path) -> str:
-    """Return what FFmpeg calls the container, by the file's first bytes; empty where it is none that is read."""
-    start = read_start(path, 12)
-    if start[:4] == b"\x1a\x45\xdf\xa3":
-        return "matroska"
-    if start[:4] == b"RIFF" and start[8:12] == b"AVI ":
-        return "avi"
-    return "mov" if start[4:8] in QUICKTIME_ATOMS else ""
+_ORIENTATIONS = {
+    (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
+    (0, -1, 1, 0): 8,
+}  # fmt: skip
+"""By the signs of x' = a·x + c·y, y' = b·x + d·y, as (a, b, c, d); y runs down."""
 
 
 class ReadVideo:
@@ -50,16 +33,22 @@ class ReadVideo:
     the video has more than 8 bits. ``n_frames`` are counted by going once through the file's packets, without
     decoding them. Frames are found by their time stamps from the key frame before them, so that a frame is the same
     however it was come by. Raises :class:`EndoctError` for a file without pictures, a truncated or a damaged one.
+    Frames are upright, as the file has them displayed. ``times_s``: the time stamp of every frame, float64
+    (n_frames,), ascending.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._times, self._keys, self._kept = _index(path)
+        found = index_of(path)
+        self._times, self._keys, self._kept = found.times, found.keys, found.kept
+        self.times_s = found.times_s
+        self._remarks = found.remarks
+        self._orientation = UPRIGHT
         self.n_frames = len(self._times)
         self._close()
 
     def __getstate__(self) -> dict[str, Any]:
-        names = ("path", "_times", "_keys", "_kept", "n_frames")
+        names = ("path", "_times", "_keys", "_kept", "n_frames", "times_s", "_remarks", "_orientation")
         return {name: getattr(self, name) for name in names}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -70,15 +59,22 @@ class ReadVideo:
         """Return one frame."""
         with self._lock:
             try:
-                return _samples(self._frame(index))
+                frame = self._frame(index)
+                self._orientation = _orientation(frame)
+                return upright(_samples(frame), self._orientation)
             except EndoctError:
                 self._forget()
                 raise
             except Exception as error:  # a decoder may say anything of damaged bytes
-                if _is_shortage(error):
+                if is_shortage(error):
                     self._forget()
                     raise
-                raise self._unreadable(index, _cause(error)) from error
+                raise self._unreadable(index, cause_of_video(error)) from error
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of the file, and of the orientation of the frames once one was read."""
+        return self._remarks + on_orientation(self._orientation)
 
     def _close(self) -> None:
         self._lock = threading.Lock()
@@ -93,7 +89,7 @@ class ReadVideo:
         if index in self._recent:
             return self._recent[index]
         key = max(int(np.searchsorted(self._keys, index, "right")) - 1, 0)
-        first = int(self._keys[key])
+        first = int(self._keys[key]) if self._keys.size and self._keys[0] <= index else 0  # the key frame may be hidden
         if self._ahead is None or not first <= self._next <= index:
             self._ahead, self._next = _decoded(self.path, int(self._times[first]) if first else None), first
         found = self._walk(index)
@@ -130,121 +126,22 @@ class ReadVideo:
         )
 
 
-def _av() -> Any:
-    """Return PyAV, which is loaded when a video is opened and not before."""
-    import av
-
-    return av
-
-
-def _lenient_about_texts() -> dict[str, str]:
-    """Return what has PyAV open a video whose texts are not UTF-8; from 19 on it does so by itself."""
-    return {} if int(_av().__version__.split(".")[0]) >= 19 else {"metadata_errors": "ignore"}
-
-
-@contextmanager
-def _opened(path: Path) -> "Iterator[av.container.InputContainer]":
-    """Open a video with what FFmpeg cannot take for an address, nor use to open anything else."""
-    container = _container(path)
-    if not container:
-        raise EndoctError(f"{path} is no readable video", expected="Matroska, MP4, AVI or QuickTime")
-    most_pixels = str(largest_array_bytes() // PIXEL_BYTES)
-    with (
-        open_regular(path) as file,
-        _av().open(
-            file,
-            "r",
-            format=container,
-            options={"protocol_whitelist": "none", "max_pixels": most_pixels},
-            **_lenient_about_texts(),
-            buffer_size=READ_AHEAD_BYTES,
-            io_open=_refuse_to_open,
-        ) as opened,
-    ):
-        if not opened.streams.video:
-            raise EndoctError(f"{path} holds no pictures", found="a file with sound or data only", expected="a video")
-        context = opened.streams.video[0].codec_context
-        if context is None:
-            raise EndoctError(f"{path} is coded in a way that is not read", remedy="export it as FFV1, H.264 or MJPEG")
-        check_array_size((context.height, context.width), PIXEL_BYTES, f"a frame of {path}")
-        context.options = {"max_pixels": most_pixels}
-        yield opened
-
-
-def _refuse_to_open(url: str, flags: int, options: object) -> NoReturn:
-    raise PermissionError(f"it refers to another file, {url[:80]}, {flags}, {options}")
-
-
-def _is_shortage(error: Exception) -> bool:
-    """Say whether memory ran out; FFmpeg says so too where damaged bytes ask for an absurd amount of it."""
-    return isinstance(error, MemoryError) and not isinstance(error, _av().error.FFmpegError)
-
-
-def _cause(error: Exception) -> str:
-    # what FFmpeg says without the number of the error and the name of the file
-    return (isinstance(error, _av().error.FFmpegError) and error.strerror) or cause_of(error)
-
-
-def _index(path: Path) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-    """Return the time stamps of a video's frames, ascending, which are key frames, and how many to keep decoded."""
-    try:
-        stamps, last_end, declared, seconds, kept = _walked(path)
-    except EndoctError:
-        raise
-    except Exception as error:  # a demuxer may say anything of damaged bytes
-        if _is_shortage(error):
-            raise
-        raise EndoctError(
-            f"{path} is no readable video", found=_cause(error), remedy="copy or export it again"
-        ) from error
-    if not stamps:
-        raise EndoctError(f"{path} holds no frames", found="a video without pictures", remedy="copy or export it again")
-    times = np.array(sorted(stamps), np.int64)
-    step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
-    short = declared > times.size if declared else seconds is not None and last_end + step / 2 < seconds[0]
-    if short:
-        raise EndoctError(
-            f"{path} is truncated",
-            found=f"{times.size} frames",
-            expected=f"{declared}" if declared or seconds is None else f"{seconds[1]:.2f} s of them",
-            remedy="copy or export it again",
-        )
-    return times, np.flatnonzero([stamps[time] for time in times.tolist()]).astype(np.int64), kept
-
-
-def _walked(path: Path) -> tuple[dict[int, bool], int, int, tuple[float, float] | None, int]:
-    """Go through a video's packets.
-
-    Returns time stamp → key frame?, the end of the last, the frames its header declares (0: none), its duration in
-    time stamps and in seconds where it is known, and how many decoded frames may be kept.
-    """
-    stamps: dict[int, bool] = {}
-    last_end = 0
-    with _opened(path) as container:
-        stream = container.streams.video[0]
-        for packet in container.demux(stream):
-            stamp = packet.pts if packet.pts is not None else packet.dts
-            if not packet.size or stamp is None or packet.is_discard:
-                continue
-            stamps[stamp] = packet.is_keyframe
-            last_end = max(last_end, stamp + (packet.duration or 0))
-            if len(stamps) > MOST_FRAMES:
-                raise EndoctError(f"{path} has too many frames", expected=f"{MOST_FRAMES} at most")
-        alone = len(container.streams) == 1
-        seconds = container.duration / _av().time_base if container.duration and alone else None
-        unit = float(stream.time_base or 1)
-        size = PIXEL_BYTES * stream.codec_context.width * stream.codec_context.height
-        kept = min(max(largest_array_bytes() // max(size, 1), 1), RECENT_FRAMES)
-        return stamps, last_end, stream.frames, None if seconds is None else (seconds / unit, seconds), kept
-
-
 def _decoded(path: Path, start: int | None) -> "Iterator[av.VideoFrame]":
     """Yield the frames from the key frame at time stamp ``start`` (None: from the beginning) in the order shown."""
-    with _opened(path) as container:
-        stream = container.streams.video[0]
+    with opened_video(path) as container:
+        stream = pictures_of(container)
         if start is not None:
             container.seek(start, stream=stream)
         yield from container.decode(stream)
+
+
+def _orientation(frame: "av.VideoFrame") -> int:
+    """Return how a frame is stored, as images count it, by the matrix that a file has it displayed with."""
+    for data in cast(Any, frame.side_data):
+        if data.type.name == "DISPLAYMATRIX":
+            a, b, _, c, d = np.sign(np.frombuffer(bytes(data), "<i4", 5)).tolist()
+            return _ORIENTATIONS.get((a, b, c, d), UPRIGHT)
+    return UPRIGHT
 
 
 def _samples(frame: "av.VideoFrame") -> NDArray[Any]:

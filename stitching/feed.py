@@ -17,7 +17,7 @@ from endoct.stitching.circle import turned_harmonic
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.kept import Kept
 from endoct.stitching.matching import Matcher, Pairs
-from endoct.stitching.robust import robust_sigma
+from endoct.stitching.robust import error_of_median
 from endoct.stitching.textures import FEWEST_FOR_FIXED_PATTERN, Strips, Texture, keep_textures
 
 EDGE_MM = 0.06
@@ -160,8 +160,7 @@ def _typical(values: Coordinates) -> tuple[float, float]:
     if values.size < FEWEST_FOR_FIXED_PATTERN:
         return UNKNOWN
     middle = float(np.median(values))
-    spread = robust_sigma(values - middle)
-    return middle, 1.25 * spread / float(np.sqrt(values.size))
+    return middle, error_of_median(values - middle)
 
 
 def _without_trend(values: Coordinates, along: Coordinates) -> Coordinates:

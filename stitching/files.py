@@ -91,6 +91,14 @@ def read_small(path: Path, most_bytes: int = SMALL_BYTES) -> bytes:
     return data
 
 
+def text_of(data: bytes) -> str:
+    """Return the text that a file's bytes are: UTF-8, or UTF-16 where its byte-order mark says so, without that mark.
+
+    Raises ``UnicodeDecodeError`` for what is neither.
+    """
+    return data.decode("utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig")
+
+
 def sha256_of(path: Path, before_block: Callable[[], None] | None = None) -> str:
     """Return the sha256 of a file's bytes. Raises :class:`EndoctError` where it is no regular file.
 

@@ -8,6 +8,8 @@ from endoct.stitching.ranks import median
 
 SIGMA_PER_MEDIAN = 1.4826
 """Standard deviation of a normal distribution over the median of its absolute deviations."""
+ERROR_PER_SIGMA = 1.25
+"""A median errs by so much more than a mean: √(π/2) times, of normal samples."""
 
 
 def robust_sigma(deviations: ArrayLike) -> float:
@@ -17,6 +19,11 @@ def robust_sigma(deviations: ArrayLike) -> float:
     is its standard deviation; a minority of outliers hardly moves it.
     """
     return SIGMA_PER_MEDIAN * median(np.abs(np.asarray(deviations)))
+
+
+def error_of_median(deviations: ArrayLike) -> float:
+    """Return the standard error of the median of normal samples from their ``deviations`` (n,) from it, n > 0."""
+    return ERROR_PER_SIGMA * robust_sigma(deviations) / float(np.sqrt(np.size(deviations)))
 
 
 def robust_sigmas(deviations: ArrayLike) -> Coordinates:

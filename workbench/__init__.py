@@ -17,7 +17,17 @@ if TYPE_CHECKING:
 
     __version__: str
 
-__all__ = ["compare", "demo", "export", "pose", "pose_outlook", "simulate", "summarise", "unroll", "verify"]
+__all__ = [
+    "compare",
+    "demo",
+    "export",
+    "pose",
+    "pose_outlook",
+    "simulate",
+    "summarise",
+    "unroll",
+    "verify",
+]
 
 if not TYPE_CHECKING:  # else every misspelt name would be an object to type checkers
 

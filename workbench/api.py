@@ -1,20 +1,19 @@
 """The public Python interface: what the command line does, as functions."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.modalities.acquisition import validate
 from endoct.modalities.device import Device, check_device
 from endoct.modalities.registry import load_ahead
-from endoct.stitching.ending import undone_in_the_end
 from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import OVERWRITE, check_output, check_place, new_output, remove_output
+from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.running.display import stages_for
-from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SPECIMEN, SUMMARY
+from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.second_process import second_process
 from endoct.workbench.running.threads import one_blas_thread
@@ -178,8 +177,8 @@ def summarise(
 
     >>> from endoct.workbench import summarise
     >>> tables = summarise(["demo/comparison"])
-    >>> [row["specimens"] for row in tables["summary"] if row["score"] == "jaccard"]
-    [1]
+    >>> next(row["specimens"] for row in tables["summary"] if row["score"] == "jaccard")
+    1
     """
     from endoct.workbench.pipeline.summarising import summarise as summarise_comparisons
     from endoct.workbench.pipeline.summarising import write_summary
@@ -219,28 +218,16 @@ def demo(
     >>> comparison.names
     ('endoscope', 'oct')
     """
+    from endoct.workbench.pipeline.demonstration import demonstrate
     from endoct.workbench.pipeline.simulating import simulate
 
     stages = stages_for(progress)
-    output = Path(output)
-    existed = output.exists()
-    if existed and not overwrite:
-        raise EndoctError(f"{output} exists already", remedy=OVERWRITE)
-    check_place(output)
-    specimen, comparison = output / "specimen", output / "comparison"
-    for part, kind in ((specimen, SPECIMEN), (comparison, COMPARISON)):
-        check_output(part, kind, overwrite=overwrite)
-
-    def leave_nothing() -> None:
-        if not existed and not comparison.exists():
-            remove_output(specimen, SPECIMEN)
-            with suppress(OSError):  # somebody else has put something there
-                output.rmdir()
-
-    with undone_in_the_end(leave_nothing):
-        try:
-            simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, progress=stages)
-            return compare(specimen / "endoscope", specimen / "oct", comparison, overwrite=overwrite, progress=stages)
-        except BaseException:
-            leave_nothing()
-            raise
+    return demonstrate(
+        Path(output),
+        ("comparison", COMPARISON),
+        lambda specimen: simulate(specimen, preset=preset, seed=seed, overwrite=overwrite, progress=stages),
+        lambda specimen, place: compare(
+            specimen / "endoscope", specimen / "oct", place, overwrite=overwrite, progress=stages
+        ),
+        overwrite=overwrite,
+    )

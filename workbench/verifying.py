@@ -58,8 +58,8 @@ def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]
     With the comparison that :func:`~endoct.workbench.api.demo` makes in its example:
 
     >>> from endoct.workbench import verify
-    >>> [(verdict.kind, verdict.intact) for verdict in verify("demo")]
-    [('comparison', True), ('specimen', True)]
+    >>> {verdict.kind: verdict.intact for verdict in verify("demo")}
+    {'comparison': True, 'specimen': True}
     """
     path, stages = Path(path), stages_for(progress)
     if path.suffix == ".html" and path.is_file():

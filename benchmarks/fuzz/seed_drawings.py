@@ -68,6 +68,11 @@ def drawing_seeds() -> Iterator[Seed]:
     yield Seed("roi zip", "a.zip", {"a.zip": whole})
     yield Seed("label png", "a_2.png", {"a_2.png": image(labels())})
     yield Seed("label tiff", "a.tif", {"a.tif": tiff(labels().astype(np.uint32))})
+    ground = np.stack([np.full(SHAPE, 255, np.uint8)] * 3 + [np.minimum(labels(), 1) * 255], axis=-1)
+    yield Seed("on a transparent ground", "a.png", {"a.png": image(ground)})
+    yield Seed("white as 0", "a.tif", {"a.tif": tiff(255 - labels(), photometric="miniswhite")})
+    colours = np.arange(768, dtype=np.uint16).reshape(3, 256) * 85
+    yield Seed("labels with colours", "a.tif", {"a.tif": tiff(labels(), photometric="palette", colormap=colours)})
     yield Seed("label npy", "a.npy", {"a.npy": npy(labels())})
 
 

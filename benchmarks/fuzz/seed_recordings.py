@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.frame_faults.videos import with_edits
+from benchmarks.fuzz.archives import zipped
 from benchmarks.fuzz.trees import Seed
 
 OCT_TOML = """modality = "oct"
@@ -48,7 +50,7 @@ def noise(*shape: int, dtype: str = "u1", seed: int = 0) -> NDArray[Any]:
     return values.astype(dtype)
 
 
-NOT_READ = ("jpeg2000", "lzma", "planar", "bits")
+NOT_READ = ("jpeg2000", "lzma", "planar")
 
 
 def tiff_seeds() -> Iterator[Seed]:
@@ -76,6 +78,9 @@ def tiff_seeds() -> Iterator[Seed]:
         "one page": (noise(6, 8), {"metadata": None}),
         "bits": (noise(2, 6, 8) > 99, {"metadata": None, "compression": "zlib"}),
         "labels": (noise(6, 8, dtype="u4"), {}),
+        "white as 0": (noise(2, 6, 8, dtype="u2"), {"photometric": "miniswhite", "compression": "zlib"}),
+        "palette": (grey, {"photometric": "palette", "colormap": noise(3, 256, dtype="u2") * 257}),
+        "turned": (grey, {"extratags": [(274, "H", 1, 6, False)], "metadata": None}),
     }
     for name, (samples, options) in kinds.items():
         try:
@@ -92,6 +97,18 @@ def tiff(samples: NDArray[Any], **options: Any) -> bytes:
     if not {"photometric", "ome", "imagej"} & options.keys():
         options["photometric"] = "minisblack"
     tifffile.imwrite(buffer, samples, **options)
+    return buffer.getvalue()
+
+
+def _turned(suffix: str, mode: str) -> bytes:
+    """Return an image that is stored turned by 90 degrees."""
+    from PIL import Image
+
+    buffer, exif = io.BytesIO(), Image.Exif()
+    exif[274] = 6
+    grey = Image.fromarray(noise(8, 12))
+    coded = grey.quantize(16) if mode == "P" else grey.convert(mode)
+    coded.save(buffer, {".jpg": "JPEG"}.get(suffix, "PNG"), exif=exif)
     return buffer.getvalue()
 
 
@@ -121,6 +138,11 @@ def image_seeds() -> Iterator[Seed]:
     for suffix in (".png", ".jpg", ".bmp"):
         for kind, samples in (("grey", noise(6, 8)), ("colour", noise(6, 8, 3))):
             yield Seed(f"{kind} {suffix}", f"a{suffix}", {f"a{suffix}": image(samples, suffix)})
+    for suffix, mode in ((".jpg", "L"), (".png", "L"), (".png", "LA"), (".png", "P"), (".png", "RGBA")):
+        yield Seed(f"{mode} with EXIF {suffix}", f"a{suffix}", {f"a{suffix}": _turned(suffix, mode)})
+    for name, header in (("scan.oct", b"<Ocity/>"), ("scan.zip", b"<Other/>")):
+        archive = [("Header.xml", header), ("data/Intensity.data", bytes(64))]
+        yield Seed(f"archive {name}", name, {name: zipped(archive)}, refused=True)
     deep = noise(6, 8, dtype="u2") * 300
     yield Seed("deep png", "a.png", {"a.png": image(deep)})
     yield Seed("alpha png", "a.png", {"a.png": image(noise(6, 8, 4))})
@@ -157,6 +179,8 @@ def video_seeds() -> Iterator[Seed]:
         except Exception:  # noqa: BLE001  a codec that this build lacks
             continue
         yield Seed(f"{suffix} {codec} {pixels}", f"a.{suffix}", {f"a.{suffix}": data})
+        if (suffix, codec) == ("mp4", "mpeg4"):
+            yield Seed("mp4 with edits", "a.mp4", {"a.mp4": with_edits(data, [(0, 1), (2, 2)])})
 
 
 def _video(suffix: str, codec: str, pixels: str, frames: int = 4, size: int = 32) -> bytes:
@@ -195,6 +219,17 @@ def recording_seeds() -> Iterator[Seed]:
     gaps = {f"frame_{k:04d}.png": frames["frame_0000.png"] for k in (0, 1, 2, 3, 4, 7, 8)}
     sidecar = ENDOSCOPE_TOML.replace("positions_mm = [0.0, 0.2, 0.4]\n", "")
     yield Seed("endoscope with gaps", "", {"acquisition.toml": sidecar.encode(), **gaps})
+    places, series = ("z0mm", "z0.2mm", "z0.25mm", "z-0.4mm", "z1mm"), ("f (2)", "f (1)", "f")
+    for k, names in enumerate((places, series, (*places, "2024-05-01_10-22-59-900"), (*places, *series))):
+        images = {f"{name}.png": image(layered[0] + n) for n, name in enumerate(names)}
+        yield Seed(f"oct with names {k}", "", {**oct_, **images}, refused=k > 1)
+    twins = {f"s{k}{suffix}": image(layered[0] + k, suffix) for k in range(4) for suffix in (".png", ".bmp")}
+    yield Seed("oct twice", "", {**oct_, **twins})
+    spectra = '[spectra]\nfile = "s.bin"\nsamples = 128\nascans = 64\nchirp = "Chirp.dat"\n'
+    stated = (OCT_TOML.replace("db_per_count = 0.25\n", "") + spectra).encode("utf-16")
+    chirp = "\r\n".join(f"{k:.6f}" for k in range(128)).encode()
+    raw = noise(2 * 64, 128, dtype="<u2").tobytes()
+    yield Seed("oct of spectra", "", {"acquisition.toml": stated, "Chirp.dat": chirp, "s.bin": raw})
     slices = {f"slice{k}.png": image(layered[0]) for k in (1, 2, 3, 4, 5, 9)}
     yield Seed("oct of images", "", {**oct_, **slices})
     yield Seed("no sidecar", "", frames, refused=True)

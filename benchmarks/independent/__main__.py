@@ -1,8 +1,8 @@
 """Make a set of pairs, compare them, judge them.
 
-    python -m benchmarks.independent --set few --count 20 [--seed 0] [-o DIR] [--workers 2]
+    python -m benchmarks.independent --set few --count 20 [--seed 0] [--oct] [-o DIR] [--workers 2]
 
-Prints a line for each pair and what it comes to; with -o writes SET.csv there.
+Prints a line for each pair and what it comes to; with --oct of the pullbacks alone; with -o writes SET.csv there.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.independent.run import judged
+from benchmarks.independent.run import judged, judged_oct
 from benchmarks.independent.sets import SETS
 from benchmarks.independent.table import line, summary
 
@@ -23,6 +23,7 @@ def main() -> None:
     parser.add_argument("--set", choices=SETS, default="few")
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
+    parser.add_argument("--oct", action="store_true", help="the pullbacks alone")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
@@ -31,7 +32,7 @@ def main() -> None:
     seeds = range(options.seed, options.seed + options.count)
     rows = []
     with ProcessPoolExecutor(options.workers) as pool:
-        for of_pair in pool.map(partial(judged, options.set), seeds):
+        for of_pair in pool.map(partial(judged_oct if options.oct else judged, options.set), seeds):
             for row in of_pair:
                 rows.append(row)
                 print(line(row), flush=True)

@@ -40,6 +40,13 @@ def make_pair(recipe: Recipe, seed: int) -> Pair:
     return Pair(recipe, bore, pull_back(bore, recipe.oct, oct_rng), travel(bore, recipe.endoscope, endoscope_rng))
 
 
+def make_pullback(recipe: Recipe, seed: int) -> tuple[Bore, Pullback]:
+    """Return the bore of :func:`make_pair` and its pullback, without the endoscope."""
+    bore_rng, oct_rng = (np.random.default_rng([seed, part]) for part in range(2))
+    bore = drill(recipe.bore, bore_rng)
+    return bore, pull_back(bore, recipe.oct, oct_rng)
+
+
 def write_pair(pair: Pair, folder: Path) -> None:
     """Write both recordings with their sidecars, and the truth, below ``folder``, which must not exist."""
     oct_folder, endoscope_folder, truth = folder / "oct", folder / "endoscope", folder / "truth"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.independent.judge import (
+    Wall,
     against_truth,
     depth_errors,
     loss_of_alignment,
@@ -14,11 +15,11 @@ from benchmarks.independent.judge import (
     pair_jaccard,
     wrong_share,
 )
-from benchmarks.independent.ours import Answer, endoct_answer
-from benchmarks.independent.pair import Pair, make_pair, write_pair
+from benchmarks.independent.ours import Answer, endoct_answer, endoct_oct
+from benchmarks.independent.pair import Pair, make_pair, make_pullback, write_pair, write_pullback
 from benchmarks.independent.sets import recipe_of
-from benchmarks.independent.simplest import simplest_answer
-from benchmarks.independent.truth import between
+from benchmarks.independent.simplest import simplest_answer, simplest_oct
+from benchmarks.independent.truth import between, oct_place
 from endoct.stitching.errors import EndoctError
 
 Row = dict[str, str | float | bool]
@@ -54,6 +55,32 @@ def _row(name: str, seed: int, chain: str, pair: Pair, answer_to: Callable[[], A
         return row | {"outcome": "crashed", "reason": repr(error), "seconds": time.perf_counter() - began}
     row |= {"seconds": time.perf_counter() - began, "reason": answer.reason, "doubts": "; ".join(answer.doubts)}
     return row | scores(pair, answer)
+
+
+def judged_oct(name: str, seed: int) -> list[Row]:
+    """Return a row for each chain's answer to one pullback of a set."""
+    recipe = recipe_of(name, seed)
+    bore, pullback = make_pullback(recipe, seed)
+    place = oct_place(recipe.oct, pullback)
+    row: Row = {"set": name, "seed": seed, "stated": "", "fault": recipe.oct.fault or "", "cells": len(bore.cells)}
+    row["fault_size"] = recipe.oct.fault_size
+    rows = []
+    with tempfile.TemporaryDirectory() as scratch:
+        write_pullback(pullback, recipe, Path(scratch))
+        answers: dict[str, Callable[[], tuple[Wall, tuple[str, ...]]]] = {
+            "endoct": lambda: endoct_oct(Path(scratch)),
+            "simplest": lambda: (simplest_oct(pullback, recipe)[0], ()),
+        }
+        for chain, answer_to in answers.items():
+            try:
+                wall, doubts = answer_to()
+            except EndoctError as error:
+                rows.append(row | {"chain": chain, "outcome": "refused", "reason": str(error)})
+                continue
+            row_of = row | {"chain": chain, "outcome": "unrolled", "doubts": "; ".join(doubts)}
+            row_of |= {"jaccard_oct": against_truth(bore, place, wall), "wrong_oct": wrong_share(bore, place, wall)}
+            rows.append(row_of)
+    return rows
 
 
 def scores(pair: Pair, answer: Answer) -> Row:

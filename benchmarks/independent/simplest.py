@@ -11,9 +11,11 @@ from scipy import ndimage
 from skimage.filters import threshold_li
 
 from benchmarks.independent.bore import Floats
+from benchmarks.independent.catheter import Pullback
 from benchmarks.independent.judge import Wall
 from benchmarks.independent.ours import Answer
 from benchmarks.independent.pair import Pair
+from benchmarks.independent.recipe import Recipe
 from benchmarks.independent.truth import Place
 
 COLUMNS, STEP_MM, DEEPEST_MM = 720, 0.02, 0.4
@@ -22,7 +24,7 @@ COLUMNS, STEP_MM, DEEPEST_MM = 720, 0.02, 0.4
 def simplest_answer(pair: Pair) -> Answer:
     """Return the chain's answer to a pair at hand."""
     endoscope, darkness = _endoscope(pair)
-    oct_, relief = _oct(pair)
+    oct_, relief = simplest_oct(pair.oct, pair.recipe)
     senses = (False,) if pair.recipe.oct.states_handedness else (False, True)
     found = [_lay(darkness, endoscope, relief, oct_, sense) for sense in senses]
     return Answer(endoscope, oct_, max(found, key=lambda one: one[0])[1])
@@ -62,9 +64,10 @@ def _shift(first: Floats, second: Floats) -> int:
     )
 
 
-def _oct(pair: Pair) -> tuple[Wall, Floats]:
-    recipe = pair.recipe.oct
-    samples = pair.oct.samples[:: -1 if recipe.travel == "out" else 1].astype(float)
+def simplest_oct(pullback: Pullback, of: Recipe) -> tuple[Wall, Floats]:
+    """Return wall and cells by a pullback alone, and the wall's relief (z, θ) in mm."""
+    recipe = of.oct
+    samples = pullback.samples[:: -1 if recipe.travel == "out" else 1].astype(float)
     stack = 20 * np.log10(samples + 1) if recipe.linear else samples
     factor = recipe.fault_size if recipe.fault == "capillary" else 1.0
     outer, pixel = factor * recipe.capillary_outer_mm / 2, recipe.axial_pixel_mm
@@ -90,7 +93,7 @@ def _oct(pair: Pair) -> tuple[Wall, Floats]:
     first = np.where(is_bone.any(axis=1), is_bone.argmax(axis=1), len(ridge))
     reach = _to_wall(alpha, e, beta, outer) + (first - face) * pixel
     x, y = e * np.cos(beta) + reach * np.cos(alpha), e * np.sin(beta) + reach * np.sin(alpha)
-    relief_there, theta_there = np.hypot(x, y) - pair.recipe.bore.diameter_mm / 2, np.mod(np.arctan2(y, x), 2 * np.pi)
+    relief_there, theta_there = np.hypot(x, y) - of.bore.diameter_mm / 2, np.mod(np.arctan2(y, x), 2 * np.pi)
     relief = np.stack([
         np.interp(alpha, t[o], r[o], period=2 * np.pi)
         for r, t, o in zip(relief_there, theta_there, np.argsort(theta_there, axis=1), strict=True)

@@ -1,6 +1,7 @@
 """Outlines and labels drawn in other programs, as masks on the samples of a panorama.
 
-- a label or mask image, PNG, TIFF, …, also as napari saves a labels layer: what is not zero is cell;
+- a label or mask image, PNG, TIFF, …, also as napari saves a labels layer: what is not zero is cell, on a
+  transparent ground what is opaque;
 - a Zarr array of labels, or an OME-Zarr image or label group, whose finest level is read;
 - ``.csv`` of a napari shapes layer: polygons, rectangles, ellipses, in (row, column) of the panorama's samples;
 - ``.roi`` and ``.zip`` of Fiji's (ImageJ's) ROI manager: polygons, freehands, rectangles, ovals, in its (x, y).
@@ -17,12 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from skimage.draw import polygon
 
 from endoct.modalities.recording import open_stack
 from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
+from endoct.stitching.files import read_small, read_start
 from endoct.stitching.json_values import an_object, read_object
 from endoct.stitching.names import inside
 from endoct.stitching.zarr_check import check_array
@@ -106,11 +108,55 @@ def _finest(path: Path) -> Declared:
 
 
 def _image(path: Path) -> Mask:
+    if read_start(path, 3) == b"\xff\xd8\xff":
+        raise EndoctError(
+            f"the mask {path} does not say what is cell",
+            found="a JPEG, whose losses leave black samples that are not zero",
+            expected="PNG or TIFF",
+            remedy="draw it in a format without losses",
+        )
     stack = open_stack(path)
     if len(stack) != 1:
         raise EndoctError(f"{path} is no mask", found=f"{len(stack)} images", expected="one")
-    samples = stack[0]
-    return np.asarray(samples != 0 if samples.ndim == 2 else np.any(samples != 0, axis=2))
+    samples = stack.stored(0)
+    if samples.dtype.kind == "f" and not np.isfinite(samples).all():
+        raise EndoctError(f"the mask {path} is not finite", found="NaN or infinity", expected="numbers")
+    if stack.palette is not None:
+        return _numbered(samples, stack.palette, path)
+    if samples.ndim == 2:
+        return np.asarray(samples != 0)
+    has_opacity = samples.shape[2] in (2, 4)
+    colours, opacity = (samples[..., :-1], samples[..., -1]) if has_opacity else (samples, None)
+    drawn = np.any(colours != 0, axis=2)
+    if opacity is None or (opacity != 0).all():
+        return np.asarray(drawn)
+    return _opaque(drawn, opacity != 0, path)
+
+
+def _opaque(drawn: Mask, opaque: Mask, path: Path) -> Mask:
+    """Return what is drawn on a transparent ground, whatever its colour."""
+    black = opaque & ~drawn
+    if black.any() and (opaque & drawn).any():
+        raise EndoctError(
+            f"the mask {path} does not say what is cell",
+            found="transparent samples, black ones and others",
+            expected="cells on a ground that is either transparent or black",
+            remedy="save it without transparency, cells white on black",
+        )
+    return opaque
+
+
+def _numbered(labels: NDArray[Any], palette: NDArray[Any], path: Path) -> Mask:
+    """Return where labels are not 0. Raises where their colours say that another label is the ground."""
+    black = palette.reshape(len(palette), -1).max(axis=1) == 0
+    if not black[0] and black[labels].any():
+        raise EndoctError(
+            f"the mask {path} does not say what is cell",
+            found="a palette in which 0 is not black, and another number is",
+            expected="0, or black, where there is no cell",
+            remedy="save it as grey values, cells white on black",
+        )
+    return np.asarray(labels != 0)
 
 
 def _filled(path: Path, shape: tuple[int, int] | None) -> Mask:

@@ -48,9 +48,9 @@ FEW_CELLS = 4.0
 ALIKE = 0.8
 """Correlation of depth and light at which that holds. The less they are alike, by its square, the more is left."""
 LEAST_ALIKE = 0.2
-"""These were set by simulated specimens (`quick`, `mastoid` 100–119, `hard` 100–115, `small-patient` 100–111) and pairs of
-a second generator that shares nothing with them (benchmarks/independent: few 0–23, sound 0–39, sparse, specks 0–19, tiny,
-mirrors 0–11, many 0–7)."""
+"""These were set by simulated specimens (`quick`, `mastoid` 100–119, `hard` 100–115, `small-patient` 100–111) and pairs
+of a second generator that shares nothing with them (benchmarks/independent: few 0–23, sound 0–39, sparse, specks 0–19,
+tiny, mirrors 0–11, many 0–7)."""
 UNKNOWN_SLANT = 0.3
 """Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
 LEAST_CELL_MM2 = 0.01

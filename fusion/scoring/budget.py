@@ -32,7 +32,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, signed_distance
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
 from endoct.fusion.scoring.cells import Cell
-from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weights
+from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, ratio, weights
 from endoct.fusion.scoring.overlap import agreement
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.scoring.visibility import invisible_cells
@@ -267,5 +267,4 @@ def _intervals(stages: list[list[Count]], observed: Count, jaccard: float) -> li
 
 
 def _jaccard(shared: Coordinates, either: Coordinates) -> float:
-    total = float(either.sum())
-    return float(shared.sum()) / total if total else 0.0
+    return ratio(float(shared.sum()), float(either.sum())) or 0.0  # a draw without any cell agrees on none

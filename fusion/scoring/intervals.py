@@ -25,6 +25,11 @@ def weights(n: int) -> NDArray[np.float64]:
     return drawn
 
 
+def ratio(part: float, whole: float) -> float | None:
+    """Return ``part`` of ``whole``, or None where there is nothing: the one convention for two empty masks."""
+    return float(part / whole) if whole else None
+
+
 def ratio_interval(numerators: Coordinates, denominators: Coordinates) -> Interval:
     """Return the percentile bootstrap interval of Σ numerators / Σ denominators over their n things, (n,) each."""
     if numerators.size < FEWEST:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.fusion.result import Limits, Overlap
-from endoct.fusion.scoring.intervals import Interval, interval_of
+from endoct.fusion.scoring.intervals import Interval, interval_of, ratio
 from endoct.fusion.scoring.sites import Sites
 from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.arrays import Coordinates, Mask
@@ -29,14 +29,12 @@ class Agreement:
     @property
     def jaccard(self) -> float | None:
         """|A ∩ B| / |A ∪ B| (Laves 2019, Results), or None where neither shows a cell."""
-        union = self.both + self.only_a + self.only_b
-        return self.both / union if union else None
+        return ratio(self.both, self.both + self.only_a + self.only_b)
 
     @property
     def dice(self) -> float | None:
         """2 |A ∩ B| / (|A| + |B|), or None where neither shows a cell."""
-        total = 2 * self.both + self.only_a + self.only_b
-        return 2 * self.both / total if total else None
+        return ratio(2 * self.both, 2 * self.both + self.only_a + self.only_b)
 
     def overlap(
         self, *, sites: int, jaccard_interval: Interval, dice_interval: Interval, jaccard_without_two: Interval
@@ -54,6 +52,11 @@ class Agreement:
             dice_interval=dice_interval,
             jaccard_without_two=jaccard_without_two,
         )
+
+
+def jaccard(a: Mask, b: Mask, valid: Mask) -> float | None:
+    """Return |A ∩ B| / |A ∪ B| over ``valid``, all bool and of one shape; None where both are empty there."""
+    return agreement(a, b, valid, 1.0).jaccard
 
 
 def agreement(a: Mask, b: Mask, valid: Mask, sample_mm2: float) -> Agreement:

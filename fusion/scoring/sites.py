@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.fusion.result import Strata, Stratum
-from endoct.fusion.scoring.intervals import Interval, ratio_interval
+from endoct.fusion.scoring.intervals import Interval, ratio, ratio_interval
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.regions import Labels, label_in_order, quantiles
 from endoct.stitching.arrays import Coordinates, Image, Mask
@@ -110,7 +110,7 @@ def _parted(sites: Sites, by: Coordinates, edges: Sequence[float]) -> tuple[Stra
                 to=high,
                 sites=n,
                 area_mm2=float(sites.area_mm2[which].sum()),
-                jaccard=float(sites.both[which].sum() / union) if union else None,
+                jaccard=ratio(float(sites.both[which].sum()), float(union)),
                 jaccard_interval=sites.jaccard_interval(which),
                 only_first=float(((sites.both + sites.only_b)[which] == 0).mean()) if n else None,
                 only_second=float(((sites.both + sites.only_a)[which] == 0).mean()) if n else None,

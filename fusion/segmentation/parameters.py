@@ -4,12 +4,17 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from endoct.fusion.methods import OURS
+
 
 class SegmentParameters(BaseModel):
     """How cells are separated from the wall. Lengths in mm on the wall, areas in mm²."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    segmentation_method: str = Field(
+        default=OURS, max_length=100, description="method that finds cells, by its name in `endoct bench segmentation`"
+    )
     segment: Literal["relief", "intensity"] = Field(
         default="relief", description="what a side with depth is thresholded on; a side without has its intensity only"
     )

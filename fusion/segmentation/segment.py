@@ -6,6 +6,7 @@ import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.methods import OURS, answer_by
 from endoct.fusion.segmentation.believing import Believability, believability_of, doubts_of_cells, spread_of_wall
 from endoct.fusion.segmentation.lines import enclosed_by_lines
 from endoct.fusion.segmentation.outlines import clearest_regions
@@ -28,7 +29,7 @@ class Segmentation:
 
     ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
     where the mask was given; ``polarity`` is None where depth or a mask says what is a cell; ``believability`` says how
-    far these are to be trusted as cells, None where the mask was given.
+    far these are to be trusted as cells, None where the mask was given, or a method was chosen ``by_method``'s name.
     """
 
     mask: Mask
@@ -37,10 +38,14 @@ class Segmentation:
     of: str
     polarity: Polarity | None
     believability: Believability | None = None
+    by_method: str | None = None
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """Why these are not to be trusted as cells."""
+        if self.by_method is not None:
+            what = f"Cells are those of the method '{self.by_method}'; endoct does not judge how far to trust them."
+            return (Doubt("cells-by-method", what),)
         return () if self.believability is None else tuple(doubts_of_cells(self.believability))
 
 
@@ -54,6 +59,8 @@ def segment(
     """
     parameters = parameters or SegmentParameters()
     side = given if isinstance(given, Side) else Side(given.modality, given)
+    if parameters.segmentation_method != OURS:
+        return cells_by_method(side.panorama, parameters.segmentation_method).mask
     return find_cells(side.cell_evidence(parameters.segment, polarity), parameters).mask
 
 
@@ -100,6 +107,22 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
         evidence.valid, smooth, mask, threshold, dark=dark, with_outlines=clear is not None
     )
     return Segmentation(mask, threshold, unit, of, polarity, believability)
+
+
+def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
+    """Return the cells of a panorama by the method ``name``, of which nothing says how far to trust them.
+
+    Raises :class:`EndoctError` where there is no such method, it fails, or answers something else than a mask, bool
+    (n_z, n_theta).
+    """
+    mask = np.asarray(answer_by("segmentation", name, panorama))
+    if mask.shape != panorama.grid.shape or mask.dtype != np.bool_:
+        raise EndoctError(
+            f"the segmentation method '{name}' answers no mask",
+            found=f"{mask.dtype} {mask.shape}",
+            expected=f"bool {panorama.grid.shape}",
+        )
+    return Segmentation(mask & panorama.valid, None, "1", f"cells by the method '{name}'", None, by_method=name)
 
 
 def _least_threshold(relief_mm: Image, parameters: SegmentParameters) -> float:

@@ -6,8 +6,9 @@ from typing import Literal
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.methods import OURS
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.segment import Segmentation, find_cells
+from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.observed import doubts_of_observed
 from endoct.stitching.parallel import at_once
@@ -69,6 +70,8 @@ def segment_side(
     Raises :class:`EndoctError` where all evidence is alike.
     """
     evidence = side.cell_evidence(parameters.segment, polarity)
+    if parameters.segmentation_method != OURS and evidence.kind != "mask":
+        return SegmentedSide(side, cells_by_method(side.panorama, parameters.segmentation_method), None)
     return SegmentedSide(side, find_cells(evidence, parameters), None if evidence.knows_cells else polarity_from)
 
 

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from endoct.modalities.acquisition import Acquisition, OneOf, Travel
 from endoct.modalities.contract import Manifest
 from endoct.modalities.recording import IMAGE_SUFFIXES
-from endoct.modalities.video import VIDEO_SUFFIXES
+from endoct.modalities.video_container import VIDEO_SUFFIXES
 from endoct.stitching.axial_scale import AxialScale
 from endoct.stitching.per_frame import Meaning
 

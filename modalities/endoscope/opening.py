@@ -8,8 +8,9 @@ import numpy as np
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, inward_positions_mm
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.numbering import positions_by_number
+from endoct.modalities.numbering import positions_along
 from endoct.modalities.recording import ImageStack, open_stack
+from endoct.modalities.remarks import NONE, Remarks
 from endoct.stitching.arrays import Coordinates, readonly
 from endoct.stitching.errors import EndoctError
 
@@ -23,6 +24,12 @@ class EndoscopeRecording:
     stack: ImageStack
     acquisition: EndoscopeAcquisition
     z_mm: Coordinates
+    on_places: Remarks = NONE
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of the files, and of the frames read so far."""
+        return self.stack.remarks + self.on_places
 
     def __len__(self) -> int:
         return len(self.stack)
@@ -53,13 +60,16 @@ def open_frames(path: Path, acquisition: Acquisition) -> EndoscopeRecording:
             found=f"x = {given.x:g}, y = {given.y:g}, outer_px = {given.outer_px:g}",
             expected=f"pixels of frames of {shape[1]} × {shape[0]}",
         )
+    on_places = NONE
     if acquisition.positions_mm is None and acquisition.pitch_mm is not None:
-        by_number = positions_by_number(stack.files, acquisition.pitch_mm)
-        acquisition = acquisition.model_copy(update={"positions_mm": by_number})
+        steady = acquisition.feed_pitch_mm is None
+        rate_hz = acquisition.frame_rate_hz
+        places, on_places = positions_along(stack.along, acquisition.pitch_mm, rate_hz, steady=steady)
+        acquisition = acquisition.model_copy(update={"positions_mm": places})
     z_mm = inward_positions_mm(
         len(stack),
         pitch_mm=acquisition.pitch_mm or 0.0,
         travel=acquisition.travel,
         positions_mm=acquisition.positions_mm,
     )
-    return EndoscopeRecording(stack, acquisition, readonly(z_mm, np.float64))
+    return EndoscopeRecording(stack, acquisition, readonly(z_mm, np.float64), on_places)

@@ -20,7 +20,7 @@ from endoct.modalities.recording import (
     whole_recordings,
 )
 from endoct.modalities.tiff import is_tiff
-from endoct.modalities.video import is_video
+from endoct.modalities.video_container import is_video
 from endoct.stitching.errors import EndoctError, NotSeen
 
 SIDE_PX = 240
@@ -43,7 +43,7 @@ def sniff_frames(path: Path) -> Sniff:
         frames = some_frames(stack)
     except EndoctError as error:
         return Sniff(False, str(error))
-    preview = Preview(len(stack), _pixels(stack), str(stack.dtype), tuple(frames))
+    preview = Preview(len(stack), _pixels(stack), str(stack.dtype), tuple(frames), stack.remarks)
     kind = "colour" if len(stack.frame_shape) == 3 else "grey"
     steady = _frames_with_annulus(frames)
     if steady is None:

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from endoct.modalities.contract import Frame, inward_positions_mm
-from endoct.modalities.numbering import positions_by_number
+from endoct.modalities.numbering import positions_along
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, LEAST_ASCANS, LEAST_SAMPLES, SpectraKeys
 from endoct.modalities.oct.spectra.recognising import seems_spectra
 from endoct.modalities.recording import ImageStack, open_stack
+from endoct.modalities.remarks import NONE, Remarks
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 
@@ -31,7 +32,7 @@ def open_pages(path: Path, spectra: SpectraKeys | None, device: str | None = Non
 
         return open_spectra(path, spectra, device)
     try:
-        return open_stack(path)
+        return open_stack(path).grey()
     except EndoctError:
         if (why := seems_spectra(path)) is None:
             raise
@@ -50,9 +51,10 @@ class Pullback:
         self._stack: ImageStack = open_pages(path, acquisition.spectra, device)
         if acquisition.spectra is not None:
             acquisition = acquisition.model_copy(update={"intensity": "log", "db_per_count": 1 / COUNTS_PER_DB})
+        self._on_places = NONE
         if acquisition.positions_mm is None:
-            by_number = positions_by_number(self._stack.files, acquisition.pullback_pitch_mm)
-            acquisition = acquisition.model_copy(update={"positions_mm": by_number})
+            along_mm, self._on_places = positions_along(self._stack.along, acquisition.pullback_pitch_mm)
+            acquisition = acquisition.model_copy(update={"positions_mm": along_mm})
         self._acquisition = acquisition
         shape = self._stack.frame_shape
         if len(shape) != 2 or shape[0] < LEAST_DEPTH or shape[1] < LEAST_ASCANS:
@@ -89,6 +91,11 @@ class Pullback:
     def acquisition(self) -> OctAcquisition:
         """The checked sidecar."""
         return self._acquisition
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of the files, and of the B-scans read so far."""
+        return self._stack.remarks + self._on_places
 
     @property
     def n_ascans(self) -> int:

@@ -45,7 +45,9 @@ def sniff_pullback(path: Path) -> Sniff:
     except EndoctError as error:
         return Sniff(False, str(error))
     rows, columns = stack.frame_shape
-    preview = Preview(len(stack), f"{columns} A-scans × {rows} depth samples", str(stack.dtype), tuple(pages))
+    preview = Preview(
+        len(stack), f"{columns} A-scans × {rows} depth samples", str(stack.dtype), tuple(pages), stack.remarks
+    )
     if len(stack) < 2:
         return Sniff(False, "it holds a single image, no pullback", preview=preview)
     if rows < LEAST_DEPTH or columns < LEAST_ASCANS:

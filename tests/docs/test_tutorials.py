@@ -17,8 +17,6 @@ def test_a_first_comparison(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_bore_in_a_ct(tmp_path: Path) -> None:
-    for needed in ("torch", "kornia", "SimpleITK"):
-        pytest.importorskip(needed)
     assert run_page(TUTORIALS / "pose-in-ct.md", tmp_path) > 10
 
 

@@ -18,14 +18,17 @@ from endoct.fusion.comparison import (
     CompareParameters,
     Comparison,
     compare_panoramas,
+    compare_placed,
     compare_sides,
     load_comparison,
     save_comparison,
 )
 from endoct.fusion.evidence.side import two_sides
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH
+from endoct.fusion.segmentation.segmented_side import segment_side
 from endoct.fusion.sides import Placed
-from endoct.stitching.circle import wrap_rad
+from endoct.stitching.circle import gaussian, wrap_rad
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
@@ -230,6 +233,31 @@ def test_bridged_rows_do_not_count(pair: Pair) -> None:
     lost = np.abs(found.grid.z_mm - found.alignment.z_to_a(pair.b.z_mm[11])) < 0.2
     assert not found.sides[1].valid[lost].any()
     assert found.result.valid_fraction < 1
+
+
+def test_on_own_rows_counts_only_what_both_observed(panorama_of: Callable) -> None:
+    """By hand: B is turned by 100 columns and lies 4 rows on; what each did not observe goes over its seam."""
+    rng, turn, rows, n = np.random.default_rng(3), 100, 4, 512
+    cells = gaussian(rng.standard_normal((30, n)).astype(np.float32), 1.0, 6.0) > 0.06
+    one, two = (cells ^ (rng.random(cells.shape) < 0.02) for _ in range(2))
+    seen = np.ones((2, 30, n), np.bool_)
+    seen[0, 8:24, np.arange(-90, 60)] = False
+    seen[1, 15:28, (turn + np.arange(-50, 40)) % n] = False
+    depth = np.where(cells, 0.4, 0) + rng.normal(0, 0.01, cells.shape)
+    on_b = np.roll(np.stack([one, two, *seen]), -turn, axis=2)[:, rows:]
+    a = panorama_of(rng.gamma(2, 1, cells.shape), dz_mm=0.2, valid=seen[0])
+    relief = np.roll(depth, -turn, axis=1)[rows:]
+    b = panorama_of(np.ones(relief.shape), dz_mm=0.2, depth_mm=relief, valid=on_b[3], modality="ranger")
+    sides = [segment_side(side, COARSE, "dark") for side in two_sides(a, b)]
+    drawn = [
+        replace(side, segmentation=replace(side.segmentation, mask=mask & side.side.panorama.valid))
+        for side, mask in zip(sides, (one, on_b[1]), strict=True)
+    ]
+    found = compare_placed(*drawn, Alignment(2 * np.pi * turn / n, 0.2 * rows), COARSE).result.scores.own_rows
+    both = on_b[2] & on_b[3]
+    expected = [(part & both).sum() for part in (on_b[0] & on_b[1], on_b[0] | on_b[1])]
+    assert found.jaccard == pytest.approx(expected[0] / expected[1], abs=1e-3)
+    assert found.neither_mm2 == pytest.approx((both.sum() - expected[1]) * 0.2 * b.grid.dtheta_mm, rel=1e-3)
 
 
 def test_another_diameter_is_refused(pair: Pair, panorama_of: Callable) -> None:

@@ -1,11 +1,24 @@
 """Bringing images onto other rows and columns, and distances to outlines, against what libraries say of the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from endoct.fusion.geometry.placement import FARTHEST_OUTLINE_MM, signed_distance
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
+from endoct.fusion.geometry.placement import (
+    FARTHEST_OUTLINE_MM,
+    IN_PLACE,
+    Placement,
+    Sampling,
+    check_same_bore,
+    common_grid,
+    signed_distance,
+)
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
+from endoct.stitching.errors import EndoctError
+from endoct.stitching.grid import SurfaceGrid
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.99, 1.0])
@@ -38,3 +51,78 @@ def test_resampling_is_what_the_matrices_say_of_what_was_observed(n_rows: int, n
     assert (observed == (share > 0.5))[clear].all()
     assert found[observed] == pytest.approx((total / np.where(observed, share, 1))[observed], abs=1e-5)
     assert not found[~observed].any()
+
+
+@pytest.mark.parametrize(("mirrored", "z_reversed"), ALL_ORIENTATIONS)
+def test_a_side_moved_by_whole_samples_is_rolled_and_turned_round(mirrored: bool, z_reversed: bool) -> None:
+    rng, n = np.random.default_rng(2), 64
+    b = SurfaceGrid.full_circle(20, n, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+    a = SurfaceGrid.full_circle(20, n, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+    image, valid, mask = rng.normal(size=(20, n)), rng.random((20, n)) < 0.8, rng.random((20, n)) < 0.3
+    where = Alignment(2 * np.pi * 7 / n, 0.3 + (1.9 if z_reversed else 0.0), 1.0, mirrored, z_reversed)
+    rows, columns = np.arange(20) - 3, np.arange(n) - 7
+    rows, columns = 19 - rows if z_reversed else rows, (-columns if mirrored else columns) % n
+    inside = ((rows >= 0) & (rows < 20))[:, None]
+    expected = valid[np.clip(rows, 0, 19)][:, columns] & inside
+    placement = Placement.averaging(b, where, a)
+    found, observed = placement.image(image.astype(np.float32), valid)
+    np.testing.assert_array_equal(observed, expected)
+    of_b = image[np.clip(rows, 0, 19)][:, columns]
+    np.testing.assert_allclose(found[expected], of_b[expected], atol=1e-5)
+    assert np.isnan(placement.known(image.astype(np.float32), valid)[~expected]).all()
+    cells, observed = placement.mask(mask, valid)
+    np.testing.assert_array_equal(cells, mask[np.clip(rows, 0, 19)][:, columns] & expected)
+    np.testing.assert_array_equal(observed, expected)
+
+
+def test_an_outline_between_wide_rows_is_interpolated_and_between_close_ones_not() -> None:
+    """A slanted edge goes on between rows 0.2 mm apart; where new rows are as high, half of a sample decides."""
+    wide = SurfaceGrid.full_circle(10, 128, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
+    fine = SurfaceGrid.full_circle(91, 128, z0_mm=0.0, dz_mm=0.02, radius_mm=1.25)
+    column = np.arange(128)
+
+    def slanted(z_mm: np.ndarray) -> np.ndarray:
+        edge = 40 + 3 * z_mm[:, None] / 0.2
+        return np.asarray(np.mod(column - edge + 45, 128) < 45)
+
+    everywhere = np.ones((10, 128), np.bool_)
+    cells, observed = Placement.averaging(wide, IN_PLACE, fine).mask(slanted(wide.z_mm), everywhere)
+    assert observed.all()
+    nearest = slanted(wide.z_mm)[np.round(fine.z_mm / 0.2).astype(int)]
+    wrong, left_alone = ((mask != slanted(fine.z_mm))[10:80].mean() for mask in (cells, nearest))
+    assert wrong < 0.6 * left_alone
+    speckled = np.random.default_rng(3).random((91, 128)) < 0.5
+    seen = np.random.default_rng(4).random((91, 128)) < 0.9
+    placement = Placement.averaging(fine, IN_PLACE, wide)
+    share, known = placement.image(speckled.astype(np.float32), seen)
+    halved, observed = placement.mask(speckled, seen)
+    np.testing.assert_array_equal(halved, (share >= 0.5) & known)
+    np.testing.assert_array_equal(observed, known)
+
+
+@pytest.mark.parametrize(("dz_mm", "expected_mm"), [(None, 0.05), (0.03, 0.03)])
+def test_a_common_grid_covers_both_sides_on_rows_of_a(dz_mm: float | None, expected_mm: float) -> None:
+    a = SurfaceGrid.full_circle(61, 512, z0_mm=0.5, dz_mm=0.05, radius_mm=1.25)
+    b = SurfaceGrid.full_circle(20, 512, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
+    grid = common_grid(
+        Sampling(a, IN_PLACE), Sampling(b, Alignment(1.0, 4.01, 0.98, z_reversed=True)), dz_mm=dz_mm, n_theta=256
+    )
+    assert grid.dz_mm == pytest.approx(expected_mm)
+    assert grid.n_theta == 256
+    steps = (grid.z_mm - 0.5) / expected_mm
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+    low, high = 4.01 - 0.98 * 3.8, 4.01  # of B
+    assert low <= grid.z_mm[0] < low + expected_mm
+    assert high - expected_mm < grid.z_mm[-1] <= high
+    finest = common_grid(Sampling(replace(a, dz_mm=0.001), IN_PLACE), Sampling(b, IN_PLACE), dz_mm=None, n_theta=64)
+    assert finest.dz_mm == pytest.approx(0.02)
+
+
+def test_diameters_of_one_bore_differ_by_little() -> None:
+    assert check_same_bore(1.25, 1.25 + 1e-9) == ()
+    for other in (1.25 * 1.029, 1.25 * 0.972):
+        (note,) = check_same_bore(1.25, other)
+        assert "2.5 mm for the other" in note
+    for other in (1.25 * 1.032, 1.25 * 0.969):
+        with pytest.raises(EndoctError, match="bores of different diameters"):
+            check_same_bore(1.25, other)

@@ -19,15 +19,16 @@ import numpy as np
 import pytest
 import tifffile
 
-from endoct.modalities.numbering import positions_by_number
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.recording import image_files, open_stack
 from endoct.modalities.registry import manifest_for
 from endoct.modalities.tiff import is_tiff
-from endoct.modalities.video import ReadVideo, is_video
+from endoct.modalities.video import ReadVideo
+from endoct.modalities.video_container import is_video
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
+from tests.modalities.numbered import positions_by_number
 
 STACK = np.random.default_rng(5).integers(0, 256, (5, 24, 32), dtype=np.uint8)
 MOST_BYTES = 50_000_000

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from endoct.modalities.numbering import notes_on_gaps, positions_by_number
+from endoct.modalities.numbering import notes_on_gaps
+from tests.modalities.numbered import positions_by_number
 
 
 def files(*numbers: int) -> list[Path]:

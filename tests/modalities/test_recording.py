@@ -180,8 +180,8 @@ def test_several_recordings_in_one_folder_are_refused(tmp_path: Path) -> None:
         np.save(tmp_path / name, STACK)
     assert "more than one recording" in refused(tmp_path)
     (tmp_path / "tiffs").mkdir()
-    for name in ("a.tif", "b.tif"):
-        tifffile.imwrite(tmp_path / "tiffs" / name, STACK, photometric="minisblack")
+    for number, name in enumerate(("a.tif", "b.tif")):
+        tifffile.imwrite(tmp_path / "tiffs" / name, STACK + np.uint16(number), photometric="minisblack")
     assert "found 5 pages" in refused(tmp_path / "tiffs")
 
 

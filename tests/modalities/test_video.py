@@ -171,7 +171,9 @@ def test_a_folder_with_one_video_is_an_endoscope_recording(tmp_path: Path) -> No
 
 def test_no_manifest_loads_the_decoder() -> None:
     code = (
-        "import sys, endoct.modalities.endoscope.manifest, endoct.modalities.recording as r; print('av' in sys.modules)"
+        "import sys, endoct.modalities.endoscope.manifest\n"
+        "import endoct.modalities.recording\n"
+        "print('av' in sys.modules)"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"

@@ -125,6 +125,17 @@ def test_ranges_replace_what_is_drawn_from_and_nothing_else() -> None:
     assert chosen.oct.axial_pixel_mm == plain.oct.axial_pixel_mm
 
 
+@pytest.mark.parametrize("travel", ["in", "out"])
+def test_turns_of_a_helical_scan_lie_beyond_where_those_of_steps_are(travel: str) -> None:
+    """Each from the place of a step on by one pitch inward, whichever way the catheter is pulled."""
+    step, helix = (
+        draw("learning", 3, ranges={"oct.scan": (scan,), "oct.travel": (travel,)}).oct for scan in ("step", "helical")
+    )
+    ends_mm = np.sort([helix.z_mm, np.array(helix.z_mm) + helix.z_advance_mm], axis=0)
+    np.testing.assert_allclose(ends_mm[0], step.z_mm, atol=1e-9)
+    np.testing.assert_allclose(ends_mm[1] - ends_mm[0], PRESETS["learning"].pitch_mm, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("ranges", "named"),
     [

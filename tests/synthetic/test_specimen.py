@@ -6,13 +6,15 @@ import tomllib
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 import tifffile
 import xarray as xr
+from tolerances import COUNTS_BY_ROUNDING
 
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.presets import PRESETS, Preset
-from endoct.synthetic.specimen import simulate
+from endoct.synthetic.specimen import SPECIMEN_VERSION, simulate
 
 OCT_KEYS = {
     "modality", "axial_pixel_mm", "pullback_pitch_mm", "bore_diameter_mm", "capillary_outer_diameter_mm", "travel",
@@ -115,3 +117,19 @@ def test_sidecars_hold_known_keys_and_agree_with_the_truth(quick_specimen: Path)
         assert keys["travel"] in (truth[name]["travel"], "unknown")
         ascending = truth[name]["z_mm"][0] < truth[name]["z_mm"][-1]
         assert ascending == (truth[name]["travel"] == "in")
+
+
+# Of preset quick, seed 1000: samples of the pullback and of green in the fourth frame, spread over either
+PULLBACK = [66, 50, 63, 57, 71, 23, 72, 75, 88, 35, 64, 69, 65, 68, 109, 121, 107, 106, 109, 112, 110, 6, 39, 90]
+FRAME = [26, 24, 25, 36, 241, 38, 24, 25, 26, 25, 24, 217, 218, 216, 154, 181, 23, 25, 26, 30, 185, 183, 108, 163]
+
+
+def test_what_changes_a_specimen_raises_its_version(quick_specimen: Path) -> None:
+    """Where this fails the simulator writes something else: raise its version, and put the new samples here."""
+    slices = tifffile.imread(quick_specimen / "oct" / "pullback.tif")
+    frame = cv2.imread(str(sorted((quick_specimen / "endoscope").glob("*.png"))[3]))
+    assert frame is not None
+    found = slices[::7, 40::97, ::331].ravel()[:24], frame[40::67, 30::71, 1].ravel()[:24]
+    for samples, recorded in zip(found, (PULLBACK, FRAME), strict=True):
+        np.testing.assert_allclose(samples.astype(int), recorded, atol=COUNTS_BY_ROUNDING)
+    assert SPECIMEN_VERSION == "1"

@@ -17,7 +17,7 @@ from endoct.fusion.files.result_file import read_result
 from endoct.fusion.files.store import read_outline
 from endoct.modalities.contract import Picture
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.page.document import document
+from endoct.workbench.page.document import printed_page
 from endoct.workbench.page.heading import comparison_heading
 from endoct.workbench.report.findings import read_findings
 from endoct.workbench.report.illustrated import report_sections
@@ -67,7 +67,7 @@ def test_a_result_that_was_changed_anywhere_is_reported_or_refused_in_one_line(f
                 try:
                     result = read_result(folder)
                     heading = comparison_heading("c", [], replace(outline, result=result))
-                    document(heading, report_sections(replace(findings, result=result), []), head="")
+                    printed_page(heading, report_sections(replace(findings, result=result), []), "")
                 except EndoctError as error:
                     refused += 1
                     assert "\n" not in str(error)  # noqa: PT017

@@ -2,11 +2,19 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
-from bone_volumes import ENTRY, RAS, TARGET, block, point, tilted
+import SimpleITK as sitk
+from bone_volumes import CELL, CELL_RADIUS_MM, ENTRY, ORIGIN, RAS, SIZE, TARGET, VOXEL_MM, block, point, stated, tilted
+from scipy import ndimage
+from tolerances import CT_PLACE_MM
 
+from benchmarks.ct_faults.writing import enhanced, save, write_series
+from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
+from endoct.synthetic.bone.patient import Bone, bone_around
 from endoct.workbench import simulate
 from endoct.workbench.cli import main
 from endoct.workbench.pipeline.vary import parse_place
@@ -54,6 +62,63 @@ def test_what_is_doubted_of_a_bone_is_printed(
         main()
     assert ended.value.code == 0
     assert "note: The gantry was tilted by 12.0°" in capsys.readouterr().out
+
+
+def slices_of_block(folder: Path) -> list[dict[str, Any]]:
+    """Return the block's slices as they are written into DICOM files."""
+    voxels = sitk.GetArrayFromImage(sitk.ReadImage(str(block(folder / "as-nrrd.nrrd"))))
+    return [
+        {
+            "name": f"{k}.dcm", "values": voxels[k], "InstanceNumber": k + 1, "PixelSpacing": [VOXEL_MM] * 2,
+            "ImagePositionPatient": [ORIGIN[0], ORIGIN[1], float(ORIGIN[2] + k * VOXEL_MM)],
+            "ImageOrientationPatient": [1, 0, 0, 0, 1, 0], "RescaleSlope": 1, "RescaleIntercept": 0,
+        }
+        for k in range(SIZE)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["scout", "inverted", "enhanced", "nii.gz"])
+def test_a_bore_runs_through_the_same_bone_in_every_container(kind: str, tmp_path: Path) -> None:
+    slices = slices_of_block(tmp_path)
+    if kind == "scout":
+        scout = {"name": "scout", "ImageType": ["ORIGINAL", "PRIMARY", "LOCALIZER"]}
+        slices.append(slices[3] | scout | {"ImageOrientationPatient": [1, 0, 0, 0, 0, -1]})
+    elif kind == "inverted":
+        slices = [one | {"PhotometricInterpretation": "MONOCHROME1"} for one in slices]
+    if kind in ("series", "scout", "inverted"):
+        path = write_series(tmp_path / "series", slices)
+    elif kind == "enhanced":
+        path = tmp_path / "ct.dcm"
+        save(enhanced(slices), path)
+    else:
+        path = block(tmp_path / f"ct.{kind}")
+    # the voxels around a bore may be one more or less, by rounding
+    expected, found = (air_near_cell(bone_around(stated(one), 3.0)) for one in (tmp_path / "as-nrrd.nrrd", path))
+    np.testing.assert_allclose(found, expected, atol=CT_PLACE_MM)
+
+
+def air_near_cell(bone: Bone) -> Coordinates:
+    """Return the distance to the wall of the cell at places within it, where it is that of the nearest surface."""
+    aside = np.random.default_rng(0).normal(size=(200, 3))
+    places = CELL + (CELL_RADIUS_MM - 0.1) * aside / np.linalg.norm(aside, axis=1, keepdims=True)
+    return ndimage.map_coordinates(bone.distance_mm, bone.lattice.index_of(places).T, order=1)
+
+
+def test_a_series_with_a_gap_is_no_bone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slices = slices_of_block(tmp_path)
+    del slices[30]
+    series = write_series(tmp_path / "series", slices)
+    words = ["simulate", "-o", str(tmp_path / "out"), "--preset", "learning", "--seed", "3", "--bone", str(series)]
+    places = [f"--entry={text(point(ENTRY))}", f"--target={text(point(TARGET))}"]
+    monkeypatch.setattr("sys.argv", ["endoct", *words, *places])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("endoct:")]
+    assert "between 29.dcm and 31.dcm" in line
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

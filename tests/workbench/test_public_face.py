@@ -42,7 +42,7 @@ def test_the_version_is_that_of_the_package(
 def test_the_command_line_starts_without_what_only_work_needs() -> None:
     code = "import endoct.workbench.commands, sys, json; print(json.dumps(sorted(sys.modules)))"
     loaded = json.loads(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
-    assert not {"numpy", "cv2", "scipy", "xarray", "zarr", "matplotlib", "torch", "IPython"} & set(loaded)
+    assert not {"numpy", "cv2", "scipy", "xarray", "zarr", "matplotlib", "torch", "IPython", "jinja2"} & set(loaded)
 
 
 def test_examples_in_docstrings_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

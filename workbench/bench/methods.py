@@ -1,15 +1,13 @@
 """Which tasks and methods are installed, and how they are loaded."""
 
-import difflib
-from collections.abc import Callable, Sequence
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from typing import NoReturn
+from collections.abc import Sequence
+from importlib.metadata import EntryPoints, entry_points
 
 from endoct.stitching.errors import EndoctError
+from endoct.stitching.registered import Function, entry_named, unknown_name
 from endoct.workbench.bench.task import AnyTask, Task
 
 GROUP = "endoct.bench"
-Method = Callable[..., object]
 
 
 def task_names() -> tuple[str, ...]:
@@ -19,7 +17,7 @@ def task_names() -> tuple[str, ...]:
 
 def load_task(name: str) -> AnyTask:
     """Return the task ``name``. Raises :class:`EndoctError` for one that is not known or cannot be imported."""
-    entry = _entry(name, entry_points(group=GROUP), "task")
+    entry = entry_named(name, entry_points(group=GROUP), "task")
     try:
         task = entry.load()
     except (ImportError, AttributeError) as error:
@@ -41,21 +39,21 @@ def check_names(task: AnyTask, wanted: Sequence[str]) -> tuple[str, ...]:
         raise EndoctError(f"no method is registered for '{task.name}'", remedy=f"register one under {_group(task)}")
     for name in wanted:
         if name not in known:
-            _not_known(name, known, _what(task))
+            unknown_name(name, known, _what(task))
     if len(set(wanted)) < len(wanted):
         raise EndoctError("a method is named twice", found=", ".join(wanted), expected="each once")
     return tuple(wanted) or known
 
 
-def load_method(task: AnyTask, name: str) -> Method:
+def load_method(task: AnyTask, name: str) -> Function:
     """Import the method ``name`` of ``task``.
 
     Raises :class:`EndoctError` for one that is not known or is registered twice, and whatever its import raises.
     """
-    method = task.methods.get(name) or _entry(name, _registered(task), _what(task)).load()
+    method = task.methods.get(name) or entry_named(name, _registered(task), _what(task)).load()
     if not callable(method):
         raise EndoctError(f"the method '{name}' is no function", found=type(method).__name__)
-    loaded: Method = method
+    loaded: Function = method
     return loaded
 
 
@@ -63,14 +61,14 @@ def origin(task: AnyTask, name: str) -> str:
     """Return where a method comes from: its function and the version of the package that registers it."""
     if name in task.methods:
         return "endoct"
-    entry = _entry(name, _registered(task), _what(task))
+    entry = entry_named(name, _registered(task), _what(task))
     package = f" ({entry.dist.name} {entry.dist.version})" if entry.dist is not None else ""
     return f"{entry.value}{package}"
 
 
 def module_of(task: AnyTask, name: str) -> str:
     """Return the module that a method is in, without importing it."""
-    return "endoct" if name in task.methods else _entry(name, _registered(task), _what(task)).module
+    return "endoct" if name in task.methods else entry_named(name, _registered(task), _what(task)).module
 
 
 def _group(task: AnyTask) -> str:
@@ -83,23 +81,3 @@ def _registered(task: AnyTask) -> EntryPoints:
 
 def _what(task: AnyTask) -> str:
     return f"method for '{task.name}'"
-
-
-def _entry(name: str, entries: EntryPoints, what: str) -> EntryPoint:
-    values = {entry.value for entry in entries if entry.name == name}
-    if not values:
-        _not_known(name, sorted({entry.name for entry in entries}), what)
-    if len(values) > 1:
-        raise EndoctError(
-            f"two packages register '{name}' as a {what}",
-            found=" and ".join(sorted(values)),
-            remedy="rename one, or uninstall its package",
-        )
-    return next(entry for entry in entries if entry.name == name)
-
-
-def _not_known(name: str, known: Sequence[str], what: str) -> NoReturn:
-    nearest = difflib.get_close_matches(name, known, 1, cutoff=0.4)
-    raise EndoctError(
-        f"unknown {what}: '{name}'", expected=f"'{nearest[0]}'" if nearest else f"one of {', '.join(known)}"
-    )

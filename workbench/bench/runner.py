@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 
 from endoct.stitching.errors import EndoctError
-from endoct.workbench.bench.methods import Method, load_method, load_task
+from endoct.stitching.registered import Function
+from endoct.workbench.bench.methods import load_method, load_task
 from endoct.workbench.bench.task import AnyCase, AnyTask, Conditions, Declined, NotInstalled, Range
 from endoct.workbench.running.progress import Advance
 from endoct.workbench.running.threads import one_blas_thread
@@ -174,7 +175,7 @@ def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
     return Row(case.name, name, status, reason[:LONGEST_REASON], seconds, cpu_seconds, case.conditions, scores)
 
 
-def _call(method: Method, case: AnyCase) -> object:
+def _call(method: Function, case: AnyCase) -> object:
     return method(*case.given) if isinstance(case.given, tuple) else method(case.given)
 
 

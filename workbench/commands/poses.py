@@ -119,11 +119,16 @@ def pose(
         settings_b=parse(set_b),
         **asked,
     )
-    if json:
+    return print_pose(result, output, as_json=json)
+
+
+def print_pose(result: "PoseResult", folder: Path, *, as_json: bool) -> int:
+    """Print the result of a pose that was written to ``folder``; return the exit status."""
+    if as_json:
         print_json(result.to_json())
     else:
         _print(result)
-        print_line(f"report: {output / 'report.html'}")
+        print_line(f"report: {folder / 'report.html'}")
     return DONE if result.told else UNTOLD
 
 

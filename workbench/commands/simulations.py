@@ -6,28 +6,39 @@ from typing import Literal
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.commands.console import command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.options import Output, Place, Wishes
+from endoct.workbench.commands.poses import print_pose
 from endoct.workbench.running.status import DONE
 
 
 def demo(
     output: Output = Path("demo"),
-    preset: PresetName = "quick",
-    seed: int = 1,
+    preset: PresetName | None = None,
+    seed: int | None = None,
+    pose: bool = False,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Simulate a specimen, unroll both recordings, compare them and write the report.
+    """Simulate a specimen, unroll both recordings, compare them, or find them in a CT, and write the report.
 
     Args:
         output: folder for the specimen and the comparison
-        preset: size and difficulty of the recordings
-        seed: seed of the specimen
+        preset: size and difficulty of the recordings; default: quick, with --pose small-patient
+        seed: seed of the specimen; default: 1, with --pose 7
+        pose: find the bore in a simulated CT instead of comparing the recordings
         overwrite: replace the folder if it exists
         json: print the result as JSON
     """
+    stages = command_stages(json)
+    if pose:
+        from endoct.workbench.posing.demonstration import demo_pose
+
+        preset, seed = preset or "small-patient", 7 if seed is None else seed
+        result = demo_pose(output, preset=preset, seed=seed, overwrite=overwrite, progress=stages)
+        return print_pose(result, output / "pose", as_json=json)
     from endoct.workbench import api
 
-    api.demo(output, preset=preset, seed=seed, overwrite=overwrite, progress=command_stages(json))
+    preset, seed = preset or "quick", 1 if seed is None else seed
+    api.demo(output, preset=preset, seed=seed, overwrite=overwrite, progress=stages)
     return print_result(output / "comparison", as_json=json)
 
 

@@ -1,6 +1,5 @@
 """What ``dataset.json`` says about a data set, and whether arguments agree with it."""
 
-import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
@@ -8,10 +7,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import endoct.stitching
-import endoct.synthetic
 from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.json_values import read_object
+from endoct.synthetic.specimen import SPECIMEN_VERSION
 from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.dataset.records import RECORDS, made_beyond
@@ -141,12 +139,8 @@ def check_worker(root: Path) -> None:
 
 @cache
 def made_with() -> dict[str, str]:
-    """Return the versions on which the bytes of a specimen depend, the simulator's own source among them."""
-    source = hashlib.sha256()
-    written_by = Path(endoct.stitching.__path__[0]) / "zarr_store.py"
-    for path in (*sorted(Path(endoct.synthetic.__path__[0]).rglob("*.py")), written_by):
-        source.update(path.read_bytes())
-    return versions() | {"simulator": source.hexdigest()[:16]}
+    """Return the versions on which the bytes of a specimen depend, that of what the simulator writes among them."""
+    return versions() | {"simulator": SPECIMEN_VERSION}
 
 
 def _arguments(plan: Plan) -> dict[str, object]:

@@ -1,41 +1,39 @@
 """The page as HTML: heading and sections are there before any program runs, and without one."""
 
 from collections.abc import Sequence
-from html import escape
+from importlib.resources import files
 
-from endoct.workbench.page.heading import Heading, Link, heading_html
-from endoct.workbench.report.sections import Section, sections_html
-from endoct.workbench.running.refusals import visible_lines
+from markupsafe import Markup
+
+from endoct.workbench.page.heading import Heading, Link
+from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.sections import Section
 
 RESEARCH = "Research software and no medical device."
 
 
 def document(
+    template: str,
     heading: Heading,
     sections: Sequence[Section],
     *,
-    head: str,
     remark: str = "",
     above: Link | None = None,
-    has_panes: bool = True,
-) -> str:
-    """Return the page; ``head`` is HTML, by which its style and program come. ``remark`` is said at its end.
+    **values: object,
+) -> Markup:
+    """Return the page that a ``template`` makes of ``values``, by which its style and program come.
 
-    ``above`` leads to what it is one of. ``has_panes``: whether a program shows panes there.
+    ``above`` leads to what it is one of; ``remark`` is said at its end.
     """
-    panes = "<noscript><p>Where JavaScript is allowed, panes to explore the wall stand here.</p></noscript>\n"
-    ready = "" if has_panes else " ready"  # a program folds the sections before they are shown
-    by = f"Made by endoct {heading.endoct}. " if heading.endoct else ""
-    said = (
-        f"<title>{escape(f'endoct: {heading.title}')}</title>\n</head>\n<body>\n"
-        f"{heading_html(heading, sections, above)}"
-        f"{panes if has_panes else ''}"
-        f'<section class="more{ready}" aria-label="details">\n{"".join(sections_html(sections))}'
-        f"<footer>{escape(by + remark)} {RESEARCH}</footer>\n</section>\n"
-    )
-    return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{head}'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">\n'
-        f"{visible_lines(said)}"  # a text from a file turns nothing around, and can be encoded
-        "</body>\n</html>\n"
-    )
+    said = {"heading": heading, "sections": sections, "remark": remark, "above": above}
+    return rendered(template, title=heading.title, research=RESEARCH, **said, **values)
+
+
+def printed_page(heading: Heading, sections: Sequence[Section], remark: str) -> Markup:
+    """Return a page that needs no other file, and has no program; ``remark`` is said at its end."""
+    return document("page/printed.html", heading, sections, remark=remark, style=bundled("page.css"))
+
+
+def bundled(name: str) -> Markup:
+    """Return the page's own style, or one of its programs, to be put into a page as it is."""
+    return Markup(files("endoct.workbench.page").joinpath("bundle", name).read_text("utf-8"))

@@ -5,49 +5,48 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from html import escape
-from importlib.resources import files
 from typing import Any
 
+from markupsafe import Markup
 from PIL import Image as Pillow
 
 from endoct.stitching.parallel import thread_map
 from endoct.workbench.page.description import Description
-from endoct.workbench.page.document import document
+from endoct.workbench.page.document import bundled, document
 from endoct.workbench.page.layer import is_blank, png_of
 from endoct.workbench.page.relief import MOST_SAMPLES
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.report.sections import Section
 
-PACKAGE = "endoct.workbench.page"
 MOST_TILE_BYTES = 8_000_000
 """Of all tiles together: with the text, its figures and the pictures of frames a page then has at most 15 MB."""
 GROWTH = 3.5
 """Times the bytes of a level that the next one takes, about: it has four times the pixels."""
 
 
-def frozen_page(shown: Shown, sections: Sequence[Section], data: str, remark: str = "") -> str:
+def frozen_page(shown: Shown, sections: Sequence[Section], data: Markup, remark: str = "") -> Markup:
     """Return the page of ``shown`` as HTML that needs nothing else: no server, no network, no other file.
 
     ``data`` is its :func:`frozen_data`; ``remark`` is said at its end.
     """
-    names = ("cylinder.js", "page.js", "page.css")
-    cylinder, script, style = (files(PACKAGE).joinpath("bundle", name).read_text("utf-8") for name in names)
+    programs, style = (bundled("cylinder.js"), bundled("page.js")), bundled("page.css")
     policy = (
-        f"default-src 'none'; script-src {_digest(cylinder)} {_digest(script)}; "
+        f"default-src 'none'; script-src {' '.join(map(_digest, programs))}; "
         f"style-src {_digest(style)} {_digest('')}; img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
-    head = (
-        f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n'
-        f'<meta name="referrer" content="no-referrer">\n<style>{style}</style>\n'
+    return document(
+        "page/frozen.html",
+        shown.heading,
+        sections,
+        remark=remark,
+        policy=policy,
+        style=style,
+        data=data,
+        programs=programs,
     )
-    before, end, after = document(shown.heading, sections, head=head, remark=remark).rpartition("</body>")
-    scripts = "".join(f"<script>{one}</script>\n" for one in (cylinder, script))
-    foot = f'<script type="application/json" id="frozen">{data}</script>\n{scripts}'
-    return f"{before}{foot}{end}{after}"
 
 
-def frozen_data(shown: Shown) -> str:
+def frozen_data(shown: Shown) -> Markup:
     """Return as JSON what the program of the page of ``shown`` asks a server for: tiles, outlines, pictures.
 
     Tiles go down to the finest level for which there is room.
@@ -62,7 +61,7 @@ def frozen_data(shown: Shown) -> str:
         "type": "image/png",
     }
     # within a script element nothing but "<" can end it
-    return json.dumps(held, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    return Markup(json.dumps(held, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))
 
 
 def _alone(description: Description) -> Description:

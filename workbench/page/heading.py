@@ -1,17 +1,14 @@
 """The top of a page: what it shows, the verdict with its doubts, the scores."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.result import Result
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.recorded import path_of_recording
-from endoct.workbench.report.doubts import count_notes
 from endoct.workbench.report.findings import overlaps_of
-from endoct.workbench.report.sections import Section
 from endoct.workbench.report.tables import conditions
 from endoct.workbench.report.verdict import Verdict, recording_verdict, verdict_of
 from endoct.workbench.report.wording import interval_text, share_text
@@ -59,7 +56,7 @@ def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutl
         verdict=Verdict(verdict.level, verdict.headline, (*verdict.sentences, conditions(result, outline.grid))),
         doubts=tuple(result.doubts),
         scores=tuple(_scores(result)),
-        notes=count_notes(result),
+        notes=sum(map(len, result.notes.values())),
         endoct=result.versions.get("endoct", ""),
     )
 
@@ -81,44 +78,6 @@ def panorama_heading(name: str, facts: Sequence[Fact], outline: PanoramaOutline)
         notes=len(outline.notes),
         endoct=str(outline.provenance.get("versions", {}).get("endoct", "")),
     )
-
-
-def heading_html(heading: Heading, sections: Iterable[Section], above: Link | None = None) -> str:
-    """Return the heading as HTML, with links to ``sections``, and to what it is one of."""
-    back = "" if above is None else f'<a class="above" href="{escape(above[0])}">‹ {escape(above[1])}</a>\n'
-    facts = "".join(f"<span><b>{escape(name)}</b> {escape(value)}</span>" for name, value in heading.facts)
-    scores = "".join(
-        f'<li title="{escape(one.of)}"><span>{escape(one.title)}</span><b>{escape(one.value)}</b>'
-        f"<small>{escape(one.of)}</small></li>"
-        for one in heading.scores
-    )
-    contents = "".join(f'<li><a href="#{escape(one.name)}">{escape(one.title)}</a></li>' for one in sections)
-    return (
-        f'<header class="top">\n<div class="what">{back}<h1>{escape(heading.title)}</h1>\n'
-        f'<nav class="contents"><details><summary>Contents</summary><ul>{contents}</ul></details></nav>\n'
-        f'<p class="facts">{facts}</p></div>\n'
-        f'<ul class="scores">{scores}</ul>\n<div class="verdict {heading.verdict.level}" role="status">'
-        f"{''.join(_said(heading))}</div>\n</header>\n"
-    )
-
-
-def _said(heading: Heading) -> Iterator[str]:
-    """Yield the verdict with everything that belongs to it."""
-    verdict = heading.verdict
-    yield f"<strong>{escape(verdict.headline)}</strong>\n"
-    if heading.notes:
-        yield f'<a href="#notes">{"1 note" if heading.notes == 1 else f"{heading.notes} notes"}</a>\n'
-    if heading.doubts:
-        yield f"<ul>{''.join(map(_doubt, heading.doubts))}</ul>\n"
-    if verdict.sentences:
-        said = "".join(f"<p>{escape(sentence)}</p>" for sentence in verdict.sentences)
-        is_open = " open" if verdict.level == "unaligned" else ""
-        yield f'<details class="how"{is_open}><summary>{escape(verdict.they_say)}</summary>{said}</details>\n'
-
-
-def _doubt(doubt: Doubt) -> str:
-    side = "" if doubt.side is None else f"<b>{escape(doubt.side)}:</b> "
-    return f"<li>{side}{escape(doubt.what)} <code>{escape(doubt.code)}</code></li>"
 
 
 def _scores(result: Result) -> Iterator[Score]:

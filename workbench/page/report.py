@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from pathlib import Path
 
+from markupsafe import Markup
+
 from endoct.stitching.contents import is_marked, marked, read_contents, whole_of
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.output import check_output, new_output
@@ -109,7 +111,7 @@ def _check(folder: Path) -> None:
     check_output(folder / "figures", FIGURES, overwrite=True)
 
 
-def _write(folder: Path, shown: Shown, drawn: Sequence[Drawn], sections: Sequence[Section], data: str) -> Path:
+def _write(folder: Path, shown: Shown, drawn: Sequence[Drawn], sections: Sequence[Section], data: Markup) -> Path:
     page = folder / PAGE
     with new_output(folder / "figures", FIGURES, overwrite=True) as figures:
         write_figures(drawn, figures)

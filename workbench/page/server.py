@@ -33,7 +33,6 @@ TYPES = {
     "folder.js": "text/javascript",
     "page.css": "text/css",
 }
-PROGRAM = '<link rel="stylesheet" href="page.css">\n<script src="page.js" defer></script>\n'
 MOST_DIGITS = 9
 """Of a number in an address: what is longer names nothing here."""
 KEPT = "private, max-age=3600"
@@ -49,12 +48,12 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
     ``above`` leads to the table that it was opened from.
     """
     description = json.dumps(shown.description.to_json(), allow_nan=False).encode()
-    head = f'<meta name="endoct-output" content="{shown.origin.digest}">\n{PROGRAM}'
     of_shown = concerning(shown.origin)
 
     @of_shown
     def page(_: Request) -> Response:
-        html = document(shown.heading, shown.sections, head=head, above=above)
+        output = shown.origin.digest
+        html = document("page/served.html", shown.heading, shown.sections, above=above, output=output)
         return HTMLResponse(html, headers=FRESH)
 
     @of_shown

@@ -8,7 +8,9 @@ from endoct.fusion.files.result_file import read_result
 from endoct.modalities.acquisition import read_keys, sidecar_path, validate
 from endoct.modalities.contract import FrameStream, Manifest, Preview, Sniff
 from endoct.modalities.folders import exists
+from endoct.modalities.numbering import notes_on_gaps
 from endoct.modalities.registry import manifest_for, manifests, open_recording, sniffed
+from endoct.modalities.remarks import NONE, Remarks, remarks_of
 from endoct.stitching.digests import path_text
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.pipeline.sidecar_template import missing_keys
@@ -128,6 +130,11 @@ def _recording(path: Path, modality: str | None) -> dict[str, object]:
         facts["sidecar"] = stream.acquisition.model_dump(mode="json", exclude_none=True)
     if missing:
         facts["missing"] = missing
+    previewed = recognised.sniff.preview
+    remarks = (NONE if previewed is None else previewed.remarks) + remarks_of(stream)
+    if stream is not None:
+        remarks += Remarks(notes_on_gaps(stream.acquisition.positions_mm))
+    facts |= {"doubts": [doubt.to_json() for doubt in remarks.doubts], "notes": list(remarks.notes)}
     return facts | {"next": _next(path, sidecar, bool(missing), modality)}
 
 

@@ -120,6 +120,9 @@ def is_mask_image(path: Path) -> bool:
     stack = open_stack(path)
     if len(stack) != 1:
         return False
+    stored = stack.stored(0)
+    if stored.ndim == 3 and stored.shape[2] in (2, 4) and (stored[..., -1] == 0).any():
+        return True  # drawn on a transparent ground
     return (stack.dtype.kind in "ui" and stack.dtype.itemsize >= 4) or np.unique(stack[0]).size <= 2
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import segment
 from endoct.fusion.sides import Comparison
@@ -171,11 +172,6 @@ def true_cells(truth: Truth, pose: Pose, panorama: Panorama) -> Mask:
     return np.asarray(truth.wall["cell"][np.ix_(rows.astype(int), columns)], dtype=np.bool_)
 
 
-def jaccard(a: Mask, b: Mask, where: Mask) -> float:
-    """Return |A ∩ B| / |A ∪ B| over ``where``, 0 where both are empty."""
-    return float((a & b & where).sum() / max((((a | b) & where).sum()), 1))
-
-
 def held_against(
     truth: Truth, sides: tuple[Side, Side], comparison: Comparison, parameters: SegmentParameters
 ) -> dict[str, float]:
@@ -202,9 +198,11 @@ def held_against(
     shared = np.isfinite(z_true)
     figures = {
         "aligned": float(comparison.alignment is not None),
-        "oct_truth": jaccard(segment(sides[1], parameters), true_cells(truth, pose_o, oct_), oct_.valid),
+        "oct_truth": _known(jaccard(segment(sides[1], parameters), true_cells(truth, pose_o, oct_), oct_.valid)),
         "oct_valid": float(oct_.valid[shared].mean()),
-        "endo_truth": jaccard(segment(sides[0], parameters), true_cells(truth, pose_e, endoscope), endoscope.valid),
+        "endo_truth": _known(
+            jaccard(segment(sides[0], parameters), true_cells(truth, pose_e, endoscope), endoscope.valid)
+        ),
     }
     if (alignment := comparison.alignment) is None:
         return figures

@@ -22,6 +22,7 @@ from endoct.modalities.contract import (
 )
 from endoct.modalities.device import Device
 from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.remarks import remarks_of
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.files import State, check_unchanged, state_of
@@ -194,7 +195,12 @@ def _unroll(opened: Opened, inputs: _Digests, stages: Stages, label: str = "") -
             expected="a recording of a bore wall",
             remedy=f"look at the {manifest.frame_dim}s",
         )
-    panorama = replace(panorama, doubts=(*panorama.doubts, *doubts_of_observed(panorama)))
+    remarks = remarks_of(stream)
+    panorama = replace(
+        panorama,
+        doubts=(*remarks.doubts, *panorama.doubts, *doubts_of_observed(panorama)),
+        notes=(*remarks.notes, *panorama.notes),
+    )
     return Unrolled(panorama, manifest, stream, calibration)
 
 

@@ -15,7 +15,7 @@ from endoct.stitching.output import new_output
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.pipeline.volumes import facts_of
 from endoct.workbench.posing.plan import Planned, read_plan
-from endoct.workbench.posing.pose import check_installed, pose_versions
+from endoct.workbench.posing.pose import pose_versions
 from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import POSE
 from endoct.workbench.running.progress import Stages
@@ -52,7 +52,7 @@ def pose_outlook(
     does. ``radius_mm`` of the bore; ``seen_mm``: how much of it a recording shows, all of the plan's length unless
     stated. The rest is as of :func:`pose`.
 
-    Raises :class:`EndoctError` where something cannot be used, where torch, kornia or SimpleITK are not installed, or
+    Raises :class:`EndoctError` where something cannot be used, or
     ``output`` exists and ``overwrite`` is not set. Research software, not for clinical decisions.
 
     With the bone that :func:`pose` simulates in its example, of which so short a bore shows little:
@@ -61,7 +61,6 @@ def pose_outlook(
     >>> pose_outlook("patient/truth/ct.nii.gz", plan="patient/plan.mrk.json").outlook.level
     'well'
     """
-    check_installed()
     check_device(device)
     if not RADII_MM[0] <= radius_mm <= RADII_MM[1]:
         raise EndoctError(

@@ -1,27 +1,28 @@
 """``report.html`` of an outlook: the wall that the CT predicts along the plan, and how rehearsals went."""
 
-from collections.abc import Iterator
-from importlib.resources import files
+from collections.abc import Mapping, Sequence
+from itertools import count
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from endoct.fusion.pose.outlook import Tried
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM
 from endoct.stitching.contents import marked
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.page.document import document
+from endoct.workbench.page.document import printed_page
 from endoct.workbench.page.heading import Heading, Score
 from endoct.workbench.posing.outlook_result import OutlookResult
-from endoct.workbench.posing.page import REMARK, STYLE, notes_html, provenance, volumes_html
+from endoct.workbench.posing.page import REMARK, TITLES, texts_on_input
 from endoct.workbench.posing.result import NOTICE
 from endoct.workbench.report.figures.drawing import INTENSITY_COLOURS, journal_style, render
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.report.figures.wall_panels import colour_bar, panel_figure, scale_text, show_surface, wall_panel
+from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.illustrated import numbered
-from endoct.workbench.report.sections import Section
+from endoct.workbench.report.sections import Section, in_order
 from endoct.workbench.report.verdict import Level, Verdict
-from endoct.workbench.report.wording import table
 
 LEVELS: dict[str, Level] = {"well": "trusted", "poorly": "doubted", "hardly": "unaligned"}
 
@@ -30,11 +31,7 @@ def write_outlook_page(result: OutlookResult, radius_mm: float, folder: Path) ->
     """Write the page and its figure into ``folder``."""
     drawn = [_draw_wall(result, radius_mm)]
     write_figures(drawn, folder / "figures")
-    sections = tuple(_sections(result, numbered(drawn)))
-    style = files(STYLE).joinpath("bundle", "page.css").read_text("utf-8")
-    page = document(
-        _heading(result, folder.name), sections, head=f"<style>{style}</style>\n", remark=REMARK, has_panes=False
-    )
+    page = printed_page(_heading(result, folder.name), _sections(result, numbered(drawn)), REMARK)
     (folder / "report.html").write_text(marked(page), encoding="utf-8")
 
 
@@ -64,17 +61,18 @@ def _heading(result: OutlookResult, title: str) -> Heading:
     )
 
 
-def _sections(result: OutlookResult, figures: dict[str, str]) -> Iterator[Section]:
-    yield Section("wall", "The wall by the CT", figures["wall"] + _facts(result))
-    for one in result.outlook.prospects:
-        rows = [_row(number, tried) for number, tried in enumerate(one.tried, 1)]
-        heads = ("", "told", "place", "off at the target (mm)", "σ stated (mm)", "roll off (°)", "correlation",
-                 "second best")  # fmt: skip
-        yield Section(one.instrument, f"Rehearsals by {one.instrument}", table(rows, heads) + _reasons(one.tried))
-    if notes := notes_html(result.volumes):
-        yield Section("notes", "Notes", notes)
-    yield Section("volumes", "What was read", volumes_html(result.volumes))
-    yield Section("provenance", "How it was made", provenance(result.made))
+def _sections(result: OutlookResult, figures: Mapping[str, Markup]) -> tuple[Section, ...]:
+    prospects = {one.instrument: one.tried for one in result.outlook.prospects}
+    titles = {
+        "wall": "The wall by the CT",
+        **{instrument: f"Rehearsals by {instrument}" for instrument in prospects},
+        **TITLES,
+    }
+    texts = {"wall": rendered("report/plain_table.html", header=["", ""], rows=_facts(result))}
+    for instrument, tried in prospects.items():
+        rows = map(_row, count(1), tried)
+        texts[instrument] = rendered("posing/rehearsals.html", rehearsals=rows, reasons=_reasons(tried))
+    return in_order(titles, figures, texts | texts_on_input(result.volumes.values(), result.made))
 
 
 def _row(number: int, tried: Tried) -> tuple[str, ...]:
@@ -90,12 +88,11 @@ def _row(number: int, tried: Tried) -> tuple[str, ...]:
     )
 
 
-def _reasons(tried: tuple[Tried, ...]) -> str:
-    reasons = [(str(number), one.reason) for number, one in enumerate(tried, 1) if one.reason is not None]
-    return table(reasons, ("", "why it was not told"), text=(1,)) if reasons else ""
+def _reasons(tried: Sequence[Tried]) -> list[tuple[str, str]]:
+    return [(str(number), one.reason) for number, one in enumerate(tried, 1) if one.reason is not None]
 
 
-def _facts(result: OutlookResult) -> str:
+def _facts(result: OutlookResult) -> list[tuple[str, str]]:
     facts = result.outlook.facts
     rows = [
         ("share of air", f"{facts.air:.0%}"),
@@ -104,7 +101,7 @@ def _facts(result: OutlookResult) -> str:
     ]
     if facts.likeness is not None and facts.turn_deg is not None:
         rows.append((f"correlation with itself turned by {facts.turn_deg:.0f}°", f"{facts.likeness:.2f}"))
-    return table(rows, ("", ""))
+    return rows
 
 
 def _draw_wall(result: OutlookResult, radius_mm: float) -> Drawn:

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,7 +31,8 @@ from endoct.workbench.running.threads import one_blas_thread
 if TYPE_CHECKING:
     from endoct.workbench.posing.result import PoseResult
 
-NEEDED = ("torch", "kornia", "SimpleITK", "pydicom", "nibabel")
+DECISIVE = ("torch", "kornia", "SimpleITK", "pydicom", "nibabel")
+"""Libraries that figures of a pose depend on."""
 
 
 @one_blas_thread()
@@ -66,8 +66,8 @@ def pose(
     where to compute.
 
     Where it cannot be told where the bore lies, the result's ``pose`` is None and ``answer.reason`` says why. Raises
-    :class:`EndoctError` where something cannot be used, where torch, kornia or SimpleITK are not installed, or
-    ``output`` exists and ``overwrite`` is not set. Research software, not for clinical decisions.
+    :class:`EndoctError` where something cannot be used, or ``output`` exists and ``overwrite`` is
+    not set. Research software, not for clinical decisions.
 
     In the CT of a simulated bone, with the truth for a plan:
 
@@ -80,7 +80,6 @@ def pose(
     >>> found.answer.pose.names, found.coordinates
     (('endoscope',), 'ras')
     """
-    check_installed()
     check_device(device)
     options = ((modality_a, settings_a), (modality_b, settings_b))
     sources = tuple(
@@ -110,18 +109,9 @@ def pose(
         return run(scratch)
 
 
-def check_installed() -> None:
-    """Raise :class:`EndoctError` where a library is not installed that poses need."""
-    if missing := [name for name in NEEDED if find_spec(name) is None]:
-        raise EndoctError(
-            f"a pose can only be found where {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} installed",
-            remedy="pip install 'endoct[pose]'",
-        )
-
-
 def pose_versions() -> dict[str, str]:
-    """Return the versions of endoct and of what poses need."""
-    return versions(*NEEDED)
+    """Return the versions of endoct and of what a pose depends on."""
+    return versions(*DECISIVE)
 
 
 def _found(

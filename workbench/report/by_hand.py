@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 from endoct.fusion.doubts_by_hand import pairs_text
 from endoct.fusion.result import ByHand, Distances, PairDistance
-from endoct.workbench.report.placement import alignment_rows
-from endoct.workbench.report.wording import NOTHING, length_text, table
+from endoct.workbench.report.wording import NOTHING, length_text
 
 ROLES = {"correct": "corrects", "check": "checks"}
 
@@ -33,10 +32,9 @@ def by_hand_sentences(said: ByHand) -> Iterator[str]:
         yield f"{error[:1].upper()}{error[1:]}."
 
 
-def by_hand_tables(said: ByHand) -> Iterator[str]:
-    """Yield the pairs, and what was there before they corrected, as HTML."""
-    yield "<h3>Landmark pairs placed by hand</h3>\n"
-    rows = [
+def pair_rows(said: ByHand) -> list[list[str]]:
+    """Return a row for each pair: what it does, and how far its places lay apart before and lie now."""
+    return [
         [
             f"{number} {pair.name}".strip(),
             ROLES[pair.role] if said.corrected or pair.role == "check" else "would correct",
@@ -45,12 +43,6 @@ def by_hand_tables(said: ByHand) -> Iterator[str]:
         ]
         for number, pair in enumerate(said.pairs, 1)
     ]
-    both = [f"{what}, {when}" for when in ("automatic", "as used") for what in ("around", "along")]
-    yield table(rows, ["pair", "", *both], text=(1,))
-    if said.corrected and said.automatic is not None:
-        refused = "" if said.automatic_reason is None else ", which was not accepted"
-        yield f"<h3>The automatic alignment{refused}</h3>\n"
-        yield table(alignment_rows(said.automatic))
 
 
 def _error(check: Distances | None) -> str:

@@ -1,33 +1,29 @@
-"""The tables of scores besides the overlap: outlines, cells as objects, and raters."""
+"""What the tables say of scores besides the overlap: outlines, cells as objects, and raters."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from endoct.fusion.result import CellScores, Limits, PairwiseScores, Raters, Result, Scores
-from endoct.workbench.report.wording import NOTHING, count_text, interval_text, length_text, share_text, table
-
-RATER_COLUMNS = "Jaccard", "Dice", "Outlines, mean distance", "95th percentile", "within tolerance"
+from endoct.workbench.report.wording import NOTHING, count_text, interval_text, length_text, share_text
 
 Pair = tuple[float, float]
 Names = tuple[str, str]
 
 
-def score_tables(result: Result) -> Iterator[str]:
-    """Yield what outlines, cells and raters say, as HTML; nothing where nothing was scored."""
+def score_table(result: Result) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of what outlines and cells say; no rows where nothing was scored."""
     cards = dict(_cards(result))
-    if rows := list(_rows(cards)):
-        yield "<h3>Outlines and cells</h3>\n"
-        yield table(rows, ["", *(f"{first} and {second}" for first, second in cards)])
-        yield (
-            "<p class=soft>In brackets: 95 % intervals. Outlines: distance on the wall from either to the other, where "
-            "both observed. Cells match where the area they share is at least half of their union. Only cells at "
-            "least half of which the other side observed are counted. Precision: of the cells of the one named second, "
-            "the share that the first shows too. Recall: of the cells of the first, the share that the second shows. "
-            "Quality: both of these and the overlap of matched cells in one number (panoptic quality). Each cell is a "
-            'line of <span class="code">cells.csv</span>.</p>\n'
-        )
-    if raters := result.raters:
-        yield from _raters(raters)
+    return ["", *(f"{first} and {second}" for first, second in cards)], list(_rows(cards))
+
+
+def rater_rows(raters: Raters) -> list[list[str]]:
+    """Return rows of how far raters agree: Jaccard, Dice, and the distances of outlines."""
+    rows = [
+        [f"{title}, median of {medians.pairs} pairs", *_pairwise(medians)]
+        for medians, title in ((raters.within, "One rater, two sessions"), (raters.between, "Two raters"))
+        if medians
+    ]
+    return rows + [[f"{' '.join(pair.first)} and {' '.join(pair.second)}", *_pairwise(pair)] for pair in raters.pairs]
 
 
 def _cards(result: Result) -> Iterator[tuple[Names, Scores]]:
@@ -94,19 +90,6 @@ def _limits(names: Names, limits: Limits | None, unit: str) -> str:
         return NOTHING
     bias, low, high = (f"{value:.3f}".replace("-", "−") for value in (limits.bias, limits.low, limits.high))
     return f"{names[1]} − {names[0]}: {bias} {unit} (95 % within {low} to {high}, {limits.pairs} cells)"
-
-
-def _raters(raters: Raters) -> Iterator[str]:
-    yield "<h3>Raters</h3>\n"
-    rows = [
-        [f"{title}, median of {medians.pairs} pairs", *_pairwise(medians)]
-        for medians, title in ((raters.within, "One rater, two sessions"), (raters.between, "Two raters"))
-        if medians
-    ]
-    rows += [[f"{' '.join(pair.first)} and {' '.join(pair.second)}", *_pairwise(pair)] for pair in raters.pairs]
-    yield table(rows, ["", *RATER_COLUMNS])
-    methods = "; ".join(f"{name}: {consensus.method}" for name, consensus in raters.consensus.items())
-    yield f"<p class=soft>Consensus, {methods}. The majority's lies next to this page as consensus.png.</p>\n"
 
 
 def _pairwise(scores: PairwiseScores) -> Sequence[str]:

@@ -1,24 +1,26 @@
-"""A report by sections: tables, words, and figures where there are any.
+"""A report by sections: tables, words, and figures where there are any."""
 
-All is HTML in which every text from a file is escaped.
-"""
-
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from types import MappingProxyType
 
+from markupsafe import Markup
+
+from endoct.fusion.registration.align import BELIEVABLE
 from endoct.fusion.result import Result
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.report.doubts import count_notes, notes_table
-from endoct.workbench.report.scores import score_tables
-from endoct.workbench.report.tables import panorama_provenance, provenance, result_tables
-from endoct.workbench.report.wording import table
-from endoct.workbench.report.words import words
+from endoct.workbench.report.by_hand import pair_rows
+from endoct.workbench.report.findings import overlaps_of
+from endoct.workbench.report.html_templates import rendered, rendered_blocks
+from endoct.workbench.report.placement import alignment_rows
+from endoct.workbench.report.scores import rater_rows, score_table
+from endoct.workbench.report.tables import overlap_table
+from endoct.workbench.report.wording import leaf_rows
 
 TITLES: Mapping[str, str] = MappingProxyType(
     {
         "panoramas": "Panoramas",
+        "masks": "Cells and difference",
         "agreement": "How far they agree, and what stands in the way",
         "alignment": "The sides on each other",
         "depth": "Depth",
@@ -26,15 +28,13 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "cylinder": "The bore in three dimensions",
         "numbers": "Overlap and alignment",
         "sides": "The two sides",
-        "words": "Words",
-        "provenance": "How it was made",
+        "notes": "Notes",
     }
 )
-ORDER = (
-    "panoramas", "masks", "agreement", "alignment", "depth", "frames", "cylinder", "numbers", "sides", "notes",
-)  # fmt: skip
-"""Of the sections on a comparison; those on quality follow."""
-NO_FIGURES: Mapping[str, str] = MappingProxyType({})
+"""Of the sections on a comparison, in their order; those on quality follow."""
+ORDER = tuple(TITLES)
+MADE = "How it was made"
+NO_FIGURES: Mapping[str, Markup] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -43,48 +43,68 @@ class Section:
 
     name: str
     title: str
-    html: str
+    html: Markup
 
 
-def comparison_sections(result: Result, figures: Mapping[str, str] = NO_FIGURES) -> tuple[Section, ...]:
-    """Return what there is to say of a comparison besides its headline, with ``figures`` as HTML by section."""
-    tables = {
-        "agreement": "".join(score_tables(result)),
-        "numbers": "".join(result_tables(result)),
-        "notes": notes_table(result),
-        "words": words(result),
-        "provenance": "".join(provenance(result)),
-    }
+def comparison_sections(result: Result, figures: Mapping[str, Markup] = NO_FIGURES) -> tuple[Section, ...]:
+    """Return what there is to say of a comparison besides its headline, with ``figures`` by section."""
+    notes = [(side, note) for side, said in result.notes.items() for note in said]
     titles = {
         **TITLES,
-        "masks": "Cells and difference" if result.aligned else "Cells",
-        "notes": f"Notes ({count_notes(result)})",
-        **{quality_name(side): f"Quality of {side} along the bore" for side in result.sides},
+        "masks": TITLES["masks"] if result.aligned else "Cells",
+        "notes": f"Notes ({len(notes)})",
+        **{quality_name(side): quality_title(side) for side in result.sides},
+        "words": "Words",
+        "provenance": MADE,
     }
-    order = (*ORDER, *map(quality_name, result.sides), "words", "provenance")
-    html = {name: figures.get(name, "") + tables.get(name, "") for name in order}
-    for side in result.sides:
-        html[quality_name(side)] = plots_of(side) + html[quality_name(side)]
-    return tuple(Section(name, titles[name], html[name]) for name in order if html[name])
+    texts = rendered_blocks(
+        "report/comparison.html",
+        result=result,
+        believable=BELIEVABLE,
+        overlaps=overlaps_of(result),
+        notes=notes,
+        seconds=[(name, f"{value:.1f} s") for name, value in result.seconds.items()],
+        score_table=score_table,
+        rater_rows=rater_rows,
+        overlap_table=overlap_table,
+        alignment_rows=alignment_rows,
+        pair_rows=pair_rows,
+        leaf_rows=leaf_rows,
+    )
+    qualities = {quality_name(side): _quality(side, figures) for side in result.sides}
+    return in_order(titles, {**figures, **qualities}, texts)
 
 
-def panorama_sections(outline: PanoramaOutline, figures: Mapping[str, str] = NO_FIGURES) -> tuple[Section, ...]:
-    """Return what there is to say of a panorama besides its headline, with ``figures`` as HTML by section."""
+def panorama_sections(outline: PanoramaOutline, figures: Mapping[str, Markup] = NO_FIGURES) -> tuple[Section, ...]:
+    """Return what there is to say of a panorama besides its headline, with ``figures`` by section."""
     side = outline.modality
-    html = {
-        **figures,
-        quality_name(side): plots_of(side) + figures.get(quality_name(side), ""),
-        "notes": table([(str(k), note) for k, note in enumerate(outline.notes, 1)], text=(1,)),
-        "provenance": "".join(panorama_provenance(outline.provenance)),
-    }
     titles = {
-        **TITLES,
         "panoramas": "Panorama",
+        "frames": TITLES["frames"],
+        quality_name(side): quality_title(side),
         "notes": f"Notes ({len(outline.notes)})",
-        quality_name(side): f"Quality of {side} along the bore",
+        "provenance": MADE,
     }
-    order = "panoramas", "frames", quality_name(side), "notes", "provenance"
-    return tuple(Section(name, titles[name], html[name]) for name in order if html.get(name))
+    texts = rendered_blocks(
+        "report/panorama.html",
+        notes=enumerate(outline.notes, 1),
+        made=outline.provenance,
+        leaf_rows=leaf_rows,
+    )
+    return in_order(titles, {**figures, quality_name(side): _quality(side, figures)}, texts)
+
+
+def in_order(
+    titles: Mapping[str, str], figures: Mapping[str, Markup], texts: Mapping[str, Markup]
+) -> tuple[Section, ...]:
+    """Return those sections of ``titles`` that hold anything: the figures, then the text of each, by its name.
+
+    Raises ``ValueError`` where no section takes a figure.
+    """
+    if homeless := sorted(figures.keys() - titles.keys()):
+        raise ValueError(f"no section of the report takes the figures of {', '.join(homeless)}")
+    html = {name: figures.get(name, Markup()) + texts.get(name, Markup()) for name in titles}
+    return tuple(Section(name, title, html[name]) for name, title in titles.items() if html[name])
 
 
 def quality_name(side: str) -> str:
@@ -92,15 +112,10 @@ def quality_name(side: str) -> str:
     return f"quality-{side}"
 
 
-def plots_of(side: str) -> str:
-    """Return the place where the page's program plots the quality of a side."""
-    return f'<div class="plots" data-side="{escape(side)}"></div>\n'
+def quality_title(side: str) -> str:
+    """Return the title of the section on the quality of a side."""
+    return f"Quality of {side} along the bore"
 
 
-def sections_html(sections: Sequence[Section]) -> Iterator[str]:
-    """Yield every section; they are open where no program folds them."""
-    for one in sections:
-        yield (
-            f'<details class="section" id="{escape(one.name)}" open><summary><h2>{escape(one.title)}</h2></summary>\n'
-            f'<div class="body">{one.html}</div></details>\n'
-        )
+def _quality(side: str, figures: Mapping[str, Markup]) -> Markup:
+    return rendered("report/quality.html", side=side, measured=figures.get(quality_name(side), ""))

@@ -1,28 +1,15 @@
-"""The tables of a report: overlap, alignment, sides, and how it all was made."""
+"""What the tables of a report say of overlaps and of either side."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from html import escape
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from endoct.fusion.result import Result, Threshold
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.report.by_hand import by_hand_tables
-from endoct.workbench.report.findings import Findings, NamedOverlap, overlaps_of
-from endoct.workbench.report.placement import alignment_rows
+from endoct.workbench.report.findings import Findings, NamedOverlap
 from endoct.workbench.report.side_findings import SideFindings
-from endoct.workbench.report.wording import (
-    NOTHING,
-    area_text,
-    count_text,
-    flattened,
-    share_text,
-    table,
-    value_text,
-    without_stop,
-)
+from endoct.workbench.report.wording import NOTHING, area_text, count_text, share_text, without_stop
 
 OVERLAP_COLUMNS: Mapping[str, Callable[[NamedOverlap], str]] = {
     "Jaccard": lambda named: share_text(named.overlap.jaccard),
@@ -36,62 +23,19 @@ ALWAYS = ("Jaccard", "Dice")
 """Columns that are there also where nothing is known."""
 
 
-def side_table(findings: Findings) -> str:
-    """Return what there is to say of either side, as HTML."""
+def side_table(findings: Findings) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of what there is to say of either side."""
     columns = [_side_facts(side, findings.result) for side in findings.sides]
-    return table(
-        ([name, *(column[name] for column in columns)] for name in columns[0]),
-        ["", *(side.name for side in findings.sides)],
-    )
+    rows = [[name, *(column[name] for column in columns)] for name in columns[0]]
+    return ["", *(side.name for side in findings.sides)], rows
 
 
-def result_tables(result: Result) -> Iterator[str]:
-    """Yield the overlaps and the alignment of a comparison as HTML."""
-    if overlaps := overlaps_of(result):
-        texts = {title: [text(named) for named in overlaps] for title, text in OVERLAP_COLUMNS.items()}
-        texts = {title: cells for title, cells in texts.items() if title in ALWAYS or set(cells) != {NOTHING}}
-        names = [f"{named.of[0]} and {named.of[1]}, {named.where}" for named in overlaps]
-        yield "<h3>Overlap of the cells</h3>\n"
-        yield table(zip(names, *texts.values(), strict=True), ["", *texts])
-        yield (
-            "<p class=soft>Areas that both, only one or neither of the two call cell, where both observed the wall, on "
-            "a cylinder of the nominal diameter.</p>\n"
-        )
-    if result.aligned and result.alignment:
-        a, b = result.sides
-        yield f"<h3>Alignment of {escape(b)} to {escape(a)}</h3>\n"
-        yield table(alignment_rows(result.alignment, by_hand=result.by_hand is not None and result.by_hand.corrected))
-    elif result.best_unbelieved:
-        yield "<h3>The best alignment found, which was not accepted</h3>\n"
-        yield table(alignment_rows(result.best_unbelieved))
-    if result.by_hand is not None:
-        yield from by_hand_tables(result.by_hand)
-
-
-def provenance(result: Result) -> Iterator[str]:
-    """Yield inputs, times, versions and parameters as HTML."""
-    yield "<h3>Inputs</h3>\n"
-    yield _digests(result.inputs)
-    yield '<div class="columns"><div>\n<h3>Seconds per stage</h3>\n'
-    yield table((name, f"{value:.1f} s") for name, value in result.seconds.items())
-    yield "</div><div>\n<h3>Versions</h3>\n"
-    yield table(result.versions.items())
-    yield '</div></div>\n<div class="columns">\n'
-    for name, parameters in result.parameters.items():
-        if parameters:
-            yield f"<div><h3>Parameters, {escape(name)}</h3>\n{_leaves(parameters)}</div>\n"
-    yield "</div>\n"
-
-
-def panorama_provenance(made: Mapping[str, Any]) -> Iterator[str]:
-    """Yield inputs, versions and parameters of a panorama as HTML, as far as its provenance says them."""
-    if isinstance(device := made.get("device"), str):
-        yield f"<h3>Device</h3>\n<p>{escape(device)}, for what can be computed there</p>\n"
-    parts = {"Inputs": "inputs", "Sidecar": "acquisition", "Parameters": "parameters", "Versions": "versions"}
-    for title, key in parts.items():
-        if isinstance(said := made.get(key), Mapping) and said:
-            yield f"<h3>{title}</h3>\n"
-            yield _digests(said) if key == "inputs" else _leaves(said)
+def overlap_table(overlaps: Sequence[NamedOverlap]) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of ``overlaps``, without columns of which nothing is known."""
+    columns = {title: [text(named) for named in overlaps] for title, text in OVERLAP_COLUMNS.items()}
+    columns = {title: cells for title, cells in columns.items() if title in ALWAYS or set(cells) != {NOTHING}}
+    names = [f"{named.of[0]} and {named.of[1]}, {named.where}" for named in overlaps]
+    return ["", *columns], [list(row) for row in zip(names, *columns.values(), strict=True)]
 
 
 def conditions(result: Result, grid: SurfaceGrid) -> str:
@@ -119,14 +63,6 @@ def _only_one(named: NamedOverlap) -> str:
     areas = zip(named.of, (named.overlap.only_a_mm2, named.overlap.only_b_mm2), strict=True)
     known = [f"{name} {area_text(area)}" for name, area in areas if area is not None]
     return ", ".join(known) or NOTHING
-
-
-def _digests(inputs: Mapping[str, object]) -> str:
-    return table(((name, str(digest)) for name, digest in inputs.items()), ["file", "sha256"], code=(1,))
-
-
-def _leaves(values: Mapping[str, object]) -> str:
-    return table((name, value_text(key, value)) for name, key, value in flattened(values))
 
 
 def _side_facts(side: SideFindings, result: Result) -> dict[str, str]:

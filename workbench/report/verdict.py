@@ -8,7 +8,6 @@ from typing import Literal
 from endoct.fusion.result import Result, StoredAlignment
 from endoct.stitching.doubt import Doubt
 from endoct.workbench.report.by_hand import by_hand_headline, by_hand_sentences
-from endoct.workbench.report.doubts import count_doubts
 from endoct.workbench.report.wording import length_text, without_stop
 
 LEAST_UNEVEN_DEG = 1.0
@@ -55,6 +54,11 @@ def recording_verdict(doubts: Sequence[Doubt]) -> Verdict:
     if doubts:
         return Verdict("doubted", f"Unrolled, with {count_doubts(doubts)}.")
     return Verdict("trusted", "Unrolled; nothing speaks against it.")
+
+
+def count_doubts(doubts: Sequence[object]) -> str:
+    """Return "1 doubt" or "2 doubts"."""
+    return f"{len(doubts)} doubt{'s' if len(doubts) != 1 else ''}"
 
 
 def strength(alignment: StoredAlignment) -> str:

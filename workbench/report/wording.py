@@ -1,8 +1,7 @@
-"""How a report says numbers and sentences: with units, sensible digits, and escaped for HTML."""
+"""How a report says numbers and sentences: with units and sensible digits."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from html import escape
+from collections.abc import Iterator, Mapping, Sequence
 
 UNIT_BY_SUFFIX = {"mm": "mm", "mm2": "mm²", "rad": "rad", "px": "px", "hz": "Hz", "db": "dB", "s": "s"}
 SHARES = ("jaccard", "dice", "fraction", "confidence", "correlation", "recall", "precision", "share")
@@ -66,47 +65,14 @@ def key_text(key: str) -> str:
     return " ".join(_words_and_unit(key)[0])
 
 
-def flattened(values: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str, object]]:
-    """Yield (name in words with the names above it, key, value) of every leaf."""
+def leaf_rows(values: Mapping[str, object], path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield (name in words with the names above it, value) of every leaf."""
     for key, value in values.items():
         name = f"{path} › {key_text(str(key))}" if path else key_text(str(key))
         if isinstance(value, Mapping):
-            yield from flattened(value, name)
+            yield from leaf_rows(value, name)
         else:
-            yield name, str(key), value
-
-
-def table(
-    rows: Iterable[Sequence[str]], header: Sequence[str] = (), *, code: Sequence[int] = (), text: Sequence[int] = ()
-) -> str:
-    """Return an HTML table of plain texts, the first column as row headers; columns in ``code`` in fixed width.
-
-    A cell is set as a number, to the right, unless it is long or its column is in ``text``.
-    """
-    body = "".join(
-        f'<tr><th scope="row">{escape(row[0])}</th>'
-        + "".join(
-            f'<td class="{"code" if k in code else _kind(cell, k in text)}">{escape(cell)}</td>'
-            for k, cell in enumerate(row[1:], 1)
-        )
-        + "</tr>\n"
-        for row in rows
-    )
-    if not body:
-        return ""
-    head = "".join(
-        f"<th{' class=number' if k and k not in (*code, *text) else ''}>{escape(name)}</th>"
-        for k, name in enumerate(header)
-    )
-    return (
-        '<div class="scroll"><table>'
-        + (f"<thead><tr>{head}</tr></thead>" if header else "")
-        + f"<tbody>\n{body}</tbody></table></div>\n"
-    )
-
-
-def _kind(cell: str, is_text: bool) -> str:
-    return "text" if is_text or len(cell) > 30 else "number"
+            yield name, value_text(str(key), value)
 
 
 def _words_and_unit(key: str) -> tuple[list[str], str]:

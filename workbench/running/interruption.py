@@ -25,7 +25,7 @@ _interrupted = Event()
 
 
 def watch() -> None:
-    """Have the first SIGINT or SIGTERM from now on raise KeyboardInterrupt, and again at :func:`stop_if_interrupted`."""
+    """Have the first SIGINT or SIGTERM from now on raise KeyboardInterrupt, again at :func:`stop_if_interrupted`."""
     _interrupted.clear()
     for number in SIGNALS:
         signal.signal(number, _interrupt)

@@ -13,7 +13,7 @@ from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed, estimate_feed
-from endoct.stitching.robust import robust_sigma
+from endoct.stitching.robust import error_of_median
 
 FEWEST_PAIRS = 5
 """Of neighbouring frames that could be matched: fewer say nothing about the recording as a whole."""
@@ -90,7 +90,7 @@ def scale_by_feed(feed: Feed, nominal: Coordinates | None, visible_length_mm: fl
         )
     larger = np.abs(np.diff(nominal))[known] / np.abs(np.diff(feed.z_mm))[known]
     ratio = float(np.median(larger))
-    error = 1.25 * robust_sigma(larger - ratio) / ratio / float(np.sqrt(known.sum()))
+    error = error_of_median(larger - ratio) / ratio
     return ratio, (
         f"The sidecar does not give visible_length_mm; by the nominal feed it is {ratio * visible_length_mm:.3f} mm "
         f"(± {error:.1%}, if the nominal feed is right on average)."

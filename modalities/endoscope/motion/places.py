@@ -14,7 +14,7 @@ from endoct.stitching.circle import turned_harmonic
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.feed import Feed
-from endoct.stitching.robust import robust_sigma
+from endoct.stitching.robust import error_of_median
 
 DOUBTED_FEED, SURE_OF_FEED = 0.1, 2.5
 """From what difference of measured and nominal feed on, relative and in standard errors, one of them must be wrong."""
@@ -105,7 +105,7 @@ def _doubts_of_feed(feed: Feed, nominal: Coordinates | None) -> tuple[Doubt, ...
         return ()
     measured_mm, stated_mm = measured_mm[known], stated_mm[known]
     ratio = float(np.median(measured_mm / stated_mm))
-    error = 1.25 * robust_sigma(measured_mm / stated_mm - ratio) / float(np.sqrt(known.sum()))
+    error = error_of_median(measured_mm / stated_mm - ratio)
     if abs(ratio - 1) <= max(DOUBTED_FEED, SURE_OF_FEED * error):
         return ()
     step_mm, nominal_mm = float(np.median(measured_mm)), float(np.median(stated_mm))

@@ -7,10 +7,13 @@ import numpy as np
 
 from endoct.modalities.folders import entries, is_folder
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, LEAST_SAMPLES, MOST_SAMPLES
+from endoct.modalities.oct.spectra.vectors import is_text, numbers_of
 from endoct.stitching.arrays import Coordinates
 from endoct.stitching.errors import EndoctError
 from endoct.stitching.files import read_start
 
+_MOST_BYTES = 24 * MOST_SAMPLES
+"""Of a chirp: 8 a sample, more as text."""
 ENDS = 0.05
 """Share of the samples by which a chirp may begin and end beside the first and the last of them."""
 
@@ -32,12 +35,25 @@ def seems_spectra(path: Path) -> str | None:
 
 def _chirp_length(file: Path) -> int:
     """Return of how many samples the file is a chirp, 0 where it is none."""
-    data = read_start(file, 8 * MOST_SAMPLES + 1)
+    data = read_start(file, _MOST_BYTES)
+    if is_text(data):
+        return _text_length(data, file)
     for itemsize, kind in ((8, "<f8"), (4, "<f4")):
         n = len(data) // itemsize
         if len(data) % itemsize == 0 and LEAST_SAMPLES <= n <= MOST_SAMPLES and _rises(np.frombuffer(data, kind)):
             return n
     return 0
+
+
+def _text_length(data: bytes, file: Path) -> int:
+    """Return of how many samples a text with a number a line is a chirp, 0 where it is none."""
+    if len(data) == _MOST_BYTES:
+        return 0
+    try:
+        values = numbers_of(data, file)
+    except EndoctError:
+        return 0
+    return values.size if LEAST_SAMPLES <= values.size <= MOST_SAMPLES and _rises(values) else 0
 
 
 @np.errstate(invalid="ignore", over="ignore")

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bore_pairs import Pair, make_pair
+from bore_pairs import Pair, make_pair, panorama
 
 from endoct.fusion.evidence.prepare import prepare
-from endoct.fusion.registration.rigidity import Part, parts_out_of_place
+from endoct.fusion.geometry.placement import IN_PLACE
+from endoct.fusion.registration.rigidity import NEAR, Part, parts_out_of_place
 from endoct.stitching.panorama import Panorama
 
 ROWS, ROW_MM, TURN_RAD = 45, 0.2, 0.3
@@ -108,3 +109,42 @@ def test_swapped_slices_are_found_where_they_belong(rearrange: Callable[[np.ndar
     pair = make_pair(rows=ROWS)
     parts = out_of_place(pair, rearranged(pair.b, rearrange(np.arange(ROWS))))
     assert {round(part.along_mm / (15 * ROW_MM)) for part in parts} == {-1, 1}
+
+
+def partly_lit(cells: int, moved_mm: float, *, lit: bool, seed: int) -> tuple[Panorama, Panorama]:
+    """Two sides of a bore of ``cells``, one over the seam; B's lie ``moved_mm`` on. ``lit``: A misses a part."""
+    rng = np.random.default_rng(seed)
+    z_mm, theta = 0.05 * np.arange(180), 2 * np.pi / 512 * np.arange(512)
+    middles = np.array([[4.5, 0.0], [4.3, 2.2], [4.8, 4.4]])[:cells]
+
+    def relief(on_mm: float, half: bool) -> np.ndarray:
+        depth = np.zeros((z_mm.size, theta.size))
+        for z, turn in middles:
+            across = 1.25 * np.mod(theta - turn + np.pi, 2 * np.pi) - 1.25 * np.pi
+            inside = np.hypot((z_mm - z - on_mm)[:, None], across) < 0.6
+            depth[inside & ((z_mm > z - 0.2)[:, None] | (not half))] = 0.5
+        return depth
+
+    dark = np.exp(-relief(0.0, lit) / 0.4 + 0.4 * rng.normal(size=(180, 512)))
+    deep = relief(moved_mm, half=False) + 0.01 * rng.normal(size=dark.shape)
+    valid = np.ones(dark.shape, np.bool_)
+    valid[60:70, 480:] = False
+    return panorama(dark, dz_mm=0.05, valid=valid), panorama(np.ones(deep.shape), dz_mm=0.05, depth_mm=deep)
+
+
+@pytest.mark.parametrize(
+    ("cells", "moved_mm", "lit", "found"),
+    [(1, 0.0, True, False), (1, 0.4, False, True), (3, 0.4, False, True), (3, 0.0, False, False)],
+)
+def test_a_single_cell_must_fit_elsewhere_more_clearly_than_several(
+    cells: int, moved_mm: float, lit: bool, found: bool
+) -> None:
+    """Where light reaches a third of its floor, a cell fits somewhat farther on better than in its place."""
+    a, b = partly_lit(cells, moved_mm, lit=lit, seed=1)
+    assert bool(parts_out_of_place(prepare(a), prepare(b), IN_PLACE)) == found
+
+
+def test_light_in_a_part_of_one_cell_would_pass_for_a_part_out_of_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("endoct.fusion.registration.rigidity.LONE_CLEAR", NEAR.clear)
+    a, b = partly_lit(1, 0.0, lit=True, seed=0)
+    assert parts_out_of_place(prepare(a), prepare(b), IN_PLACE)

@@ -65,6 +65,21 @@ def test_labels_follow_the_pieces() -> None:
     assert (found.label == (found.place_mm[:, 0] > 15 * DZ) + 1).all()
 
 
+def test_every_piece_around_a_sample_has_its_label_also_over_the_seam() -> None:
+    """Of cells of one sample each, a piece of outline has its sample at one corner only."""
+    rng = np.random.default_rng(2)
+    labels = np.zeros((40, 60), np.int32)
+    places = [(row, column) for row in range(3, 38, 5) for column in range(3, 60, 7)]
+    for number, (row, column) in enumerate(places, 1):
+        labels[row + rng.integers(0, 3) - 1, column] = number
+    found = outline(labels > 0, np.ones(labels.shape, np.bool_), DZ, COLUMN, labels)
+    assert (np.bincount(found.label)[1:] == 4).all()
+    for place, number in zip(found.place_mm, found.label, strict=True):
+        row, column = np.argwhere(labels == number)[0]
+        across = (place[1] / COLUMN - column + 30) % 60 - 30
+        assert max(abs(place[0] / DZ - row), abs(across)) == pytest.approx(0.5)
+
+
 @pytest.mark.filterwarnings("ignore")  # its own imports
 def test_as_surface_distance_measures_a_tiled_wall() -> None:
     import surface_distance

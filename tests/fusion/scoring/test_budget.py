@@ -136,3 +136,20 @@ def test_faint_signs_are_told_from_bare_wall_by_size() -> None:
     assert invisible_cells(side, labels, [1, 2, 3, 9], GRID) == hidden  # a speck that fell between the samples
     drawn = Surface("b", ~SEEN, SEEN)
     assert invisible_cells(drawn, labels, [1, 2, 3], GRID) == []
+
+
+def test_cells_of_its_own_are_no_bare_wall() -> None:
+    """Bare wall is what neither side calls a cell and the side observed, with or without many cells of its own."""
+    rng = np.random.default_rng(4)
+    own = wall(GRID.z_mm, GRID.theta_rad, DISCS[DISCS[:, 0] < 5])
+    others = np.array([[6.0, 0.1, 0.3], [6.0, 3.0, 0.3], [7.2, 4.0, 0.3]])  # the first over the seam
+    labels = label_in_order(wall(GRID.z_mm, GRID.theta_rad, others) & ~own)
+    seam, bare, unseen = (labels[np.argmin(np.abs(GRID.z_mm - z)), round(t / GRID.dtheta_rad)] for z, t, _ in others)
+    assert len({seam, bare, unseen, 0}) == 4
+    contrast = rng.normal(0, 0.3, GRID.shape) + 0.9 * own + 0.3 * (labels == seam)
+    seen = SEEN.copy()
+    seen[GRID.z_mm > 6.7] = False
+    contrast[~seen] = 1.0
+    side = Surface("b", own, seen, contrast=contrast.astype(np.float32))
+    assert own[seen].mean() > 0.1
+    assert invisible_cells(side, labels, [1, 2, 3], GRID) == [bare]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
-from endoct.fusion.scoring.overlap import agreement, difference
+from endoct.fusion.scoring.overlap import agreement, difference, jaccard
 from endoct.fusion.scoring.sites import find_sites
 
 A = np.array([[1, 1, 0, 0], [1, 0, 0, 1]], np.bool_)
@@ -42,6 +42,20 @@ def test_what_one_or_two_cells_decide() -> None:
     assert find_sites(a[:4], b[:4], seen[:4], 1.0).jaccard_without_two() is None
 
 
+@pytest.mark.parametrize("last", ["a", "b", "both"])
+def test_sites_count_each_side_also_where_the_last_shows_one_only(last: str) -> None:
+    a, b = np.zeros((2, 9, 12), np.bool_)
+    a[1, [11, 0, 1]] = b[1, [0, 1, 2]] = True  # over the seam
+    a[4, 4] = b[5, 5] = True  # at a corner: one
+    a[8, 8:10], b[8, 8:10] = last != "b", last != "a"
+    sites = find_sites(a, b, np.ones(a.shape, np.bool_), 0.5)
+    assert sites.both.tolist() == [2, 0, 2 * (last == "both")]
+    assert sites.only_a.tolist() == [1, 1, 2 * (last == "a")]
+    assert sites.only_b.tolist() == [1, 1, 2 * (last == "b")]
+    assert sites.area_mm2.tolist() == [2, 1, 1]
+    assert np.bincount(sites.labels.ravel()).tolist() == [9 * 12 - 8, 4, 2, 2]
+
+
 def test_the_difference_image() -> None:
     assert difference(A, B, SEEN).tolist() == [[1, 2, 3, 0], [1, 0, 0, -1]]
 
@@ -51,6 +65,8 @@ def test_no_cells_at_all_is_no_score() -> None:
     found = agreement(none, none, SEEN, 1.0)
     assert found.jaccard is None
     assert found.dice is None
+    assert jaccard(none, none, SEEN) is None
+    assert jaccard(A, B, SEEN) == pytest.approx(2 / 4)
 
 
 @given(

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import dice, jaccard
 from skimage.measure import label
 
+from endoct.fusion.geometry.placement import IN_PLACE, Sampling
 from endoct.fusion.result import PairScores
 from endoct.fusion.scoring.cells import measure
-from endoct.fusion.scoring.scores import pair_scores
+from endoct.fusion.scoring.scores import pair_scores, score_sides
 from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.circle import wrap_rad
 from endoct.stitching.grid import SurfaceGrid
@@ -54,6 +55,10 @@ def test_overlap_as_scipy_has_it() -> None:
     found = card(a, b, seen).grid
     assert found.jaccard == pytest.approx(1 - jaccard(a[seen], b[seen]))
     assert found.dice == pytest.approx(1 - dice(a[seen], b[seen]))
+    sample_mm2 = GRID.dz_mm * GRID.dtheta_mm
+    areas = (a & b, a & ~b, ~a & b, ~a & ~b)
+    said = (found.both_mm2, found.only_a_mm2, found.only_b_mm2, found.neither_mm2)
+    assert said == pytest.approx([(part & seen).sum() * sample_mm2 for part in areas])
     assert found.sites == label((np.roll(a | b, 40, axis=1) & np.roll(seen, 40, axis=1)), connectivity=2).max()
 
 
@@ -126,3 +131,17 @@ def test_nothing_to_score() -> None:
     assert one_sided.grid.jaccard == 0
     assert one_sided.cells.precision is None
     assert one_sided.cells.recall == 0
+
+
+def test_sides_that_are_not_aligned_have_cells_but_no_scores() -> None:
+    rng = np.random.default_rng(6)
+    surfaces = [Surface(name, wall(LATTICE + rng.normal(0, 0.05, LATTICE.shape)), SEEN) for name in "ab"]
+    samplings = Sampling(GRID, IN_PLACE), Sampling(GRID, IN_PLACE)
+    scored = score_sides((surfaces[0], surfaces[1]), GRID, samplings, 0.1)
+    assert scored.scores == pair_scores(*surfaces, scored.cells, GRID, 0.1)
+    assert scored.budget is not None
+    assert scored.budget.one_minus_jaccard == pytest.approx(1 - scored.scores.grid.jaccard)
+    assert {cell.seen_by for cell in scored.cells} == {"both"}
+    alone = score_sides((surfaces[0], surfaces[1]), GRID, None, 0.1)
+    assert (alone.scores, alone.budget) == (None, None)
+    assert {cell.seen_by for cell in alone.cells} == {"a", "b"}

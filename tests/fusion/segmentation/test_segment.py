@@ -10,12 +10,22 @@ from bore_pairs import Pair
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy.ndimage import binary_erosion, grey_dilation
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.segmentation.believing import believability_of, doubts_of_cells
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import label, morphology, quantiles, remove_small
+from endoct.fusion.segmentation.regions import (
+    eroded,
+    highest_within,
+    label,
+    label_in_order,
+    morphology,
+    quantiles,
+    remove_small,
+    within,
+)
 from endoct.fusion.segmentation.segment import find_cells, segment
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.errors import EndoctError
@@ -100,6 +110,37 @@ def test_opening_removes_what_is_narrower_than_twice_the_radius() -> None:
     opened = morphology(mask, "open", 0, 2)
     assert not opened[:, :10].any()
     assert np.array_equal(opened[:, 20:27], mask[:, 20:27])
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(0.3, 4.0), (3.4, 1.0), (2.0, 5.0)])
+def test_what_lies_within_an_ellipse_as_scipy_has_it_on_a_tiled_wall(rows: float, columns: float) -> None:
+    rng = np.random.default_rng(5)
+    image, mask = rng.normal(size=(20, 30)).astype(np.float32), rng.random((20, 30)) < 0.05
+    up, across = max(1, round(rows)), max(1, round(columns))
+    y, x = np.mgrid[-up : up + 1, -across : across + 1]
+    ellipse = np.hypot(y / up, x / across) <= 1 + 1e-12
+
+    def dilated(values: np.ndarray) -> np.ndarray:
+        ended = np.pad(np.tile(values, 3), ((up, up), (0, 0)), constant_values=-9)  # z ends, θ does not
+        return np.asarray(grey_dilation(ended, footprint=ellipse)[up:-up, 30:60])
+
+    np.testing.assert_array_equal(highest_within(image, rows, columns), dilated(image))
+    np.testing.assert_array_equal(within(mask, rows, columns), dilated(mask.astype(np.float32)) > 0)
+    big = within(mask, 3, 4)
+    tiled = np.pad(np.tile(big, 3), ((1, 1), (0, 0)), mode="edge")
+    np.testing.assert_array_equal(eroded(big), binary_erosion(tiled, np.ones((3, 3)))[1:-1, 30:60])
+
+
+def test_labels_are_in_the_order_of_where_cells_lie_along_the_bore() -> None:
+    mask = np.zeros((30, 40), np.bool_)
+    for number, row in enumerate((3, 8, 13, 18, 23)):
+        mask[row : row + 2, np.arange(16 * number - 2, 16 * number + 3) % 40] = True
+    mask[4:28, 20] = True  # its middle is row 15.5
+    labels = label_in_order(mask)
+    middles = [np.argwhere(labels == number)[:, 0].mean() for number in range(1, labels.max() + 1)]
+    assert labels.max() == label(mask)[1]
+    assert middles == sorted(middles)
+    np.testing.assert_array_equal(labels > 0, mask)
 
 
 def test_small_cells_go_and_a_cell_split_by_the_seam_counts_whole() -> None:

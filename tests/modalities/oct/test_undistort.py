@@ -1,8 +1,10 @@
 """From angle and depth to angle and radius, and back."""
 
 import numpy as np
+import pytest
 
-from endoct.modalities.oct.undistort import beam_of, radius_mm
+from endoct.modalities.oct.undistort import beam_of, depth_at_radius_mm, radius_mm, theta_at_radius
+from endoct.stitching.circle import wrap_rad
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 
@@ -15,3 +17,24 @@ def test_undistortion_undoes_itself(unrolled: UnrollPhantom) -> None:
         # the ripple is read at the bore's surface: exact there, a micrometre or so elsewhere
         atol = 1e-9 if distance == 1.2 else 0.003
         np.testing.assert_allclose(radius_mm(calibration, 1, angle, depth), distance, atol=atol)
+
+
+@pytest.mark.parametrize("undistort", ["eccentric", "sine"])
+@pytest.mark.parametrize("handedness", ["same", "mirrored"])
+def test_where_an_ascan_meets_a_radius_is_where_that_place_is_seen(
+    unrolled: UnrollPhantom, undistort: str, handedness: str
+) -> None:
+    """Depth and θ at a radius, against radius and A-scan at a θ; off axis, from an origin of the sidecar's."""
+    phantom = Phantom(n_slices=3, offset_mm=0.2, sidecar={"handedness": handedness, "theta_origin_rad": 0.7})
+    calibration = unrolled(phantom, undistort=undistort)[1]
+    nominal = np.linspace(0, 2 * np.pi, 90, endpoint=False)
+    for distance in (1.2, 1.5):
+        depth = depth_at_radius_mm(calibration, 1, nominal, np.full(90, distance))
+        atol = 1e-9 if distance == 1.2 or undistort == "sine" else 0.003
+        np.testing.assert_allclose(radius_mm(calibration, 1, nominal, depth), distance, atol=atol)
+        theta = theta_at_radius(calibration, 1, nominal, np.full(90, distance))
+        seen, there = beam_of(calibration, 1, theta, np.full(90, distance))
+        np.testing.assert_allclose(wrap_rad(seen - nominal), 0, atol=0.003)
+        np.testing.assert_allclose(there, depth, atol=0.003)
+    if undistort == "eccentric":
+        assert np.isnan(depth_at_radius_mm(calibration, 1, nominal, np.full(90, 0.05))).any()

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import PIL.Image
 import pytest
+import SimpleITK as sitk
 import tifffile
 import zarr
 from marked_wall import MARK, PLACES, RADIUS_MM, UNSEEN, Place, grid, write_marked, write_marked_comparison
@@ -192,7 +193,6 @@ def test_uneven_rows_become_even_ones_and_gaps_stay_open(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("to", ["ome-tiff", "labels"])
 def test_ome_tiff_is_read_by_simpleitk_too(tmp_path: Path, to: Any) -> None:
-    sitk = pytest.importorskip("SimpleITK", reason="SimpleITK is not installed")
     comparison = write_marked_comparison(tmp_path / "result", PLACES[0])
     exported = export(comparison, tmp_path / "x.ome.tif", to=to)
     image = sitk.ReadImage(str(tmp_path / "x.ome.tif"))

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import SimpleITK as sitk
 from marked_wall import ALIGNMENT, PLACES, write_marked, write_marked_comparison
 
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
@@ -41,7 +42,6 @@ def test_a_point_of_b_lands_where_the_alignment_puts_it(tmp_path: Path, mirrored
 
 
 def test_itk_reads_the_transform(tmp_path: Path) -> None:
-    sitk = pytest.importorskip("SimpleITK", reason="SimpleITK is not installed")
     export(write_marked_comparison(tmp_path / "result", PLACES[0]), tmp_path / "b_to_a.tfm")
     transform = sitk.ReadTransform(str(tmp_path / "b_to_a.tfm"))
     expected = on_wall(ALIGNMENT.theta_to_a(0.4), ALIGNMENT.z_to_a(3.0))

@@ -7,6 +7,7 @@ import nibabel
 import nrrd
 import numpy as np
 import pytest
+import SimpleITK as sitk
 from marked_wall import MARK, PLACES, RADIUS_MM, WALL, Place, write_marked
 
 from endoct.stitching.errors import EndoctError
@@ -39,7 +40,6 @@ def read_nifti(path: Path) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarra
 
 
 def read_itk(path: Path) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-    sitk = pytest.importorskip("SimpleITK", reason="SimpleITK is not installed")
     image = sitk.ReadImage(str(path))
     voxels = sitk.GetArrayFromImage(image).transpose(2, 1, 0)
     return voxels, lambda index: np.array(image.TransformContinuousIndexToPhysicalPoint(index.tolist()))

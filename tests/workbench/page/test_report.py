@@ -15,7 +15,17 @@ import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 from PIL import Image
 
-from endoct.fusion.result import CellScores, Limits, MaskScores, PairScores, Result, Threshold
+from endoct.fusion.result import (
+    CellScores,
+    Consensus,
+    Limits,
+    MaskScores,
+    PairScores,
+    RaterPair,
+    Raters,
+    Result,
+    Threshold,
+)
 from endoct.stitching.doubt import Doubt
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.page.report import write_report
@@ -277,6 +287,19 @@ def _digest(text: str) -> str:
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
+def raters_called(name: str) -> Raters:
+    scores = {
+        "jaccard": 0.8,
+        "dice": 0.9,
+        "boundary_mean_mm": None,
+        "boundary_p95_mm": None,
+        "boundary_within_share": None,
+    }
+    pair = RaterPair(first=(name, name), second=(name, name), within=False, **scores)
+    agreed = Consensus(method=name, sides={"oct": MaskScores(jaccard=0.8, dice=0.9)})
+    return Raters(pairs=(pair,), consensus={"majority": agreed, name: agreed})
+
+
 def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
     hostile = "</style></title>\"'><img src=x onerror=alert(1)><script>alert(1)</script>&\x1b[31m\u202e\udce9"
     _, _, page = make(
@@ -291,6 +314,7 @@ def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
         threshold={"endoscope": Threshold(value=0.5, unit=hostile, of=hostile)},
         polarity={"oct": hostile},
         truth={f"truth/{hostile}.png": {"oct": MaskScores(jaccard=0.8, dice=0.9)}},
+        raters=raters_called(hostile),
     )
     assert {"iframe", "object", "base"}.isdisjoint(page.tags)
     assert (page.tags.count("script"), page.tags.count("link")) == (3, 1)

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import tifffile
 
 from endoct.modalities.contract import FrameStream, Manifest
 from endoct.modalities.registry import open_recording
 from endoct.stitching.digests import digests
 from endoct.stitching.errors import EndoctError
 from endoct.workbench.pipeline import unrolling
+from endoct.workbench.pipeline.information import describe
 from endoct.workbench.pipeline.unrolling import open_side, unroll_path, unroll_recording
 from endoct.workbench.running.progress import SilentStages
 
@@ -50,3 +52,18 @@ def test_what_changes_as_a_path_is_opened_is_noticed(
     monkeypatch.setattr(unrolling, "open_recording", changed)
     with pytest.raises(EndoctError, match="was changed while it was read"):
         unroll_path(tmp_path, SilentStages(), modality=None, settings={})
+
+
+def test_what_files_leave_open_reaches_the_panorama(short: Path, tmp_path: Path) -> None:
+    pages = tifffile.imread(next((short / "oct").glob("*.tif")))
+    (tmp_path / "acquisition.toml").write_bytes((short / "oct" / "acquisition.toml").read_bytes())
+    for k, page in enumerate(pages):
+        written = pages[3] if k == 5 else page  # the grabber gave one slice twice
+        tifffile.imwrite(tmp_path / f"slice_{k:03d}.tif", written, compression="zlib" if k == 5 else None)
+    (tmp_path / "slice_002 (1).tif").write_bytes((tmp_path / "slice_002.tif").read_bytes())
+    panorama = unroll_path(tmp_path, SilentStages(), modality=None, settings={"n_theta": 512}).panorama
+    assert panorama.grid.n_z == len(pages)
+    (doubt,) = [doubt for doubt in panorama.doubts if doubt.code == "frames-repeated"]
+    assert "5 as 3" in doubt.what
+    assert any("slice_002 (1).tif" in note for note in panorama.notes)
+    assert any("slice_002 (1).tif" in note for note in describe(tmp_path)["notes"])

@@ -198,3 +198,28 @@ def test_labels_are_named_by_a_table_and_all_files_are_inputs(
         assert inputs[path.name] == sha256_of(path)
     without = (files / "camera.zarr", "--ct", ct, *plan_of(case), "-o", tmp_path / "other", "--label-names", "endoct")
     assert "no labels to be named" in command(*without)[1][0]
+
+
+FAULTS: dict[str, Callable[[list[dict[str, Any]]], None]] = {
+    "8.dcm": lambda slices: slices.pop(9),  # a gap after it
+    "5.dcm": lambda slices: slices[5].update(ImagePositionPatient=slices[4]["ImagePositionPatient"]),
+    "7.dcm": lambda slices: slices[7].update(values=slices[7]["values"][:-4]),
+    "3.dcm": lambda slices: slices[3].pop("ImagePositionPatient"),
+    "11.dcm": lambda slices: slices[11].update(ImageOrientationPatient=[1, 0, 0, 0, 0, -1]),
+}
+"""By the slice that is to be named."""
+
+
+@pytest.mark.parametrize("named", FAULTS)
+@pytest.mark.parametrize("before_drilling", [False, True])
+def test_a_faulty_series_is_one_line_and_leaves_nothing(
+    command: Command, files: Path, case: PoseCase, tmp_path: Path, named: str, before_drilling: bool
+) -> None:
+    slices = slices_of(case)
+    FAULTS[named](slices)
+    series = write_series(tmp_path / "series", slices)
+    side = ["--plan-only"] if before_drilling else [files / "camera.zarr"]
+    status, errors, _ = command(*side, "--ct", series, *plan_of(case), "-o", tmp_path / "out")
+    assert (status, len(errors)) == (1, 1)
+    assert named in errors[0]
+    assert not (tmp_path / "out").exists()

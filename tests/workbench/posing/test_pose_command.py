@@ -16,7 +16,7 @@ from endoct.modalities.trajectory import Trajectory
 from endoct.stitching.errors import EndoctError
 from endoct.workbench import compare, verify
 from endoct.workbench.page.report import write_report
-from endoct.workbench.posing import finding, pose
+from endoct.workbench.posing import finding
 from endoct.workbench.posing.result import PoseResult
 
 Command = Callable[..., tuple[int, list[str], str]]
@@ -231,12 +231,3 @@ def test_a_volume_of_another_world_is_one_line_and_leaves_nothing(
     assert len(errors) == 1
     assert message in errors[0]
     assert not (tmp_path / "out").exists()
-
-
-def test_without_torch_it_says_what_to_install(
-    command: Command, files: Path, case: PoseCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(pose, "NEEDED", ("torch", "a_library_that_nobody_has"))
-    status, errors, _ = command(files / "camera.zarr", "--ct", files / "ct.nrrd", *plan_of(case), "-o", tmp_path / "o")
-    assert status == 1
-    assert "a_library_that_nobody_has is installed; pip install 'endoct[pose]'" in errors[0]

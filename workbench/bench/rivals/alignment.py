@@ -18,7 +18,6 @@ from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
 from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.task import NotInstalled
 from endoct.workbench.bench.tasks.alignment import orientations_between
 
 SLOW_PX = 4
@@ -142,11 +141,8 @@ def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
 def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """kornia's pyramidal registration of a similarity, with either polarity, on every fourth sample."""
-    try:
-        from kornia.geometry.transform import ImageRegistrator
-    except ImportError as error:
-        raise NotInstalled("kornia") from error
-    import torch  # kornia needs it; not loaded, which takes seconds, where kornia is absent
+    import torch
+    from kornia.geometry.transform import ImageRegistrator
 
     def registered(flat: Flat) -> Iterator[Matrix]:
         rows, columns = max(flat.a.shape[0], flat.b.shape[0]), flat.a.shape[1]
@@ -169,10 +165,7 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
 def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """SimpleITK's registration by Mattes' mutual information, affine, from the middle, on every fourth sample."""
-    try:
-        import SimpleITK as sitk
-    except ImportError as error:
-        raise NotInstalled("SimpleITK") from error
+    import SimpleITK as sitk
 
     def registered(flat: Flat) -> Iterator[Matrix]:
         fixed, moving = sitk.GetImageFromArray(flat.b), sitk.GetImageFromArray(flat.a)

@@ -13,7 +13,6 @@ from endoct.fusion.pose.wall import Sense
 from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.pose_starts import RANKED_BY, Matching, Score
-from endoct.workbench.bench.task import NotInstalled
 
 VOXEL_MM = 0.25
 WITHIN_MM = 0.15
@@ -31,10 +30,8 @@ def simpleitk_matching(air: AirAround) -> Callable[[Observation, Panorama], Matc
 
     Starts are ranked by correlation.
     """
-    try:
-        import SimpleITK as sitk
-    except ImportError:
-        raise NotInstalled("SimpleITK") from None
+    import SimpleITK as sitk
+
     whole = sitk.GetImageFromArray(air.values[0, 0].numpy())
     whole.SetSpacing((STEP_MM,) * 3)
     whole.SetOrigin(air.corner_mm)

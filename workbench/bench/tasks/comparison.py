@@ -10,6 +10,7 @@ import numpy as np
 from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.segment import segment
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
@@ -17,7 +18,7 @@ from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.specimens import DIFFICULTIES, PRESET_WORDS, simulated, truths_of
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Case, Declined, Given, Range, draw
-from endoct.workbench.pipeline.truth import held_against, jaccard, load_truth
+from endoct.workbench.pipeline.truth import held_against, load_truth
 
 Part = Literal["oct", "endoscope", "compare"]
 PartSettings = Mapping[str, object]
@@ -117,7 +118,9 @@ def _against_drawn(folder: Path, answer: ComparedPair) -> dict[str, float]:
         if any((folder / "truth").glob(f"{panorama.modality}*")):
             cells = segment(side, answer.parameters)
             drawn = truths_of(folder, panorama).values()
-            scores[name] = float(np.mean([jaccard(cells, one, panorama.valid) for one in drawn]))
+            overlaps = [jaccard(cells, one, panorama.valid) for one in drawn]
+            if known := [one for one in overlaps if one is not None]:
+                scores[name] = float(np.mean(known))
     if answer.comparison.alignment is not None:
         pair = answer.comparison.result.own_rows_jaccard
         scores |= {} if pair is None else {"pair_native": pair}

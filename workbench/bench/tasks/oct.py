@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.segment import segment
 from endoct.modalities.registry import open_recording
 from endoct.stitching.arrays import Coordinates, Mask
@@ -20,7 +21,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.cases.specimens import simulated
 from endoct.workbench.bench.task import SUCCESS, Case, Range, Task, draw
-from endoct.workbench.pipeline.truth import Pose, Truth, jaccard, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import Pose, Truth, load_truth, true_cells, true_pose
 
 CAPILLARY_MM = 1.7
 GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves next to the largest sheath drawn
@@ -76,8 +77,8 @@ def judge(case: Case[Path, Truth], answer: object) -> dict[str, float]:
     overlap = jaccard(cells, true, answer.valid)
     rims = _rim_errors_rad(cells, true, answer.valid)
     return {
-        SUCCESS: float(overlap >= GOOD_ENOUGH),
-        "jaccard": overlap,
+        SUCCESS: float(overlap is None or overlap >= GOOD_ENOUGH),
+        "jaccard": np.nan if overlap is None else overlap,
         "rim_deg": float(np.rad2deg(np.median(np.abs(rims)))) if rims.size else np.nan,
         "beam_deg": float(np.rad2deg(np.sqrt(np.mean(beam_errors_rad(answer, truth) ** 2))))
         if "start_angle_rad" in answer.per_frame

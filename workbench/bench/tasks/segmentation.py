@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label
 from endoct.fusion.segmentation.segment import find_cells
@@ -67,13 +68,12 @@ def judge(case: SegmentationCase, answer: object) -> dict[str, float]:
     if mask.shape != panorama.grid.shape or mask.dtype != np.bool_:
         raise EndoctError("that is no mask", found=f"{mask.dtype} {mask.shape}", expected=f"bool {panorama.grid.shape}")
     valid = panorama.valid
-    both, either = int((mask & cell & valid).sum()), int(((mask | cell) & valid).sum())
-    marked, true = int((mask & valid).sum()), int((cell & valid).sum())
+    both, marked, true = (int((one & valid).sum()) for one in (mask & cell, mask, cell))
     n_found, n_true = _cells_found(mask & valid, cell & valid)
-    jaccard = both / either if either else 1.0
+    overlap = jaccard(mask, cell, valid)
     return {
-        SUCCESS: float(jaccard >= GOOD_ENOUGH),
-        "jaccard": jaccard,
+        SUCCESS: float(overlap is None or overlap >= GOOD_ENOUGH),
+        "jaccard": np.nan if overlap is None else overlap,
         "precision": both / marked if marked else np.nan,
         "recall": both / true if true else np.nan,
         "cells_found": n_found / n_true if n_true else np.nan,

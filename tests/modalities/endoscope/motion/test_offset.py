@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.optics import ConeOptics, assumed_cone
-from endoct.modalities.endoscope.motion.offset import bore_axis
+from endoct.modalities.endoscope.motion.offset import BoreAxis, bore_axis, probe_offsets
 
 RADIUS_MM, INNER_PX, OUTER_PX = 1.25, 60.0, 210.0
 RIMS = Annulus(0, 0, INNER_PX, 0, 0, OUTER_PX)
@@ -64,3 +64,22 @@ def test_an_assumed_cone_tells_most_of_it() -> None:
 
 def test_a_drift_beyond_reason_tells_nothing() -> None:
     assert bore_axis((40.0, 0.0), RIMS, optics(45.0), RADIUS_MM) is None
+
+
+def test_sway_and_the_probes_place_turn_with_the_roll() -> None:
+    """By what θ about the bore's axis differs from θ about the probe's, in directions of the wall."""
+    off, roll = np.array([0.02, -0.035]), 0.8
+    axis = BoreAxis(*off, (0.0, 0.0))
+    cos, sin = axis.sway_rad(roll, RADIUS_MM)
+    along = np.linspace(0, 2 * np.pi, 50, endpoint=False)
+    turned = np.array([[np.cos(roll), -np.sin(roll)], [np.sin(roll), np.cos(roll)]]) @ off
+    true = np.arctan2(
+        RADIUS_MM * np.sin(along) - turned[1], RADIUS_MM * np.cos(along) - turned[0]
+    )  # θ about the axis of what lies at ``along`` about the probe, to first order
+    np.testing.assert_allclose(
+        np.angle(np.exp(1j * (true - along))), cos * np.cos(along) + sin * np.sin(along), atol=2e-3
+    )
+    places = probe_offsets(axis, np.array([[cos, sin], [0.0, 0.01]]), RADIUS_MM)
+    np.testing.assert_allclose([places["probe_offset_x_mm"][0], places["probe_offset_y_mm"][0]], -turned, atol=1e-12)
+    assert places["probe_offset_x_mm"][1] == pytest.approx(-0.01 * RADIUS_MM)
+    assert np.isnan(probe_offsets(None, np.zeros((2, 2)), RADIUS_MM)["probe_offset_x_mm"]).all()

@@ -37,6 +37,8 @@ def lines_of(
     cell: bool = True,
     face_width_mm: float = 0.01,
     glass_mm: float = GLASS_MM,
+    counts_per_db: float = 1.0,
+    line_power: float = 100.0,
 ) -> FixedLines:
     """The lines found in a pullback of glass and bone, the catheter ``offset_mm`` off the axis, seen in dB."""
     rng = np.random.default_rng(7)
@@ -46,8 +48,8 @@ def lines_of(
         in_cell: Mask = (np.abs(ANGLE_RAD - 2) < 0.4) & cell & (5 < k < 12)
         power = _glass(circle, face_width_mm, glass_mm) + _bone(circle, in_cell, glint_db)
         if line_row is not None:
-            power[:, line_row : line_row + 4] += 100
-        level = 10 * np.log10(rng.exponential(1 + power)).astype(np.float32)
+            power[:, line_row : line_row + 4] += line_power
+        level = (counts_per_db * 10 * np.log10(rng.exponential(1 + power))).astype(np.float32)
         nothing = Lines.of([], [], CAPILLARY_MM)
         slices.append(SliceFeatures(Points.none(), N_ASCANS, nothing, level, ANGLE_RAD))
         circles.append(circle)
@@ -119,3 +121,14 @@ def test_a_line_just_behind_where_the_face_is_nearest_is_one(beyond_mm: float, w
 def test_a_sheath_within_the_capillary_is_no_line() -> None:
     row = round((AXIS_DEPTH_MM + CAPILLARY_MM - 0.2) / PIXEL_MM) - 20
     assert not lines_of(0.2, line_row=row).excess.any()
+
+
+@pytest.mark.parametrize("line_power", [10.0, 100.0])
+def test_in_whatever_unit_samples_are_lines_are_the_same(line_power: float) -> None:
+    row = round((AXIS_DEPTH_MM + (CAPILLARY_MM + BORE_MM) / 2) / PIXEL_MM)
+    in_db = lines_of(0.1, line_row=row, line_power=line_power)
+    for counts in (0.1, 12.0):
+        found = lines_of(0.1, line_row=row, line_power=line_power, counts_per_db=counts)
+        np.testing.assert_allclose(found.excess, counts * in_db.excess, atol=1e-2 * counts)
+        np.testing.assert_array_equal(found.undecided, in_db.undecided)
+    assert in_db.excess.any()

@@ -5,7 +5,7 @@ import pytest
 
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.wall import first_edge
+from endoct.modalities.oct.surface.wall import _best_path, first_edge
 from tests.modalities.oct.surface.drawn_bscans import (
     BACKGROUND,
     COLUMN_MM,
@@ -71,3 +71,16 @@ def test_a_bright_speck_before_the_wall_is_not_the_wall() -> None:
     image[300:302, 60:62] = 250
     row = first_edge(image, FIRST_ROW, BACKGROUND, SPACING, OctParameters())
     assert np.max(np.abs(row[290:310] - 120)) < 8
+
+
+def test_the_path_is_closed_wherever_the_turn_begins() -> None:
+    """In noise as strong as the wall's evidence, columns are held by both their neighbours, also over the seam."""
+    rng = np.random.default_rng(1)
+    states = 20 + np.round(6 * np.sin(2 * np.pi * np.arange(160) / 160)).astype(int)
+    evidence = rng.normal(0, 1, (160, 40)).astype(np.float32)
+    evidence[np.arange(160), states] += 1
+    path = _best_path(evidence, 0.5, 3.0)
+    assert np.mean(np.abs(path - states) <= 2) > 0.7
+    for turn in range(1, 160, 3):
+        turned = _best_path(np.roll(evidence, turn, axis=0), 0.5, 3.0)
+        np.testing.assert_array_equal(turned, np.roll(path, turn))

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.segment import segment
 from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.ranges import Range
 from endoct.synthetic.specimen import simulate
 from endoct.workbench import unroll
 from endoct.workbench.bench.tasks import oct as oct_task
-from endoct.workbench.pipeline.truth import jaccard, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 
 
 def test_a_pullback_without_truth_is_told(tmp_path: Path) -> None:

@@ -1,0 +1,72 @@
+"""One drawn recording, given to the plug-in that reads it: what becomes of it."""
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+import numpy as np
+
+from benchmarks.frame_faults.drawn import Truth
+from benchmarks.frame_faults.folders import FAULTS, SOUND
+from benchmarks.frame_faults.pictures import CODED, mask
+from benchmarks.frame_faults.videos import VIDEOS
+from endoct.fusion.files.drawings import read_drawing
+from endoct.modalities.registry import open_recording
+from endoct.modalities.remarks import remarks_of
+from endoct.stitching.errors import EndoctError
+
+PLACE_MM = 0.03
+"""What clocks of videos and in names leave uncertain: less than a sixth of a step."""
+LOSSY = 12.0
+"""Mean difference of samples that coding may leave; those of two frames differ by 85."""
+MASKS = "masks"
+WRITERS: Mapping[str, Callable[[Path, Random], Truth]] = {**SOUND, **FAULTS, **CODED, **VIDEOS}
+ALL = (*WRITERS, MASKS)
+RIGHT, REFUSED, DOUBTED, BELIEVED = "right", "refused", "doubted", "believed"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """``end``: right, where every frame has its samples and its place; refused; doubted by name; or believed."""
+
+    fault: str
+    number: int
+    end: str
+    said: str
+
+
+def tried(fault: str, number: int, seed: int, scratch: Path) -> Trial:
+    """Write a recording with a fault, or a sound one, into ``scratch``, read it, and say what became of it."""
+    rng = Random(f"{seed} {fault} {number}")
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    try:
+        if fault == MASKS:
+            drawn = mask(scratch, rng)
+            right = np.array_equal(read_drawing(drawn.path, drawn.cells.shape), drawn.cells)
+            return Trial(fault, number, RIGHT if right else BELIEVED, drawn.path.name)
+        truth = WRITERS[fault](scratch, rng)
+        _, stream = open_recording(scratch)
+        frames = [stream[k].samples for k in range(len(stream))]
+        places = np.array([stream[k].z_mm for k in range(len(stream))])
+        remarks = remarks_of(stream)
+    except EndoctError as error:
+        return Trial(fault, number, REFUSED, str(error))
+    names = ", ".join(sorted(path.name for path in scratch.iterdir())[:6])
+    said = "; ".join([*(doubt.what for doubt in remarks.doubts), *remarks.notes])
+    if _is_right(frames, places, truth):
+        return Trial(fault, number, DOUBTED if remarks.doubts else RIGHT, said)
+    return Trial(fault, number, DOUBTED if remarks.doubts else BELIEVED, f"{said} [{names}]")
+
+
+def _is_right(frames: list[np.ndarray], places: np.ndarray, truth: Truth) -> bool:
+    """Whether all frames are those that were drawn, in their order, at their places."""
+    if len(frames) != len(truth.frames) or np.abs(places - truth.places_mm).max() > PLACE_MM:
+        return False
+    for frame, drawn in zip(frames, truth.frames, strict=True):
+        seen = (frame.T if truth.kind == "oct" else frame[..., 0] if frame.ndim == 3 else frame).astype(float)
+        if seen.shape != drawn.shape or np.abs(seen - drawn).mean() > (0 if truth.exact else LOSSY):
+            return False
+    return True

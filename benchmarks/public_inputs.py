@@ -1,0 +1,219 @@
+"""Inputs reduced from public reports, through the command line: ``python benchmarks/public_inputs.py INPUTS``.
+
+``INPUTS`` is the folder ``inputs`` of the real recordings. Each of its folders holds one input that was read wrongly or
+refused for a wrong reason, with a README. Printed is a table: what became of each before, and what becomes of it now.
+Status 1 where one is not read rightly, doubted by name, or refused for the right reason.
+"""
+
+import contextlib
+import io
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+PLACE_MM = 0.01
+"""CTs are right to that."""
+MARK_HU = 3000
+Check = Callable[["Ran"], bool]
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a command came to: its status, what it printed and what it said on the standard error, and its folder."""
+
+    status: int
+    out: str
+    err: str
+    scratch: Path
+
+    @property
+    def facts(self) -> Mapping[str, Any]:
+        """What it printed, as JSON; empty where it was refused."""
+        return json.loads(self.out) if self.status == 0 and self.out.startswith("{") else {}
+
+    @property
+    def said(self) -> str:
+        """What it said, in one line."""
+        if self.status:
+            return self.err.removeprefix("endoct: ").strip()
+        facts = self.facts
+        remarks = [doubt["what"] for doubt in facts.get("doubts", [])] + list(facts.get("notes", []))
+        return "; ".join(remarks) or f"read: {facts.get('axes', facts.get('voxels', ''))}"
+
+
+@dataclass(frozen=True)
+class Input:
+    """``words``: the command, paths relative to the input; ``before``: what became of it; ``right`` says of now."""
+
+    before: str
+    words: tuple[str, ...]
+    right: Check
+
+
+def endoct(words: tuple[str, ...]) -> Ran:
+    """Run the command line in this process."""
+    from endoct.workbench.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with tempfile.TemporaryDirectory() as scratch:
+        given = ["endoct", *(word.replace("SCRATCH", scratch) for word in words)]
+        status = 0
+        with patch.object(sys, "argv", given), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            try:
+                main()
+            except SystemExit as left:
+                status = int(left.code or 0)
+    return Ran(status, out.getvalue(), err.getvalue(), Path(scratch))
+
+
+def _refused(*words: str) -> Check:
+    """Refused in one line that holds ``words``."""
+    return lambda ran: ran.status == 1 and ran.err.strip().count("\n") == 0 and all(word in ran.err for word in words)
+
+
+def _ct(place: tuple[float, float, float], *notes: str, lps: bool = True) -> Check:
+    """Read, its brightest voxel within 0.01 mm of ``place``, LPS, its values those of the file; saying ``notes``."""
+
+    def check(ran: Ran) -> bool:
+        facts = ran.facts
+        low, high = facts.get("values", (0, 0))
+        return (
+            facts.get("kind") == "CT"
+            and (low, high) == (-1020.0, MARK_HU)
+            and facts["coordinates"] == ("lps" if lps else "ras")
+            and all(note in ran.said for note in notes)
+        )
+
+    check.place = place  # type: ignore[attr-defined]  # for who reads the voxels
+    return check
+
+
+def _frames(n: int, *notes: str, doubts: tuple[str, ...] = ()) -> Check:
+    """Read with ``n`` frames, saying ``notes``, with doubts of these codes and no others."""
+
+    def check(ran: Ran) -> bool:
+        facts = ran.facts
+        return (
+            facts.get("frames") == n
+            and {doubt["code"] for doubt in facts["doubts"]} == set(doubts)
+            and all(note in ran.said for note in notes)
+        )
+
+    return check
+
+
+def _lost(ran: Ran) -> bool:
+    """Five of twenty frames lost in the middle, and those beyond placed 1 mm farther."""
+    places = ran.facts.get("sidecar", {}).get("positions_mm", [0.0])
+    return _frames(15, "missing")(ran) and math.isclose(places[-1], 0.2 * (len(places) - 1 + 5), abs_tol=PLACE_MM)
+
+
+def _in_place(ran: Ran) -> bool:
+    """Twelve places in mm, ascending, as names have them."""
+    named = [0.0, 0.2, 0.25, 0.4, 0.5, 0.6, 0.75, 0.8, 1.0, 1.2, 1.25, 1.4]
+    places = ran.facts.get("sidecar", {}).get("positions_mm", [])
+    return len(places) == len(named) and bool(np.allclose(places, named))
+
+
+def _labels(ran: Ran) -> bool:
+    return list(ran.facts.get("labels", {}).values()) == ["facial nerve", "cochlea", "chorda tympani"]
+
+
+_INFO = ("info", "recording", "--json")
+_CT = ("info", "series", "--json")
+_LINE = ("--entry=0,0,0", "--target=0,0,10", "-o", "SCRATCH/out")
+
+
+def _plan(ct: str) -> tuple[str, ...]:
+    return ("pose", "--plan-only", "--ct", ct, *_LINE)
+
+
+_MARK = (0.0, 18.2, 111.0)
+INPUTS: Mapping[str, Input] = {
+    "chirp-dat-is-text": Input("refused: wrong length", _INFO, _frames(2)),
+    "copy-of-one-slice": Input("13 frames of 12", _INFO, _frames(12, "slice_005 (1).png")),
+    "ct-enhanced-multiframe": Input("traceback", _CT, _ct(_MARK)),
+    "ct-gantry-tilt": Input("straightened, 4.1 mm off", _CT, _ct((0.0, 17.818, 113.899), "tilted by 15.0°")),
+    "ct-missing-slice": Input("29 slices 0.518 mm apart", _CT, _refused("009.dcm", "011.dcm")),
+    "ct-monochrome1": Input("bone as air", _CT, _ct(_MARK, "MONOCHROME1")),
+    "ct-multiframe-secondary-capture": Input("traceback", _CT, _refused("does not say where its voxels lie")),
+    "ct-no-position": Input("at 0, 0, 0, 1 mm apart", _CT, _refused("000.dcm", "does not say where its voxels lie")),
+    "ct-scout-in-series": Input("31 slices, 38.7 mm off", _CT, _ct(_MARK, "scout: 000.dcm")),
+    "ct-scout-other-size": Input("a C++ exception", _CT, _refused("000.dcm", "64 × 32")),
+    "ct-two-volumes-one-series": Input("30 slices, alternately", _CT, _refused("000_0.dcm and 000_1.dcm")),
+    "dicom-slow": Input("15 to 25 s", _plan("."), _refused(".dcm")),
+    "grey-as-palette-png": Input("refused as colour", _INFO, _frames(12)),
+    "labels-named-segments": Input("facial nerve as bone", ("info", "labels.seg.nrrd", "--json"), _labels),
+    "mask-miniswhite": Input("0.936 of the wall", (), lambda _: True),
+    "metaimage-dimensions": Input("segmentation fault", _plan("ct.mhd"), _refused("ct.mhd")),
+    "mp4-trimmed": Input('"truncated"', _INFO, _frames(15, "edit list")),
+    "names-decimals": Input("0.2 0.4 … 0.25 0.75 0 1.2", _INFO, _in_place),
+    "nifti-microns": Input('"sheared"', ("info", "ct.nii.gz", "--json"), _ct(_MARK, lps=False)),
+    "nifti-no-codes": Input("RAS, no word", _plan("ct.nii.gz"), _refused("RAS or LPS")),
+    "oct-miniswhite": Input("upside down in brightness", _INFO, _frames(12, "WhiteIsZero")),
+    "plan-undefined-point": Input("0, 0, 0", ("info", "plan.mrk.json"), _refused("the target", "not placed")),
+    "processed-beside-raw": Input("12 frames of 6", _INFO, _refused("slice_000_filtered.png")),
+    "twins-png-tif": Input("12 frames of 6", _INFO, _frames(6, "slice_000.png")),
+    "video-lost-frames": Input("1 mm short", _INFO, _lost),
+    "video-other-container": Input('"0 images"', _INFO, _frames(20)),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of an input now, in a line, and whether that is right."""
+
+    said: str
+    right: bool
+
+
+def outcome(folder: Path, name: str) -> Outcome:
+    """Return what becomes of an input of ``folder``."""
+    given = INPUTS[name]
+    if name == "mask-miniswhite":  # `compare --truth` reads it, which needs two recordings
+        from endoct.fusion.files.drawings import read_drawing
+
+        share = float(read_drawing(folder / name / "mask.tif", (40, 200)).mean())
+        return Outcome(f"read: {share:.3f} of the wall is cell", math.isclose(share, 0.064, abs_tol=0.001))
+    with contextlib.chdir(folder / name):
+        ran = endoct(given.words)
+    right = given.right(ran)
+    if (place := getattr(given.right, "place", None)) is not None and right:
+        far_mm = farthest_of_mark(folder / name / given.words[1], place)
+        return Outcome(f"{ran.said}; {far_mm:.4f} mm off", far_mm <= PLACE_MM)
+    return Outcome(ran.said, right)
+
+
+def farthest_of_mark(path: Path, place: tuple[float, float, float]) -> float:
+    """Return how far the brightest voxel of a CT lies from ``place``, mm."""
+    from endoct.modalities.ct_volume import read_ct
+
+    ct = read_ct(path)
+    at = np.argwhere(ct.voxels == ct.voxels.max())[0]
+    return float(np.abs(ct.origin_mm + at @ ct.steps_mm - place).max())
+
+
+def main() -> int:
+    """Print the table."""
+    folder = Path(sys.argv[1]).resolve()
+    outcomes = {name: outcome(folder, name) for name in INPUTS}
+    print("| input | before | now | right |\n|---|---|---|---|")
+    for name, now in outcomes.items():
+        print(
+            f"| {name} | {INPUTS[name].before} | {now.said.replace(str(folder), '')} | {'yes' if now.right else 'NO'} |"
+        )
+    wrong = [name for name, now in outcomes.items() if not now.right]
+    print(f"\n{len(outcomes) - len(wrong)} of {len(outcomes)} are read rightly, or refused for the right reason")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

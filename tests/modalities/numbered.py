@@ -1,0 +1,20 @@
+"""Places of frames by the numbers in their names, as a plug-in that opens a folder of images has them."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from endoct.modalities.frame_files import choose_frames
+from endoct.modalities.numbering import Positions, positions_along
+from endoct.stitching.errors import EndoctError
+
+
+def _alike(one: Path, other: Path) -> bool:
+    return one == other
+
+
+def positions_by_number(files: Sequence[Path], pitch_mm: float) -> Positions:
+    """Return the place of every file along the travel, mm from the first; None for even places, or a refusal."""
+    with suppress(EndoctError):
+        return positions_along(choose_frames(Path(), files, _alike).along, pitch_mm)[0]
+    return None

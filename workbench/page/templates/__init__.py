@@ -1,0 +1,1 @@
+"""Templates of the page, by which its HTML is made."""

@@ -1,0 +1,1 @@
+"""Templates of the pages of poses, by which their HTML is made."""

@@ -1,0 +1,1 @@
+"""Templates of reports, by which their HTML is made."""
