@@ -126,8 +126,9 @@ class Manifest:
 class FrameStream(Protocol):
     """A recording, opened. Sized, indexable from 0, picklable; reads one frame's samples when indexed.
 
-    It may have ``remarks`` on its files (:class:`~endoct.modalities.remarks.Remarks`): order, and what was left out.
-    They are asked for once all frames are read, and become notes and doubts of the panorama.
+    It may have ``remarks`` on its files: their order, and what was left out
+    (:class:`~endoct.modalities.remarks.Remarks`). They are asked for once all frames are read, and become notes and
+    doubts of the panorama.
     """
 
     @property
