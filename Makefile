@@ -52,7 +52,7 @@ types: $(VENV)/.ready-dev
 	$(RUN) mypy
 
 layers: $(VENV)/.ready-dev
-	$(VENV)/bin/lint-imports --no-logo
+	$(VENV)/bin/lint-imports --no-logo --config layers.toml
 
 site: $(VENV)/.ready-docs
 	NO_MKDOCS_2_WARNING=1 $(RUN) mkdocs build --strict

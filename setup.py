@@ -2,7 +2,7 @@
 
 from setuptools import find_packages, setup
 
-FOLDERS = ("modalities", "stitching", "fusion", "synthetic", "workbench")
+FOLDERS = ("base", "modalities", "stitching", "fusion", "synthetic", "workbench")
 
 setup(
     packages=[f"endoct.{folder}" for folder in FOLDERS]

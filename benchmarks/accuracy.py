@@ -19,13 +19,12 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import bootstrap
 
-from endoct.workbench.bench.case_selection import parse_seeds
 from endoct.workbench.bench.results.files import write_csv
-from endoct.workbench.bench.results.frame import SCORE, columns_of, frame_of
-from endoct.workbench.bench.runner import Row, run_method
+from endoct.workbench.bench.results.summary import SCORE, columns_of, frame_of
+from endoct.workbench.bench.runner import Row, parse_seeds, run_method
 from endoct.workbench.bench.tasks import ablate
 from endoct.workbench.bench.tasks.comparison import ComparedPair, ComparisonCase, judge
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.second_process import one_blas_thread
 
 
 def judge_with_budget(case: ComparisonCase, answer: ComparedPair) -> Mapping[str, float]:

@@ -13,15 +13,14 @@ from collections import defaultdict
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.scene import crossings
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.endoscope.cone import band_centre_mm
-from endoct.synthetic.endoscope.rays import rays_of
+from endoct.synthetic.endoscope.cone import band_centre_mm, rays_of
 from endoct.synthetic.endoscope.sight import follow, view, visible
 from endoct.synthetic.sample.parameters import Sample
-from endoct.workbench.bench.case_selection import parse_seeds
+from endoct.workbench.bench.runner import parse_seeds
 
 SLOPE = 0.25
 STEP_MM = 0.002

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import marching_cubes, mesh_surface_area
 
-from endoct.modalities.ct_volume import LABEL_SIGMA_VOXELS, read_ct
-from endoct.modalities.trajectory import axes_at
+from endoct.modalities.ct.ct_volume import LABEL_SIGMA_VOXELS, read_ct
+from endoct.modalities.ct.trajectory import axes_at
 from endoct.synthetic.bone.distance import chambers, signed_distance
 from endoct.synthetic.bone.grown import resampled
 from endoct.synthetic.bone.lattice import Lattice
@@ -25,7 +25,7 @@ from endoct.synthetic.bone.network import air_on
 from endoct.synthetic.bone.patient import CHAMBER_MM
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Sample
-from endoct.workbench.pipeline.vary import parse_vary
+from endoct.workbench.pipeline.settings import parse_vary
 
 STEP_MM, HALF_MM, LENGTH_MM, RADIUS_MM = 0.1, 4.0, 14.0, 1.25
 BEHIND_MM = 1.0

@@ -26,12 +26,12 @@ import numpy as np
 import pandas as pd
 from panoramas import SIDES, unroll_both, unrolled
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.circle import wrap_rad
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.pipeline.truth import Pose, TrueMap, Truth, load_truth, true_cells, true_pose
 

@@ -31,12 +31,12 @@ import pandas as pd
 from panoramas import unroll_both, unrolled
 from scipy.stats import binomtest
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.alignment import orientations_between
 from endoct.workbench.pipeline.truth import Pose, TrueMap, load_truth, true_pose

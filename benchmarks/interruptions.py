@@ -28,7 +28,7 @@ from pathlib import Path
 
 import psutil
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench import verify
 
 ENDOCT = str(Path(sys.executable).with_name("endoct"))

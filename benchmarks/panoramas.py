@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench import unroll

@@ -25,15 +25,14 @@ import numpy as np
 import pandas as pd
 import torch
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.pose.air import AirAround, air_around
-from endoct.fusion.pose.answer import PoseAnswer
-from endoct.fusion.pose.finding import Found, answer, find_alone
+from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
 from endoct.fusion.pose.observation import Observation, observe
-from endoct.modalities.ct_volume import CtVolume
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.ct.ct_volume import CtVolume
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.synthetic.ct.scanning import scan
 from endoct.synthetic.sample.parameters import Sample
 from endoct.workbench.bench.cases.bores import PoseCase, posed_case

@@ -194,7 +194,7 @@ def outcome(folder: Path, name: str) -> Outcome:
 
 def farthest_of_mark(path: Path, place: tuple[float, float, float]) -> float:
     """Return how far the brightest voxel of a CT lies from ``place``, mm."""
-    from endoct.modalities.ct_volume import read_ct
+    from endoct.modalities.ct.ct_volume import read_ct
 
     ct = read_ct(path)
     at = np.argwhere(ct.voxels == ct.voxels.max())[0]

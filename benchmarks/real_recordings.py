@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Picture
 from endoct.modalities.endoscope.manifest import MANIFEST, EndoscopeAcquisition
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.workbench import unroll
 

@@ -24,6 +24,7 @@ import pandas as pd
 import torch
 from threadpoolctl import threadpool_limits
 
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.evidence import Evidence, blurred, clipped
 from endoct.fusion.evidence.prepare import brightness, prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
@@ -37,8 +38,7 @@ from endoct.fusion.registration.refinement import (
     sampled,
 )
 from endoct.fusion.registration.search import search
-from endoct.stitching.circle import wrap_rad
-from endoct.workbench.bench.case_selection import parse_seeds
+from endoct.workbench.bench.runner import parse_seeds
 from endoct.workbench.bench.tasks.alignment import PX_MM, RADIUS_MM, RANGES, cases, judge
 
 Z_SCALES = 0.95, 1.05

@@ -27,7 +27,7 @@ from benchmarks.independent.bore import drill
 from benchmarks.independent.mirror import travel
 from benchmarks.independent.pair import endoscope_sidecar
 from benchmarks.independent.sets import MIRROR_FAULTS, recipe_of
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame

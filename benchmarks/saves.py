@@ -24,9 +24,9 @@ from pathlib import Path
 
 import uvicorn
 
-from endoct.stitching.contents import output_digest
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import new_output
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import output_digest
+from endoct.base.files.output import new_output
 from endoct.workbench import api
 from endoct.workbench.page.serving import listening_socket, page_or_table
 from endoct.workbench.running.kinds import COMPARISON

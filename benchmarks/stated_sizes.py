@@ -24,7 +24,7 @@ from benchmarks.independent.catheter import pull_back
 from benchmarks.independent.pair import oct_sidecar
 from benchmarks.independent.recipe import CatheterRecipe
 from benchmarks.independent.sets import recipe_of
-from endoct.stitching.errors import NotSeen
+from endoct.base.errors import NotSeen
 from endoct.workbench import unroll
 
 FAULTS = (

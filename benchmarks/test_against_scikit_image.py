@@ -14,8 +14,7 @@ from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.modalities.conformance import Subject
 from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
 from endoct.modalities.oct.face.sine import Sine, ransac_sine
-from endoct.modalities.oct.polar import resample, volume_radii_mm
-from endoct.modalities.oct.undistort import beam_of
+from endoct.modalities.oct.undistort import beam_of, resample, volume_radii_mm
 from endoct.modalities.registry import manifests
 from endoct.synthetic.specimen import simulate
 

@@ -5,8 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from endoct.base.arrays import Mask
+from endoct.base.compute.parallel import at_once
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.fusion.doubts import (
     doubt_of_twist,
+    doubts_by_hand,
     doubts_of_alignment,
     doubts_of_largest_cell,
     doubts_of_orientation,
@@ -15,7 +20,6 @@ from endoct.fusion.doubts import (
     doubts_of_scale,
     scale_at_limit,
 )
-from endoct.fusion.doubts_by_hand import doubts_by_hand
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
@@ -38,17 +42,12 @@ from endoct.fusion.registration.by_method import align_by_method, doubts_by_meth
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
 from endoct.fusion.result import Believable, ByHand, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
-from endoct.fusion.scoring.overlap import overlap
+from endoct.fusion.scoring.overlap import find_sites, overlap
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
-from endoct.fusion.scoring.sites import find_sites
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_sides
 from endoct.fusion.sides import Comparison, Placed, place
-from endoct.stitching.arrays import Mask
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.parallel import at_once
 
 __all__ = ["CompareParameters", "Comparison", "compare_panoramas", "load_comparison", "save_comparison"]
 

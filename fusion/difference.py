@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from endoct.base.arrays import Mask
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, difference
-from endoct.stitching.arrays import Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.wall_plot import draw_wall
 

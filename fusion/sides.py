@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from endoct.base.arrays import Image, readonly
+from endoct.base.doubt import Doubt
 from endoct.fusion.difference import COLOURS, draw_difference
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Sampling
@@ -13,8 +15,6 @@ from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.overlap import difference
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segmented_side import SegmentedSide
-from endoct.stitching.arrays import Image, readonly
-from endoct.stitching.doubt import Doubt
 from endoct.stitching.grid import SurfaceGrid
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Calibration, Manifest
 from endoct.stitching.blend import blend
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import SURFACE, Panorama
 from endoct.stitching.per_frame import per_frame
 from endoct.stitching.strip import Strip

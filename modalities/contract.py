@@ -30,11 +30,11 @@ from typing import Any, Literal, Protocol, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import MOST_PLACE_MM, Acquisition
 from endoct.modalities.device import Device
-from endoct.modalities.remarks import NONE, Remarks
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError, cause_of
+from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import Meaning
@@ -127,7 +127,7 @@ class FrameStream(Protocol):
     """A recording, opened. Sized, indexable from 0, picklable; reads one frame's samples when indexed.
 
     It may have ``remarks`` on its files: their order, and what was left out
-    (:class:`~endoct.modalities.remarks.Remarks`). They are asked for once all frames are read, and become notes and
+    (:class:`~endoct.modalities.reading.remarks.Remarks`). They are asked for once all frames are read, and become notes and
     doubts of the panorama.
     """
 

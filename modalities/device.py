@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 
 Device = Literal["cpu", "cuda"]
 """As torch names them; "cpu" is the reference, and of unrolling not torch's."""

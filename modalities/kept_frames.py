@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from threading import Lock
 from typing import Generic, TypeVar
 
+from endoct.base.compute.kept import Kept
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.stitching.kept import Kept
 
 F = TypeVar("F", bound=Frame)
 

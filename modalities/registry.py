@@ -7,14 +7,13 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, get_args
 
-from endoct.modalities.acquisition import SIDECAR_NAME, overridden, read_keys, sidecar_path, validate
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import plain_name
+from endoct.modalities.acquisition import SIDECAR_NAME, abridged, overridden, read_keys, sidecar_path, validate
 from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, import_cause
 from endoct.modalities.device import Device
-from endoct.modalities.folders import exists
-from endoct.modalities.keys import abridged
-from endoct.modalities.recording import refusal_of
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.names import plain_name
+from endoct.modalities.reading.folders import exists
+from endoct.modalities.reading.recording import refusal_of
 
 GROUP = "endoct.modalities"
 SUREST_FIRST: tuple[Certainty, ...] = get_args(Certainty)

@@ -1,19 +1,3 @@
-"""Array types used throughout: images are float32, coordinates float64, masks bool."""
+"""The same as :mod:`endoct.base.arrays`, for plug-ins that import it from here."""
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
-
-Image = NDArray[np.float32]
-Mask = NDArray[np.bool_]
-Coordinates = NDArray[np.float64]
-
-
-def readonly(values: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
-    """Return ``values`` as a read-only array of ``dtype``; a writable array of the caller's is copied."""
-    array = np.asarray(values, dtype=dtype)
-    if array.flags.writeable:
-        array = array.copy()
-        array.flags.writeable = False
-    return array
+from endoct.base.arrays import *  # noqa: F403

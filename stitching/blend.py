@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.strip import Strip
 

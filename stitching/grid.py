@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.limits import check_array_size
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_array_size
 
 
 @dataclass(frozen=True)

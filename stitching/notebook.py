@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
-from endoct.stitching.arrays import Image, Mask
+from endoct.base.arrays import Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.wall_plot import evenly_spaced_rows
 

@@ -1,4 +1,8 @@
-"""The unrolled wall of one bore as one instrument saw it."""
+"""The unrolled wall of one bore as one instrument saw it.
+
+:class:`AxialScale` says what the panorama's scale along the bore rests on. A panorama that shows too little of the
+wall raises a doubt.
+"""
 
 import json
 from collections.abc import Mapping
@@ -8,17 +12,43 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image, Mask, readonly
-from endoct.stitching.axial_scale import AxialScale
-from endoct.stitching.doubt import Doubt, as_doubt, without_doubts
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates, Image, Mask, readonly
+from endoct.base.doubt import Doubt, as_doubt, without_doubts
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import plain_name
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
-from endoct.stitching.names import plain_name
 from endoct.stitching.per_frame import PerFrame, per_frame
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class AxialScale:
+    """What z, in mm, was taken from.
+
+    Attributes: ``stated``, the keys of the sidecar to which z is proportional and their values, by name, > 0; empty
+    where there is no such key, as for positions of every frame. ``checked``: whether the recording itself measures
+    what is stated, as a feed that is seen in the images does; what that says against it is a doubt of the panorama.
+
+    Raises :class:`EndoctError` for a value that is not a positive number.
+    """
+
+    stated: Mapping[str, float] = field(default_factory=dict)
+    checked: bool = False
+
+    def __post_init__(self) -> None:
+        for key, value in self.stated.items():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < float("inf"):
+                raise EndoctError(
+                    f"'{key}' cannot scale a panorama", found=repr(value)[:80], expected="a positive number"
+                )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as a panorama's store has it."""
+        return {"stated": dict(self.stated), "checked": self.checked}
+
 
 FORMAT = "endoct-panorama-1"
 SURFACE = ("intensity", "valid", "weight", "depth_mm", "z", "theta")
@@ -194,3 +224,16 @@ class Panorama:
         if len(lengths := {len(one.values) for one in self.per_frame.values()}) > 1:
             found = " and ".join(map(str, sorted(lengths)))
             raise EndoctError("what a panorama has per frame must be of one length", found=found)
+
+
+LEAST_VALID_SHARE = 0.9
+"""Where less of the wall was observed, that is doubted."""
+
+
+def doubts_of_observed(panorama: Panorama) -> tuple[Doubt, ...]:
+    """Return the doubt that a panorama shows too little wall; nothing where it shows enough, or says so already."""
+    code, share = "little-observed", float(panorama.valid.mean())
+    if share >= LEAST_VALID_SHARE or any(doubt.code == code for doubt in panorama.doubts):
+        return ()
+    what = f"Only {share:.1%} of the panorama is observed wall."
+    return (Doubt(code, what, value=share, unit="1", expected=(LEAST_VALID_SHARE, 1.0)),)

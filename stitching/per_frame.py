@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from endoct.stitching.arrays import Mask, readonly
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Mask, readonly
+from endoct.base.errors import EndoctError
 
 _TEXT = re.compile(r"[\w ()/°%.,·+−-]{0,100}")
 """What titles and units may hold: figures and pages show them, also those of a file from elsewhere."""

@@ -9,22 +9,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.axial_scale import AxialScale
-from endoct.stitching.contents import check_intact
-from endoct.stitching.doubt import Doubt, as_doubt
-from endoct.stitching.errors import EndoctError, refusing
+from endoct.base.doubt import Doubt, as_doubt
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.contents import check_intact
+from endoct.base.files.files import plain_name
+from endoct.base.files.json_values import a_list, an_object, number, texts
+from endoct.base.zarr.zarr_metadata import OWN, declared
+from endoct.base.zarr.zarr_store import (
+    Named,
+    entries,
+    read_array_attributes,
+    read_arrays,
+    read_attributes,
+    write_arrays,
+)
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.json_values import a_list, an_object, number, texts
-from endoct.stitching.names import plain_name
-from endoct.stitching.panorama import FORMAT, SURFACE, Panorama
+from endoct.stitching.panorama import FORMAT, SURFACE, AxialScale, Panorama
 from endoct.stitching.per_frame import PerFrame, per_frame, stored_range
-from endoct.stitching.zarr_check import entries
-from endoct.stitching.zarr_metadata import OWN, declared
-from endoct.stitching.zarr_store import Named, read_array_attributes, read_arrays, read_attributes, write_arrays
 
 
 def save_panorama(panorama: Panorama, path: Path) -> None:
-    """Write ``panorama`` to ``path``, which must not exist (see :func:`endoct.stitching.output.new_output`).
+    """Write ``panorama`` to ``path``, which must not exist (see :func:`endoct.base.files.output.new_output`).
 
     Dims (z, theta) with coordinates in mm and rad; ``intensity``, ``valid``, ``weight``, ``depth_mm`` where
     there is depth; the per-frame quality on the dim named ``frame_dim``,

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates, Image, Mask, readonly
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates, Image, Mask, readonly
+from endoct.base.errors import EndoctError
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image, Mask
+from endoct.base.arrays import Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 
 if TYPE_CHECKING:

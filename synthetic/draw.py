@@ -7,8 +7,8 @@ from typing import cast
 import numpy as np
 from numpy.random import Generator
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.cells import draw_cells
 from endoct.synthetic.endoscope.cone import Cone, focal_length_px
 from endoct.synthetic.oct.motion import lost_ascans, rotation_error

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from endoct.modalities.keys import abridged
-from endoct.stitching.errors import EndoctError, cause_of
-from endoct.stitching.worker_process import WorkerProcess, worker_process
+from endoct.base.compute.worker_process import WorkerProcess, worker_process
+from endoct.base.errors import EndoctError, cause_of
+from endoct.modalities.acquisition import abridged
 from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
 from endoct.synthetic.sample.parameters import Sample, Volume
@@ -114,7 +114,7 @@ def write_specimen(
         truth.result()
     if sample.ct or sample.cone_beam:
         from endoct.synthetic.ct.plan import write_lines
-        from endoct.synthetic.ct.writing import write_ct
+        from endoct.synthetic.ct.scanning import write_ct
 
         progress("ct", 0.0)
         write_ct(folder / "truth", sample)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.modalities.ct.stored import SIGNS, Convention
-from endoct.stitching.zarr_store import Named, write_arrays
 from endoct.synthetic.bone.anatomy import target_mm
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.endoscope.camera import band_centre_mm

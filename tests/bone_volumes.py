@@ -7,7 +7,7 @@ import numpy as np
 import SimpleITK as sitk
 
 from benchmarks.ct_faults.writing import write_series
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.patient import stated_volume
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Sample, Volume

@@ -8,14 +8,14 @@ import numpy as np
 from mock_comparison import Kind, write_comparison
 from numpy.typing import NDArray
 
+from endoct.base.files.output import new_output
+from endoct.base.zarr.zarr_store import Named, consolidate, write_arrays
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.stitching.zarr_store import Named, consolidate, write_arrays
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA
 
 RADIUS_MM = 1.25

@@ -8,8 +8,8 @@ import numpy as np
 import SimpleITK as sitk
 from scipy import ndimage
 
-from endoct.modalities.trajectory import Trajectory, axes_at
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.base.arrays import Coordinates, Image
+from endoct.modalities.ct.trajectory import Trajectory, axes_at
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame

@@ -18,7 +18,7 @@ from benchmarks.fuzz.campaign import plan_cases, run
 from benchmarks.fuzz.outcome import READ, REFUSED, outcome_of
 from benchmarks.fuzz.readers import READERS, seeds_of
 from benchmarks.fuzz.trees import write_tree
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="watches time and memory as POSIX has it")
 

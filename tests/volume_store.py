@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.stitching.zarr_store import Named, write_arrays
 
 FIRST_RADIUS_MM, RADIUS_STEP_MM, PITCH_MM = 0.9, 0.02, 0.1
 

@@ -5,18 +5,16 @@ from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.output import new_output
 from endoct.modalities.acquisition import validate
 from endoct.modalities.device import Device, check_device
 from endoct.modalities.registry import load_ahead
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY
-from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.second_process import second_process
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.second_process import one_blas_thread, second_process
 
 if TYPE_CHECKING:
     from endoct.fusion.sides import Comparison

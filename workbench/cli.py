@@ -8,9 +8,9 @@ from functools import partial
 from io import TextIOWrapper
 from threading import Event
 
-from endoct.stitching.own_process import settle_in
+from endoct.base.compute.own_process import settle_in
 from endoct.workbench.running.interruption import ending_in_time, watch
-from endoct.workbench.running.status import DONE, INTERRUPTED, UNUSABLE_INPUT
+from endoct.workbench.running.refusals import DONE, INTERRUPTED, UNUSABLE_INPUT
 
 INTERRUPTION = "interrupted; nothing was left half-written"
 
@@ -93,7 +93,7 @@ def _end_interrupted(said: Event) -> None:
 
 
 def _print_error(line: str) -> None:
-    from endoct.stitching.errors import visible
+    from endoct.base.errors import visible
 
     print(f"endoct: {visible(line)}", file=sys.stderr)  # noqa: T201
 

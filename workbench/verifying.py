@@ -4,14 +4,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from endoct.base.compute.parallel import thread_map
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import NAME as LIST_NAME
+from endoct.base.files.contents import Contents, Differences, differences, is_marked, read_contents
+from endoct.base.files.files import is_left_by_system, sha256_of
 from endoct.fusion.files.session import NAME as SESSION_NAME
 from endoct.fusion.files.session import read_session
-from endoct.stitching.contents import NAME as LIST_NAME
-from endoct.stitching.contents import Contents, Differences, differences, is_marked, read_contents
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import sha256_of
-from endoct.stitching.names import is_left_by_system
-from endoct.stitching.parallel import thread_map
 from endoct.workbench.dataset.building import LOCK_NAME, TOP_FILES
 from endoct.workbench.dataset.files import DAMAGED, WRITTEN, changed_top_files, digest_of
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
@@ -20,9 +19,8 @@ from endoct.workbench.dataset.plan import Unit
 from endoct.workbench.dataset.records import RECORDS, Record, read_record
 from endoct.workbench.exporting.mark import has_mark
 from endoct.workbench.exporting.mark import is_marked as is_whole
-from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import DATA_SET, EXPORT, REPORT, SPECIMEN
-from endoct.workbench.running.progress import Advance, Stages
+from endoct.workbench.running.progress import Advance, Stages, stages_for
 
 
 @dataclass(frozen=True)

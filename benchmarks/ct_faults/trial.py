@@ -10,8 +10,8 @@ import numpy as np
 
 from benchmarks.ct_faults.drawn import Drawn, drawn
 from benchmarks.ct_faults.faults import FAULTS, SOUND, Write
-from endoct.modalities.ct_volume import CtVolume, holds_labels, read_ct
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.modalities.ct.ct_volume import CtVolume, holds_labels, read_ct
 
 PLACE_MM = 0.01
 WRITERS: Mapping[str, Write] = {**FAULTS, **SOUND}

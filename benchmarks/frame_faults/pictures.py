@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.frame_faults.drawn import Frames, Truth, drawn, with_sidecar
-from endoct.modalities.orientation import upright
+from endoct.modalities.reading.orientation import upright
 
 Write = Callable[[Path, Random], Truth]
 _STORED_AS = {1: 1, 2: 2, 3: 3, 4: 4, 5: 5, 6: 8, 7: 7, 8: 6}

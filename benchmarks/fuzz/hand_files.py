@@ -14,8 +14,8 @@ def try_session(path: Path) -> None:
 
 def try_drawn(path: Path) -> None:
     """Read the masks that `endoct compare` keeps."""
+    from endoct.base.zarr.window import ChunkCache, stored_image
     from endoct.fusion.files.drawn_store import NAME, read_drawn
-    from endoct.stitching.window import ChunkCache, stored_image
 
     if (drawn := read_drawn(path)) is None:
         return

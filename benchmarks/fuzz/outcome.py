@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType, TracebackType
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 
 MOST_BYTES = 1_000_000_000
 """A case that lifts the peak of resident memory by more is a finding."""

@@ -28,7 +28,7 @@ class Reader:
 
 
 def _frames(path: Path) -> None:
-    from endoct.modalities.recording import open_stack
+    from endoct.modalities.reading.recording import open_stack
 
     stack = open_stack(path)
     for index in range(len(stack)):
@@ -48,9 +48,9 @@ def _recording(path: Path) -> None:
 
 
 def _sidecar(path: Path) -> None:
+    from endoct.base.errors import EndoctError
     from endoct.modalities.acquisition import read_keys, validate
     from endoct.modalities.registry import manifests
-    from endoct.stitching.errors import EndoctError
     from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
 
     keys = read_keys(path)
@@ -65,12 +65,11 @@ def _sidecar(path: Path) -> None:
 
 
 def _settings(path: Path) -> None:
+    from endoct.base.errors import EndoctError
     from endoct.fusion.comparison import CompareParameters
     from endoct.modalities.acquisition import validate
     from endoct.modalities.registry import manifests
-    from endoct.stitching.errors import EndoctError
-    from endoct.workbench.pipeline.settings import parse, split
-    from endoct.workbench.pipeline.vary import parse_vary
+    from endoct.workbench.pipeline.settings import parse, parse_vary, split
 
     if not path.is_file():  # no damage to settings, which come from a command line
         return
@@ -164,7 +163,7 @@ def _figures(path: Path) -> None:
 
 
 def _exports(path: Path) -> None:
-    from endoct.stitching.errors import EndoctError
+    from endoct.base.errors import EndoctError
     from endoct.workbench.exporting.export import export
 
     names = "a.ome.zarr", "a.ome.tif", "a.ply", "a.glb", "a.nrrd", "a.tfm", "a.csv"
@@ -189,7 +188,7 @@ def _describe(path: Path) -> None:
 
 
 def _summary(path: Path) -> None:
-    from endoct.stitching.errors import EndoctError
+    from endoct.base.errors import EndoctError
     from endoct.workbench.pipeline.summarising import summarise, write_summary
 
     first, second = (sorted((path / of).glob("*/*")) for of in "ab")
@@ -245,7 +244,7 @@ def _sample(path: Path) -> None:
 
 def _volume(path: Path) -> None:
     from endoct.fusion.pose.structures import segments_in
-    from endoct.modalities.ct_volume import holds_labels, is_volume, read_ct, upright
+    from endoct.modalities.ct.ct_volume import holds_labels, is_volume, read_ct, upright
     from endoct.workbench.pipeline.information import texts_of
     from endoct.workbench.pipeline.volumes import describe_volume
 
@@ -259,7 +258,7 @@ def _volume(path: Path) -> None:
 
 
 def _plan(path: Path) -> None:
-    from endoct.modalities.markups import is_plan, read_line
+    from endoct.modalities.ct.trajectory import is_plan, read_line
 
     is_plan(path)
     read_line(path)
@@ -273,8 +272,8 @@ def _label_names(path: Path) -> None:
 
 def _output(path: Path) -> None:
     from benchmarks.fuzz.seed_outputs import KIND
-    from endoct.stitching.errors import EndoctError
-    from endoct.stitching.output import new_output
+    from endoct.base.errors import EndoctError
+    from endoct.base.files.output import new_output
     from endoct.workbench.verifying import verify
 
     refused = None
@@ -342,9 +341,9 @@ _ALL = (
     Reader("volumes", _volume, _seeds("seed_volumes", "volume_seeds"), 12, needs="endoct.modalities.ct"),
     Reader("plans", _plan, _seeds("seed_volumes", "plan_seeds"), 2, needs="endoct.modalities.ct"),
     Reader("label-names", _label_names, _seeds("seed_volumes", "label_table_seeds"), 1, needs="endoct.modalities.ct"),
-    Reader("outputs", _output, _seeds("seed_outputs", "output_seeds"), 2, needs="endoct.stitching.contents"),
+    Reader("outputs", _output, _seeds("seed_outputs", "output_seeds"), 2, needs="endoct.base.files.contents"),
     Reader(
-        "unfinished", _unfinished, _seeds("seed_outputs", "unfinished_seeds"), 0.5, needs="endoct.stitching.contents"
+        "unfinished", _unfinished, _seeds("seed_outputs", "unfinished_seeds"), 0.5, needs="endoct.base.files.contents"
     ),
 )
 READERS = {reader.name: reader for reader in _ALL if not reader.needs or find_spec(reader.needs)}

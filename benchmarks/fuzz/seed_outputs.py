@@ -7,7 +7,7 @@ from pathlib import Path
 from benchmarks.fuzz.seed_results import panorama
 from benchmarks.fuzz.seed_sets import set_seeds
 from benchmarks.fuzz.trees import Seed, read_tree
-from endoct.stitching.output import new_output
+from endoct.base.files.output import new_output
 from endoct.stitching.store import save_panorama
 from endoct.workbench.bench.checkpoint import open_checkpoint
 from endoct.workbench.bench.runner import Plan, Row

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from benchmarks.fuzz.seed_drawings import pictures
 from benchmarks.fuzz.trees import Seed, read_tree
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
 from endoct.fusion.files.drawn_store import save_drawings
@@ -37,7 +38,6 @@ from endoct.fusion.scoring.raters import Drawing
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.stitching.zarr_store import Named, write_arrays
 from endoct.workbench.pipeline.hand_masks import score_drawings
 
 GRID = SurfaceGrid.full_circle(24, 32, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)

@@ -20,7 +20,7 @@ from benchmarks.independent.pair import Pair, make_pair, make_pullback, write_pa
 from benchmarks.independent.sets import recipe_of
 from benchmarks.independent.simplest import simplest_answer, simplest_oct
 from benchmarks.independent.truth import between, oct_place
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 
 Row = dict[str, str | float | bool]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.light.paths import FLOOR, SIDE, Bone, Ring, followed
 from benchmarks.physics.mirror import GAMMA, closed_form, endoscope
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.endoscope.camera import noise_free, pixel_maps
 from endoct.synthetic.endoscope.cone import cone_of

@@ -11,7 +11,7 @@ from benchmarks.light.cell import HALF_ARC_MM, HALF_Z_MM, Maps, bore, rendered, 
 from benchmarks.light.paths import FLOOR, WALL, Bone, Outwards, followed
 from benchmarks.physics.drawing import save
 from benchmarks.physics.plots import Line
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from tests import tolerances as within
 
 DEPTHS_MM = 0.15, 0.5, 1.2

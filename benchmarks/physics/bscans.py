@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import curve_fit
 from scipy.special import erf
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.appearance import Appearance, build_appearance

@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d, map_coordinates, maximum_filter1d, 
 from scipy.optimize import least_squares, minimize
 from scipy.stats import trim_mean
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 Points = NDArray[np.complex128]
 FACE_WINDOW_PX = 5

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 INK, POINT, REST = "#222222", "#d55e00", "#0072b2"
 

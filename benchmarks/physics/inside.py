@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_row
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.grown import world_of
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.ct.scanning import TISSUE_HU, Scan, scan

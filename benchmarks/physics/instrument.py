@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter1d
 
 from benchmarks.physics import catheter
 from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_row
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import noise_free, pixel_maps

@@ -13,7 +13,7 @@ from benchmarks.physics import recordings as real
 from benchmarks.physics.drawing import Curve, Panel, save_panels
 from benchmarks.physics.estimates import PAINTED, TURNING, Z_SHIFTS_MM, frames, slices, specimen
 from benchmarks.physics.inside import inside
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from tests import tolerances as within
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 Strip = NDArray[np.float64]
 DZ_MM = 0.01

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 from scipy.optimize import least_squares
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 # rows, columns: homogeneous along the rows, few enough rows that depth changes nothing, away from lines and mirrors
 REGIONS = {

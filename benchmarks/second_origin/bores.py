@@ -24,8 +24,8 @@ from benchmarks.second_origin.bone import (
     wall_places,
 )
 from benchmarks.second_origin.scanner import scanned
-from endoct.modalities.ct_volume import CtVolume
-from endoct.modalities.trajectory import Trajectory
+from endoct.modalities.ct.ct_volume import CtVolume
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.stitching.panorama import Panorama
 from endoct.workbench import unroll
 from endoct.workbench.bench.cases.bores import PoseCase, TrueBore, plan_off

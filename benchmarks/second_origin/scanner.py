@@ -5,7 +5,7 @@ from numpy.random import Generator
 from scipy import ndimage
 
 from benchmarks.second_origin.bone import REACH_MM, Bone, Floats, frame
-from endoct.modalities.ct_volume import CtVolume
+from endoct.modalities.ct.ct_volume import CtVolume
 
 FINER = 2
 AIR_HU = -1010.0

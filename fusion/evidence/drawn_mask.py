@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from endoct.stitching.arrays import Mask
+from endoct.base.arrays import Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 

@@ -5,9 +5,9 @@ from typing import Literal
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import masked_gaussian
 
 Kind = Literal["relief", "darkness", "brightness", "mask"]
 Polarity = Literal["dark", "bright"]

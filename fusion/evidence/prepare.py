@@ -10,15 +10,15 @@ from typing import Literal
 
 import numpy as np
 
+from endoct.base.arrays import Image
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import gaussian
+from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
 from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
 from endoct.fusion.evidence.evidence import Evidence, Kind, Polarity, on_grid
 from endoct.fusion.evidence.relief import WALL_QUANTILE, relief, trust_in
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
-from endoct.stitching.arrays import Image
-from endoct.stitching.circle import gaussian
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.robust import SIGMA_PER_MEDIAN
 
 LIGHT_AROUND_MM = 1.2
 LIGHT_ROUNDS = ((6.0, 1.0), (6.0, 0.6), (4.0, 0.4), (3.0, 0.3), (2.0, 0.2), (1.5, 0.15), (1.2, 0.15))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.harmonics import harmonics
-from endoct.stitching.robust import SIGMA_PER_MEDIAN, robust_sigmas
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, robust_sigmas
 
 WALL_HARMONICS = 2
 WALL_QUANTILE = 0.25

@@ -10,10 +10,10 @@ from typing import Any, get_args
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import spreadsheet_text
 from endoct.fusion.scoring.cells import Cell
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.names import spreadsheet_text
 
 PROPERTIES = tuple(field.name for field in fields(Cell))
 _KINDS: dict[str, Any] = {field.name: field.type for field in fields(Cell)}

@@ -21,16 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.draw import polygon
 
-from endoct.modalities.recording import open_stack
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small, read_start
-from endoct.stitching.json_values import an_object, read_object
-from endoct.stitching.names import inside
-from endoct.stitching.zarr_check import check_array
-from endoct.stitching.zarr_metadata import LABELS, Declared, declared
-from endoct.stitching.zarr_store import read_array
-from endoct.stitching.zip_files import open_zip
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import inside, read_small, read_start
+from endoct.base.files.json_values import an_object, read_object
+from endoct.base.files.npy import open_zip
+from endoct.base.zarr.zarr_metadata import LABELS, Declared, declared
+from endoct.base.zarr.zarr_store import check_array, read_array
+from endoct.modalities.reading.recording import open_stack
 
 OUTLINE_SUFFIXES = (".csv", ".roi", ".zip")
 _STORE_FILES = ("zarr.json", ".zarray", ".zgroup")

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.zarr.zarr_metadata import OWN, declared
+from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, write_arrays
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing
-from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.store import stored_grid
-from endoct.stitching.zarr_metadata import OWN, declared
-from endoct.stitching.zarr_store import Named, read_arrays, read_attributes, write_arrays
 
 FORMAT = "endoct-drawn-1"
 NAME = "drawn.zarr"

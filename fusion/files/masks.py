@@ -6,6 +6,8 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.drawn_mask import MASK_MODALITY, DrawnMask
 from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
@@ -15,8 +17,6 @@ from endoct.fusion.scoring.scores import mask_scores
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import read_toml, validate
-from endoct.stitching.arrays import Mask
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import check_intact
+from endoct.base.files.files import plain_name
+from endoct.base.files.json_values import read_object
 from endoct.fusion.result import Result
-from endoct.stitching.contents import check_intact
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.json_values import read_object
-from endoct.stitching.names import plain_name
 
 MOST_BYTES = 16_000_000
 """They take some twenty times that in memory at worst; a result has some ten kilobytes."""

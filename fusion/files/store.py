@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import plain_name
+from endoct.base.files.json_values import an_object, number
+from endoct.base.zarr.zarr_metadata import OWN, declared
+from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, write_arrays
 from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
-from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
-from endoct.stitching.json_values import an_object, number
-from endoct.stitching.names import plain_name
 from endoct.stitching.store import stored_grid
-from endoct.stitching.zarr_metadata import OWN, declared
-from endoct.stitching.zarr_store import Named, read_arrays, read_attributes, write_arrays
 
 FORMAT = "endoct-comparison-1"
 IMAGES = ("intensity", "depth_mm", "mask", "valid")
@@ -30,7 +30,7 @@ _LARGEST = 1e9
 
 
 def save_comparison(comparison: Comparison, path: Path) -> None:
-    """Write ``comparison`` to ``path``, which must not exist (see :func:`endoct.stitching.output.new_output`).
+    """Write ``comparison`` to ``path``, which must not exist (see :func:`endoct.base.files.output.new_output`).
 
     Dims (side, z, theta) with coordinates in mm and rad; variables ``intensity``, ``depth_mm``, ``mask``, ``valid``;
     and ``cells`` on dims (cell, property). Its attributes give the grid, and as JSON the ``alignment`` by which B was

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 Covariance = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
@@ -17,7 +17,7 @@ class Alignment:
     θ_B counts negative if ``mirrored``, z_B if ``z_reversed``. ``correlation`` is that of the two sides' evidence
     for cells in place (its sign says whether they agree or are each other's negative), ``ratio`` how its score
     compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``chance`` how likely a
-    bore that does not match would reach that score (:mod:`endoct.fusion.registration.chance`), ``overlap_mm2`` the
+    bore that does not match would reach that score (:mod:`endoct.fusion.registration.search`), ``overlap_mm2`` the
     wall that both have observed. ``uneven_rad`` is the largest smooth departure from a rigid turn, which is estimated
     but left uncorrected: what uneven rotation and an off-axis probe leave in θ; ``twist_rad_per_mm`` a turn along A's
     z, likewise. ``covariance`` is that of the error of (theta_shift_rad, z_shift_mm, z_scale), 3 × 3 in their units;

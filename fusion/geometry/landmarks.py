@@ -6,8 +6,8 @@ from typing import Literal
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.stitching.arrays import Coordinates
 
 Role = Literal["correct", "check"]
 """Pairs that correct an alignment, and others that check it: what a pair has corrected it cannot check."""

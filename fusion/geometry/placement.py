@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from endoct.base.arrays import Image, Mask
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import pad_circle
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
-from endoct.stitching.arrays import Image, Mask
-from endoct.stitching.circle import pad_circle
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
 FARTHEST_OUTLINE_MM = 1.0

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
 
 FARTHEST_ROW = 0.75
 """How far, in row spacings, a place may lie from the nearest row and still count as observed."""

@@ -6,10 +6,10 @@ import numpy as np
 import torch
 from scipy import ndimage
 
-from endoct.modalities.ct_volume import LABEL_SIGMA_VOXELS, CtVolume, holds_labels, part_around
-from endoct.modalities.trajectory import Trajectory, as_point
-from endoct.stitching.arrays import Image
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Image
+from endoct.base.errors import EndoctError
+from endoct.modalities.ct.ct_volume import LABEL_SIGMA_VOXELS, CtVolume, holds_labels, part_around
+from endoct.modalities.ct.trajectory import Trajectory, as_point
 
 STEP_MM = 0.15
 """Of the samples, half a clinical voxel: a cubic spline between voxels, and straight lines between these samples."""

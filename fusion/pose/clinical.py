@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, TURN
-from endoct.stitching.arrays import Coordinates
 
 LEVEL = 0.95
 BEYOND_MM = 5.0

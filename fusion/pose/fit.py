@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.search import Candidate
@@ -21,7 +22,6 @@ from endoct.fusion.pose.wall import (
     prior_deviations,
     wall_places,
 )
-from endoct.stitching.arrays import Coordinates
 
 SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)
 """Residuals in shares of air beyond which samples count less and less (Geman and McClure), in turn."""

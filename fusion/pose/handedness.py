@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.search import candidates_along, pattern_of, senses_of
-from endoct.stitching.arrays import Coordinates
 
 SETTLED = 0.1
 """By how much one sense has to correlate better than the other."""

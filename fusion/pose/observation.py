@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.segment import segment
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import masked_gaussian
 
 ROWS_MM, COLUMNS = 0.2, 64
 BLUR_MM = 0.2

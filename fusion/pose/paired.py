@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 
 FEWEST_BORES = 3
 LEVEL = 0.95

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.pose.fit import Fit
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.wall import (
@@ -19,8 +20,7 @@ from endoct.fusion.pose.wall import (
     directions,
     twist_along,
 )
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates
+from endoct.modalities.ct.trajectory import Trajectory
 
 NEWTON_ROUNDS = 12
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.numeric.circle import gaussian, masked_gaussian
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import (
     ALIKE_BY_CELLS_MM,
@@ -25,8 +27,6 @@ from endoct.fusion.pose.observation import (
     Observation,
 )
 from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, RIMS, SHARED, TURN, Sense, prior_deviations, wall_places
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.circle import gaussian, masked_gaussian
 
 ASIDE_MM, TILT_RAD, ALONG_MM = 1.0, float(np.radians(2.0)), 1.0
 """How far a bore misses its plan at most: at the entry, in direction, and along itself."""

@@ -12,10 +12,10 @@ import torch
 from scipy import ndimage
 from scipy.fft import next_fast_len
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.wall import Sense
-from endoct.stitching.arrays import Coordinates, Image
 
 ASIDE_MM, TILT_RAD, DEPTH_MM = 2.0, float(np.radians(4.0)), 2.0
 """How far off the plan a bore is looked for: its axis at the middle of its length, its tilt, and its ends."""

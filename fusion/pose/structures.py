@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.fusion.pose.clinical import LEVEL, Estimate, sampled_axes
 from endoct.fusion.pose.pose import BorePose
+from endoct.modalities.ct.ct_volume import CtVolume, part_around
 from endoct.modalities.ct.stored import Segment
-from endoct.modalities.ct_volume import CtVolume, part_around
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.ct.trajectory import Trajectory
 
 FACIAL_NERVE = re.compile(r"facial.*nerve|nerv(us|e)?.*facial(is)?|\bcn ?(vii|7)\b", re.IGNORECASE)
 """Names of the nerve that the facial recess is named for."""

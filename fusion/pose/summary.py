@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.fusion.pose.answer import PoseAnswer
 from endoct.fusion.pose.clinical import (
     BEYOND_MM,
     Difference,
@@ -17,6 +16,7 @@ from endoct.fusion.pose.clinical import (
     offset_at,
     roll_of,
 )
+from endoct.fusion.pose.finding import PoseAnswer
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import Clearance, Structure, clearance, depth_beside
 from endoct.fusion.pose.support import BareStretch, ellipse_mm, longest_bare_stretch

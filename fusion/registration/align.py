@@ -1,20 +1,27 @@
 """Where one side's wall lies in the other side's frame: searched for globally, refined, and believed or not.
 
-The search is exhaustive: masked normalised cross-correlation over every turn (θ is a circle), every shift, a
-range of z scales and every orientation left open. Its sign carries no information and is not used. The best
-place is refined to a fraction of a sample.
+The search is exhaustive: masked normalised cross-correlation over every turn (θ is a circle), every shift, a range
+of z scales and every orientation left open. Its sign carries no information and is not used. The best place is
+refined to a fraction of a sample.
 
-It is believed where it stands out in two ways: against the next best place of the same pair (``confidence``), and
-against what one side, shuffled, reaches on the other (``chance``). Neither alone would do: a pattern that both sides
-have everywhere beats every shuffle, but not its own runner-up; two that show next to nothing have one best place all
-the same, but no better than shuffled.
+It is believed where it stands out in two ways. One is against the next best place of the same pair
+(``confidence``), the other against what one side, shuffled, reaches on the other (``chance``). Neither alone would
+do. A pattern that both sides have everywhere beats every shuffle, but not its own runner-up. Two sides that show
+next to nothing have one best place all the same, but no better than shuffled.
+
+A pitch that a sidecar states wrongly stretches a recording by more than instruments differ. A search over every
+scale from the outset would give chance more to choose from. So scales farther off are only looked at where the
+usual search fails, or ends at its limit. The remedy then names the values in the sidecars that would make the two
+recordings equally long along the bore.
 """
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.evidence.evidence import Evidence, clipped, correlation
 from endoct.fusion.evidence.prepare import brightness
 from endoct.fusion.evidence.side import Side
@@ -23,10 +30,64 @@ from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.search import search
-from endoct.fusion.registration.stretch import stretched
 from endoct.fusion.segmentation.regions import label
-from endoct.fusion.stated_scale import remedies
-from endoct.stitching.arrays import Coordinates
+
+FARTHEST = 0.5, 2.0
+"""Scales looked at: a pitch stated at half of what it is, or at twice that."""
+
+
+def stretched(
+    a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], searched: tuple[float, float]
+) -> Alignment | None:
+    """Return where ``b`` lies on ``a`` best at a scale from ``FARTHEST`` that is not within ``searched``, refined.
+
+    None where it fits best within, or nowhere.
+    """
+    farthest = min(FARTHEST[0], searched[0]), max(FARTHEST[1], searched[1])
+    best = search(a, b, orientations, farthest)
+    if best is None:
+        return None
+    refined = refine(a, b, best, farthest)
+    return None if searched[0] < refined.z_scale < searched[1] else refined
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """``key`` of the sidecar of ``side``, what it states, and the value at which both sides would agree."""
+
+    side: str
+    key: str
+    stated: float
+    agreeing: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of both values."""
+        return "mm/s" if self.key.endswith("_mm_s") else "mm"
+
+    def __str__(self) -> str:
+        return f"{self.key} = {self.agreeing:.4g} of {self.side} ({self.stated:.4g} is stated)"
+
+
+def remedies(a: Side, b: Side, z_scale: float) -> tuple[Remedy, ...]:
+    """Return what would agree where ``b`` fits ``a`` once its z is multiplied by ``z_scale``.
+
+    A side whose scale its own recording bears out is not suspected unless both are borne out. Empty where no single key
+    sets the scale of a suspected side.
+    """
+    factors = (a, 1 / z_scale), (b, z_scale)
+    suspected = [(side, factor) for side, factor in factors if not _borne_out(side)]
+    return tuple(remedy for side, factor in suspected or factors for remedy in _of(side, factor))
+
+
+def _of(side: Side, factor: float) -> Iterator[Remedy]:
+    for key, value in side.panorama.axial_scale.stated.items():
+        yield Remedy(side.name, key, value, value * factor)
+
+
+def _borne_out(side: Side) -> bool:
+    return side.panorama.axial_scale.checked and not side.panorama.doubts
+
 
 __all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations", "orientations_of"]
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.evidence import clipped, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.fusion.methods import answer_by
-from endoct.fusion.registration.displacement import STEP_MM, in_one_frame
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
+from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame
 
 
 def align_by_method(a: Side, b: Side, name: str) -> Alignment | NotAligned:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.harmonics import harmonics
-from endoct.stitching.robust import robust_sigma
 
 WAVES = 2
 """Harmonics of θ by which the two sides may depart from a rigid turn while it is sought."""

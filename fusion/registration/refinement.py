@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
+from endoct.base.arrays import Coordinates
+from endoct.base.numeric.circle import largest_divisor
 from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.geometry.resample import column_weights, resample
 from endoct.fusion.registration.equations import MOVES, WAVES, Equations, Fit, Level, equations, level, waves
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.circle import largest_divisor
 
 BLURS_MM = (0.12, 0.06, 0.03)
 FINER_MM = (0.015, 0.0075)

@@ -1,16 +1,137 @@
-"""The exhaustive search: every turn, every shift, a range of z scales, every orientation left open."""
+"""The exhaustive search: every turn, every shift, a range of z scales, every orientation left open.
+
+Its maps are masked normalised cross-correlation on the cylinder: θ is a circle, z is a line. The score says how
+much a correlation is worth, and :func:`chance_of` how likely chance alone would give as much.
+"""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid, reoriented
-from endoct.fusion.geometry.alignment import Alignment, Orientation
-from endoct.fusion.registration.chance import chance_of, score
-from endoct.fusion.registration.correlation import correlate, padded_rows, spectra
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.circle import wrap_rad
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, Orientation
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Fourier transforms of an image, its square and its mask, complex64, z padded to ``n_padded`` rows."""
+
+    values: NDArray[np.complex64]
+    squares: NDArray[np.complex64]
+    mask: NDArray[np.complex64]
+    n_z: int
+    n_theta: int
+    n_padded: int
+
+
+def spectra(image: Image, valid: Mask, n_padded: int) -> Spectra:
+    """Transform a float32 (n_z, n_theta) image of which only ``valid`` samples count."""
+    # without its mean the sums of squares stay small, which float32 needs
+    centred = np.where(valid, image - image[valid].mean(), np.float32(0)) if valid.any() else np.zeros_like(image)
+    shape = n_padded, image.shape[1]
+    values, squares, mask = (
+        np.asarray(fft.rfft2(part, shape), dtype=np.complex64)
+        for part in (centred, centred * centred, valid.astype(np.float32))
+    )
+    return Spectra(values, squares, mask, image.shape[0], image.shape[1], n_padded)
+
+
+def padded_rows(n_a: int, n_b: int) -> int:
+    """Return to how many rows images of ``n_a`` and ``n_b`` rows must be padded for their correlation."""
+    return int(fft.next_fast_len(n_a + n_b - 1, real=True))
+
+
+def correlate(fixed: Spectra, moved: Evidence) -> tuple[Image, Image]:
+    """Return (correlation, overlap) of ``moved`` shifted over ``fixed``, as :func:`masked_correlation`."""
+    return masked_correlation(fixed, spectra(moved.values, moved.valid, fixed.n_padded))
+
+
+def masked_correlation(a: Spectra, b: Spectra) -> tuple[Image, Image]:
+    """Return (correlation, overlap) of ``b`` shifted over ``a`` for every shift, both float32 (n_lags, n_theta).
+
+    Row i is the z lag i − (n_z of b − 1), column k the θ lag k: b[y, x] meets a[y + lag_z, (x + lag_θ) mod n].
+    The correlation is Pearson's over the samples valid in both (Padfield 2012, Masked object registration in
+    the Fourier domain); ``overlap`` counts them. Both must have the same number of columns and padded rows.
+    """
+    n_lags = a.n_z + b.n_z - 1
+
+    def shifts(of_a: NDArray[np.complex64], of_b: NDArray[np.complex64]) -> Image:
+        lags = np.asarray(fft.irfft2(of_a * np.conj(of_b), (a.n_padded, a.n_theta)), dtype=np.float32)
+        return np.roll(lags, b.n_z - 1, axis=0)[:n_lags]
+
+    overlap = np.maximum(np.rint(shifts(a.mask, b.mask)), 0)
+    count = np.maximum(overlap, 1)
+    sum_a, sum_b = shifts(a.values, b.mask), shifts(a.mask, b.values)
+    variance_a = shifts(a.squares, b.mask) - sum_a * sum_a / count
+    variance_b = shifts(a.mask, b.squares) - sum_b * sum_b / count
+    covariance = shifts(a.values, b.values) - sum_a * sum_b / count
+    scale = np.sqrt(np.maximum(variance_a, 0) * np.maximum(variance_b, 0))
+    # shifts that meet next to no structure have no correlation worth the name
+    enough = scale > max(1e-3 * float(scale.max()), 1e-30)
+    ratio = np.divide(covariance, scale, out=np.zeros_like(scale), where=enough)
+    return np.clip(ratio, -1, 1).astype(np.float32), overlap.astype(np.float32)
+
+
+PIECE_MM2 = 0.25
+"""Wall whose evidence hangs together, as the search sees it: one independent piece."""
+FEWEST_PIECES = 4
+SHUFFLES = 16
+SLICE_MM = 1.0
+"""Height of the rings that a shuffle turns; cells, which must stay whole, are smaller."""
+EULER = 0.5772156649
+
+
+def score(correlation: Image, overlap_mm2: Image) -> Image:
+    """Return how far from chance each correlation is, float32 of the same shape, in standard deviations.
+
+    Fisher's transform artanh(r) of a correlation by chance scatters with 1/√(n − 3), n the independent pieces of wall
+    in the overlap. Where there are too few the score is 0.
+    """
+    pieces = overlap_mm2 / np.float32(PIECE_MM2) - FEWEST_PIECES
+    strength = np.arctanh(np.minimum(np.abs(correlation), np.float32(0.999)))
+    return np.asarray(strength * np.sqrt(np.maximum(pieces, 0)), dtype=np.float32)
+
+
+def chance_of(best: float, a: Evidence, b: Evidence, orientation: Orientation, n_maps: int) -> float:
+    """Return how likely ``b`` would reach the score ``best`` somewhere on ``a`` in ``n_maps`` maps if it did not match.
+
+    A permutation null: rings of ``b``, ``SLICE_MM`` high, are turned at random against each other, so that cells and
+    light stay as they are but no place is right any more; nor are the orientations other than ``orientation``, in which
+    alone the shuffled are laid on ``a``. To the highest scores of all these maps Gumbel's distribution of extremes is
+    fitted. ``a`` and ``b`` have rows and columns of one spacing. The same arguments give the same answer.
+    """
+    random = np.random.default_rng(0)
+    fixed = spectra(a.values, a.valid, padded_rows(a.z_mm.size, b.z_mm.size))
+    sample_mm2 = np.float32(a.dz_mm * a.column_mm)
+    highest = []
+    for _ in range(SHUFFLES):
+        shuffled = _shuffled(b, random)
+        for mirrored, z_reversed in ALL_ORIENTATIONS:
+            if (mirrored, z_reversed) == orientation:
+                continue
+            turned = reoriented(shuffled, mirrored=mirrored, z_reversed=z_reversed, z_scale=1.0)
+            correlation, overlap = correlate(fixed, turned)
+            highest.append(float(score(correlation, overlap * sample_mm2).max()))
+    width = max(float(np.std(highest, ddof=1)) * np.sqrt(6) / np.pi, 1e-6)
+    mode = float(np.mean(highest)) - EULER * width
+    return float(-np.expm1(-n_maps * np.exp(-min((best - mode) / width, 700.0))))
+
+
+def _shuffled(evidence: Evidence, random: np.random.Generator) -> Evidence:
+    """Return ``evidence`` with its rings turned at random."""
+    values, valid = evidence.values.copy(), evidence.valid.copy()
+    height = max(1, round(SLICE_MM / evidence.dz_mm))
+    for first in range(-int(random.integers(height)), values.shape[0], height):
+        ring = slice(max(first, 0), first + height)
+        turn = int(random.integers(values.shape[1]))
+        values[ring], valid[ring] = np.roll(values[ring], turn, axis=1), np.roll(valid[ring], turn, axis=1)
+    return replace(evidence, values=values, valid=valid)
+
 
 SEARCH_DZ_MM = 0.08
 SEARCH_COLUMNS = 128

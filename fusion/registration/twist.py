@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Mask
 from endoct.fusion.evidence.evidence import clipped
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Placement
-from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.panorama import Panorama
 
 FARTHEST_RAD = 0.15

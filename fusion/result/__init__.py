@@ -1,18 +1,15 @@
 """The result of a comparison as types; only they know the keys of ``result.json``."""
 
-from endoct.fusion.result.budget import Budget, BudgetPart, BudgetParts, NotVisible
-from endoct.fusion.result.by_hand import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredPlace
-from endoct.fusion.result.part import Interval
-from endoct.fusion.result.raters import (
-    Consensus,
-    DrawnBy,
-    PairwiseScores,
-    Performance,
-    RaterAgreement,
-    RaterMedians,
-    RaterPair,
-    Raters,
+from endoct.fusion.result.by_hand import (
+    ByHand,
+    Distances,
+    Moved,
+    PairDistance,
+    PlacedPair,
+    StoredAlignment,
+    StoredPlace,
 )
+from endoct.fusion.result.part import Interval
 from endoct.fusion.result.result import (
     Believable,
     Bootstrap,
@@ -22,19 +19,30 @@ from endoct.fusion.result.result import (
 )
 from endoct.fusion.result.scores import (
     BoundaryScores,
+    Budget,
+    BudgetPart,
+    BudgetParts,
     CellScores,
+    Consensus,
+    DrawnBy,
     Drift,
     Limits,
     Line,
     MaskScores,
+    NotVisible,
     Overlap,
     OwnRows,
     PairScores,
+    PairwiseScores,
+    Performance,
+    RaterAgreement,
+    RaterMedians,
+    RaterPair,
+    Raters,
     Scores,
     Strata,
     Stratum,
 )
-from endoct.fusion.result.stored_alignment import StoredAlignment
 
 __all__ = [
     "Believable",

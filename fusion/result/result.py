@@ -1,17 +1,45 @@
-"""The result of a comparison: what ``result.json`` says."""
+"""The result of a comparison: what ``result.json`` says, with its doubts, also those of older versions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, InstanceOf, PlainSerializer, model_validator
 
-from endoct.fusion.result.budget import Budget
-from endoct.fusion.result.by_hand import ByHand
-from endoct.fusion.result.doubts import StoredDoubt, with_doubts_as_list
+from endoct.base.doubt import Doubt, as_doubt, without_doubts
+from endoct.base.errors import EndoctError
+from endoct.fusion.result.by_hand import ByHand, StoredAlignment
 from endoct.fusion.result.part import Count, Flags, Number, Numbers, Part, Texts, as_json
-from endoct.fusion.result.raters import Raters
-from endoct.fusion.result.scores import MaskScores, Overlap, PairScores
-from endoct.fusion.result.stored_alignment import StoredAlignment
+from endoct.fusion.result.scores import Budget, MaskScores, Overlap, PairScores, Raters
+
+
+def _read(given: object) -> Doubt:
+    try:
+        return as_doubt(given)
+    except EndoctError as error:  # pydantic collects ValueErrors only
+        raise ValueError(str(error)) from error
+
+
+StoredDoubt = Annotated[InstanceOf[Doubt], BeforeValidator(_read), PlainSerializer(Doubt.to_json)]
+"""A doubt that a result's JSON holds as an object."""
+
+
+def with_doubts_as_list(stored: Mapping[str, object]) -> Mapping[str, object]:
+    """Return the object of a ``result.json`` with one list of doubts.
+
+    Older versions wrote sentences by side, which their notes repeated. What is of neither form is left as it is.
+    """
+    by_side = stored.get("doubts")
+    if not isinstance(by_side, Mapping) or not all(_is_texts(said) for said in by_side.values()):
+        return stored
+    doubts = tuple(_read(text).of_side(str(side)) for side, said in by_side.items() for text in said)
+    notes = stored.get("notes")
+    if isinstance(notes, Mapping) and all(_is_texts(said) for said in notes.values()):
+        notes = {side: without_doubts(tuple(said), doubts) for side, said in notes.items()}
+    return {**stored, "doubts": doubts} | ({} if notes is None else {"notes": notes})
+
+
+def _is_texts(said: object) -> bool:
+    return isinstance(said, list | tuple) and all(isinstance(text, str) for text in said)
 
 
 class Believable(Part):

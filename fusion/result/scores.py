@@ -1,10 +1,14 @@
-"""How far two masks of one wall agree: overlap, outlines, cells, and what matched cells measure."""
+"""How far masks of one wall agree: overlap, outlines, cells, and what matched cells measure.
+
+The budget says where the disagreement of two sides comes from: 1 − J parted into four causes. The scores of raters
+say how far people who draw cells agree, and what they agree on.
+"""
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
-from endoct.fusion.result.part import Count, Interval, Number, Part
+from endoct.fusion.result.part import Count, Interval, Number, Part, Texts, WholeOrNumber
 
 
 class Overlap(Part):
@@ -161,3 +165,128 @@ class MaskScores(Scores, Overlap):
     """The scores of one side against a mask in side A's frame, the mask being A."""
 
     jaccard: Number | None
+
+
+class BudgetPart(Part):
+    """What one cause costs: a share of 1, the union of both sides' cells, and its interval over patches of wall."""
+
+    share: Number
+    interval: Interval | None
+
+
+class BudgetParts(Part):
+    """The four causes; they sum to 1 − J."""
+
+    alignment: BudgetPart
+    sampling: BudgetPart
+    visibility: BudgetPart
+    segmentation: BudgetPart
+
+    def by_cause(self) -> dict[str, BudgetPart]:
+        """Return the parts by name, in the order in which they are taken off."""
+        return {
+            "alignment": self.alignment,
+            "sampling": self.sampling,
+            "visibility": self.visibility,
+            "segmentation": self.segmentation,
+        }
+
+
+class NotVisible(Part):
+    """Cells of one side of which the other has no sign."""
+
+    cells: Count
+    area_mm2: WholeOrNumber
+
+
+class Budget(Part):
+    """1 − J by causes; ``not_visible`` and ``not_covered`` (mm²) by the side that does not show the other's cells."""
+
+    one_minus_jaccard: Number
+    parts: BudgetParts
+    alignment_known: bool
+    not_visible: dict[str, NotVisible]
+    not_covered: dict[str, WholeOrNumber]
+    draws: Count | None = None
+
+
+class DrawnBy(Part):
+    """Who drew the mask at ``path``, and when."""
+
+    path: str
+    rater: str
+    session: str
+
+
+class PairwiseScores(Part):
+    """Overlap of two drawn masks, and the distance of their outlines, mm; None where there is nothing to score."""
+
+    jaccard: Number | None
+    dice: Number | None
+    boundary_mean_mm: Number | None
+    boundary_p95_mm: Number | None
+    boundary_within_share: Number | None
+
+
+class _Named(Part):
+    first: Texts
+    second: Texts
+    within: bool | None = None
+
+
+class RaterPair(PairwiseScores, _Named):
+    """Two drawn masks, each named by (rater, session); ``within``: both are of one rater."""
+
+
+class _OfPairs(Part):
+    pairs: Count
+
+
+class RaterMedians(PairwiseScores, _OfPairs):
+    """The median of each score over ``pairs`` pairs."""
+
+
+class RaterAgreement(Part):
+    """Any two drawn masks, and the medians ``within`` one rater and ``between`` two, None without such a pair."""
+
+    pairs: Annotated[tuple[RaterPair, ...], Field(strict=False)]
+    within: RaterMedians | None = None
+    between: RaterMedians | None = None
+
+
+class Consensus(Part):
+    """What raters agree on by one ``method``, and every side's scores against that."""
+
+    method: str
+    sides: dict[str, MaskScores]
+
+
+class Performance(Part):
+    """How well one rater draws in one session, by STAPLE."""
+
+    rater: str
+    session: str
+    sensitivity: Number
+    specificity: Number
+
+
+class _Drawn(Part):
+    drawings: Annotated[tuple[DrawnBy, ...], Field(strict=False)] = ()
+
+
+class Raters(RaterAgreement, _Drawn):
+    """Several drawn masks: how far they agree, their consensus by method, and how well each of them is drawn."""
+
+    consensus: dict[str, Consensus]
+    performance: Annotated[tuple[Performance, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="after")
+    def _has_majority(self) -> "Raters":
+        if "majority" not in self.consensus:
+            raise ValueError("no majority")
+        return self
+
+    @property
+    def majority(self) -> Consensus:
+        """What more than half of the raters drew."""
+        return self.consensus["majority"]

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from endoct.base.arrays import Coordinates, Mask
 from endoct.fusion.result import BoundaryScores
 from endoct.fusion.scoring.intervals import Interval, ratio_interval
-from endoct.fusion.scoring.sites import Sites
+from endoct.fusion.scoring.overlap import Sites
 from endoct.fusion.scoring.surface import Surface
-from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.grid import SurfaceGrid
 
 PERCENTILE = 0.95

@@ -28,17 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.circle import largest_divisor
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, signed_distance
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
-from endoct.fusion.scoring.cells import Cell
+from endoct.fusion.scoring.cells import Cell, invisible_cells
 from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, ratio, weights
 from endoct.fusion.scoring.overlap import agreement
 from endoct.fusion.scoring.surface import Surface
-from endoct.fusion.scoring.visibility import invisible_cells
 from endoct.fusion.segmentation.regions import Labels
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import largest_divisor
 from endoct.stitching.grid import SurfaceGrid
 
 PARTS = tuple(BudgetParts.model_fields)

@@ -1,14 +1,24 @@
-"""Cells as objects: what each measures, and which cell of the other side it is."""
+"""Cells as objects: what each measures, which cell of the other side it is, and how far the two sides agree.
 
+Matched cells give precision, recall and limits of agreement, and how they drift apart along the bore. A cell of
+which the other side has no sign is held apart from one that was missed.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.circle import masked_gaussian, wrap_rad
+from endoct.fusion.evidence.evidence import CLIP
+from endoct.fusion.result import CellScores, Drift, Limits, Line
+from endoct.fusion.scoring.intervals import ratio_interval
+from endoct.fusion.scoring.overlap import bland_altman
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.regions import Labels, quantiles
-from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 
 SAME_CELL = 0.5
@@ -198,3 +208,147 @@ def _at_edge(valid: Mask) -> Mask:
     rows = np.pad(valid, ((1, 1), (0, 0)))
     inside = rows[:-2] & rows[2:] & np.roll(valid, 1, axis=1) & np.roll(valid, -1, axis=1)
     return ~inside
+
+
+FEWEST_TO_DRIFT = 6
+"""From fewer matched cells no drift is estimated."""
+
+
+def cell_scores(reference: str, other: str, cells: Sequence[Cell]) -> CellScores | None:
+    """Return precision and recall of ``other``'s cells against ``reference``'s, and their panoptic quality.
+
+    Kirillov et al. 2019, Panoptic Segmentation: quality = Σ overlap of matched pairs / (pairs + half the rest). None
+    where neither side has a cell that counts.
+    """
+    of_reference = [c for c in cells if c.side == reference and c.counts]
+    of_other = [c for c in cells if c.side == other and c.counts]
+    if not of_reference and not of_other:
+        return None
+    # a pair counts where both its cells do
+    counted = {(c.side, c.id) for c in (*of_reference, *of_other)}
+    recalled = np.array([c.is_matched and (other, c.partner) in counted for c in of_reference], dtype=np.float64)
+    right = np.array([c.is_matched and (reference, c.partner) in counted for c in of_other], dtype=np.float64)
+    overlaps = np.array([c.overlap for c in of_reference]) * recalled
+    # things to resample: pairs and cells of the reference without one, then cells of the other without one
+    extra = int((right == 0).sum())
+    share = np.r_[np.where(recalled > 0, 1.0, 0.5), np.full(extra, 0.5)]
+    return CellScores(
+        reference=reference,
+        other=other,
+        of_reference=len(of_reference),
+        of_other=len(of_other),
+        matched=int(recalled.sum()),
+        precision=_mean(right),
+        precision_interval=ratio_interval(right, np.ones(right.size)),
+        recall=_mean(recalled),
+        recall_interval=ratio_interval(recalled, np.ones(recalled.size)),
+        quality=float(overlaps.sum() / share.sum()),
+        quality_interval=ratio_interval(np.r_[overlaps, np.zeros(extra)], share),
+        overlap_of_matched=float(overlaps.sum() / recalled.sum()) if recalled.any() else None,
+        half_covered_of_reference=_mean(np.array([(c.covered or 0) >= 0.5 for c in of_reference])),
+        half_covered_of_other=_mean(np.array([(c.covered or 0) >= 0.5 for c in of_other])),
+    )
+
+
+def whole_pairs(a: str, b: str, cells: Sequence[Cell]) -> list[tuple[Cell, Cell]]:
+    """Return the cells that both sides show whole, matched: (A's, B's)."""
+    of_b = {c.id: c for c in cells if c.side == b}
+    pairs = [(c, of_b[c.partner]) for c in cells if c.side == a and c.is_matched and c.partner is not None]
+    return [(one, two) for one, two in pairs if not one.touches_edge and not two.touches_edge]
+
+
+def areas_mm2(a: str, b: str, cells: Sequence[Cell]) -> Coordinates:
+    """Return the areas of matched whole cells, (n, 2): A's, B's."""
+    return np.array([(one.area_mm2, two.area_mm2) for one, two in whole_pairs(a, b, cells)]).reshape(-1, 2)
+
+
+def area_limits(a: str, b: str, cells: Sequence[Cell]) -> Limits | None:
+    """Return how the areas of matched whole cells agree, mm²; None where there are fewer than three pairs."""
+    return bland_altman(*areas_mm2(a, b, cells).T)
+
+
+def depth_limits(a: str, b: str, cells: Sequence[Cell]) -> Limits | None:
+    """Return how the depths of matched whole cells agree where each side measured its own, mm; None as for areas."""
+    depths = [
+        (one.depth_median_mm, two.depth_median_mm)
+        for one, two in whole_pairs(a, b, cells)
+        if one.depth_of == a and two.depth_of == b
+    ]
+    return bland_altman(*np.array(depths, dtype=np.float64).reshape(-1, 2).T)
+
+
+def drift(a: str, b: str, cells: Sequence[Cell], grid: SurfaceGrid) -> Drift | None:
+    """Return how far matched whole cells lie apart, B's less A's, along z and around the bore, and how that grows.
+
+    By least squares. What a rigid alignment should leave is no slope. None where there are too few pairs, or all of
+    them lie at one place along z.
+    """
+    pairs = whole_pairs(a, b, cells)
+    at_mm = np.array([one.z_mm for one, _ in pairs])
+    if at_mm.size < FEWEST_TO_DRIFT or np.ptp(at_mm) == 0:
+        return None
+    along_mm = np.array([two.z_mm - one.z_mm for one, two in pairs])
+    turn_rad = wrap_rad([two.theta_rad - one.theta_rad for one, two in pairs])
+    return Drift(
+        pairs=len(pairs),
+        length_mm=float(np.ptp(at_mm)),
+        z_mm=_line(at_mm, along_mm),
+        arc_mm=_line(at_mm, turn_rad * grid.radius_mm),
+    )
+
+
+def _line(at_mm: Coordinates, apart_mm: Coordinates) -> Line:
+    away = at_mm - at_mm.mean()
+    slope = float(away @ apart_mm / (away @ away))
+    residual = apart_mm - apart_mm.mean() - slope * away
+    error = float(np.sqrt(residual @ residual / (at_mm.size - 2) / (away @ away)))
+    return Line(mean=float(apart_mm.mean()), per_mm=slope, per_mm_error=error)
+
+
+def _mean(values: Coordinates) -> float | None:
+    return float(np.mean(values)) if values.size else None
+
+
+QUANTILE = 0.95
+"""Share of bare wall over which the evidence must rise to count as a sign of a cell."""
+LEAST_WALL = 100
+"""Of fewer samples of bare wall nothing is said."""
+
+
+def invisible_cells(side: Surface, labels: Labels, ids: Sequence[int], grid: SurfaceGrid) -> list[int]:
+    """Return those of the cells ``ids`` in ``labels`` of which ``side`` has no sign where it observed them.
+
+    There is a sign where the mean evidence over a cell exceeds what 95 % of bare wall has, averaged over patches of
+    the cell's size (a Gaussian of as many independent samples as a disc of its area, in steps of an octave). Cells
+    that ``side`` did not observe, that have no sample, or of which nothing can be said, are not among the answer.
+    """
+    evidence = _evidence(side)
+    if evidence is None or not ids:
+        return []
+    known = side.valid & np.isfinite(evidence)
+    wall = known & ~side.mask & (labels == 0)
+    if np.count_nonzero(wall) < LEAST_WALL:
+        return []
+    found = labels[known]
+    n = max(int(labels.max()), *ids)  # specks may have no sample here
+    count = np.bincount(found, minlength=n + 1)
+    mean = np.bincount(found, evidence[known], n + 1) / np.maximum(count, 1)
+    diameter_mm = 2 * np.sqrt(count * grid.dz_mm * grid.dtheta_mm / np.pi)
+    counted = [k for k in ids if count[k] > 0]
+    octave = {k: int(np.round(np.log2(diameter_mm[k]))) for k in counted}
+    limit = {o: _limit(evidence, wall, 2.0**o, grid) for o in set(octave.values())}
+    return [k for k in counted if mean[k] <= limit[octave[k]]]
+
+
+def _evidence(side: Surface) -> Image | None:
+    """Return the evidence by which the side's cells were segmented, within the range that says something."""
+    if side.contrast is not None:
+        return np.clip(side.contrast, *CLIP["darkness"])
+    return None if side.relief_mm is None else np.clip(side.relief_mm, *CLIP["relief"])
+
+
+def _limit(evidence: Image, wall: Mask, diameter_mm: float, grid: SurfaceGrid) -> float:
+    """Return what the mean over a disc of ``diameter_mm`` exceeds on one bare place in twenty."""
+    sigma_mm = diameter_mm / 4
+    mean = masked_gaussian(np.where(wall, evidence, 0), wall, sigma_mm / grid.dz_mm, sigma_mm / grid.dtheta_mm)
+    return float(np.quantile(mean[wall], QUANTILE))

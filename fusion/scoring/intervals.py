@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 RESAMPLES = 2000
 SEED = 2019

@@ -1,15 +1,128 @@
-"""How far two masks of one wall agree, where both sides observed it."""
+"""How far two masks of one wall agree, where both sides observed it.
 
+Sites are the connected places where either side shows a cell. An overlap is counted over them, resampled over them,
+and sorted by them.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.fusion.result import Limits, Overlap
-from endoct.fusion.scoring.intervals import Interval, interval_of, ratio
-from endoct.fusion.scoring.sites import Sites
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.fusion.result import Limits, Overlap, Strata, Stratum
+from endoct.fusion.scoring.intervals import Interval, interval_of, ratio, ratio_interval
 from endoct.fusion.scoring.surface import Surface
-from endoct.stitching.arrays import Coordinates, Mask
+from endoct.fusion.segmentation.regions import Labels, label_in_order, quantiles
+
+SIZE_EDGES_MM = (0.3, 0.6)
+"""Diameters of the circle of a site's area at which sizes are parted."""
+DEPTH_EDGES_MM = (0.1, 0.3)
+CONTRAST_EDGES = (0.4, 0.8)
+DECIDING = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Sites:
+    """Connected places where either of two masks shows a cell, over the seam of θ, where both sides observed.
+
+    ``labels`` (n_z, n_theta), 1 … n; ``both``, ``only_a``, ``only_b`` samples of each, float64 (n,); ``sample_mm2``
+    what a sample measures. Sites are what is resampled: samples of one cell are not independent, cells nearly are.
+    """
+
+    labels: Labels
+    both: Coordinates
+    only_a: Coordinates
+    only_b: Coordinates
+    sample_mm2: float
+
+    @property
+    def area_mm2(self) -> Coordinates:
+        """Area of every site, (n,)."""
+        return (self.both + self.only_a + self.only_b) * self.sample_mm2
+
+    def jaccard_interval(self, which: Mask | slice = slice(None)) -> Interval:
+        """Return the interval of the Jaccard index over the sites ``which``."""
+        return ratio_interval(self.both[which], (self.both + self.only_a + self.only_b)[which])
+
+    def jaccard_without_two(self) -> Interval:
+        """Return the least and the largest Jaccard index without any one or two sites; None where no more are there.
+
+        Only the :data:`DECIDING` largest sites are left out: none of the others moves the index by as much.
+        """
+        if self.both.size <= 2:
+            return None
+        either = self.both + self.only_a + self.only_b
+        largest = np.argsort(either, kind="stable")[-DECIDING:]
+        one, two = np.triu_indices(largest.size)  # a site with itself: it alone
+        alone = one == two
+        without = [
+            total.sum() - total[largest][one] - np.where(alone, 0, total[largest][two]) for total in (self.both, either)
+        ]
+        left = without[1] > 0
+        index = without[0][left] / without[1][left]
+        return float(index.min()), float(index.max())
+
+    def dice_interval(self) -> Interval:
+        """Return the interval of Dice."""
+        return ratio_interval(2 * self.both, 2 * self.both + self.only_a + self.only_b)
+
+    def median_of(self, values: Image | None) -> Coordinates:
+        """Return the median of the finite ``values`` (n_z, n_theta) over every site, NaN where there are none."""
+        if values is None:
+            return np.full(self.both.size, np.nan)
+        inside = self.labels > 0
+        return quantiles(values[inside], self.labels[inside], self.both.size, 0.5)[1:]
+
+
+def find_sites(a: Mask, b: Mask, both_valid: Mask, sample_mm2: float) -> Sites:
+    """Return the sites of the masks ``a`` and ``b`` within ``both_valid``, all bool (n_z, n_theta)."""
+    labels = label_in_order((a | b) & both_valid)
+    inside = labels > 0
+    kind = a[inside] + 2 * b[inside].astype(np.int64)
+    n = int(labels.max(initial=0))
+    counts = np.bincount(4 * labels[inside].astype(np.int64) + kind, minlength=4 * (n + 1)).reshape(-1, 4)[1:]
+    both, only_a, only_b = (counts[:, k].astype(np.float64) for k in (3, 1, 2))
+    return Sites(labels, both, only_a, only_b, sample_mm2)
+
+
+def strata(sites: Sites, surfaces: Sequence[Surface]) -> Strata:
+    """Return the Jaccard index over sites parted by size, depth and contrast, where sides know these.
+
+    Depth and contrast are the median over a site of the first of ``surfaces`` that has them.
+    """
+    relief = next((s.relief_mm for s in surfaces if s.relief_mm is not None), None)
+    contrast = next((s.contrast for s in surfaces if s.contrast is not None), None)
+    diameter_mm = 2 * np.sqrt(sites.area_mm2 / np.pi)
+    parted = {"diameter_mm": _parted(sites, diameter_mm, SIZE_EDGES_MM)}
+    if relief is not None:
+        parted["depth_mm"] = _parted(sites, sites.median_of(relief), DEPTH_EDGES_MM)
+    if contrast is not None:
+        parted["contrast"] = _parted(sites, sites.median_of(contrast), CONTRAST_EDGES)
+    return Strata(**parted)
+
+
+def _parted(sites: Sites, by: Coordinates, edges: Sequence[float]) -> tuple[Stratum, ...]:
+    rows = []
+    for low, high in zip((None, *edges), (*edges, None), strict=True):
+        which = (by >= (-np.inf if low is None else low)) & (by < (np.inf if high is None else high))
+        n = int(which.sum())
+        union = float((sites.both + sites.only_a + sites.only_b)[which].sum())
+        rows.append(
+            Stratum(
+                low=low,
+                to=high,
+                sites=n,
+                area_mm2=float(sites.area_mm2[which].sum()),
+                jaccard=ratio(float(sites.both[which].sum()), float(union)),
+                jaccard_interval=sites.jaccard_interval(which),
+                only_first=float(((sites.both + sites.only_b)[which] == 0).mean()) if n else None,
+                only_second=float(((sites.both + sites.only_a)[which] == 0).mean()) if n else None,
+            )
+        )
+    return tuple(rows)
+
 
 FEWEST_PAIRS = 3
 NEITHER, BOTH, ONLY_A, ONLY_B = range(4)

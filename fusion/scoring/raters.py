@@ -7,10 +7,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Mask
 from endoct.fusion.result import PairwiseScores, Performance, RaterAgreement, RaterMedians, RaterPair
 from endoct.fusion.scoring.boundary import boundary_distances, outline
 from endoct.fusion.scoring.overlap import agreement
-from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.grid import SurfaceGrid
 
 STAPLE_ROUNDS = 200

@@ -7,11 +7,9 @@ from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Bootstrap, Budget, MaskScores, PairScores, Scores
 from endoct.fusion.scoring.boundary import boundary_scores
 from endoct.fusion.scoring.budget import agreement_budget
-from endoct.fusion.scoring.cells import Cell, measure
+from endoct.fusion.scoring.cells import Cell, area_limits, cell_scores, depth_limits, drift, measure
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED
-from endoct.fusion.scoring.matched_cells import area_limits, cell_scores, depth_limits, drift
-from endoct.fusion.scoring.overlap import overlap
-from endoct.fusion.scoring.sites import Sites, find_sites, strata
+from endoct.fusion.scoring.overlap import Sites, find_sites, overlap, strata
 from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.grid import SurfaceGrid
 

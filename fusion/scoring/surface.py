@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+from endoct.base.arrays import Image, Mask
 from endoct.fusion.segmentation.regions import Labels, label_in_order
-from endoct.stitching.arrays import Image, Mask
 
 
 @dataclass(frozen=True, eq=False)

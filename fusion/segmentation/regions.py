@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.numeric.circle import pad_circle
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import pad_circle
-from endoct.stitching.compiled import compiled
 
 T = TypeVar("T", bound=np.generic)
 Labels = NDArray[np.int32]

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from endoct.base.compute.parallel import at_once
+from endoct.base.doubt import Doubt
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.methods import OURS
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.observed import doubts_of_observed
-from endoct.stitching.parallel import at_once
+from endoct.stitching.panorama import doubts_of_observed
 
 
 @dataclass(frozen=True, eq=False)

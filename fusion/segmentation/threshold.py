@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.compiled import compiled
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.parallel import at_once
+from endoct.base.arrays import Coordinates
+from endoct.base.compute.compiled import compiled
+from endoct.base.compute.parallel import at_once
+from endoct.base.errors import EndoctError
 
 N_BINS = 65_536
 TOGETHER = 128

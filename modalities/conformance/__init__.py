@@ -24,10 +24,10 @@ The recording needs its ``acquisition.toml`` and should be small: it is surveyed
 from collections.abc import Callable
 from pathlib import Path
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.conformance import recordings, unrolling
 from endoct.modalities.conformance.subject import NotConforming, Subject, only_endoct_errors
 from endoct.modalities.contract import Manifest
-from endoct.stitching.errors import EndoctError
 
 __all__ = ["CHECKS", "Check", "NotConforming", "Subject", "check_modality"]
 

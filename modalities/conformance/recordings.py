@@ -15,6 +15,7 @@ from typing import get_args
 
 import numpy as np
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.conformance.subject import (
     NotConforming,
@@ -26,7 +27,6 @@ from endoct.modalities.conformance.subject import (
     same,
 )
 from endoct.modalities.contract import Channel, FrameStream, Sniff
-from endoct.stitching.errors import EndoctError
 
 HEAVY = ("torch", "cv2")
 """What a manifest must not import."""

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import Acquisition, read_keys, sidecar_path, validate
 from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.strip import Strip
 
 Anything = TypeVar("Anything")

@@ -16,10 +16,9 @@ from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import is_left_by_system, open_regular, read_start
 from endoct.modalities.ct.stored import EXPECTED, odd_ones
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import open_regular, read_start
-from endoct.stitching.names import is_left_by_system
 
 if TYPE_CHECKING:
     from pydicom import Dataset

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_array_size
 from endoct.modalities.ct.dicom_files import DicomFile, named, reading_dicom
 from endoct.modalities.ct.dicom_slices import (
     Frame,
@@ -17,9 +20,6 @@ from endoct.modalities.ct.dicom_slices import (
 )
 from endoct.modalities.ct.dicom_voxels import stored_numbers
 from endoct.modalities.ct.stored import PLACE_MM, Segment, StoredVolume, layers_as_one
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.limits import check_array_size
 
 if TYPE_CHECKING:
     from pydicom import Dataset

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.modalities.ct.dicom_files import DicomFile, named, reading_dicom
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
 
 if TYPE_CHECKING:
     from pydicom import Dataset

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_array_size
 from endoct.modalities.ct.dicom_files import DicomFile, opened
 from endoct.modalities.ct.dicom_slices import number_of_frames
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.limits import check_array_size
 
 if TYPE_CHECKING:
     from pydicom import Dataset

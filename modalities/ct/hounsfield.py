@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.doubt import Doubt
+from endoct.base.doubt import Doubt
 
 LEAST_HU = -500.0
 """A volume that holds less than that has Hounsfield units."""

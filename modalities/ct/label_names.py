@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small
 
 OUR_NAMES: Mapping[int, str] = MappingProxyType(
     {1: "bone", 2: "facial nerve", 3: "chorda tympani", 4: "cochlea", 5: "sigmoid sinus", 6: "antrum"}

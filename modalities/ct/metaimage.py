@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import check_array_size, open_regular, read_start
 from endoct.modalities.ct.raw_voxels import named_file, read_voxels
 from endoct.modalities.ct.stored import AXES, StoredVolume
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import open_regular, read_start
-from endoct.stitching.limits import check_array_size
 
 MOST_HEADER = 64_000
 LAST_KEY = "elementdatafile"

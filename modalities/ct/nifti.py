@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import check_array_size, open_regular, read_start
 from endoct.modalities.ct.raw_voxels import read_voxels
 from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import open_regular, read_start
-from endoct.stitching.limits import check_array_size
 
 GZIP = b"\x1f\x8b"
 HEADER_BYTES = 540

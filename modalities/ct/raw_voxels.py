@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.names import inside
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import inside
 
 BLOCK_BYTES = 1 << 20
 

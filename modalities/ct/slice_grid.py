@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.modalities.ct.dicom_slices import ALIKE, IN_BLOCKS, Slice
 from endoct.modalities.ct.stored import PLACE_MM, odd_ones
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
 
 FEWEST = 3
 """Slices; of two nobody could say that they are even."""

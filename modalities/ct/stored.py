@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 
 Convention = Literal["ras", "lps"]
 SIGNS: dict[Convention, tuple[float, float, float]] = {"lps": (1.0, 1.0, 1.0), "ras": (-1.0, -1.0, 1.0)}

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.frames import Frames
-from endoct.modalities.endoscope.mirror.finding import FoundRing
+from endoct.modalities.endoscope.mirror.finding import FoundRing, Reference
 from endoct.modalities.endoscope.mirror.moving import NOISE_SHARE, movement_in_thirds, movement_within
-from endoct.modalities.endoscope.mirror.reference import Reference
 from endoct.modalities.endoscope.mirror.roundness import NOT_ROUND, Roundness
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.feed import Feed
+from endoct.stitching.motion.feed import Feed
 
 FARTHEST_APART = 0.06
 """Of the outer radius: centres of a mirror's rims. Below 0.025 in both simulators, 0.12 where the end of a bore was

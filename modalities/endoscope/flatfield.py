@@ -14,11 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
-from endoct.stitching.ranks import quantile
-from endoct.stitching.robust import robust_sigma
-from endoct.stitching.room import Room
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.compute.room import Room
+from endoct.base.numeric.ranks import quantile, robust_sigma
 
 WALL_QUANTILE = 0.6
 VIEWS_FOR_PATTERN = 6

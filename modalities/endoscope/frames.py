@@ -6,18 +6,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.compute.kept import Kept
+from endoct.base.compute.parallel import thread_map
+from endoct.base.compute.room import Room
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow
-from endoct.modalities.endoscope.mirror.band import Band
-from endoct.modalities.endoscope.mirror.reference import Reference
-from endoct.modalities.endoscope.mirror.resampling import Circles, sample
+from endoct.modalities.endoscope.mirror.band import Band, Circles, sample
+from endoct.modalities.endoscope.mirror.finding import Reference, settle_annuli
 from endoct.modalities.endoscope.mirror.roundness import squared
-from endoct.modalities.endoscope.mirror.settling import settle_annuli
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.kept import Kept
-from endoct.stitching.parallel import thread_map
-from endoct.stitching.room import Room
 
 STRIP_COLUMNS = 1024
 _ROOM = Room()

@@ -1,14 +1,21 @@
-"""Brightness of a frame: one channel of full scale 1, reduced in size where a survey needs no more."""
+"""Brightness of a frame: one channel of full scale 1, reduced in size where a survey needs no more.
 
+Of a colour frame, its green is all that survey and unrolling need; the other channels are left out.
+"""
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image
-from endoct.stitching.compiled import compiled
-from endoct.stitching.room import Room
+from endoct.base.arrays import Image
+from endoct.base.compute.compiled import compiled
+from endoct.base.compute.room import Room
+from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.kept_frames import kept_frames
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99
@@ -105,3 +112,26 @@ def green(samples: NDArray[Any]) -> NDArray[Any]:
 def log_light(image: Image) -> Image:
     """Return the natural logarithm of a brightness, limited where it is black."""
     return np.asarray(np.log(np.maximum(image, DARKEST)), dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GreenFrame(Frame):
+    """A frame of which ``samples`` are the green ones, (row, column), and ``full_scale`` is that of all colours."""
+
+    full_scale: float
+
+
+def green_frames(stream: FrameStream) -> AbstractContextManager[FrameStream]:
+    """Give a stream of the green of every frame of ``stream``, each read from there once."""
+    return kept_frames(stream, _green_frame)
+
+
+def full_scale_of(frame: Frame) -> float:
+    """Return the value of a saturated sample of a frame, by :func:`full_scale` of all its colours."""
+    return frame.full_scale if isinstance(frame, GreenFrame) else full_scale(frame.samples)
+
+
+def _green_frame(frame: Frame) -> GreenFrame:
+    samples = np.ascontiguousarray(green(frame.samples)).view()
+    samples.flags.writeable = False
+    return GreenFrame(index=frame.index, samples=samples, z_mm=frame.z_mm, full_scale=full_scale(frame.samples))

@@ -6,9 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from endoct.modalities.acquisition import Acquisition, OneOf, Travel
 from endoct.modalities.contract import Manifest
-from endoct.modalities.recording import IMAGE_SUFFIXES
-from endoct.modalities.video_container import VIDEO_SUFFIXES
-from endoct.stitching.axial_scale import AxialScale
+from endoct.modalities.reading.recording import IMAGE_SUFFIXES
+from endoct.modalities.reading.video_container import VIDEO_SUFFIXES
+from endoct.stitching.panorama import AxialScale
 from endoct.stitching.per_frame import Meaning
 
 Rim = Literal["ahead", "behind"]

@@ -7,10 +7,10 @@ import torch
 from torch import Tensor
 from torch.nn.functional import grid_sample, pad
 
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.modalities.device import memory_of
 from endoct.modalities.endoscope.flatfield import FlatField
 from endoct.modalities.endoscope.light import DARKEST, UNSEEN
-from endoct.stitching.arrays import Coordinates, Image, Mask
 
 
 def averaged(

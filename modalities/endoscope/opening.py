@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, readonly
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, inward_positions_mm
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.modalities.numbering import positions_along
-from endoct.modalities.recording import ImageStack, open_stack
-from endoct.modalities.remarks import NONE, Remarks
-from endoct.stitching.arrays import Coordinates, readonly
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.reading.numbering import positions_along
+from endoct.modalities.reading.recording import ImageStack, open_stack
+from endoct.modalities.reading.remarks import NONE, Remarks
 
 LEAST_SIDE_PX = 32
 

@@ -1,14 +1,17 @@
-"""Pictures of one frame: with the annulus that was found in it, and unrolled."""
+"""Pictures of one frame, with its annulus and unrolled, and where they show a place of the wall.
+
+The pixel that looks at a place says where it is.
+"""
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.contract import Frame, Picture
+from endoct.base.arrays import Coordinates
+from endoct.modalities.contract import Frame, Picture, Places
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.unroll import unroll_frame
-from endoct.stitching.arrays import Coordinates
 
 PICTURE_SIDE_PX = 900
 PICTURE_COLUMNS = 1000
@@ -63,3 +66,20 @@ def _rims(annulus: Annulus, width: int, height: int) -> dict[str, Coordinates]:
         inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
         curves[label] = np.where(inside[:, None], np.stack([x, y], axis=1), np.nan)
     return curves
+
+
+def locate_in_frame(index: int, places: Places, calibration: EndoscopeCalibration) -> dict[str, Coordinates]:
+    """Return (column, row) in px of the pixel that looks at each place on the nominal bore, and (θ, z) in the strip.
+
+    Depth is not known to an endoscope: what lies behind the bore's wall is seen where the ray through it crosses that,
+    and so is the place of the panorama. Places beyond the rims are not seen.
+    """
+    from_centre_mm = places.z_mm - calibration.z_mm[index]
+    seen = np.abs(from_centre_mm) <= calibration.strip_z_mm[-1]
+    r_px = calibration.optics.r_px(np.where(seen, from_centre_mm, 0.0))
+    angle = calibration.image_angle(index, places.theta_rad)
+    annulus = calibration.annuli[index].with_drift(*calibration.drift_px).moved(*calibration.shift_px)
+    x, y = annulus.centre_at(r_px)
+    pixel = np.stack([annulus.columns(x + r_px * np.cos(angle)), y + r_px * np.sin(angle)], axis=1)
+    strip = np.stack([np.mod(places.theta_rad, 2 * np.pi), places.z_mm], axis=1)
+    return {name: np.where(seen[:, np.newaxis], xy, np.nan) for name, xy in (("frame", pixel), ("strip", strip))}

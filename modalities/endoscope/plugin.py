@@ -4,18 +4,17 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from endoct.base.arrays import Coordinates
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream, LocatingModality, Picture, Places, Sniff
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.green import green_frames
-from endoct.modalities.endoscope.locating import locate_in_frame
+from endoct.modalities.endoscope.light import green_frames
 from endoct.modalities.endoscope.opening import EndoscopeRecording, open_frames
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.modalities.endoscope.pictures import picture_frame
+from endoct.modalities.endoscope.pictures import locate_in_frame, picture_frame
 from endoct.modalities.endoscope.sniffing import sniff_frames
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.endoscope.unroll import unroll_frame
-from endoct.stitching.arrays import Coordinates
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 

@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.errors import EndoctError, NotSeen
 from endoct.modalities.contract import Preview, Sniff
 from endoct.modalities.endoscope.light import full_scale, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, find_annulus, follow
 from endoct.modalities.endoscope.opening import LEAST_SIDE_PX
-from endoct.modalities.folders import exists, is_folder
-from endoct.modalities.recording import (
+from endoct.modalities.reading.folders import exists, is_folder
+from endoct.modalities.reading.recording import (
     IMAGE_SUFFIXES,
     ImageStack,
     image_files,
@@ -19,9 +20,8 @@ from endoct.modalities.recording import (
     some_frames,
     whole_recordings,
 )
-from endoct.modalities.tiff import is_tiff
-from endoct.modalities.video_container import is_video
-from endoct.stitching.errors import EndoctError, NotSeen
+from endoct.modalities.reading.tiff import is_tiff
+from endoct.modalities.reading.video_container import is_video
 
 SIDE_PX = 240
 """Images are reduced to about this shorter side; an annulus is as clear then."""

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.compute.room import Room
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.light import DARKEST, UNSEEN, green, least_saturated
-from endoct.modalities.endoscope.mirror.resampling import Circles
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
-from endoct.stitching.room import Room
+from endoct.modalities.endoscope.mirror.band import Circles
 from endoct.stitching.strip import Strip
 
 LEAST_WEIGHT = 1e-3

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Mask
 from endoct.modalities.oct.face.circle import Capillary
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.faces import Faces
@@ -12,10 +13,9 @@ from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.second_look import RawLevels
 from endoct.modalities.oct.turning.rotation import Rotation
-from endoct.stitching.arrays import Coordinates, Mask
 from endoct.stitching.grid import SurfaceGrid
 
 

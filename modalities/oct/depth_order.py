@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from endoct.base.arrays import Image
+from endoct.base.numeric.ranks import quantiles
 from endoct.modalities.oct.bscan import reduce_theta
-from endoct.stitching.arrays import Image
-from endoct.stitching.ranks import quantiles
 
 SECTORS = 128
 WINDOW = 0.05

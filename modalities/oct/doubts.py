@@ -1,4 +1,8 @@
-"""What speaks against a pullback's panorama: against stated sizes, even turns, and the surface that was found."""
+"""What speaks against a pullback's panorama, and what its survey notes for the user.
+
+Doubts concern the stated sizes, even turns, and the surface that was found. Notes name bridged slices, a doubtful
+zero of the depth axis, fixed lines and gaps.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -8,13 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.doubt import Doubt
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.course import Course
+from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.background import Background
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.doubt import Doubt
+from endoct.modalities.oct.surface.evidence import Background
+from endoct.modalities.oct.surface.fixed_lines import FixedLines
+from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.stitching.panorama import Panorama
 
 ODD_WALL_SHARE = 0.1
@@ -210,3 +217,60 @@ def _of_face(course: Course | None, stated: OctAcquisition) -> tuple[Doubt, ...]
 def _diameter(course: Course) -> str:
     low_mm, high_mm = course.range_mm
     return f"{course.diameter_mm:.2f} mm ({low_mm:.2f} to {high_mm:.2f})"
+
+
+FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
+
+
+def notes_on_survey(faces: Faces, lines: FixedLines, acquisition: OctAcquisition) -> tuple[str, ...]:
+    """Return one sentence for each thing to know about the recording."""
+    return (
+        *_on_bridging(faces),
+        *_on_first_sample(faces, acquisition),
+        *_on_fixed_lines(lines),
+        *notes_on_gaps(acquisition.positions_mm),
+    )
+
+
+def _on_bridging(faces: Faces) -> tuple[str, ...]:
+    count = int(np.count_nonzero(faces.bridged))
+    if not count:
+        return ()
+    return (
+        f"{count} of {faces.bridged.size} slices did not show the capillary's outer face well enough; "
+        "their geometry is bridged from their neighbours and their samples are not valid.",
+    )
+
+
+def _on_first_sample(faces: Faces, acquisition: OctAcquisition) -> tuple[str, ...]:
+    if acquisition.first_sample_mm is None:
+        return ()
+    expected = -acquisition.first_sample_mm / acquisition.medium_index
+    difference = float(np.median(faces.capillary.axis_depth_mm)) - expected
+    if -0.05 <= difference <= FIRST_SAMPLE_TOLERANCE_MM:
+        return ()
+    return (
+        f"The sidecar's first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
+        f"face at {expected + difference:.3f} mm; the capillary was trusted.",
+    )
+
+
+def _on_fixed_lines(lines: FixedLines) -> tuple[str, ...]:
+    claimed, undecided = np.flatnonzero(lines.excess > 0), np.flatnonzero(lines.undecided)
+    notes: tuple[str, ...] = ()
+    if claimed.size:
+        notes += (
+            f"Depth rows {_ranges(claimed)} hold fixed lines of the detector, which were taken out; a wall just there "
+            "is less certain.",
+        )
+    if undecided.size:
+        notes += (
+            f"Depth rows {_ranges(undecided)} may hold fixed lines of the detector; they are seen in too few "
+            "directions to tell, and were kept.",
+        )
+    return notes
+
+
+def _ranges(rows: NDArray[np.intp]) -> str:
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return ", ".join(f"{run[0]}–{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs)

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from endoct.modalities.acquisition import Acquisition, Handedness, Travel
 from endoct.modalities.contract import Manifest
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, SpectraKeys
-from endoct.stitching.axial_scale import AxialScale
+from endoct.stitching.panorama import AxialScale
 from endoct.stitching.per_frame import Meaning
 
 

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Frame, inward_positions_mm
-from endoct.modalities.numbering import positions_along
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, LEAST_ASCANS, LEAST_SAMPLES, SpectraKeys
 from endoct.modalities.oct.spectra.recognising import seems_spectra
-from endoct.modalities.recording import ImageStack, open_stack
-from endoct.modalities.remarks import NONE, Remarks
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.reading.numbering import positions_along
+from endoct.modalities.reading.recording import ImageStack, open_stack
+from endoct.modalities.reading.remarks import NONE, Remarks
 
 LEAST_DEPTH = LEAST_SAMPLES // 2
 FARTHEST_WALL = 10.0  # from the capillary, in depths of a B-scan; beyond that, nothing could be seen of the bore

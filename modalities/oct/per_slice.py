@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Mask
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.turning.rotation import Rotation
-from endoct.stitching.arrays import Coordinates, Mask
 
 
 def per_slice_values(

@@ -1,14 +1,24 @@
-"""Pictures of one B-scan with the outer face and the wall that were detected in it."""
+"""Pictures of one B-scan with the outer face and the wall found in it, and where they show a place of the wall.
+
+Which beam meets a place, and how deep, says where it is.
+"""
 
 import numpy as np
 
-from endoct.modalities.contract import Frame, Picture
+from endoct.base.arrays import Coordinates
+from endoct.modalities.contract import Frame, Picture, Places
 from endoct.modalities.oct.bscan import sector_angles_rad, sector_means
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.polar import as_recorded, resample, volume_radii_mm
-from endoct.modalities.oct.undistort import beam_angles_rad, radius_mm
+from endoct.modalities.oct.undistort import (
+    as_recorded,
+    beam_angles_rad,
+    depth_at_radius_mm,
+    radius_mm,
+    resample,
+    theta_at_radius,
+    volume_radii_mm,
+)
 from endoct.modalities.oct.unroll import profile_beams
-from endoct.stitching.arrays import Coordinates
 
 PICTURE_COLUMNS = 1000
 
@@ -60,3 +70,22 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
 
 def _curve(x: Coordinates, y: Coordinates) -> Coordinates:
     return np.stack([x, y], axis=1)
+
+
+def locate_in_bscan(index: int, places: Places, calibration: OctCalibration) -> dict[str, Coordinates]:
+    """Return (nominal angle of the A-scan, depth in mm) of each place, and (θ, radius) in the undistorted B-scan.
+
+    A place of the panorama is that which the beam meets that crosses the nominal bore at its θ, see
+    :func:`~endoct.modalities.oct.unroll.unroll_bscan`; in a deep cell it lies at another θ in truth, at which the
+    undistorted B-scan has it. Places beyond the neighbouring slices, and angles that no A-scan recorded, are not seen.
+    """
+    nominal, recorded = beam_angles_rad(calibration, index, places.theta_rad)
+    near = np.abs(places.z_mm - calibration.slice_z_mm[index]) <= calibration.grid.dz_mm
+    radius = calibration.grid.radius_mm + places.depth_mm
+    depth_mm = depth_at_radius_mm(calibration, index, nominal, radius)
+    theta = np.where(np.isfinite(radius), theta_at_radius(calibration, index, nominal, radius), places.theta_rad)
+    seen = (recorded & near)[:, np.newaxis]
+    return {
+        "bscan": np.where(seen, np.stack([np.mod(nominal, 2 * np.pi), depth_mm], axis=1), np.nan),
+        "bscan-undistorted": np.where(seen, np.stack([theta, radius], axis=1), np.nan),
+    }

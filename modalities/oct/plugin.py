@@ -4,6 +4,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import (
     Frame,
@@ -13,19 +15,16 @@ from endoct.modalities.contract import (
     Sniff,
     VolumetricModality,
 )
+from endoct.modalities.oct.bscan import reduced_pullback
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.locating import locate_in_bscan
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.pictures import picture_bscan
-from endoct.modalities.oct.reduced import reduced_pullback
+from endoct.modalities.oct.pictures import locate_in_bscan, picture_bscan
 from endoct.modalities.oct.settle import settle_pullback
 from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
 from endoct.modalities.oct.unroll import unroll_bscan
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_sizes, doubts_of_surface, doubts_of_turns
 from endoct.modalities.oct.undistort import beam_angles_rad
-from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from endoct.base.arrays import Image
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import read_keys, sidecar_path, validate
 from endoct.modalities.contract import Preview, Sniff
 from endoct.modalities.oct.depth_order import UPSIDE_DOWN, share_brightening
 from endoct.modalities.oct.opening import LEAST_DEPTH, UnstatedSpectra, open_pages
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, SpectraKeys, StatedSpectra
-from endoct.modalities.recording import some_frames
-from endoct.stitching.arrays import Image
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.reading.recording import some_frames
 
 SIDE_PX = 512
 """Pages are judged at this size at most."""

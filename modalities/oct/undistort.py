@@ -1,19 +1,28 @@
-"""From the depth along a beam to radius and angle about the capillary's axis, and back.
+"""From the depth along a beam to radius and angle about the capillary's axis, and back; B-scans on such a grid.
 
-There are two methods. "eccentric" uses the catheter's position: a sample at distance ρ along the beam at angle α lies
-at e + ρ·u(α), turned by the angle by which the capillary's glass bends the beam. "sine" is the paper's (Laves 2019,
-Image undistortion): every A-scan is shifted by the fitted sine and keeps its angle, which is right for the radius to
-first order only.
+There are two methods. "eccentric" uses the catheter's position. A sample at distance ρ along the beam at angle α
+lies at e + ρ·u(α), turned by the angle by which the capillary's glass bends the beam. "sine" is the paper's (Laves
+2019, Image undistortion). Every A-scan is shifted by the fitted sine and keeps its angle, which is right for the
+radius to first order only.
 
-Three angles occur: θ of the panorama; the direction of a beam in the frame of its slice; and the nominal angle of an
-A-scan, its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates them.
+Three angles occur: θ of the panorama; the direction of a beam in the frame of its slice; and the nominal angle of
+an A-scan, its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates them.
+
+B-scans are resampled on (θ, radius) about the capillary's axis: everything from there outward, sub-surface
+included.
 """
 
-import numpy as np
+from typing import Any
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.modalities.contract import Frame
+from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.ripple import ripple_basis
-from endoct.stitching.arrays import Coordinates, Mask
 
 
 def beam_angles_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> tuple[Coordinates, Mask]:
@@ -131,3 +140,45 @@ def _bend_rad(calibration: OctCalibration, index: int, beam_rad: Coordinates) ->
     """By how much the glass turns the beams at ``beam_rad``; 0 where the glass is not known."""
     face = calibration.capillary.circle(index)
     return calibration.glass.bend_rad(np.asarray(face.x_mm * np.sin(beam_rad) - face.y_mm * np.cos(beam_rad)))
+
+
+INSIDE_MM = 0.05
+OUTSIDE_PX = -10.0
+
+
+def volume_radii_mm(calibration: OctCalibration) -> Coordinates:
+    """Return the radii of the volume's samples, float64, mm: to the end of the depth range.
+
+    They start a little inside the capillary, so that its outer face is visible; the glass is not to scale.
+    """
+    capillary = calibration.capillary
+    farthest = calibration.n_depth * calibration.mm_per_px - float(np.median(capillary.axis_depth_mm))
+    farthest += float(np.max(capillary.offset_mm))
+    return np.asarray(np.arange(capillary.radius_mm - INSIDE_MM, farthest, calibration.mm_per_px))
+
+
+def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates, every: int = 1) -> Image:
+    """Return one B-scan on (θ, radius) about the capillary's axis, float32 (n_theta, n_radii), NaN outside.
+
+    θ is that of the panorama, or ``every`` such column from the first.
+    """
+    grid = calibration.grid
+    image = reduce_theta(frame.samples, grid.n_theta)
+    angle, depth = beam_of(calibration, frame.index, grid.theta_rad[::every, None], radii_mm[None, :])
+    first = sector_angles_rad(frame.samples.shape[0], grid.n_theta)[0]
+    column = np.mod((angle - first) / grid.dtheta_rad, grid.n_theta)
+    wrapped = np.concatenate([image, image[:1]])
+    sampled = cv2.remap(
+        wrapped,
+        np.nan_to_num(depth / calibration.mm_per_px, nan=OUTSIDE_PX).astype(np.float32),
+        np.broadcast_to(column, depth.shape).astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=float("nan"),
+    )
+    return np.asarray(sampled, dtype=np.float32)
+
+
+def as_recorded(samples: Image, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return interpolated samples in the recording's type: whole numbers rounded, 0 for NaN."""
+    return samples if dtype.kind == "f" else np.rint(np.nan_to_num(samples)).astype(dtype)

@@ -4,18 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import Spacing, logarithmic, sector_angles_rad, varying
+from endoct.modalities.oct.bscan import Spacing, logarithmic, reduced, sector_angles_rad, varying
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.reduced import reduced
 from endoct.modalities.oct.surface.fixed_lines import with_lines_of
 from endoct.modalities.oct.surface.line_removal import bridge_rows, without_lines
-from endoct.modalities.oct.surface.projection import maximum_intensity
 from endoct.modalities.oct.surface.second_look import SecondLook, look_again
 from endoct.modalities.oct.surface.trust import trusted, wall_sigmas
-from endoct.modalities.oct.surface.wall import brightest, first_edge
+from endoct.modalities.oct.surface.wall import brightest, first_edge, maximum_intensity
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, face_depth_mm, radius_mm
-from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.strip import Strip
 
 

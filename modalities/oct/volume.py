@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Image
+from endoct.base.compute.parallel import thread_map
+from endoct.base.zarr.zarr_store import Named, consolidate, new_array, write_arrays
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.polar import as_recorded, resample, volume_radii_mm
-from endoct.stitching.arrays import Image
-from endoct.stitching.parallel import thread_map
-from endoct.stitching.zarr_store import Named, consolidate, new_array, write_arrays
+from endoct.modalities.oct.undistort import as_recorded, resample, volume_radii_mm
 
 
 def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) -> None:

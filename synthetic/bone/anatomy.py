@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Bore

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from endoct.stitching.arrays import Mask
+from endoct.base.arrays import Mask
 from endoct.synthetic.bone.cavities import TABLE, Cavities
 from endoct.synthetic.elementary import Numbers, exp, log
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.field import Field
 from endoct.synthetic.sample.parameters import Cell, Sample
 from endoct.synthetic.sample.randomness import Stage, generator

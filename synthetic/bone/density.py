@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
-from endoct.stitching.arrays import Image
+from endoct.base.arrays import Image
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Density, Sample

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 
 
 def signed_distance(level: Image, spacing_mm: Coordinates) -> Image:

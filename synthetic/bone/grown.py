@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from endoct.modalities.trajectory import axes_at
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
+from endoct.modalities.ct.trajectory import axes_at
 from endoct.synthetic.bone.field import Field
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.bone.network import air_on

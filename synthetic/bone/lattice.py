@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.elementary import Numbers
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 
 LOOKUP_COLUMNS = 1024
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.cavities import frame
 from endoct.synthetic.bone.opening import CutWall, drawn_contents, drawn_outline
 from endoct.synthetic.sample.parameters import Bore, Cell

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.anatomy import COVER_MM, sinus_and_antrum, structures
 from endoct.synthetic.bone.lattice import Lattice, trilinear
 from endoct.synthetic.sample.parameters import Bore, Network, Sample

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Mask
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.cavities import Cavities, cavities, sag
 from endoct.synthetic.bone.cavity import OWN_SIDE, Indices, Near, covers, near
 from endoct.synthetic.bone.relief import WallGrid

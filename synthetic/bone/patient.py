@@ -1,6 +1,6 @@
 """The user's own bone: a CT or a segmentation of it, and where the bore lies in it.
 
-World coordinates are LPS in here, as :mod:`endoct.modalities.ct_volume` reads them.
+World coordinates are LPS in here, as :mod:`endoct.modalities.ct.ct_volume` reads them.
 """
 
 import hashlib
@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from endoct.modalities.ct.label_names import TABLE_SUFFIXES
-from endoct.modalities.ct.stored import SIGNS, Convention
-from endoct.modalities.ct_volume import (
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import sha256_of
+from endoct.modalities.ct.ct_volume import (
     LABEL_SIGMA_VOXELS,
     CtVolume,
     check_within,
@@ -26,10 +27,9 @@ from endoct.modalities.ct_volume import (
     read_ct,
     upright,
 )
-from endoct.modalities.trajectory import Trajectory, axes_at
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import sha256_of
+from endoct.modalities.ct.label_names import TABLE_SUFFIXES
+from endoct.modalities.ct.stored import SIGNS, Convention
+from endoct.modalities.ct.trajectory import Trajectory, axes_at
 from endoct.synthetic.bone.distance import chambers, signed_distance
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.sample.parameters import Volume

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.random import Generator
 
-from endoct.stitching.arrays import Image
-from endoct.stitching.circle import gaussian, pad_circle
-from endoct.stitching.parallel import thread_map
+from endoct.base.arrays import Image
+from endoct.base.compute.parallel import thread_map
+from endoct.base.numeric.circle import gaussian, pad_circle
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator, smooth_field

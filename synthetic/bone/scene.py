@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.cavities import Cavities, cavities
 from endoct.synthetic.bone.cavity import OWN_SIDE, Indices, Near, clearance, near
 from endoct.synthetic.bone.contents import Contents, contents_of_field, contents_of_planted

@@ -11,7 +11,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Mask
+from endoct.base.arrays import Mask
 from endoct.synthetic.bone.cavities import Cavities
 from endoct.synthetic.bone.cavity import Indices, Near, chosen, clearance
 from endoct.synthetic.elementary import Numbers

@@ -1,15 +1,83 @@
-"""The bore's wall: its relief, its cells, and what both instruments need to know of its surface."""
+"""The bore's wall: its relief, its cells, its albedo, and what both instruments need to know of its surface.
 
+The bone is mottled, smeared, lined in some cells and bright along some rims.
+"""
+
+import math
 from dataclasses import dataclass, fields
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image
-from endoct.synthetic.bone.albedo import albedo_of, rim_light
+from endoct.base.arrays import Image
+from endoct.base.numeric.circle import pad_circle
 from endoct.synthetic.bone.baking import TracedElsewhere, bake
+from endoct.synthetic.bone.contents import Contents
+from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.relief import BoreRelief, WallGrid, textures
 from endoct.synthetic.bone.scene import Scene, build_scene
 from endoct.synthetic.sample.parameters import Sample
+
+RIM_MM = 0.02
+COARSER = 4  # of θ and z: 0.04 mm, less than a channel is wide
+
+
+def albedo_of(
+    sample: Sample,
+    grid: WallGrid,
+    relief: BoreRelief,
+    contents: Contents,
+    relief_mm: Image,
+    cell_id: NDArray[np.int32],
+    workers: int,
+) -> Image:
+    """Return mottled bone, darker where it is less dense, under smears, and in the cells by their lining."""
+    bore = sample.bore
+    albedo, finer, smears = textures(sample, grid, 4, (0.15, 0.04, 0.25), workers)
+    albedo *= 0.6
+    albedo += 0.6 * finer
+    albedo += 0.5 * relief.fine
+    # the drill's mark shows on the wall it has cut, not inside the cells
+    albedo += np.where(cell_id > 0, np.float32(0), np.float32(0.5) * relief.grooves)
+    albedo *= np.float32(bore.texture)
+    albedo += 1
+    np.clip(albedo, 0.3, 1.6, out=albedo)
+    albedo *= 1 - np.float32(bore.smear) * np.clip((smears - 1.4) / 0.4, 0, 1)
+    albedo *= contents.lining[cell_id]
+    density = density_of(sample)
+    if density is not None:
+        albedo *= _albedo_of_density(density, grid, relief_mm)
+    return albedo
+
+
+def _albedo_of_density(density: BoneDensity, grid: WallGrid, relief_mm: Image) -> Image:
+    """Return what density does to the albedo where the wall lies, looked up on a grid ``COARSER`` times coarser."""
+    rows, columns = (-(-n // COARSER) for n in (grid.n_z, grid.n_theta))
+    z = ((np.arange(rows) + 0.5) * (grid.n_z / rows) - 0.5).astype(np.float32)[:, None]
+    theta = ((np.arange(columns) + 0.5) * (grid.n_theta / columns) - 0.5).astype(np.float32)
+    radius = grid.radius_mm + relief_mm[np.rint(z[:, 0]).astype(np.intp)][:, np.rint(theta).astype(np.intp)]
+    theta *= np.float32(2 * math.pi / grid.n_theta)
+    coarse = density.albedo(
+        radius * np.cos(theta), radius * np.sin(theta), np.broadcast_to(z * grid.dz_mm, radius.shape)
+    )
+    wide = pad_circle(coarse, 1)
+    every = grid.n_theta // columns
+    large = cv2.resize(wide, (wide.shape[1] * every, grid.n_z), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(large[:, every:-every], np.float32)
+
+
+def rim_light(contents: Contents, grid: WallGrid, cell_id: NDArray[np.int32]) -> Image:
+    """Return the light added along the outlines of the openings of cells with bright rims."""
+    if not contents.rim_gain.any():
+        return np.zeros(cell_id.shape, np.float32)
+    bright = contents.rim_gain[cell_id]
+    sigma_z, sigma_theta = RIM_MM / grid.dz_mm, RIM_MM / grid.dtheta_mm
+    pad = math.ceil(4 * sigma_theta)
+    wide = pad_circle(bright, pad)
+    blurred = cv2.GaussianBlur(wide, (0, 0), sigmaX=sigma_theta, sigmaY=sigma_z)[:, pad:-pad]
+    return np.asarray(2 * np.abs(bright - blurred), dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.modalities.markups import write_line
-from endoct.modalities.trajectory import Trajectory, as_point
+from endoct.modalities.ct.trajectory import Trajectory, as_point, write_line
 from endoct.synthetic.bone.anatomy import target_mm
 from endoct.synthetic.bone.grown import world_of
 from endoct.synthetic.sample.parameters import Sample

@@ -1,21 +1,87 @@
-"""What the cone-mirror endoscope's camera records of the wall: one frame."""
+"""What the cone-mirror endoscope's camera records of the wall: one frame, as it is stored, also as a PNG file.
+
+Light on the sensor becomes the stored image by noise, saturation, gamma, 8 bits and JPEG.
+"""
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image, Mask
+from endoct.base.arrays import Image, Mask
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.endoscope.cone import band_centre_mm
 from endoct.synthetic.endoscope.light import light, obscured
 from endoct.synthetic.endoscope.lighting import Lighting, lit_frame
-from endoct.synthetic.endoscope.png import png
-from endoct.synthetic.endoscope.sensor import compressed, displayed, noisy
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
-from endoct.synthetic.sample.randomness import Stage, generator
+from endoct.synthetic.sample.randomness import Stage, bell, generator
+
+LEVELS = 2**16
+
+
+def noisy(camera: Endoscope, signal: Image, rng: Generator) -> Image:
+    """Return ``signal`` (1 is saturation) with shot and read noise.
+
+    Its variance is signal/full_well + (read_noise/full_well)²; so many electrons are as good as normal.
+    """
+    sigma = signal * np.float32(1 / camera.full_well)
+    sigma += np.float32((camera.read_noise / camera.full_well) ** 2)
+    np.sqrt(sigma, out=sigma)
+    sigma *= bell(rng, signal.size).reshape(signal.shape)
+    sigma += signal
+    return sigma
+
+
+def displayed(signal: Image, gamma: float = 1.8) -> NDArray[np.uint8]:
+    """Return ``signal`` clipped at saturation, to the power of 1/``gamma``, in 8 bits."""
+    counts = signal * np.float32(LEVELS - 1)
+    np.clip(counts, 0, LEVELS - 1, out=counts)
+    return np.asarray(cv2.LUT(counts.astype(np.uint16), _display(gamma)), dtype=np.uint8).reshape(signal.shape)
+
+
+@cache
+def _display(gamma: float) -> NDArray[np.uint8]:
+    return np.rint(255 * (np.arange(LEVELS) / (LEVELS - 1)) ** (1 / gamma)).astype(np.uint8)
+
+
+def compressed(camera: Endoscope, frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return ``frame``, grey or RGB, as it comes out of JPEG compression."""
+    quality = [cv2.IMWRITE_JPEG_QUALITY, round(camera.jpeg_quality)]
+    done, data = cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR) if frame.ndim == 3 else frame, quality)
+    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if done else None
+    if decoded is None:
+        raise EndoctError("a frame could not be compressed as JPEG")
+    return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB) if decoded.ndim == 3 else decoded, dtype=np.uint8)
+
+
+# the filter "up" with run lengths: of frames, a sixth less to store than OpenCV's own choice makes of them, in a fifth
+# less time
+_ENCODING = [
+    cv2.IMWRITE_PNG_COMPRESSION, 1,
+    cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE,
+    cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP,
+]  # fmt: skip
+
+
+def png(frame: NDArray[np.uint8]) -> bytes:
+    """Return a frame, u8 (row, column) or (row, column, RGB), as the bytes of a PNG file."""
+    stored = cv2.cvtColor(frame, cv2.COLOR_RGB2BGR) if frame.ndim == 3 else frame
+    done, data = cv2.imencode(".png", stored, _ENCODING)
+    if not done:
+        raise EndoctError("a frame could not be encoded as PNG", found=f"{frame.dtype} {frame.shape}")
+    return np.asarray(data, dtype=np.uint8).tobytes()
+
+
+def write_png(path: Path, frame: NDArray[np.uint8]) -> None:
+    """Write a frame as ``path``."""
+    path.write_bytes(png(frame))
+
 
 __all__ = ["PixelMaps", "StoredFrame", "band_centre_mm", "noise_free", "pixel_maps", "render_frame", "stored_frame"]
 

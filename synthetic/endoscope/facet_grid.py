@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image
+from endoct.base.arrays import Image
 from endoct.synthetic.bone.maps import WallMaps
 
 FACET_MM = 0.07

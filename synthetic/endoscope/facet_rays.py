@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image
+from endoct.base.arrays import Image
 from endoct.synthetic.endoscope.facet_grid import FacetGrid, Indices
 from endoct.synthetic.endoscope.sight import lookup
 

@@ -1,9 +1,11 @@
-"""The wall in facets that exchange light: what each of them sees of the others, followed once for all frames.
+"""The wall in facets that exchange light, and how steeply bone rises along the bore next to every place of it.
 
-The relief is sampled on a coarse grid (z, θ). Every sample is a facet; where the relief between it and its neighbours
-is steep, as on the side of a cell, it has more of them, one for each ``LEVEL_MM`` of depth. From each, rays go out by
-the cosine law and are followed to the facet that they meet. The probe, which moves, is left out: it takes some of that
-light and sends back about as much.
+What each facet sees of the others is followed once for all frames. The relief is sampled on a coarse grid (z, θ).
+Every sample is a facet. Where the relief between it and its neighbours is steep, as on the side of a cell, it has
+more of them, one for each ``LEVEL_MM`` of depth. From each, rays go out by the cosine law and are followed to the
+facet that they meet. The probe, which moves, is left out: it takes some of that light and sends back about as much.
+
+The shade is how steeply bone rises: it says which light can reach a place of the wall, in any frame.
 """
 
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image
+from endoct.base.arrays import Image
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.endoscope.facet_grid import LEVEL_MM, FacetGrid, Indices, facet_grid, neighbours
 from endoct.synthetic.endoscope.facet_rays import seen_facets
@@ -132,3 +134,44 @@ def _albedo(wall: WallMaps, grid: FacetGrid) -> Image:
     """Return the mean albedo about each sample."""
     n_z, n_theta = grid.relief_mm.shape
     return np.asarray(cv2.resize(wall.albedo, (n_theta, n_z), interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+EVERY_COLUMN = 2
+"""Columns of the wall's maps to one of the shade's."""
+REACH = 1.2
+"""How far along the bore bone is looked for that may cast a shadow, in mm for each mm of depth: no light comes in at a
+steeper slant."""
+GROWS = 1.1
+"""Distances that are looked at lie one row apart at first, then in this ratio."""
+COLUMNS_AT_ONCE = 64
+
+
+def shade_of(wall: WallMaps) -> Image:
+    """Return the steepest rise of bone towards the bore's axis, mm/mm, float32 (n_z, n_theta/2, 2).
+
+    At smaller z and at larger z of each place; a ray that comes along the bore at dz/dr is blocked where their product
+    is over 1.
+    """
+    relief = np.ascontiguousarray(wall.relief_mm[:, ::EVERY_COLUMN])
+    least, most = wall.relief_range_mm
+    shade = np.zeros((*relief.shape, 2), np.float32)
+    rows = _distances(min(relief.shape[0] - 1, int(REACH * (most - least) / wall.dz_mm)))
+    for first in range(0, relief.shape[1], COLUMNS_AT_ONCE):
+        part = np.ascontiguousarray(relief[:, first : first + COLUMNS_AT_ONCE])
+        before, behind = np.zeros_like(part), np.zeros_like(part)
+        for k in rows:
+            rise = part[k:] - part[:-k]
+            rise *= np.float32(1 / (k * wall.dz_mm))
+            np.maximum(before[k:], rise, out=before[k:])
+            np.maximum(behind[:-k], -rise, out=behind[:-k])
+        shade[:, first : first + COLUMNS_AT_ONCE, 0] = before
+        shade[:, first : first + COLUMNS_AT_ONCE, 1] = behind
+    return shade
+
+
+def _distances(most: int) -> list[int]:
+    rows, at = [], 1.0
+    while at <= most:
+        rows.append(int(at))
+        at = max(at + 1, at * GROWS)
+    return rows

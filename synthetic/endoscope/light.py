@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from endoct.stitching.arrays import Image, Mask
+from endoct.base.arrays import Image, Mask
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.elementary import exp
 from endoct.synthetic.endoscope.bounces import Bounced
-from endoct.synthetic.endoscope.shade import EVERY_COLUMN
+from endoct.synthetic.endoscope.facets import EVERY_COLUMN
 from endoct.synthetic.endoscope.sight import Hits, View, Visible, lookup, lookup_all
 from endoct.synthetic.endoscope.source import Places, direct
 from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample

@@ -4,12 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from endoct.stitching.arrays import Image
+from endoct.base.arrays import Image
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.endoscope.bounces import bounced
-from endoct.synthetic.endoscope.facets import Facets, facets_of
+from endoct.synthetic.endoscope.facets import Facets, facets_of, shade_of
 from endoct.synthetic.endoscope.light import Surface, light, surface
-from endoct.synthetic.endoscope.shade import shade_of
 from endoct.synthetic.endoscope.sight import Visible, follow, view, visible
 from endoct.synthetic.sample.parameters import Sample
 

@@ -13,10 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image
+from endoct.base.arrays import Image
 from endoct.synthetic.bone.maps import WallMaps
-from endoct.synthetic.endoscope.cone import band_centre_mm
-from endoct.synthetic.endoscope.rays import Rays, rays_of
+from endoct.synthetic.endoscope.cone import Rays, band_centre_mm, rays_of
 from endoct.synthetic.sample.parameters import Endoscope
 
 STEP_ACROSS_MM = 0.01

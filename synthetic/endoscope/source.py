@@ -21,9 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.stitching.arrays import Image
-from endoct.synthetic.endoscope.cone import cone_of
-from endoct.synthetic.endoscope.rays import leaned
+from endoct.base.arrays import Image
+from endoct.synthetic.endoscope.cone import cone_of, leaned
 from endoct.synthetic.sample.parameters import Endoscope
 
 FIBRES = 6

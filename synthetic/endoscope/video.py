@@ -16,7 +16,7 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 
 FRAME_RATE_HZ = 25
 """Of the videos written: frames a second of playing time."""

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.zarr_store import new_array, write_arrays
+from endoct.base.zarr.zarr_store import new_array, write_arrays
 
 Described = Mapping[str, tuple[tuple[str, ...], str, str]]
 """Name → (dims, dtype, what it is)."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.parallel import thread_map
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.parallel import thread_map
 from endoct.synthetic.model import Model
 from endoct.synthetic.oct.beams import Echoes
 from endoct.synthetic.oct.bscan import ascan_echoes

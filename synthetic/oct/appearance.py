@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.randomness import Stage, generator, smooth_field

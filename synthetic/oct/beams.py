@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.circle import wrap_rad
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.numeric.circle import wrap_rad
 from endoct.synthetic.bone.scene import Crossings, Scene, crossings
 from endoct.synthetic.sample.parameters import Bore, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS

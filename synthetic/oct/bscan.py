@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.beams import Echoes, stream_position, trace

@@ -11,13 +11,11 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy import fft
 
-from endoct.stitching.arrays import Coordinates
-from endoct.synthetic.oct.reflectors import reflectors
-from endoct.synthetic.oct.sheath import add_sheath
+from endoct.base.arrays import Coordinates
+from endoct.synthetic.oct.reflectors import add_sheath, reflectors
 from endoct.synthetic.oct.speckle import speckle
 from endoct.synthetic.oct.spectrometer import roll_off
-from endoct.synthetic.oct.sweep import Sweep
-from endoct.synthetic.oct.turn import around
+from endoct.synthetic.oct.sweep import Sweep, around
 from endoct.synthetic.sample.randomness import Stage, generator
 
 Field = NDArray[np.complex64]

@@ -6,7 +6,7 @@ beam's own waist is w₀ = that/√ln 2, and its Rayleigh length π·w₀²/λ. 
 
 import math
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.sample.parameters import Oct
 
 FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.random import Generator
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.sample.oct_parameters import LostAscans
 from endoct.synthetic.sample.parameter_fields import Harmonic
 from endoct.synthetic.sample.presets import Preset

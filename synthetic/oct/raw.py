@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.stitching.parallel import thread_map
+from endoct.base.compute.parallel import thread_map
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.bscan import offset, spectra

@@ -10,11 +10,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy import sparse
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.oct.beams import BONE_INDEX, Echoes
 from endoct.synthetic.oct.focus import coupling, spot_sigma_mm
-from endoct.synthetic.oct.lattice import Lattice, lattice
-from endoct.synthetic.oct.scatterers import Nodes, along_beams, nodes, unwrapped_rad
+from endoct.synthetic.oct.scatterers import Lattice, Nodes, along_beams, lattice, nodes, unwrapped_rad
 from endoct.synthetic.oct.spectrometer import centred, roll_off
 from endoct.synthetic.oct.sweep import REACH, Sweep
 from endoct.synthetic.sample.parameters import Oct

@@ -18,7 +18,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy import fft
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import bell
 

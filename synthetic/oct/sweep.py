@@ -1,22 +1,63 @@
-"""One turn of the beam over the wall: the columns of a slice, and what their beams meet."""
+"""One turn of the beam over the wall: the columns of a slice, and what their beams meet.
+
+The columns lie on the ring that they were taken on, and some things change smoothly around it.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy import fft
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.beams import Echoes, capillary_axis_mm, stream_position, trace_slices
 from endoct.synthetic.oct.focus import spot_sigma_mm
 from endoct.synthetic.oct.spectrometer import Spectrometer, spectrometer
-from endoct.synthetic.oct.turn import Turn
 from endoct.synthetic.sample.parameters import Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
+
+AROUND = 1024  # places around a turn at which what changes smoothly is drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """The columns of one slice, around the ring they were taken on.
+
+    ``n_ring``: columns to a full turn, after which a beam meets the same bone again. ``first``: place on that ring
+    of the first column, negative where it lies before the slice's first A-scan.
+    """
+
+    n_ring: int
+    first: int
+    n: int
+
+
+def around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:
+    """Return a smooth random course around the ring, rms 1, at every column."""
+    spectrum = fft.rfft(rng.standard_normal(AROUND, dtype=np.float32))
+    spectrum *= _smoothing(sigma_turns)
+    course = fft.irfft(spectrum)
+    course /= np.sqrt(np.mean(np.square(course, dtype=np.float64)))
+    place = np.mod((turn.first + np.arange(turn.n)) * (AROUND / turn.n_ring), AROUND)
+    values: Coordinates = np.interp(place, np.arange(AROUND + 1), np.append(course, course[0]))
+    return values
+
+
+@lru_cache(maxsize=16)
+def _smoothing(sigma_turns: float) -> Image:
+    """Return what a Gaussian leaves of each frequency around the ring, and nothing of the mean."""
+    left = np.exp(-0.5 * (2 * np.pi * sigma_turns * np.arange(AROUND // 2 + 1)) ** 2).astype(np.float32)
+    left[0] = 0
+    left.flags.writeable = False
+    return np.asarray(left)
+
 
 REACH = 3.0  # sigmas of the spot across which scatterers are summed
 BEYOND = 3  # columns beyond those recorded that the interpolation between columns reads

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.base.arrays import Coordinates, Image
 
 BELL_WORDS = 2**14  # drawn at once, for four numbers each
 

@@ -9,7 +9,7 @@ from typing import Literal, cast, get_args, get_origin
 from numpy.random import Generator
 from pydantic import BaseModel
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.synthetic.sample.parameter_fields import STATED_ONLY
 from endoct.synthetic.sample.parameters import Bore, Ct, Density, Endoscope, Network, Oct
 

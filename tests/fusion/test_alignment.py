@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, as_covariance
-from endoct.stitching.circle import wrap_rad
 
 COVARIANCE = np.array([[4e-4, 1e-5, 0.0], [1e-5, 9e-4, -1.2e-4], [0.0, -1.2e-4, 4e-5]])
 ORIENTATIONS = pytest.mark.parametrize(("mirrored", "z_reversed"), ALL_ORIENTATIONS)

@@ -14,6 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
 
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import gaussian, wrap_rad
 from endoct.fusion.comparison import (
     CompareParameters,
     Comparison,
@@ -28,8 +30,6 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH
 from endoct.fusion.segmentation.segmented_side import segment_side
 from endoct.fusion.sides import Placed
-from endoct.stitching.circle import gaussian, wrap_rad
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
 COARSE = CompareParameters(n_theta=512)

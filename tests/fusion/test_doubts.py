@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.base.doubt import Doubt
 from endoct.fusion.doubts import (
     doubt_of_twist,
     doubts_of_alignment,
@@ -19,13 +20,10 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.registration.align import largest_cell_share
+from endoct.fusion.registration.align import largest_cell_share, remedies
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores, Result, StoredAlignment
-from endoct.fusion.stated_scale import remedies
-from endoct.stitching.axial_scale import AxialScale
-from endoct.stitching.doubt import Doubt
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.panorama import Panorama
+from endoct.stitching.panorama import AxialScale, Panorama
 
 ALIGNED = Alignment(0.1, 0.2, 1.01, confidence=0.3)
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from bore_pairs import Pair
 
+from endoct.base import registered
+from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
-from endoct.stitching import registered
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
 COARSE = CompareParameters(n_theta=512)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
 from endoct.fusion.geometry.placement import (
     FARTHEST_OUTLINE_MM,
@@ -17,7 +18,6 @@ from endoct.fusion.geometry.placement import (
     signed_distance,
 )
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from endoct.modalities.frame_files import choose_frames
-from endoct.modalities.numbering import Positions, positions_along
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.modalities.reading.frame_files import choose_frames
+from endoct.modalities.reading.numbering import Positions, positions_along
 
 
 def _alike(one: Path, other: Path) -> bool:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from pydantic import Field
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import Acquisition, read_keys, sidecar_path, validate
-from endoct.stitching.errors import EndoctError
 
 
 class Probe(Acquisition):

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import Manifest
 from endoct.modalities.registry import manifests
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip

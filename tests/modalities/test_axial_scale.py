@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.stitching.axial_scale import AxialScale
-from endoct.stitching.errors import EndoctError
+from endoct.stitching.panorama import AxialScale
 
 OCT = {
     "modality": "oct", "bore_diameter_mm": 2.5, "axial_pixel_mm": 0.005, "pullback_pitch_mm": 0.2,

@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 from endoct.modalities.conformance import CHECKS, Check, Subject
-from endoct.modalities.recording import image_files, open_stack
+from endoct.modalities.reading.recording import image_files, open_stack
 from endoct.modalities.registry import manifests
 
 FRAMES = range(12, 26)

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from endoct.modalities.frame_files import FrameFiles, choose_frames
-from endoct.modalities.frame_names import read_names
-from endoct.modalities.numbering import Along, positions_along
-from endoct.modalities.spacing import spacing_of
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.modalities.reading.frame_files import FrameFiles, choose_frames
+from endoct.modalities.reading.frame_names import read_names
+from endoct.modalities.reading.numbering import Along, positions_along
+from endoct.modalities.reading.spacing import spacing_of
 
 
 def order(*names: str) -> list[str]:

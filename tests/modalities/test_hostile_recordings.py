@@ -19,14 +19,14 @@ import numpy as np
 import pytest
 import tifffile
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
-from endoct.modalities.recording import image_files, open_stack
+from endoct.modalities.reading.recording import image_files, open_stack
+from endoct.modalities.reading.tiff import is_tiff
+from endoct.modalities.reading.video import ReadVideo
+from endoct.modalities.reading.video_container import is_video
 from endoct.modalities.registry import manifest_for
-from endoct.modalities.tiff import is_tiff
-from endoct.modalities.video import ReadVideo
-from endoct.modalities.video_container import is_video
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from tests.modalities.numbered import positions_by_number
 
@@ -411,7 +411,7 @@ def test_a_panorama_that_would_not_fit_is_refused() -> None:
 
 
 def test_a_manifest_loads_no_decoder() -> None:
-    modules = "endoct.modalities.oct.manifest, endoct.modalities.recording"
+    modules = "endoct.modalities.oct.manifest, endoct.modalities.reading.recording"
     code = f"import sys, {modules}; print(*{{'cv2', 'av', 'PIL'}} & {{*sys.modules}})"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == ""

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.parameters import CompareParameters
 from endoct.modalities import registry
 from endoct.modalities.acquisition import read_keys, validate
@@ -15,7 +16,6 @@ from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.stitching.errors import EndoctError
 
 OCT = {
     "modality": "oct",

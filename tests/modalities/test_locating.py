@@ -8,12 +8,12 @@ import pytest
 from tolerances import LOCATED_ASCANS, LOCATED_DEPTH_PX, LOCATED_PX, TABLED_PX
 
 from benchmarks.located_places import oct_errors, pixel_errors, table_errors
+from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Picture, Places, Seen
 from endoct.modalities.illustrating import illustrated, places_of
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, radius_mm, theta_at_radius
-from endoct.stitching.errors import EndoctError
 from endoct.synthetic.specimen import simulate
-from endoct.workbench.page.picturing import picture_json
+from endoct.workbench.page.recorded import picture_json
 from endoct.workbench.pipeline.unrolling import open_side, unroll_recording
 from endoct.workbench.report.pictures import load_pictures, save_pictures
 from endoct.workbench.running.progress import SilentStages

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import tifffile
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.json_values import read_object
 from endoct.modalities.acquisition import read_toml
 from endoct.modalities.oct.spectra.recognising import seems_spectra
 from endoct.modalities.oct.spectra.vectors import read_vector
-from endoct.modalities.other_formats import kind_not_read
-from endoct.modalities.recording import open_stack
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.json_values import read_object
+from endoct.modalities.reading.other_formats import kind_not_read
+from endoct.modalities.reading.recording import open_stack
 
 STARTS = {
     "a.wmv": (b"\x30\x26\xb2\x75\x8e\x66\xcf\x11" + bytes(40), "Windows Media"),

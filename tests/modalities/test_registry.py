@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Manifest, Sniff
-from endoct.stitching.errors import EndoctError
 
 
 class Reader:

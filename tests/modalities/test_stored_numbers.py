@@ -7,11 +7,11 @@ import pytest
 import tifffile
 from PIL import Image, ImageOps
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import read_drawing
 from endoct.modalities.oct.opening import open_pages
-from endoct.modalities.orientation import upright
-from endoct.modalities.recording import open_stack
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.reading.orientation import upright
+from endoct.modalities.reading.recording import open_stack
 
 GREY = np.random.default_rng(1).integers(0, 256, (24, 40), dtype=np.uint8)
 CELLS = np.zeros((24, 40), np.bool_)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
 GRID = SurfaceGrid.full_circle(3, 8, z0_mm=10.0, dz_mm=0.5, radius_mm=2.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.registry import manifests
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import Meaning, PerFrame, per_frame, stored_range, usual_meaning

@@ -8,12 +8,11 @@ import pytest
 import xarray
 from tolerances import IMAGE_ATOL
 
-from endoct.stitching.axial_scale import AxialScale
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.stitching.blend import blend
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.panorama import Panorama
+from endoct.stitching.panorama import AxialScale, Panorama
 from endoct.stitching.store import load_panorama, save_panorama
 from endoct.stitching.strip import Strip
 

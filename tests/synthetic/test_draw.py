@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS

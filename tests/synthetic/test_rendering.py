@@ -2,11 +2,11 @@
 
 import pytest
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.worker_process import worker_process
+from endoct.base.compute.worker_process import worker_process
+from endoct.base.errors import EndoctError
 from endoct.synthetic.model import build_model
-from endoct.synthetic.rendering import rendering
-from tests.stitching.worker_calls import end
+from endoct.synthetic.recordings import rendering
+from tests.base.compute.worker_calls import end
 from tests.synthetic.bones import bone, hole
 
 

@@ -12,7 +12,7 @@ import tifffile
 import xarray as xr
 from tolerances import COUNTS_BY_ROUNDING
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.synthetic.sample.presets import PRESETS, Preset
 from endoct.synthetic.specimen import SPECIMEN_VERSION, simulate
 

@@ -14,7 +14,7 @@ import tifffile
 import xarray as xr
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 
 @pytest.fixture(scope="module")

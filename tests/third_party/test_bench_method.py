@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from endoct.workbench.bench.methods import check_names, load_task, origin
 from endoct.workbench.bench.runner import Plan, run
+from endoct.workbench.bench.task import check_names, load_task, origin
 
 PACKAGE = Path(__file__).parent / "endoct-behind-median"
 DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "bench.md"

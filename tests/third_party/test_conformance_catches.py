@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.conformance import CHECKS, NotConforming, Subject, check_modality
 from endoct.modalities.conformance.subject import Replaced
 from endoct.modalities.contract import Sniff
-from endoct.stitching.errors import EndoctError
 
 BY_NAME = {check.__name__: check for check in CHECKS}
 N_TURNS, N_THETA = 6, 64

@@ -14,8 +14,8 @@ import pytest
 import xarray as xr
 import zarr
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.files.masks import read_mask
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.store import load_panorama
 from endoct.workbench import cli, compare, unroll
 

@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.files.store import read_outline
 from endoct.modalities.contract import Picture
-from endoct.stitching.errors import EndoctError
-from endoct.workbench.page.document import printed_page
-from endoct.workbench.page.heading import comparison_heading
+from endoct.workbench.page.heading import comparison_heading, printed_page
 from endoct.workbench.report.findings import read_findings
 from endoct.workbench.report.illustrated import report_sections
 from endoct.workbench.report.pictures import load_pictures, save_pictures

@@ -12,12 +12,12 @@ from scipy import ndimage
 from tolerances import CT_PLACE_MM
 
 from benchmarks.ct_faults.writing import enhanced, save, write_series
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.patient import Bone, bone_around
 from endoct.workbench import simulate
 from endoct.workbench.cli import main
-from endoct.workbench.pipeline.vary import parse_place
+from endoct.workbench.pipeline.settings import parse_place
 
 
 def files(folder: Path) -> dict[str, bytes]:

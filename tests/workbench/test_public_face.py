@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from endoct import workbench
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench import cli, compare, demo, export, pose, pose_outlook, simulate, summarise, unroll, verify
 from endoct.workbench.commands.completion import completion_script
 from endoct.workbench.running.refusals import in_one_line

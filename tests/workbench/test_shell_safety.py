@@ -18,17 +18,15 @@ import pytest
 from mock_comparison import GRID
 from rich.console import Console
 
+from endoct.base.errors import visible
+from endoct.base.files.files import digests, path_text, spreadsheet_text
 from endoct.fusion.files.cell_table import PROPERTIES, write_cells
 from endoct.fusion.scoring.cells import Cell
-from endoct.stitching.digests import digests, path_text
-from endoct.stitching.errors import visible
-from endoct.stitching.names import spreadsheet_text
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench import cli
-from endoct.workbench.bench.results.differences import Difference
 from endoct.workbench.bench.results.files import write_csv, write_differences
-from endoct.workbench.bench.results.summary import Spread
+from endoct.workbench.bench.results.summary import Difference, Spread
 from endoct.workbench.bench.results.tables import difference_table, footnotes, table
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.tasks.segmentation import TASK

@@ -7,9 +7,9 @@ import pytest
 from cheap_specimens import Cheap
 from mock_comparison import Kind, write_comparison
 
-from endoct.stitching.contents import NAME
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import new_output
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import NAME
+from endoct.base.files.output import new_output
 from endoct.workbench.dataset.building import make_dataset
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.page.report import write_report

@@ -1,12 +1,16 @@
-"""The checkpoint of a run of the bench: what is finished, stored next to the output, so that a stopped run resumes.
+"""The checkpoint of a run of the bench, so that a stopped run resumes, and what a run states about itself.
 
-``RESULTS.unfinished`` holds ``run.json``, what is run and with what, and a file of rows for every source of cases that
-all methods have been run on. Each file appears whole or not at all, and the folder goes when the output is complete.
+``RESULTS.unfinished`` lies next to the output. It holds ``run.json``, what is run and with what, and a file of rows
+for every source of cases that all methods have been run on. Each file appears whole or not at all, and the folder
+goes when the output is complete.
+
+A run states what is run, with which versions, and on which machine.
 """
 
 import hashlib
 import json
 import os
+import platform
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -16,14 +20,56 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
-from endoct.stitching.json_values import read_object
-from endoct.stitching.scratch import clear_dead_scratch, new_file
-from endoct.workbench.bench.facts import plan_facts
-from endoct.workbench.bench.methods import load_task, module_of
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small
+from endoct.base.files.json_values import read_object
+from endoct.base.files.scratch import clear_dead_scratch, new_file
 from endoct.workbench.bench.runner import Plan, Row
-from endoct.workbench.running.disk_errors import refusing_disk_errors
+from endoct.workbench.bench.task import load_task, module_of, origin
+from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.running.refusals import refusing_disk_errors
+
+Facts = dict[str, object]
+"""What can be written as JSON."""
+
+
+def plan_facts(plan: Plan) -> Facts:
+    """Return what is run, on which cases, and with which versions."""
+    task = load_task(plan.task)
+    return {
+        "task": task.name,
+        "methods": {name: origin(task, name) for name in plan.methods},
+        "seeds": list(plan.seeds),
+        "cases_a_seed": plan.count,
+        "conditions": {name: list(range_) for name, range_ in (plan.ranges or {}).items()},
+        "data": [str(folder) for folder in plan.own],
+        "versions": versions(),
+    }
+
+
+def machine() -> Facts:
+    """Return the processor, its cores and how many of them this process may use, the memory and the system."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    facts: Facts = {
+        "processor": _processor(),
+        "cores": os.cpu_count() or 1,
+        "cores_usable": usable,
+        "system": platform.platform(terse=True),
+        "omp_num_threads": os.environ.get("OMP_NUM_THREADS", "not set"),
+    }
+    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        facts["memory_gb"] = round(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9, 1)
+    return facts
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
 
 RUN = "run.json"
 _OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")

@@ -9,22 +9,16 @@ from pathlib import Path
 from rich.console import RenderableType
 from rich.table import Table
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import check_output, new_output
-from endoct.workbench.bench.case_selection import narrowed, parse_seeds
-from endoct.workbench.bench.checkpoint import Checkpoint, open_checkpoint
-from endoct.workbench.bench.facts import Facts
-from endoct.workbench.bench.methods import check_names, load_task, method_names, origin, task_names
-from endoct.workbench.bench.results.difference_plot import draw_differences
-from endoct.workbench.bench.results.differences import Difference, differences
+from endoct.base.errors import EndoctError
+from endoct.base.files.output import check_output, new_output
+from endoct.workbench.bench.checkpoint import Checkpoint, Facts, open_checkpoint
 from endoct.workbench.bench.results.files import bench_facts, write_csv, write_differences, write_json
-from endoct.workbench.bench.results.frame import score_names
-from endoct.workbench.bench.results.plots import draw_plots
-from endoct.workbench.bench.results.summary import by_word
+from endoct.workbench.bench.results.plots import draw_differences, draw_plots
+from endoct.workbench.bench.results.summary import Difference, by_word, differences, score_names
 from endoct.workbench.bench.results.tables import difference_table, footnotes, table
-from endoct.workbench.bench.runner import Plan, Row, run
-from endoct.workbench.bench.task import AnyTask
-from endoct.workbench.pipeline.vary import range_text
+from endoct.workbench.bench.runner import Plan, Row, narrowed, parse_seeds, run
+from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
+from endoct.workbench.pipeline.settings import range_text
 from endoct.workbench.running.kinds import BENCH_RESULTS
 from endoct.workbench.running.progress import Stages
 

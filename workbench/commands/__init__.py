@@ -9,7 +9,7 @@ from contextlib import contextmanager, nullcontext, redirect_stderr
 
 import tyro
 
-from endoct.stitching.errors import visible
+from endoct.base.errors import visible
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
@@ -18,8 +18,7 @@ from endoct.workbench.commands.poses import pose
 from endoct.workbench.commands.recordings import info, modalities, unroll
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import dataset, demo, simulate
-from endoct.workbench.running.refusals import visible_lines
-from endoct.workbench.running.status import WRONG_USAGE
+from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30
 

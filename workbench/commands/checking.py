@@ -5,7 +5,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from endoct.workbench.commands.console import command_stages, print_json, print_line
-from endoct.workbench.running.status import DONE, UNUSABLE_INPUT
+from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 
 
 def verify(path: Positional[Path], json: bool = False) -> int:
@@ -15,7 +15,7 @@ def verify(path: Positional[Path], json: bool = False) -> int:
         path: a panorama, comparison, report, export, specimen, data set, summary or bench results, or a folder of such
         json: print as JSON
     """
-    from endoct.stitching.errors import EndoctError
+    from endoct.base.errors import EndoctError
     from endoct.workbench.verifying import verify as check
 
     verdicts = check(path, progress=command_stages(json))

@@ -10,7 +10,7 @@ from tyro.conf import Positional
 from endoct.modalities.device import Device
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.options import ModalityName, Output, Settings
-from endoct.workbench.running.status import DONE
+from endoct.workbench.running.refusals import DONE
 
 if TYPE_CHECKING:
     from endoct.workbench.pipeline.summarising import Row

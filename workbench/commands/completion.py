@@ -6,7 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from endoct.workbench.running.status import DONE
+from endoct.workbench.running.refusals import DONE
 
 
 def completion(shell: Positional[Literal["bash", "zsh"]]) -> int:

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import visible
+from endoct.base.doubt import Doubt
+from endoct.base.errors import visible
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.running.progress import ConsoleStages, SilentStages, Stages
-from endoct.workbench.running.refusals import visible_lines
-from endoct.workbench.running.status import DONE, DOUBTED, NOT_ALIGNED
+from endoct.workbench.running.refusals import DONE, DOUBTED, NOT_ALIGNED, visible_lines
 
 if TYPE_CHECKING:
     from endoct.fusion.result import Result

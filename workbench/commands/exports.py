@@ -7,9 +7,8 @@ from tyro.conf import Positional, arg
 
 from endoct.workbench.commands.console import command_stages, print_doubts, print_json, print_line
 from endoct.workbench.commands.options import Output
-from endoct.workbench.exporting.formats import FormatName
-from endoct.workbench.exporting.options import OmeVersion
-from endoct.workbench.running.status import DONE
+from endoct.workbench.exporting.formats import FormatName, OmeVersion
+from endoct.workbench.running.refusals import DONE
 
 
 def export(

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 from tyro.conf import Positional, arg
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.device import Device
-from endoct.stitching.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.status import DONE, UNTOLD
+from endoct.workbench.running.refusals import DONE, UNTOLD
 
 if TYPE_CHECKING:
-    from endoct.modalities.trajectory import Point
+    from endoct.modalities.ct.trajectory import Point
     from endoct.workbench.posing.outlook_result import OutlookResult
     from endoct.workbench.posing.result import PoseResult
 
@@ -77,8 +77,7 @@ def pose(
         overwrite: replace the output if it exists
         json: print the result as JSON
     """
-    from endoct.workbench.pipeline.settings import parse
-    from endoct.workbench.pipeline.vary import parse_place
+    from endoct.workbench.pipeline.settings import parse, parse_place
     from endoct.workbench.posing.pose import pose as find_pose
 
     of_sides: dict[str, object] = {

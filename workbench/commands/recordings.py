@@ -6,8 +6,8 @@ from typing import Annotated
 from rich.table import Table
 from tyro.conf import Positional, arg
 
+from endoct.base.files.files import path_text
 from endoct.modalities.device import Device
-from endoct.stitching.digests import path_text
 from endoct.workbench.commands.console import (
     TextConsole,
     command_stages,
@@ -17,7 +17,7 @@ from endoct.workbench.commands.console import (
     status_of,
 )
 from endoct.workbench.commands.options import ModalityName, Output, Settings
-from endoct.workbench.running.status import DONE
+from endoct.workbench.running.refusals import DONE
 
 
 def unroll(
@@ -99,9 +99,8 @@ def info(
         overwrite: replace the acquisition.toml if it exists
         json: print as JSON
     """
-    from endoct.workbench.pipeline.information import STATED, describe, in_lines, recognise
+    from endoct.workbench.pipeline.information import STATED, describe, in_lines, recognise, write_thumbnail
     from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
-    from endoct.workbench.pipeline.thumbnail import write_thumbnail
 
     if thumbnail is not None:
         write_thumbnail(recognise(path, modality).sniff.preview, path, thumbnail)

@@ -5,9 +5,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from endoct.stitching.errors import visible
+from endoct.base.errors import visible
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json
-from endoct.workbench.running.status import DONE
+from endoct.workbench.running.refusals import DONE
 
 WIDE = 200
 

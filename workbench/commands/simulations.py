@@ -7,7 +7,7 @@ from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.commands.console import command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.options import Output, Place, Wishes
 from endoct.workbench.commands.poses import print_pose
-from endoct.workbench.running.status import DONE
+from endoct.workbench.running.refusals import DONE
 
 
 def demo(
@@ -84,8 +84,8 @@ def simulate(
         spectra: add oct-spectra: the spectrometer's raw data, 2 kB per A-scan
         overwrite: replace the folder if it exists
     """
+    from endoct.workbench.pipeline.settings import parse_place, parse_vary
     from endoct.workbench.pipeline.simulating import simulate as write_specimen
-    from endoct.workbench.pipeline.vary import parse_place, parse_vary
 
     write_specimen(
         output,
@@ -148,9 +148,9 @@ def dataset(
         dry_run: make one specimen in a temporary folder and estimate what all would take
         json: print the result as JSON
     """
-    from endoct.workbench.dataset.command import run_dataset
+    from endoct.workbench.dataset.building import run_dataset
     from endoct.workbench.dataset.plan import Plan
-    from endoct.workbench.pipeline.vary import parse_vary
+    from endoct.workbench.pipeline.settings import parse_vary
 
     plan = Plan(count, preset, seed, parse_vary(vary), format, labels, recordings_per_bore)
     facts, lines = run_dataset(

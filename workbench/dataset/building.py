@@ -1,34 +1,75 @@
-"""Makes a data set, or what is missing of one; or says what that would take."""
+"""A data set made, or what is missing of one; or a forecast of what that would take. What `endoct dataset` says.
 
+The contact sheet is a picture of some specimens of the data set, to look at before anything is done with it.
+"""
+
+import hashlib
 import math
 import os
 import shutil
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event
 
-from endoct.stitching.ending import undone_in_the_end
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import check_place
-from endoct.stitching.parallel import thread_map
-from endoct.stitching.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from endoct.base.compute.parallel import thread_map
+from endoct.base.ending import undone_in_the_end
+from endoct.base.errors import EndoctError
+from endoct.base.files.output import check_place
+from endoct.base.files.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
-from endoct.workbench.dataset.contact_sheet import NAME as SHEET
-from endoct.workbench.dataset.contact_sheet import write_contact_sheet
+from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, settle_written, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
-from endoct.workbench.dataset.making import Done, Make, make_unit, simulate_specimen
+from endoct.workbench.dataset.identity import NAME as IDENTITY
+from endoct.workbench.dataset.making import Done, Make, make_here, make_on, make_unit, simulate_specimen
+from endoct.workbench.dataset.manifest import LICENCE, readme, write_manifest
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
-from endoct.workbench.dataset.manifest import write_manifest
-from endoct.workbench.dataset.plan import Plan, Unit, job, units
-from endoct.workbench.dataset.readme import LICENCE, readme
+from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
+from endoct.workbench.dataset.reading import Specimens
 from endoct.workbench.dataset.records import RECORDS, finished
-from endoct.workbench.dataset.workers import make_here, make_on
-from endoct.workbench.running.disk_errors import refusing_disk_errors
+from endoct.workbench.pipeline.settings import ranges_text
 from endoct.workbench.running.progress import SilentStages, Stages
+from endoct.workbench.running.refusals import refusing_disk_errors
+
+SHEET = "contact_sheet.png"
+N_SPECIMENS = 8
+TITLES = ("B-scan, depth × A-scan", "OCT from above, slice × A-scan", "endoscope", "true depth, z × θ (cells outlined)")
+
+
+def write_contact_sheet(root: Path) -> None:
+    """Draw specimens spread evenly over the set in ``root``: the middle frame of both recordings, and the truth."""
+    specimens = Specimens(root)
+    chosen = np.unique(np.linspace(0, len(specimens) - 1, N_SPECIMENS).round().astype(int))
+    figure = Figure(figsize=(14, 0.4 + 2.1 * chosen.size), dpi=80, layout="constrained")
+    axes = figure.subplots(chosen.size, 4, squeeze=False, width_ratios=(1, 1, 0.85, 1.15))
+    for row, index in zip(axes, chosen, strict=True):
+        arrays, line = specimens[int(index)], specimens.rows[int(index)]
+        oct_, frames = arrays["oct"], arrays["endoscope"]
+        _draw(row[0], oct_[len(oct_) // 2], "gray")
+        _draw(row[1], oct_.mean(axis=1), "gray")
+        row[2].imshow(frames[len(frames) // 2])
+        _draw(row[3], np.clip(arrays["relief_mm"], 0, 1), "viridis")
+        row[3].contour(arrays["cell"], levels=[0.5], colors="white", linewidths=0.5)
+        row[0].set_ylabel(f"{line['name']}\n{line['split']}\n{line['bore.bone']}", fontsize=8)
+        for panel in row:
+            panel.set(xticks=[], yticks=[])
+    for panel, title in zip(axes[0], TITLES, strict=True):
+        panel.set_title(title, fontsize=9)
+    with top_file(root, SHEET) as file:
+        figure.savefig(file, format="png", metadata={"Software": None})
+
+
+def _draw(panel: Axes, image: NDArray[np.floating] | NDArray[np.uint8], colours: str) -> None:
+    panel.imshow(image, cmap=colours, aspect="auto", interpolation="antialiased")
+
 
 LOCK_NAME = ".lock"
 TOP_FILES = (NAME, "LICENSE", "README.md", MANIFEST, SHEET)
@@ -266,3 +307,64 @@ def _makers(
 def _warm_up() -> None:
     """Load what every process loads once, which is no part of the time that one specimen takes."""
     import endoct.synthetic.recordings  # noqa: F401
+
+
+def run_dataset(
+    output: Path, plan: Plan, *, workers: int | None, scheduler: str | None, dry_run: bool, stages: Stages
+) -> tuple[dict[str, object], list[str]]:
+    """Make the data set, or only say what it would take; return that as facts and as lines for people."""
+    if dry_run:
+        return _dry_run(output, plan, workers, scheduler, stages)
+    try:
+        built = make_dataset(output, plan, workers=workers, scheduler=scheduler, stages=stages)
+    except KeyboardInterrupt:
+        kept = f"{output} is begun, and the same command goes on with it" if (output / IDENTITY).exists() else ""
+        raise KeyboardInterrupt(kept) from None
+    manifest = output / MANIFEST
+    digest = hashlib.sha256(manifest.read_bytes()).hexdigest()
+    facts = {"output": str(output), **asdict(built), "seconds": round(built.seconds, 1), "manifest_sha256": digest}
+    return facts, [
+        f"data set: {output} ({built.count} specimens, {_size(built.bytes)}; {built.made} made in "
+        f"{_duration(built.seconds)}, {built.kept} were there)",
+        f"manifest: {manifest} (sha256 {digest[:16]}…)",
+    ]
+
+
+def _dry_run(
+    output: Path, plan: Plan, workers: int | None, scheduler: str | None, stages: Stages
+) -> tuple[dict[str, object], list[str]]:
+    reckoned = forecast(output, plan, workers=workers, scheduler=scheduler, stages=stages)
+    counts = dict.fromkeys(SPLITS, 0)
+    for index in range(plan.count):
+        counts[split_of(plan, index)] += 1
+    size = PRESETS[plan.preset]
+    drawn = dict(size.ranges) | dict(plan.ranges)
+    facts = {
+        "output": str(output),
+        "count": plan.count,
+        "bores": -(-plan.count // plan.recordings_per_bore),
+        "splits": counts,
+        "drawn_otherwise": {key: list(range_) for key, range_ in drawn.items()},
+        **asdict(reckoned),
+        "seconds": round(reckoned.seconds, 1),
+    }
+    return facts, [
+        f"to make: {reckoned.missing} of {plan.count} specimens of {facts['bores']} bores "
+        f"({', '.join(f'{split} {count}' for split, count in counts.items())})",
+        f"each: {size.n_slices} B-scans of {size.n_ascans} A-scans, {size.n_frames} endoscope frames, truth"
+        f"{' and labels' if plan.labels else ''}; bone: {' or '.join(size.bone)}",
+        f"drawn otherwise than docs/reference/parameters.md says: {ranges_text(drawn)}",
+        f"about {reckoned.files} files and {_size(reckoned.bytes)}; {_size(reckoned.free_bytes)} are free",
+        f"about {_duration(reckoned.seconds)} with {reckoned.workers} processes, reckoned from one specimen made alone",
+    ]
+
+
+def _size(n_bytes: int) -> str:
+    power = min(4, max(0, math.floor(math.log10(max(1, n_bytes)) / 3)))
+    return f"{n_bytes / 1000**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

@@ -11,13 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from endoct.stitching.contents import Contents, differences, sync
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.exchange import exchange, put_new, uninterrupted
-from endoct.stitching.files import sha256_of
-from endoct.stitching.json_values import read_object
-from endoct.stitching.names import plain_name
-from endoct.stitching.scratch import REPLACED, keep_aside, new_file, scratch_beside
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import Contents, differences, sync
+from endoct.base.files.files import plain_name, sha256_of
+from endoct.base.files.json_values import read_object
+from endoct.base.files.scratch import REPLACED, exchange, keep_aside, new_file, put_new, scratch_beside, uninterrupted
 
 DAMAGED = "damaged"
 WRITTEN = ".written.json"

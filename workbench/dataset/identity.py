@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.json_values import read_object
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.json_values import read_object
 from endoct.synthetic.specimen import SPECIMEN_VERSION
 from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.dataset.records import RECORDS, made_beyond
 from endoct.workbench.pipeline.inputs import versions
-from endoct.workbench.pipeline.vary import ranges_text
+from endoct.workbench.pipeline.settings import ranges_text
 
 NAME = "dataset.json"
 LICENCE = "CC0-1.0"

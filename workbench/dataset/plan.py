@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from numpy.random import SeedSequence
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import Range, check_ranges
 

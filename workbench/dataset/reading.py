@@ -11,14 +11,12 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.recording import open_stack
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import open_regular
-from endoct.stitching.json_values import read_object
-from endoct.stitching.limits import check_array_size, largest_array_bytes
-from endoct.stitching.names import inside, plain_name
-from endoct.stitching.npy import read_npy
-from endoct.stitching.zarr_store import read_arrays
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import check_array_size, inside, largest_array_bytes, open_regular, plain_name
+from endoct.base.files.json_values import read_object
+from endoct.base.files.npy import read_npy
+from endoct.base.zarr.zarr_store import read_arrays
+from endoct.modalities.reading.recording import open_stack
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.plan import SPLITS, Split
 

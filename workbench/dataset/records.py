@@ -6,10 +6,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import read_small, sha256_of
-from endoct.stitching.names import inside
-from endoct.stitching.scratch import new_file
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import inside, read_small, sha256_of
+from endoct.base.files.scratch import new_file
 from endoct.workbench.dataset.plan import Plan, Unit, job, units
 
 RECORDS = "records"

@@ -15,16 +15,16 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import check_array_size
+from endoct.base.zarr.window import ChunkCache, StoredImage
+from endoct.base.zarr.zarr_metadata import OWN, declared
+from endoct.base.zarr.zarr_store import DAMAGED, read_arrays
 from endoct.fusion.geometry.resample import column_weights
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError, refusing
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.limits import check_array_size
-from endoct.stitching.window import ChunkCache, StoredImage
-from endoct.stitching.zarr_metadata import OWN, declared
-from endoct.stitching.zarr_store import DAMAGED, read_arrays
+from endoct.workbench.exporting.formats import VOXEL_MM
 from endoct.workbench.exporting.layers import NOWHERE, even_rows
-from endoct.workbench.exporting.options import VOXEL_MM
 
 Voxels = NDArray[Any]
 MOST_SIDE = 32_000

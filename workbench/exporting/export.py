@@ -4,18 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from endoct.stitching.digests import path_text
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import check_output, never, new_output
-from endoct.workbench.exporting.formats import Format, FormatName, format_for
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import path_text
+from endoct.base.files.output import check_output, never, new_output
+from endoct.workbench.exporting.formats import Format, FormatName, OmeVersion, Options, format_for
 from endoct.workbench.exporting.mark import is_marked
-from endoct.workbench.exporting.options import OmeVersion, Options
 from endoct.workbench.exporting.source import open_source
-from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import EXPORT
-from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.second_process import one_blas_thread
 
 
 @dataclass(frozen=True)

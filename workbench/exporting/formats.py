@@ -1,15 +1,14 @@
-"""The formats that can be written, by name and by the suffix of a file."""
+"""The formats that can be exported, by name and by the suffix of a file, and the options of an export."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 
 if TYPE_CHECKING:
-    from endoct.workbench.exporting.options import Options
     from endoct.workbench.exporting.source import Source
     from endoct.workbench.running.progress import Stages
 
@@ -48,8 +47,8 @@ FORMATS = {
     for one in (
         Format("ome-zarr", (".ome.zarr", ".zarr"), ("version",), "ome_zarr:write_ome_zarr", is_folder=True),
         Format("ome-tiff", _TIFF, (), "ome_tiff:write_ome_tiff"),
-        Format("nrrd", (".nrrd",), ("voxel_mm",), "nrrd:write_nrrd"),
-        Format("nifti", (".nii.gz", ".nii"), ("voxel_mm",), "nifti:write_nifti"),
+        Format("nrrd", (".nrrd",), ("voxel_mm",), "volume_files:write_nrrd"),
+        Format("nifti", (".nii.gz", ".nii"), ("voxel_mm",), "volume_files:write_nifti"),
         Format("ply", (".ply",), ("color", *_WALL), "mesh_files:write_ply"),
         Format("stl", (".stl",), _WALL, "mesh_files:write_stl"),
         Format("glb", (".glb",), ("color", *_WALL), "mesh_files:write_glb"),
@@ -87,3 +86,29 @@ def format_for(to: str | None, output: Path) -> Format:
             expected=" or ".join(f"NAME{suffix}" for suffix in chosen.suffixes),
         )
     return chosen
+
+
+OmeVersion = Literal["0.5", "0.4"]
+VOXEL_MM = 0.01
+VERTEX_MM = 0.02
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a caller chose; None where a format's default is wanted.
+
+    ``color``: the side whose brightness colours a wall, or "relief". ``side``: the side whose relief, or whose numbers
+    per frame, are exported. ``voxel_mm``: of a volume, across the bore. ``vertex_mm``: distance of a wall's vertices.
+    ``version`` of OME-Zarr. ``inverse``: of a transform, from side A's frame to side B's.
+    """
+
+    color: str | None = None
+    side: str | None = None
+    voxel_mm: float | None = None
+    vertex_mm: float | None = None
+    version: OmeVersion | None = None
+    inverse: bool | None = None
+
+    def given(self) -> tuple[str, ...]:
+        """Return the names of those that were chosen."""
+        return tuple(one.name for one in fields(self) if getattr(self, one.name) is not None)

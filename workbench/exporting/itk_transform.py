@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.workbench.exporting.formats import Options
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.options import Options
 from endoct.workbench.exporting.source import Source
 from endoct.workbench.running.progress import Stages
 

@@ -2,7 +2,7 @@
 
 A writer puts :data:`BLANK` where its format holds text: a comment, a header, a tag. :func:`mark` then writes the digest
 of the whole file, with the mark blank, into it. A folder says what it holds in a file of its own
-(:mod:`endoct.stitching.contents`); a single file that other programs read has no place but its own text.
+(:mod:`endoct.base.files.contents`); a single file that other programs read has no place but its own text.
 """
 
 import hashlib

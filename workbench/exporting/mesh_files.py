@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.workbench.exporting.formats import Options
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.options import Options
 from endoct.workbench.exporting.source import Source
 from endoct.workbench.exporting.wall_mesh import Mesh, wall_mesh
 from endoct.workbench.running.progress import Stages

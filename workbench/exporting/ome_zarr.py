@@ -12,9 +12,17 @@ import zarr
 from zarr.codecs import BloscCodec
 
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.exporting.layers import LabelLayer, Layer
-from endoct.workbench.exporting.levels import Level, blocks, contrast_of, levels_of, read_level, thinned
-from endoct.workbench.exporting.options import OmeVersion, Options
+from endoct.workbench.exporting.formats import OmeVersion, Options
+from endoct.workbench.exporting.layers import (
+    LabelLayer,
+    Layer,
+    Level,
+    blocks,
+    contrast_of,
+    levels_of,
+    read_level,
+    thinned,
+)
 from endoct.workbench.exporting.source import TRUTH, Source
 from endoct.workbench.running.progress import Stages
 

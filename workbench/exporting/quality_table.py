@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.names import spreadsheet_text
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import spreadsheet_text
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import read_outline
-from endoct.workbench.exporting.options import Options
+from endoct.workbench.exporting.formats import Options
 from endoct.workbench.exporting.source import Source
 from endoct.workbench.running.progress import Stages
 

@@ -8,18 +8,18 @@ from typing import Literal
 
 import numpy as np
 
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError, visible
+from endoct.base.files.files import path_text
+from endoct.base.files.json_values import number
+from endoct.base.zarr.window import ChunkCache, StoredImage, stored_image
+from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.segmentation.regions import label_in_order
-from endoct.stitching.digests import path_text
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError, visible
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.json_values import number
 from endoct.stitching.store import is_panorama
 from endoct.stitching.store import read_outline as read_panorama
-from endoct.stitching.window import ChunkCache, StoredImage, stored_image
-from endoct.stitching.zarr_store import read_arrays, read_attributes
 from endoct.workbench.exporting.layers import Ids, LabelLayer, Layer, even_rows, lies_evenly
 
 Kind = Literal["panorama", "comparison", "truth"]

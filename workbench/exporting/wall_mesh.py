@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_array_size
 from endoct.fusion.geometry.resample import column_weights, resample
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.limits import check_array_size
-from endoct.workbench.exporting.layers import Layer
-from endoct.workbench.exporting.levels import blocks, contrast_of
-from endoct.workbench.exporting.options import VERTEX_MM, Options
+from endoct.workbench.exporting.formats import VERTEX_MM, Options
+from endoct.workbench.exporting.layers import Layer, blocks, contrast_of
 from endoct.workbench.exporting.source import Source
 from endoct.workbench.running.progress import Advance, Stages
 

@@ -1,19 +1,39 @@
-"""A folder of comparisons, panoramas and simulated specimens: what lies in it, from the small files of each only."""
+"""A folder of comparisons, panoramas and simulated specimens: what lies in it, its table, its thumbnails.
 
+What lies in it is read from the small files of each only. The table is HTML; it is there before any program runs,
+which sorts and filters it. Thumbnails are the wall as strips, z to the right and θ down.
+"""
+
+import io
+import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
+from urllib.parse import quote
 
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+from PIL import Image as Pillow
+
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.json_values import number, read_object
+from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.result_file import read_result
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.json_values import read_object
 from endoct.stitching.store import is_panorama, read_doubts
-from endoct.stitching.zarr_store import read_attributes
+from endoct.workbench.page.description import LayerPart
+from endoct.workbench.page.heading import RESEARCH
+from endoct.workbench.page.layers import CODES
+from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.shown import Shown
+from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, Tile
+from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.verdict import Level, Verdict, recording_verdict, verdict_of
+from endoct.workbench.report.wording import NOTHING, interval_text
 
 Kind = Literal["comparison", "recording", "specimen"]
 DEEPEST = 4
@@ -160,3 +180,133 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
 
 def _written(file: Path) -> str:
     return time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
+
+
+COLUMNS = (
+    ("wall", ""), ("name", "name"), ("what", "sides, or how it was simulated"), ("verdict", "how far it is trusted"),
+    ("Jaccard", "overlap of the cells"), ("Dice", "overlap of the cells"), ("confidence", "of the alignment"),
+    ("doubts", "how many"), ("written", "when"),
+)  # fmt: skip
+PAGES = "/at"
+"""Below this lie the pages of entries, by their names."""
+LEVELS = {"trusted": "trusted", "doubted": "doubted", "unaligned": "not aligned"}
+
+
+def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
+    """Return the page of a collection; ``version`` goes into the addresses of thumbnails, which browsers keep."""
+    kinds = {kind: sum(one.kind == kind for one in entries) for kind in ("comparison", "recording", "specimen")}
+    levels = [level for level in LEVELS if any(one.level == level for one in entries)]
+    choices = [("", "all"), *((level, LEVELS[level]) for level in levels)]
+    choices += [(kind, f"{kind}s") for kind, count in kinds.items() if 0 < count < len(entries)]
+    return rendered(
+        "page/collection.html",
+        title=title,
+        kinds=kinds,
+        choices=choices,
+        columns=COLUMNS,
+        entries=entries,
+        version=version,
+        address_of=address_of,
+        level_of=_level,
+        numbers_of=_numbers,
+        research=RESEARCH,
+    )
+
+
+def address_of(entry: Entry) -> str:
+    """Return where the page of an entry is."""
+    return f"{PAGES}/{quote(os.fsencode(entry.name))}/"
+
+
+def _level(entry: Entry) -> tuple[int, str]:
+    """Return how far an entry is trusted: by which it is sorted, and in words."""
+    return (list(LEVELS).index(entry.level), LEVELS[entry.level]) if entry.level else (len(LEVELS), NOTHING)
+
+
+def _numbers(entry: Entry) -> Iterator[tuple[str, str, str]]:
+    """Yield the numbers of an entry by column: by which it is sorted, the text, and its interval."""
+    yield *_number(entry.jaccard), interval_text(entry.interval).removeprefix("95 % interval ")
+    yield *_number(entry.dice), ""
+    yield *_number(entry.confidence, digits=2), ""
+
+
+def _number(value: float | None, digits: int = 3) -> tuple[str, str]:
+    if value is None or not math.isfinite(value):
+        return "", NOTHING
+    return f"{value:.9f}", f"{value:.{digits}f}"
+
+
+STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6
+"""Height of strips, how wide all of them can be, and what lies between two."""
+MOST_PX = 2000
+"""Of the truth that are looked at, along either axis."""
+NOT_OBSERVED = (201, 205, 210, 255)
+DEEP_MM = 0.8
+"""Black in a relief."""
+
+Pixels = NDArray[np.uint8]
+
+
+def thumbnail(entry: Entry) -> bytes:
+    """Return a PNG of what the page of ``entry`` shows first; of a simulated specimen, its true relief.
+
+    Raises :class:`EndoctError` where it cannot be read.
+    """
+    check_no_links(entry.path)
+    strips = [_relief(entry.path)] if entry.kind == "specimen" else _panes(open_shown(entry.path))
+    widest = max(strip.width for strip in strips) + GAP_PX
+    # side by side, but those of a long bore under one another
+    across, down = (widest, 0) if widest * len(strips) <= WIDEST_PX else (0, STRIP_PX + GAP_PX)
+    last = len(strips) - 1
+    picture = Pillow.new("RGBA", (last * across + widest - GAP_PX, last * down + STRIP_PX))
+    for k, strip in enumerate(strips):
+        picture.paste(strip, (k * across, k * down))
+    file = io.BytesIO()
+    picture.save(file, "PNG")
+    return file.getvalue()
+
+
+def _panes(shown: Shown) -> list[Pillow.Image]:
+    parts = {part.key: part for part in shown.description.layers}
+    return [_pane(shown, parts[key]) for key in shown.description.panes]
+
+
+def _pane(shown: Shown, part: LayerPart) -> Pillow.Image:
+    """Return a layer from its coarsest tiles, without what they share with their neighbours."""
+    pixels = []
+    for row in range(shown.wall.rows_of_tiles(0)):
+        tile = np.asarray(shown.tile(part.key, Tile(0, 0, row)).convert("RGBA"))
+        first = OVERLAP_PX if row else 0
+        pixels.append(tile[first : first + TILE_PX, OVERLAP_PX:-OVERLAP_PX])
+    wall = np.concatenate(pixels)
+    if part.kind == "scalar":
+        value = part.low + wall[..., :3] * ((part.high - part.low) / CODES)
+        share = (value - part.shown_low) / ((part.shown_high - part.shown_low) or 1.0)
+        wall = np.dstack([_bytes(1 - share if part.unit == "mm" else share), wall[..., 3]])  # deep is dark
+    return _strip(wall, wall.shape[0] / wall.shape[1])
+
+
+def _relief(specimen: Path) -> Pillow.Image:
+    store = specimen / SAMPLE.parent / "wall.zarr"
+    with refusing(f"{store} is no true wall"):
+        arrays = read_arrays(store, ("relief_mm", "z"))
+        relief_mm, z_mm = arrays["relief_mm"], arrays["z"]
+        if relief_mm.ndim != 2 or z_mm.shape != relief_mm.shape[:1]:
+            raise EndoctError(f"{store} is no true wall", found=f"shape {relief_mm.shape}", expected="(z, θ)")
+        around_mm = 2 * math.pi * number(read_attributes(store), "bore_radius_mm", 0.01, 1e3, str(store))
+        down, across = (max(1, n // MOST_PX) for n in relief_mm.shape)
+        grey = _bytes(1 - np.nan_to_num(relief_mm[::down, ::across], nan=DEEP_MM) / DEEP_MM)
+        return _strip(np.dstack([grey] * 3 + [np.full_like(grey, CODES)]), float(np.ptp(z_mm)) / around_mm)
+
+
+def _strip(wall: Pixels, turns: float) -> Pillow.Image:
+    """Return a wall, RGBA (z, θ, 4), whose length is so many times its circle, as a strip."""
+    width = min(max(round(STRIP_PX * turns), 1), WIDEST_PX)
+    sideways = np.ascontiguousarray(wall.transpose(1, 0, 2))
+    strip = Pillow.fromarray(sideways, "RGBA").resize((width, STRIP_PX), Pillow.Resampling.BOX)
+    return Pillow.alpha_composite(Pillow.new("RGBA", strip.size, NOT_OBSERVED), strip)
+
+
+def _bytes(share: NDArray[np.floating]) -> Pixels:
+    codes: Pixels = np.clip(np.rint(CODES * share), 0, CODES).astype(np.uint8)
+    return codes

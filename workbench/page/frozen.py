@@ -10,11 +10,10 @@ from typing import Any
 from markupsafe import Markup
 from PIL import Image as Pillow
 
-from endoct.stitching.parallel import thread_map
+from endoct.base.compute.parallel import thread_map
 from endoct.workbench.page.description import Description
-from endoct.workbench.page.document import bundled, document
-from endoct.workbench.page.layer import is_blank, png_of
-from endoct.workbench.page.relief import MOST_SAMPLES
+from endoct.workbench.page.heading import bundled, document
+from endoct.workbench.page.layers import MOST_SAMPLES, is_blank, png_of
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.report.sections import Section
 

@@ -1,14 +1,22 @@
-"""The top of a page: what it shows, the verdict with its doubts, the scores."""
+"""A page as HTML, and its heading: what it shows, the verdict with its doubts, the scores.
+
+Heading and sections are there before any program runs, and without one.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 
+from markupsafe import Markup
+
+from endoct.base.doubt import Doubt
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.result import Result
-from endoct.stitching.doubt import Doubt
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.recorded import path_of_recording
 from endoct.workbench.report.findings import overlaps_of
+from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.sections import Section
 from endoct.workbench.report.tables import conditions
 from endoct.workbench.report.verdict import Verdict, recording_verdict, verdict_of
 from endoct.workbench.report.wording import interval_text, share_text
@@ -91,3 +99,33 @@ def _scores(result: Result) -> Iterator[Score]:
         yield Score("Dice index", share_text(result.dice), "on the common grid")
         over = f" over the {result.overlap_mm:.1f} mm that they share" if result.overlap_mm is not None else ""
         yield Score("Observed", f"{result.valid_fraction:.1%}", f"of the wall, by both sides{over}")
+
+
+RESEARCH = "Research software and no medical device."
+
+
+def document(
+    template: str,
+    heading: Heading,
+    sections: Sequence[Section],
+    *,
+    remark: str = "",
+    above: Link | None = None,
+    **values: object,
+) -> Markup:
+    """Return the page that a ``template`` makes of ``values``, by which its style and program come.
+
+    ``above`` leads to what it is one of; ``remark`` is said at its end.
+    """
+    said = {"heading": heading, "sections": sections, "remark": remark, "above": above}
+    return rendered(template, title=heading.title, research=RESEARCH, **said, **values)
+
+
+def printed_page(heading: Heading, sections: Sequence[Section], remark: str) -> Markup:
+    """Return a page that needs no other file, and has no program; ``remark`` is said at its end."""
+    return document("page/printed.html", heading, sections, remark=remark, style=bundled("page.css"))
+
+
+def bundled(name: str) -> Markup:
+    """Return the page's own style, or one of its programs, to be put into a page as it is."""
+    return Markup(files("endoct.workbench.page").joinpath("bundle", name).read_text("utf-8"))

@@ -1,25 +1,131 @@
-"""The layers of a comparison, or of a panorama, with what the page is told of each."""
+"""The layers of a comparison, or of a panorama: from planes to pictures of tiles, outlines and a relief.
 
+Panes show layers of the wall; each is described to the page. Outlines of cells are lines on the wall. The relief is
+one small array, from which the page builds the wall in three dimensions.
+"""
+
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
+import cv2
+import numpy as np
+from contourpy import contour_generator
+from numpy.typing import NDArray
+from PIL import Image as Pillow
+
+from endoct.base.arrays import Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.compute.parallel import thread_map
+from endoct.base.zarr.window import ChunkCache, stored_image
 from endoct.fusion.difference import COLOURS
 from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
 from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
 from endoct.fusion.files.drawn_store import read_drawn
 from endoct.fusion.files.store import ComparisonOutline
-from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B
+from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.parallel import thread_map
 from endoct.stitching.store import PanoramaOutline
-from endoct.stitching.window import ChunkCache, stored_image
 from endoct.workbench.page.description import ClassPart, LayerPart
-from endoct.workbench.page.layer import Classes, Layer, scalar, shown_range
-from endoct.workbench.page.placing import Placing, placing_of
-from endoct.workbench.page.plane import Plane
-from endoct.workbench.page.wall import Wall
+from endoct.workbench.page.plane import Averaged, Plane
+from endoct.workbench.page.wall import Pixels, Placing, Wall, placing_of
+
+CODES = 255
+"""The code of the high end of a layer's numbers. No sample has it: what lies there is shown as one less."""
+_NOT_OBSERVED = 255
+"""The place in the palette of what was not observed: transparent."""
+_GREY = [(grey, grey, grey) for grey in range(256)]
+
+
+@dataclass(frozen=True, eq=False)
+class Scalar:
+    """A layer of numbers: an intensity, a depth.
+
+    Tiles hold code = 255 · (value − ``low``) / (``high`` − ``low``), for the page to colour.
+    """
+
+    plane: Plane
+    low: float
+    high: float
+
+    def picture(self, wall: Wall, level: int, pixels: Pixels) -> Pillow.Image:
+        """Return ``pixels`` of the wall at ``level`` in grey, transparent where nothing was observed."""
+        found = self.plane.means(wall, level, pixels)
+        scale = CODES / (self.high - self.low)
+        return _picture(_codes(found.values, found.known, np.float32(self.low), np.float32(scale)), _GREY)
+
+
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """A layer of classes: the cells of one side, or where the cells of two differ. ``colours`` by class."""
+
+    planes: tuple[Plane, ...]
+    colours: Sequence[tuple[int, int, int]]
+
+    def picture(self, wall: Wall, level: int, pixels: Pixels) -> Pillow.Image:
+        """Return ``pixels`` of the wall at ``level`` in colours, transparent where nothing was observed."""
+        return _picture(self.classes([plane.means(wall, level, pixels) for plane in self.planes]), self.colours)
+
+    def classes(self, found: Sequence[Averaged]) -> NDArray[np.uint8]:
+        """Return the class of every pixel, and 255 where one of the sides observed nothing."""
+        known = np.logical_and.reduce([one.known for one in found])
+        masks = [one.values >= 0.5 for one in found]
+        classes = masks[0] if len(masks) == 1 else difference(masks[0], masks[1], known)
+        return np.where(known, classes.astype(np.uint8), np.uint8(_NOT_OBSERVED))
+
+
+Layer = Scalar | Classes
+
+
+def scalar(plane: Plane) -> Scalar:
+    """Return the layer of the numbers of ``plane``, its codes spread over nearly all values that it has."""
+    low, high = shown_range(plane.overview().averaged, 0.05, 99.95)
+    spare = (high - low) / 20
+    return Scalar(plane, low - spare, high + spare)
+
+
+def shown_range(overview: Averaged, least: float = 0.5, most: float = 99.5) -> tuple[float, float]:
+    """Return two percentiles of what was observed, (0, 1) where nothing was."""
+    known = overview.values[overview.known]
+    if not known.size:
+        return 0.0, 1.0
+    low, high = (float(value) for value in np.percentile(known[:: max(1, known.size // 400_000)], [least, most]))
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+@compiled
+def _codes(values: Image, known: Mask, low: np.float32, scale: np.float32) -> NDArray[np.uint8]:
+    codes = np.full(values.shape, _NOT_OBSERVED, np.uint8)
+    for row in range(values.shape[0]):
+        for column in range(values.shape[1]):
+            if known[row, column]:
+                code = np.rint((values[row, column] - low) * scale)
+                codes[row, column] = min(max(code, 0), _NOT_OBSERVED - 1)
+    return codes
+
+
+def _picture(codes: NDArray[np.uint8], colours: Sequence[tuple[int, int, int]]) -> Pillow.Image:
+    """Return a picture of one byte a pixel, which is compressed in half the time of grey with transparency."""
+    picture = Pillow.fromarray(codes, "P")
+    palette = [value for colour in colours for value in colour]
+    picture.putpalette(palette + [0] * (768 - len(palette)))
+    picture.info["transparency"] = _NOT_OBSERVED
+    return picture
+
+
+def is_blank(picture: Pillow.Image) -> bool:
+    """Say whether a tile shows nothing: nothing was observed in it."""
+    return picture.getextrema() == (_NOT_OBSERVED, _NOT_OBSERVED)
+
+
+def png_of(picture: Pillow.Image) -> bytes:
+    """Return a tile as PNG."""
+    file = io.BytesIO()
+    picture.save(file, "PNG", compress_level=1)
+    return file.getvalue()
+
 
 IMAGE, DEPTH, CELLS, DIFFERENCE = "image", "relief", "cells", "difference"
 DRAWN = "drawn."
@@ -155,3 +261,62 @@ def _sampling(plane: Plane, wall: Wall) -> _Sampling:
 
 def _hex(colour: tuple[int, int, int]) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+MOST_SAMPLES = 350_000
+"""Of a relief: 0.7 MB, and no more corners than any machine draws smoothly."""
+FINEST_LEVEL = 2
+"""Whose pixels the columns are: 1024 around."""
+LAST_CODE = 65_535
+
+
+def relief_bytes(plane: Plane, wall: Wall, most_samples: int = MOST_SAMPLES) -> bytes:
+    """Return what ``plane`` shows, in mm, at its own rows and in columns around the circle.
+
+    All is little-endian: the numbers of rows and of columns as uint32; the values of the codes 1 and 65 535 as float32;
+    z of every row in mm as float32, ascending; then codes as uint16, row by row, 0 where nothing was observed. Column j
+    of n has its centre at θ = (j + ½) · 2π/n. Where there are more rows than fit, each is the mean of some.
+    """
+    level = min(wall.level_for(plane.placing.dtheta_mm(wall.radius_mm)), FINEST_LEVEL)
+    row_mm, found = plane.own_rows(wall, level, max(2, most_samples // wall.width_px(level)))
+    known = found.values[found.known]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    share = (found.values - low) / max(high - low, 1e-9)
+    codes = np.where(found.known, 1 + np.rint(share * (LAST_CODE - 1)), 0).astype("<u2")
+    sizes, limits = np.array(codes.shape, "<u4"), np.array([low, high], "<f4")
+    return b"".join(part.tobytes() for part in (sizes, limits, row_mm.astype("<f4"), codes))
+
+
+TOLERANCE_SAMPLES = 0.25
+"""How far a line may depart from the outline, in samples of the image that it is drawn from."""
+DECIMALS = 5
+"""Of rad and mm: a hundredth of a micrometre."""
+
+
+def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
+    """Return the outlines of what ``mask`` shows, each as flat (θ rad, z mm, θ, z, …).
+
+    Drawn from the overview of the mask. An outline over θ = 0 ends a sample beyond it, on either side.
+    """
+    overview = mask.overview()
+    down, across, averaged = overview.down, overview.across, overview.averaged
+    share = np.where(averaged.known, averaged.values, np.float32(0))
+    padded = np.pad(np.pad(share, ((0, 0), (1, 1)), mode="wrap"), ((1, 1), (0, 0)))
+    placing = mask.placing
+    starts = np.arange(0, placing.row_mm.size, down)
+    middle = (starts + np.minimum(starts + down, placing.row_mm.size) - 1) / 2
+    row_mm = np.interp(middle, np.arange(placing.row_mm.size), placing.row_mm)
+    # the mask ends half a sample beyond its first and last row
+    step_mm = placing.row_height_mm * down
+    ends_mm = np.concatenate([[row_mm[0] - step_mm], row_mm, [row_mm[-1] + step_mm]])
+    lines = []
+    for contour in contour_generator(z=padded).lines(0.5):
+        points = cv2.approxPolyDP(np.asarray(contour, np.float32), TOLERANCE_SAMPLES, closed=False)[:, 0]
+        if len(points) < 2:
+            continue
+        z_mm = np.interp(points[:, 1], np.arange(ends_mm.size), ends_mm)
+        column = (points[:, 0] - 1) * across + (across - 1) / 2
+        theta_rad = placing.theta0_rad + column * placing.dtheta_rad
+        flat = np.round(np.stack([theta_rad, z_mm], axis=1), DECIMALS).ravel()
+        lines.append(tuple(flat.tolist()))
+    return tuple(lines)

@@ -4,20 +4,18 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from endoct.base.errors import EndoctError
+from endoct.base.zarr.window import ChunkCache
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.store import PanoramaOutline, is_panorama
 from endoct.stitching.store import read_outline as read_panorama
-from endoct.stitching.window import ChunkCache
-from endoct.workbench.page.cells import cell_parts
 from endoct.workbench.page.description import Description, OutlinePart, WallPart
-from endoct.workbench.page.frames import frames_part
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
-from endoct.workbench.page.layer import Classes
 from endoct.workbench.page.layers import (
     CELLS,
     DIFFERENCE,
+    Classes,
     Described,
     comparison_layers,
     is_drawn_key,
@@ -27,7 +25,7 @@ from endoct.workbench.page.layers import (
 from endoct.workbench.page.presence import Origin
 from endoct.workbench.page.recorded import Reader, recording_of
 from endoct.workbench.page.sessions import session_of
-from endoct.workbench.page.shown import Shown, ShownSide
+from endoct.workbench.page.shown import Shown, ShownSide, cell_parts, frames_part
 from endoct.workbench.page.volume import has_volume
 from endoct.workbench.page.wall import Wall
 from endoct.workbench.report.pictures import PICTURES

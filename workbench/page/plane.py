@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
-from endoct.stitching.window import StoredImage
-from endoct.workbench.page.placing import Indices, Placing, Spans, column_spans, row_spans
-from endoct.workbench.page.wall import TILE_PX, Pixels, Wall
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.zarr.window import StoredImage
+from endoct.workbench.page.wall import TILE_PX, Indices, Pixels, Placing, Spans, Wall, column_spans, row_spans
 
 MOST_OVERVIEW_SAMPLES = 1_500_000
 """Of the overview that coarse tiles are cut from, so that none of them reads the whole image."""

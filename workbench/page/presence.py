@@ -11,8 +11,8 @@ from pathlib import Path
 from starlette.requests import Request
 from starlette.responses import Response
 
-from endoct.stitching.contents import output_digest, small_files
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import output_digest, small_files
 
 NAMED = "of"
 """The part of an address that says which output is meant, by its digest."""

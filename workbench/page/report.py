@@ -6,12 +6,12 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from endoct.stitching.contents import is_marked, marked, read_contents, whole_of
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import check_output, new_output
+from endoct.base.compute.worker_process import WorkerProcess
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import is_marked, marked, read_contents, whole_of
+from endoct.base.files.output import check_output, new_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
-from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown

@@ -1,8 +1,12 @@
-"""The server of the page: its files, its description, tiles, values. It opens nothing but what it was given."""
+"""The server of the page: its files, its description, tiles, values. It opens nothing but what it was given.
+
+Only the addresses at which the page asks about landmarks and saves them take what somebody sends. Only the page
+that the server served itself may ask, by the name under which the server was called.
+"""
 
 import json
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from importlib.resources import files
 from typing import Any
@@ -10,21 +14,133 @@ from typing import Any
 from anyio.to_thread import current_default_thread_limiter
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from endoct.stitching.errors import EndoctError
-from endoct.workbench.page.document import document
-from endoct.workbench.page.guard import Guard, allowed_hosts
-from endoct.workbench.page.heading import Link
-from endoct.workbench.page.layer import png_of
-from endoct.workbench.page.presence import Gone, concerning
-from endoct.workbench.page.session_routes import FRESH, session_routes
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import SMALL_BYTES
+from endoct.workbench.page.heading import Link, document
+from endoct.workbench.page.layers import png_of
+from endoct.workbench.page.presence import Gone, Origin, concerning
+from endoct.workbench.page.sessions import Sessions
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
+
+FRESH = {"cache-control": "no-store"}
+
+
+def session_routes(session: Sessions | None) -> list[Route]:
+    """Return the routes of a comparison's ``session``; none where there is no comparison."""
+    if session is None:
+        return []
+
+    @concerning(session.origin)
+    def state(_: Request) -> Response:
+        return JSONResponse(session.state(), headers=FRESH)
+
+    async def judged(request: Request) -> Response:
+        return await _answer(request, session.judged_from, session.origin)
+
+    async def save(request: Request) -> Response:
+        return await _answer(request, session.save, session.origin)
+
+    return [
+        Route("/session.json", state),
+        Route("/session.json", save, methods=["POST"]),
+        Route("/landmarks.json", judged, methods=["POST"]),
+    ]
+
+
+async def _answer(request: Request, act: Callable[[bytes], dict[str, Any]], origin: Origin) -> Response:
+    """Answer with what ``act`` makes of the body; the guard has seen to it that an origin is the page's own."""
+    if "origin" not in request.headers:
+        return PlainTextResponse("only the page itself may send this", status_code=403)
+    if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
+        return PlainTextResponse("only JSON is taken", status_code=415)
+    data = b""
+    try:
+        async for part in request.stream():
+            data += part
+            if len(data) > SMALL_BYTES:
+                return PlainTextResponse("that is too much", status_code=413, headers={"connection": "close"})
+    except ClientDisconnect:  # the page was closed meanwhile: nobody waits for an answer
+        return Response(status_code=400)
+    try:
+        origin.check_named(request)
+        return JSONResponse(await run_in_threadpool(act, data), headers=FRESH)
+    except Gone:
+        raise
+    except EndoctError as error:
+        await run_in_threadpool(origin.check_present)  # rather than what is amiss with what lies there now
+        return PlainTextResponse(str(error), status_code=409)
+
+
+LOOPBACK = frozenset(("127.0.0.1", "localhost", "[::1]"))
+_EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
+"""An empty style, which keeps OpenSeadragon from adding one."""
+POLICY = (
+    f"default-src 'none'; script-src 'self'; style-src 'self' {_EMPTY_STYLE}; img-src 'self' data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "content-security-policy": POLICY,
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+}
+
+
+def allowed_hosts(host: str, port: int) -> frozenset[str]:
+    """Return what a browser may call a server bound to ``host`` and ``port``.
+
+    A server on this machine alone has the names of this machine; one that is bound to an address has that too. A page
+    from elsewhere that has its own name lead here (DNS rebinding) calls it by another.
+    """
+    named = f"[{host}]" if ":" in host else host
+    return frozenset(f"{name}:{port}" for name in {*LOOPBACK, named})
+
+
+class Guard:
+    """Refuses requests by another name, or of another page, and forbids pages whatever they do not need."""
+
+    def __init__(self, app: ASGIApp, hosts: Iterable[str]) -> None:
+        self._app = app
+        self._hosts = frozenset(hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or answer 403."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers[name] = value
+            await send(message)
+
+        if refused := self._refusal(Headers(scope=scope)):
+            await PlainTextResponse(refused, status_code=403)(scope, receive, send_guarded)
+        else:
+            await self._app(scope, receive, send_guarded)
+
+    def _refusal(self, headers: Headers) -> str:
+        host, origin = headers.get("host", ""), headers.get("origin")
+        if host.lower() not in self._hosts:
+            return "this server goes by another name"
+        if origin is not None and origin.lower() != f"http://{host.lower()}":
+            return "another page asked for this"
+        # a picture or a script on another page brings no origin, but browsers say where it stands
+        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
+            return "another page asked for this"
+        return ""
+
 
 PACKAGE = "endoct.workbench.page"
 TYPES = {

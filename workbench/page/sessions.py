@@ -13,7 +13,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from endoct.fusion.doubts_by_hand import doubts_by_hand
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import output_digest, whole_of
+from endoct.base.files.files import SMALL_BYTES, held_folder, read_small, sha256_of
+from endoct.base.files.output import new_output
+from endoct.fusion.doubts import doubts_by_hand
 from endoct.fusion.files.session import (
     NAME,
     Identity,
@@ -33,10 +37,6 @@ from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import orientations_of
 from endoct.fusion.registration.by_hand import Bore, distance, distances, judge
 from endoct.fusion.result import ByHand, PairDistance, Result
-from endoct.stitching.contents import output_digest, whole_of
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import SMALL_BYTES, held_folder, read_small, sha256_of
-from endoct.stitching.output import new_output
 from endoct.stitching.store import PanoramaOutline, load_panorama
 from endoct.workbench.page.presence import Gone, Origin, gone
 

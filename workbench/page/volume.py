@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.window import ChunkCache, stored_image
-from endoct.stitching.zarr_store import read_arrays
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.base.zarr.window import ChunkCache, stored_image
+from endoct.base.zarr.zarr_store import read_arrays
 
 MOST = (256, 512, 256)
 """Slices, columns and samples along the radius: 34 MB."""

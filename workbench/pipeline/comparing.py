@@ -1,12 +1,18 @@
-"""Two sides to one comparison, and to its folder."""
+"""Two sides to one comparison, and to its folder.
+
+The folder holds, of each side alone, its panorama, pictures of its frames, and their figures.
+"""
 
 import time
+from collections.abc import Sequence
 from concurrent.futures import Future
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from endoct.base.compute.worker_process import WorkerProcess
+from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side
@@ -17,22 +23,57 @@ from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.sides import Comparison, Placed
-from endoct.stitching.digests import digests, path_text
-from endoct.stitching.files import check_unchanged, state_of
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.worker_process import WorkerProcess
+from endoct.stitching.store import load_panorama, save_panorama
 from endoct.workbench.pipeline.hand_masks import score_drawings, write_drawings, write_mask
 from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
-from endoct.workbench.pipeline.side_parts import SidePart, draw_sides, write_sides
+from endoct.workbench.pipeline.sample_frames import copy_sample_frames, save_sample_frames
 from endoct.workbench.pipeline.sources import Made, Source, inputs_of, open_both, read_sides, unroll_sources
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Unrolled
+from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.second_process import beside
 
 if TYPE_CHECKING:
     from endoct.workbench.report.figures.rendered import Drawn
     from endoct.workbench.report.figures.requested import Requested
+
+
+@dataclass(frozen=True)
+class SidePart:
+    """A side by ``name``: its panorama, and what pictures of its frames come from.
+
+    That is the recording as it was unrolled, or the store of a panorama; None where there are none.
+    """
+
+    name: str
+    panorama: Panorama
+    pictured: Unrolled | Path | None
+
+
+def write_sides(folder: Path, sides: Sequence[SidePart]) -> None:
+    """Write ``panoramas`` and ``pictures`` of ``sides`` into ``folder``.
+
+    Nothing here depends on how the sides lie on each other: it can be done while that is found out.
+    """
+    for side in sides:
+        save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
+        if isinstance(side.pictured, Unrolled):
+            save_sample_frames(side.pictured, folder, side.name)
+        elif side.pictured is not None:
+            copy_sample_frames(side.pictured, folder, side.name)
+
+
+def draw_sides(folder: Path, names: Sequence[str]) -> "list[Drawn]":
+    """Return the figures that show one side alone, of what :func:`write_sides` wrote into ``folder``."""
+    from endoct.workbench.report.figures.of_one import drawings_of_side, drawn  # only who draws loads matplotlib
+    from endoct.workbench.report.side_findings import alone
+
+    pictures = load_pictures(folder / PICTURES)
+    panoramas = {name: load_panorama(folder / "panoramas" / f"{name}.zarr") for name in names}
+    found = [replace(alone(panoramas[name], pictures.get(name, {})), name=name) for name in names]
+    return drawn(one for side in found for one in drawings_of_side(side))
 
 
 def compare_sources(

@@ -5,9 +5,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
-from endoct.stitching.ending import undone_in_the_end
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.output import OVERWRITE, check_output, check_place, remove_output
+from endoct.base.ending import undone_in_the_end
+from endoct.base.errors import EndoctError
+from endoct.base.files.output import OVERWRITE, check_output, check_place, remove_output
 from endoct.workbench.running.kinds import SPECIMEN
 
 Made = TypeVar("Made")

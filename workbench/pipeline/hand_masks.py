@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import tomli_w
 
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.files.drawn_store import NAME, save_drawings
 from endoct.fusion.files.masks import on_comparison, score_surface
@@ -15,8 +17,6 @@ from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
 from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.sides import Comparison
-from endoct.stitching.arrays import Mask
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
 METHODS = {

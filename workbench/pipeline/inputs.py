@@ -5,7 +5,7 @@ import platform
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 
-from endoct.stitching.doubt import Doubt
+from endoct.base.doubt import Doubt
 
 PACKAGES = (
     "endoct",
@@ -23,7 +23,7 @@ PACKAGES = (
 def doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:
     """Return a doubt where two sides were made from the same files, sidecars left out.
 
-    ``a`` and ``b`` are as :func:`~endoct.stitching.digests.digests` has them.
+    ``a`` and ``b`` are as :func:`~endoct.base.files.files.digests` has them.
     """
     of_a, of_b = ({digest for name, digest in each.items() if not name.endswith(".toml")} for each in (a, b))
     if not of_a or of_a != of_b:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.compute.own_process import give_back
 from endoct.modalities.illustrating import illustrated
-from endoct.stitching.free_memory import give_back
 from endoct.workbench.pipeline.unrolling import Unrolled
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 

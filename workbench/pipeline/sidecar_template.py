@@ -7,12 +7,11 @@ from pathlib import Path
 
 from pydantic.fields import FieldInfo
 
-from endoct.modalities.acquisition import Acquisition, read_toml, sidecar_path
-from endoct.modalities.keys import table_model
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small
+from endoct.base.files.output import new_output
+from endoct.modalities.acquisition import Acquisition, read_toml, sidecar_path, table_model
 from endoct.modalities.registry import manifest_for, manifests
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
-from endoct.stitching.output import new_output
 from endoct.workbench.running.kinds import SIDECAR
 
 _FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."

@@ -5,18 +5,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small
+from endoct.base.files.output import new_output
+from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.stored import Convention
-from endoct.modalities.ct_volume import CtVolume
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
-from endoct.stitching.output import new_output
 from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.sample.ranges import NO_RANGES, Range
 from endoct.synthetic.specimen import simulate as render
-from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import SPECIMEN
-from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.second_process import one_blas_thread
 
 Point = tuple[float, float, float]
 MOST_SAMPLE_BYTES = 16_000_000

@@ -8,14 +8,13 @@ from typing import TypeVar
 
 import numpy as np
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import path_text, spreadsheet_text
 from endoct.fusion.files.result_file import EXPECTED, read_result
 from endoct.fusion.result import PairScores, Result
 from endoct.fusion.scoring.budget import PARTS
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of
 from endoct.fusion.scoring.repeatability import repeatability
-from endoct.stitching.digests import path_text
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.names import spreadsheet_text
 from endoct.workbench.pipeline.inputs import json_text
 
 Row = dict[str, str | float | None]

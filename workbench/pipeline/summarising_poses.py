@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import path_text, read_small, spreadsheet_text
 from endoct.fusion.pose.paired import FEWEST_BORES, equivalence, limits_of_agreement
-from endoct.stitching.digests import path_text
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import read_small
-from endoct.stitching.names import spreadsheet_text
 from endoct.workbench.pipeline.summarising import Row
 
 NAME = "pose.json"

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.json_values import number, read_object
+from endoct.base.numeric.circle import wrap_rad
+from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import segment
 from endoct.fusion.sides import Comparison
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.json_values import number, read_object
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.zarr_store import read_arrays, read_attributes
 
 MOST_RECORDING_BYTES = 16_000_000
 FARTHEST = 1e6

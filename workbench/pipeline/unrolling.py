@@ -9,6 +9,10 @@ from pathlib import Path
 from threading import Event
 from typing import Any, cast
 
+from endoct.base.compute.own_process import give_back
+from endoct.base.compute.parallel import thread_map
+from endoct.base.errors import EndoctError, NotSeen
+from endoct.base.files.files import State, check_unchanged, digests, state_of
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import (
@@ -21,15 +25,9 @@ from endoct.modalities.contract import (
     VolumetricModality,
 )
 from endoct.modalities.device import Device
+from endoct.modalities.reading.remarks import remarks_of
 from endoct.modalities.registry import manifest_for, open_recording
-from endoct.modalities.remarks import remarks_of
-from endoct.stitching.digests import digests
-from endoct.stitching.errors import EndoctError, NotSeen
-from endoct.stitching.files import State, check_unchanged, state_of
-from endoct.stitching.free_memory import give_back
-from endoct.stitching.observed import doubts_of_observed
-from endoct.stitching.panorama import Panorama
-from endoct.stitching.parallel import thread_map
+from endoct.stitching.panorama import Panorama, doubts_of_observed
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import split
 from endoct.workbench.running.progress import Advance, Stages

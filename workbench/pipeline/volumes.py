@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.modalities.ct.ct_volume import CtVolume, corners_of, in_world, is_volume, read_ct
 from endoct.modalities.ct.hounsfield import LEAST_HU
 from endoct.modalities.ct.stored import SIGNS, Convention
-from endoct.modalities.ct_volume import CtVolume, corners_of, in_world, is_volume, read_ct
-from endoct.modalities.markups import is_plan, read_line
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.doubt import Doubt
+from endoct.modalities.ct.trajectory import is_plan, read_line
 
 MOST_NAMED = 64
 

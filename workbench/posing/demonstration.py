@@ -7,9 +7,8 @@ from endoct.workbench.pipeline.demonstration import demonstrate
 from endoct.workbench.pipeline.simulating import simulate
 from endoct.workbench.posing.pose import pose
 from endoct.workbench.posing.result import PoseResult
-from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import POSE
-from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.progress import Stages, stages_for
 
 VOXEL_MM = 0.3
 """Of the simulated CT, as usual in a clinic."""

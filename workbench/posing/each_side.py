@@ -11,12 +11,12 @@ from typing import TypeVar
 
 import torch
 
+from endoct.base.compute.worker_process import WorkerProcess
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_side
-from endoct.stitching.worker_process import WorkerProcess
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.second_process import one_blas_thread
 
 ROWS_MM, COLUMNS = 0.05, 1024
 """Of a side's comparison with the CT: far finer than a CT."""

@@ -8,14 +8,14 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import mask_of, name_of, segments_in
 from endoct.fusion.pose.summary import radius_of
 from endoct.fusion.pose.support import LONG_BARE_MM, longest_bare_stretch
-from endoct.modalities.ct_volume import CtVolume, part_around
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.modalities.ct.ct_volume import CtVolume, part_around
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.posing.each_side import COLUMNS, ROWS_MM

@@ -1,10 +1,9 @@
 """The pose of a bore by the sides at hand, stage by stage. Loads torch: imported only where a pose is looked for."""
 
 from endoct.fusion.pose.air import AirAround
-from endoct.fusion.pose.answer import PoseAnswer
-from endoct.fusion.pose.finding import Found, answer, find_alone
+from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
 from endoct.fusion.pose.observation import observe
-from endoct.modalities.trajectory import Trajectory
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.workbench.posing.each_side import EachSide, OneSide, one_thread
 from endoct.workbench.running.progress import Stages
 

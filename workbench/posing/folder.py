@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from endoct.fusion.pose.pose import BorePose
-from endoct.modalities.ct_volume import CtVolume
-from endoct.modalities.markups import write_line
+from endoct.modalities.ct.ct_volume import CtVolume
+from endoct.modalities.ct.trajectory import write_line
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.posing.each_side import EachSide, OneSide, one_thread
 from endoct.workbench.posing.figures import draw_cut, draw_wall

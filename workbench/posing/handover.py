@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.summary import radius_of
-from endoct.modalities.markups import write_line
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.ct.trajectory import write_line
 from endoct.workbench.exporting.itk_transform import save_affine
 from endoct.workbench.exporting.mesh_files import save_ply, save_stl
 from endoct.workbench.exporting.wall_mesh import Mesh

@@ -4,22 +4,18 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_unchanged, digests, state_of
+from endoct.base.files.output import new_output
 from endoct.modalities.ct.stored import Convention
+from endoct.modalities.ct.trajectory import Point, write_line
 from endoct.modalities.device import Device, check_device
-from endoct.modalities.markups import write_line
-from endoct.modalities.trajectory import Point
-from endoct.stitching.digests import digests
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import check_unchanged, state_of
-from endoct.stitching.output import new_output
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.pipeline.volumes import facts_of
-from endoct.workbench.posing.plan import Planned, read_plan
-from endoct.workbench.posing.pose import pose_versions
-from endoct.workbench.running.display import stages_for
+from endoct.workbench.posing.pose import Planned, pose_versions, read_plan
 from endoct.workbench.running.kinds import POSE
-from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.second_process import one_blas_thread
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.outlook_result import OutlookResult
@@ -98,10 +94,9 @@ def _rehearsed(
     stages: Stages,
 ) -> "OutlookResult":
     from endoct.fusion.pose.air import air_around
-    from endoct.fusion.pose.outlook import REHEARSALS, SEED, Outlook, Prospect, rehearsed
+    from endoct.fusion.pose.outlook import REHEARSALS, SEED, Outlook, Prospect, rehearsed, wall_of_plan
+    from endoct.fusion.pose.outlook import facts_of as wall_facts
     from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
-    from endoct.fusion.pose.wall_facts import facts_of as wall_facts
-    from endoct.fusion.pose.wall_facts import wall_of_plan
     from endoct.workbench.posing.each_side import one_thread
     from endoct.workbench.posing.outlook_result import OutlookResult
     from endoct.workbench.posing.result import Made

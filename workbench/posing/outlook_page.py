@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from endoct.base.files.contents import marked
 from endoct.fusion.pose.outlook import Tried
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM
-from endoct.stitching.contents import marked
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.page.document import printed_page
-from endoct.workbench.page.heading import Heading, Score
+from endoct.workbench.page.heading import Heading, Score, printed_page
 from endoct.workbench.posing.outlook_result import OutlookResult
 from endoct.workbench.posing.page import REMARK, TITLES, texts_on_input
 from endoct.workbench.posing.result import NOTICE

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from endoct.base.arrays import Image
 from endoct.fusion.pose.outlook import Outlook, Prospect
 from endoct.modalities.ct.stored import Convention
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Image
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.workbench.pipeline.volumes import VolumeFacts
 from endoct.workbench.posing.result import NOTICE, Made, plan_json
 

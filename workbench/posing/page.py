@@ -4,11 +4,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from markupsafe import Markup
 
+from endoct.base.files.contents import marked
 from endoct.fusion.pose.clinical import Difference, Estimate, Offset
 from endoct.fusion.pose.summary import PoseSummary
-from endoct.stitching.contents import marked
-from endoct.workbench.page.document import printed_page
-from endoct.workbench.page.heading import Heading, Score
+from endoct.workbench.page.heading import Heading, Score, printed_page
 from endoct.workbench.pipeline.information import texts_of
 from endoct.workbench.pipeline.volumes import VolumeFacts
 from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text, place_text

@@ -1,35 +1,86 @@
-"""`endoct pose` as a function: from sides, a CT and a plan to where the bore lies, and to a folder of it."""
+"""`endoct pose` as a function: from sides, a CT and a plan to where the bore lies, and to a folder of it.
+
+The CT and the planned trajectory in it are read into one world: nothing of their convention is guessed.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from endoct.base.compute.worker_process import WorkerProcess
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_unchanged, digests, state_of
+from endoct.base.files.output import new_output
+from endoct.modalities.ct.ct_volume import CtVolume, check_within, in_world, meaning_of, read_ct, with_label_names
 from endoct.modalities.ct.label_names import OUR_TABLE
 from endoct.modalities.ct.stored import Convention
-from endoct.modalities.ct_volume import CtVolume, read_ct, with_label_names
+from endoct.modalities.ct.trajectory import Point, Trajectory, read_line
 from endoct.modalities.device import Device, check_device
-from endoct.modalities.trajectory import Point
-from endoct.stitching.digests import digests
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import check_unchanged, state_of
-from endoct.stitching.output import new_output
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.sources import Source, inputs_of
 from endoct.workbench.pipeline.volumes import facts_of
-from endoct.workbench.posing.plan import Planned, files_read, read_plan
 from endoct.workbench.posing.sides import MOST_SIDES, make_sides, open_sides, side_of_comparison
-from endoct.workbench.running.display import stages_for
 from endoct.workbench.running.kinds import POSE
-from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.second_process import second_process
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.second_process import one_blas_thread, second_process
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.result import PoseResult
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """A CT with the plan in it.
+
+    ``coordinates``: what the numbers mean that the user states and is told. ``files``: all that were read.
+    """
+
+    ct: CtVolume
+    plan: Trajectory
+    coordinates: Convention
+    files: tuple[Path, ...]
+
+
+def read_plan(
+    ct: Path, entry_mm: Point | None, target_mm: Point | None, plan: Path | None, coordinates: Convention | None
+) -> Planned:
+    """Return the CT and the plan: ``entry_mm`` and ``target_mm``, or the markups file ``plan``.
+
+    ``coordinates``: what ``entry_mm`` and ``target_mm`` mean, and the CT's own numbers where its file does not say;
+    left out, they mean what the file of the CT says. Raises :class:`EndoctError` where something cannot be read, is not
+    said, or where the plan lies outside the CT.
+    """
+    if (plan is None) == (entry_mm is None and target_mm is None):
+        raise EndoctError(
+            "it is not said where the bore was planned" if plan is None else "the plan is given twice",
+            expected="--entry=x,y,z and --target=x,y,z in mm, or --plan with a markups file",
+        )
+    if plan is None and (entry_mm is None or target_mm is None):
+        raise EndoctError(
+            "it is not said where the bore was planned",
+            found="an entry" if target_mm is None else "a target",
+            expected="both --entry=x,y,z and --target=x,y,z, mm",
+        )
+    line = None if plan is None else read_line(plan)
+    volume = read_ct(ct, coordinates)
+    meaning = meaning_of(volume, coordinates, str(ct))
+    if line is not None:
+        trajectory, meaning = line[0], coordinates or line[1]
+    elif entry_mm is not None and target_mm is not None:
+        trajectory = Trajectory(in_world(entry_mm, meaning), in_world(target_mm, meaning))
+    check_within(volume, trajectory, meaning, "the CT")
+    files = files_read(ct, volume)
+    return Planned(volume, trajectory, meaning, files if plan is None else (*files, plan))
+
+
+def files_read(path: Path, volume: CtVolume) -> tuple[Path, ...]:
+    """Return what a volume was read from: the folder ``path``, or the file and those that belong to it."""
+    return (path,) if path.is_dir() else volume.files or (path,)
+
 
 DECISIVE = ("torch", "kornia", "SimpleITK", "pydicom", "nibabel")
 """Libraries that figures of a pose depend on."""

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import Comparison, compare_placed, save_comparison
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.cell_table import write_cells
@@ -13,8 +15,6 @@ from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.segmentation.segmented_side import segment_side
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from endoct.fusion.pose.answer import PoseAnswer
+from endoct.base.arrays import Coordinates
 from endoct.fusion.pose.clinical import Estimate
+from endoct.fusion.pose.finding import PoseAnswer
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.summary import PoseSummary, radius_of
 from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, RIMS, SCALE, TURN
+from endoct.modalities.ct.ct_volume import in_world
 from endoct.modalities.ct.stored import SIGNS, Convention
-from endoct.modalities.ct_volume import in_world
-from endoct.modalities.trajectory import Point, Trajectory
-from endoct.stitching.arrays import Coordinates
+from endoct.modalities.ct.trajectory import Point, Trajectory
 from endoct.workbench.pipeline.volumes import VolumeFacts
 
 FORMAT = "endoct-pose-1"

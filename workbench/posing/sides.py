@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from endoct.base.compute.worker_process import WorkerProcess
+from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.pipeline.sources import MaskFile, Ready, Source, open_both, open_source, unroll_sources
 from endoct.workbench.pipeline.unrolling import Opened, Unrolled, unroll_recording
 from endoct.workbench.running.progress import Stages

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.files.contents import check_intact
 from endoct.fusion.files.store import load_comparison
 from endoct.fusion.result import Overlap, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.modalities.contract import Picture
-from endoct.stitching.contents import check_intact
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama

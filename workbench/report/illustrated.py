@@ -7,11 +7,10 @@ from markupsafe import Markup
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.findings import Findings
-from endoct.workbench.report.flags import flag_rows
 from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.per_frame import number_rows
 from endoct.workbench.report.sections import ORDER, Section, comparison_sections, panorama_sections, quality_name
-from endoct.workbench.report.side_findings import SideFindings
+from endoct.workbench.report.side_findings import SideFindings, flag_rows
 from endoct.workbench.report.tables import side_table
 
 CSS_PIXELS_PER_INCH = 148

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.circle import wrap_rad
+from endoct.base.numeric.circle import wrap_rad
 from endoct.workbench.report.side_findings import SideFindings
 from endoct.workbench.report.wording import NOTHING
 

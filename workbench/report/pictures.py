@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import plain_name
+from endoct.base.files.npy import read_npz, write_npz
 from endoct.modalities.contract import Picture, Seen
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.names import plain_name
-from endoct.stitching.npy import read_npz, write_npz
 
 PICTURES = "pictures"
 """The folder of pictures in an output."""

@@ -9,12 +9,10 @@ from markupsafe import Markup
 from endoct.fusion.registration.align import BELIEVABLE
 from endoct.fusion.result import Result
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.report.by_hand import pair_rows
 from endoct.workbench.report.findings import overlaps_of
 from endoct.workbench.report.html_templates import rendered, rendered_blocks
-from endoct.workbench.report.placement import alignment_rows
 from endoct.workbench.report.scores import rater_rows, score_table
-from endoct.workbench.report.tables import overlap_table
+from endoct.workbench.report.tables import alignment_rows, overlap_table, pair_rows
 from endoct.workbench.report.wording import leaf_rows
 
 TITLES: Mapping[str, str] = MappingProxyType(

@@ -1,15 +1,28 @@
-"""What the tables of a report say of overlaps and of either side."""
+"""The tables of a report: overlap, alignment, landmark pairs, sides, and how it all was made.
+
+An alignment is where one side lies in the frame of the other, in words; if landmark pairs corrected or checked it,
+that too.
+"""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from endoct.fusion.result import Result, Threshold
+from endoct.fusion.doubts import pairs_text
+from endoct.fusion.result import ByHand, Distances, PairDistance, Result, StoredAlignment, Threshold
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.findings import Findings, NamedOverlap
 from endoct.workbench.report.side_findings import SideFindings
-from endoct.workbench.report.wording import NOTHING, area_text, count_text, share_text, without_stop
+from endoct.workbench.report.wording import (
+    NOTHING,
+    area_text,
+    count_text,
+    length_text,
+    share_text,
+    value_text,
+    without_stop,
+)
 
 OVERLAP_COLUMNS: Mapping[str, Callable[[NamedOverlap], str]] = {
     "Jaccard": lambda named: share_text(named.overlap.jaccard),
@@ -83,3 +96,104 @@ def _side_facts(side: SideFindings, result: Result) -> dict[str, str]:
         "Cells segmented by": threshold_text((result.threshold or {}).get(side.name)),
         "Cells look": (result.polarity or {}).get(side.name) or NOTHING,
     }
+
+
+def alignment_rows(alignment: StoredAlignment, *, by_hand: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield what there is to say of an alignment, [in words, value]; errors are standard errors.
+
+    One that was made ``by_hand`` stands out from nothing: no search led to it.
+    """
+    turn, shift, scale = _standard_errors(alignment)
+    yield "Turned by", f"{math.degrees(alignment.theta_shift_rad):.2f}°{turn}"
+    yield "Shifted along the bore by", length_text(alignment.z_shift_mm) + shift
+    yield "Scaled along the bore by", f"{alignment.z_scale:.4f}{scale}"
+    yield "Mirrored in θ", value_text("mirrored", alignment.mirrored)
+    yield "Reversed in z", value_text("z_reversed", alignment.z_reversed)
+    if by_hand:
+        yield "Correlation of what shows the cells", share_text(alignment.correlation)
+        yield "Area that both observed", area_text(alignment.overlap_mm2)
+        return
+    yield "Confidence", share_text(alignment.confidence)
+    yield "Correlation of what shows the cells", share_text(alignment.correlation)
+    yield "Score over that of the next best place", _number(alignment.ratio)
+    yield "Probability that chance gives as much", _number(alignment.chance)
+    yield "Area that both observed", area_text(alignment.overlap_mm2)
+    yield "Left uncorrected: departure from that turn around θ, up to", _degrees(alignment.uneven_rad, "°")
+    yield "Left uncorrected: turn that grows along the bore", _degrees(alignment.twist_rad_per_mm, "° per mm")
+
+
+def _standard_errors(alignment: StoredAlignment) -> tuple[str, str, str]:
+    """Return " ± 0.28°", " ± 0.013 mm" and " ± 0.0028"; empty where they are not known."""
+    if alignment.covariance is None:
+        return "", "", ""
+    variances = np.diag(alignment.covariance)
+    if (variances < 0).any():
+        return "", "", ""
+    turn, shift, scale = (float(value) for value in np.sqrt(variances))
+    return f" ± {math.degrees(turn):.2f}°", f" ± {length_text(shift)}", f" ± {scale:.4f}"
+
+
+def _degrees(value_rad: float | None, unit: str) -> str:
+    return NOTHING if value_rad is None else f"{math.degrees(value_rad):.2f}{unit}".replace("-", "−")
+
+
+def _number(value: float | None) -> str:
+    return NOTHING if value is None else f"{value:.3g}".replace("-", "−")
+
+
+ROLES = {"correct": "corrects", "check": "checks"}
+
+
+def by_hand_headline(said: ByHand) -> str:
+    """Return the headline of an alignment that pairs made: "Corrected by 3 landmark pairs; 2 others lie …"."""
+    did = "Aligned by hand, by" if said.automatic_reason is not None else "Corrected by"
+    return f"{did} {pairs_text(said)}; {_error(said.check)}."
+
+
+def by_hand_sentences(said: ByHand) -> Iterator[str]:
+    """Yield sentences on what pairs did and what they say."""
+    if said.corrected and said.moved is not None:
+        yield (
+            f"By hand it was moved by {_signed(said.moved.along_mm)} along and {_signed(said.moved.around_mm)} around "
+            "the bore, amid the pairs, against the automatic alignment."
+        )
+    if said.corrected and said.correct is not None:
+        yield (
+            f"The pairs that corrected it lie {length_text(said.correct.median_mm)} apart (median) since; that is no "
+            "error of the alignment, which followed them."
+        )
+    if said.check is not None:
+        error = _error(said.check)
+        yield f"{error[:1].upper()}{error[1:]}."
+
+
+def pair_rows(said: ByHand) -> list[list[str]]:
+    """Return a row for each pair: what it does, and how far its places lay apart before and lie now."""
+    return [
+        [
+            f"{number} {pair.name}".strip(),
+            ROLES[pair.role] if said.corrected or pair.role == "check" else "would correct",
+            *_distance(pair.before),
+            *_distance(pair.after),
+        ]
+        for number, pair in enumerate(said.pairs, 1)
+    ]
+
+
+def _error(check: Distances | None) -> str:
+    if check is None:
+        return "no pair was set apart to check it, so that its error is not known"
+    pairs = f"{check.pairs} pair{'s' * (check.pairs != 1)} that had no part in it"
+    if check.pairs == 1:
+        return f"1 pair that had no part in it lies {length_text(check.median_mm)} off"
+    return f"{pairs} lie {length_text(check.median_mm)} off (median), {length_text(check.max_mm)} at most"
+
+
+def _distance(distance: PairDistance | None) -> tuple[str, str]:
+    if distance is None:
+        return NOTHING, NOTHING
+    return _signed(distance.around_mm), _signed(distance.along_mm)
+
+
+def _signed(value_mm: float) -> str:
+    return f"{value_mm:+.3f} mm".replace("-", "−")

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from endoct.base.doubt import Doubt
 from endoct.fusion.result import Result, StoredAlignment
-from endoct.stitching.doubt import Doubt
-from endoct.workbench.report.by_hand import by_hand_headline, by_hand_sentences
+from endoct.workbench.report.tables import by_hand_headline, by_hand_sentences
 from endoct.workbench.report.wording import length_text, without_stop
 
 LEAST_UNEVEN_DEG = 1.0

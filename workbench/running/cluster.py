@@ -13,8 +13,8 @@ from distributed import Client, Nanny, Scheduler, SpecCluster, Worker
 from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.scratch import TemporaryFolder
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.scratch import TemporaryFolder
 
 HOST = "127.0.0.1"
 DEATHS = 5

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.worker_process import worker_process
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.base.compute.worker_process import worker_process
+from endoct.base.errors import EndoctError
+from endoct.workbench.running.second_process import one_blas_thread
 
 Out = TypeVar("Out")
 
@@ -40,7 +40,7 @@ def measure_calls(function: Callable[..., Out], *arguments: object, repeats: int
     """Call a module's function once, untimed, and then ``repeats`` times in one process; return the last answer.
 
     What a library loads or compiles when it is first used is in no run. Raises whatever the function raises as
-    :meth:`~endoct.stitching.worker_process.WorkerProcess.call` does.
+    :meth:`~endoct.base.compute.worker_process.WorkerProcess.call` does.
     """
     with worker_process() as process:
         return process.call(_calls, function, arguments, repeats).result()

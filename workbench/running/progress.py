@@ -1,16 +1,23 @@
-"""Progress of a command or a function, stage by stage: on a terminal, in a log file, or not at all."""
+"""Progress of a command or a function, stage by stage: on a terminal, in a notebook, a log file, or nowhere.
 
+In a notebook it is one small table under the cell, drawn anew as the work goes on. :func:`stages_for` says where a
+Python function displays its progress.
+"""
+
+import html
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from threading import Lock, Timer
-from typing import Protocol
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from endoct.stitching.errors import visible
+from endoct.base.errors import visible
 from endoct.workbench.running.interruption import stop_if_interrupted
 
 Advance = Callable[[float], None]
@@ -164,3 +171,78 @@ class ConsoleStages(SilentStages):
 
     def _print(self, line: str) -> None:
         self._console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
+
+
+class NotebookStages(SilentStages):
+    """Displays a bar for each stage under the notebook's cell, once the work has taken ``quiet_s`` seconds.
+
+    Needs nothing but IPython, which every notebook has. Stages may run at once, in several threads.
+    """
+
+    EVERY_S = 0.2
+
+    def __init__(self, quiet_s: float) -> None:
+        super().__init__()
+        ipython: Any = import_module("IPython.display")  # which is there, since this is a notebook
+        self._handle = ipython.DisplayHandle()
+        self._on_page = False
+        self._shares: dict[str, float] = {}
+        self._next_s = time.monotonic() + quiet_s
+        self._lock = Lock()
+
+    @contextmanager
+    def _displayed(self, title: str) -> Iterator[Advance]:
+        def advance(share: float) -> None:
+            with self._lock:
+                self._shares[title] = share
+                if time.monotonic() >= self._next_s:
+                    self._draw()
+
+        advance(0.0)
+        yield advance
+        advance(1.0)
+        with self._lock:
+            if self._on_page:
+                self._draw()  # at once, since there may be no further stage
+
+    def _draw(self) -> None:
+        data = {"text/html": progress_table(self._shares), "text/plain": f"{sum(self._shares.values()):.2f} stages"}
+        if self._on_page:
+            self._handle.update(data, raw=True)
+        else:
+            self._handle.display(data, raw=True)
+        self._on_page = True
+        self._next_s = time.monotonic() + self.EVERY_S
+
+
+def progress_table(shares: dict[str, float]) -> str:
+    """Return HTML of a bar for each title, filled to its share, 0 to 1."""
+    rows = "".join(
+        f'<tr><td style="text-align:left">{html.escape(title)}</td>'
+        f'<td><progress value="{share:.3f}" max="1"></progress></td><td>{share:.0%}</td></tr>'
+        for title, share in shares.items()
+    )
+    return f"<table>{rows}</table>"
+
+
+QUIET_S = 2.0
+"""Work that takes no longer shows no progress in Python."""
+
+
+def stages_for(progress: bool | Stages) -> Stages:
+    """Return what a Python function that was called with ``progress`` reports its stages to.
+
+    ``True`` displays work that takes longer than :data:`QUIET_S`, in a notebook or on a terminal; ``False`` nothing.
+    """
+    if not isinstance(progress, bool):
+        return progress
+    if progress and in_notebook():
+        return NotebookStages(QUIET_S)
+    console = Console(stderr=True)
+    return ConsoleStages(console, QUIET_S) if progress and console.is_terminal else SilentStages()
+
+
+def in_notebook() -> bool:
+    """Say whether this is the kernel of a notebook."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return type(shell).__name__ == "ZMQInteractiveShell"

@@ -1,10 +1,16 @@
-"""What ends a command in one line: input that cannot be used, memory that runs out, a system that refuses."""
+"""What ends a command: one line for the user, and its exit status.
+
+One line says that input cannot be used, that memory ran out, that the system refuses, or that the disk failed.
+"""
 
 import logging
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
-from endoct.stitching.errors import EndoctError, cause_of, visible
+from endoct.base.errors import EndoctError, cause_of, system_cause, visible
 
 _SHORT_OF_MEMORY = ("(-4:Insufficient memory)", "can't start new thread")
 """What OpenCV and Python say in errors of another kind, which may come as text from another process."""
@@ -98,3 +104,23 @@ def _last_line(error: BaseException) -> str:
     """Return the last line of what an error says: of the trace from another process, the error itself."""
     lines = [line for line in str(error).splitlines() if line.strip()]
     return lines[-1].strip() if lines else ""
+
+
+@contextmanager
+def refusing_disk_errors(folder: Path) -> Iterator[None]:
+    """Turn whatever goes wrong in writing to ``folder`` into one :class:`EndoctError`."""
+    try:
+        yield
+    except OSError as error:
+        raise EndoctError(
+            f"{folder} cannot be written",
+            found=system_cause(error),
+            remedy="mend that and start again with the same arguments; what is finished is kept",
+        ) from error
+
+
+DONE, UNUSABLE_INPUT, WRONG_USAGE, NOT_ALIGNED, INTERRUPTED = 0, 1, 2, 3, 130
+DOUBTED = NOT_ALIGNED
+"""With ``--strict``: done, but there is a doubt."""
+UNTOLD = 3
+"""Of `pose`: done, but where the bore lies cannot be told."""

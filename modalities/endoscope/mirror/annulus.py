@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import NotSeen
 from endoct.modalities.endoscope.mirror.edges import edge_points
 from endoct.modalities.endoscope.mirror.rings import (
     FEWEST_POINTS,
@@ -16,8 +18,6 @@ from endoct.modalities.endoscope.mirror.rings import (
     lasting_contrast,
     without_thin_lines,
 )
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import NotSeen
 
 LEAST_SUPPORT = 0.25
 FAINTEST_SUPPORT = 0.1

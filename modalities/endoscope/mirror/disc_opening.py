@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Image
-from endoct.stitching.compiled import compiled
+from endoct.base.arrays import Image
+from endoct.base.compute.compiled import compiled
 
 
 def opened(image: Image, size: int) -> Image:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.compute.compiled import compiled
+from endoct.base.numeric.ranks import median
 from endoct.modalities.endoscope.mirror.rings import N_RAYS, Ring
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.compiled import compiled
-from endoct.stitching.ranks import median
 
 STEP_PX = 0.5
 MARGIN = 2

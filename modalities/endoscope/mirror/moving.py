@@ -12,12 +12,12 @@ from functools import partial
 import cv2
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.compute.parallel import at_once, thread_map
+from endoct.base.numeric.ranks import medians
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.edges import edge_points
 from endoct.modalities.endoscope.mirror.rings import Ring, find_rings, fit_circle, rays
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.parallel import at_once, thread_map
-from endoct.stitching.ranks import medians
 
 GRAIN = 1 / 320
 """Of the image's shorter side: noise is averaged over this (σ), and the wall's texture is coarser."""

@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
 
 DISAGREEMENT = 0.05
 ASSUMED_DISTANCE = 1.25

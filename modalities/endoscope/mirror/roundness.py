@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.endoscope.mirror.annulus import locate_outer_rim
 from endoct.modalities.endoscope.mirror.edges import edge_points
 from endoct.modalities.endoscope.mirror.rings import Ring
-from endoct.stitching.arrays import Coordinates, Image
 
 REACH = 0.14
 """Of the radius, within which the rim is looked for: a circle through part of an ellipse is off its rest."""

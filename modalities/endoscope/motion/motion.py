@@ -1,19 +1,31 @@
-"""How the probe moved and rolled from frame to frame, and what of its optics that motion reveals."""
+"""How the probe moved and rolled from frame to frame, and what of its optics that motion reveals.
+
+The rims are edges of the probe and need not lie on circles of constant z. But around a wrong centre, one side of
+the wall seems to move farther than the other, by the centre's error over the annulus' width. With enough pairs of
+frames that gives the centre better than the rims do.
+
+How the centres drift with their radius then shows how far the probe is off the bore's axis. Let that axis be off
+the probe's by e, and m = cot(2a − ψ) of the ray. The wall at image angle θ is then seen at z + m·e·cos(θ − φ) and
+lies at θ + e/R·sin(θ − φ). So the circle of constant z at radius r is centred m·e/(dz/dr) away from the mirror's
+axis, opposite to the bore's. A tilt of the probe moves all centres alike, as a mirror's edge that is not quite
+round does. It is not distinguished from that, and not corrected.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.ranks import error_of_median
 from endoct.modalities.contract import FrameStream, inward_positions_mm
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.band import Band
 from endoct.modalities.endoscope.mirror.optics import ConeOptics, scale_is_stated, stretched, turned
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.feed import Feed, estimate_feed
-from endoct.stitching.robust import error_of_median
+from endoct.stitching.motion.feed import Feed, estimate_feed
 
 FEWEST_PAIRS = 5
 """Of neighbouring frames that could be matched: fewer say nothing about the recording as a whole."""
@@ -124,3 +136,88 @@ def optics_with_rim(
         f"The frames move against the sidecar's travel '{acquisition.travel}' with the outer rim "
         f"'{acquisition.outer_rim}'; one of the two is wrong, and the rim was believed.",
     )
+
+
+LARGEST = 0.1
+"""Of the bore's radius: more is not a probe off its axis but a drift that was measured wrongly."""
+
+
+@dataclass(frozen=True)
+class BoreAxis:
+    """The bore's axis in the probe's frame, ``x_mm`` and ``y_mm`` along the image's columns and rows.
+
+    ``shift_px`` (x, y): by how much the circle of constant z at the outer rim lies off that rim.
+    """
+
+    x_mm: float
+    y_mm: float
+    shift_px: tuple[float, float]
+
+    def sway_rad(self, roll_rad: float, radius_mm: float) -> Coordinates:
+        """Return by what θ of the wall differs from image angle + roll, as parts of cos and sin of their sum, (2,)."""
+        cos, sin = np.cos(roll_rad), np.sin(roll_rad)
+        x, y = self.x_mm * cos - self.y_mm * sin, self.x_mm * sin + self.y_mm * cos
+        return np.array([-y, x]) / radius_mm
+
+
+ON_AXIS = BoreAxis(0.0, 0.0, (0.0, 0.0))
+
+
+def bore_axis(drift_px: tuple[float, float], annulus: Annulus, optics: ConeOptics, radius_mm: float) -> BoreAxis | None:
+    """Return where the bore's axis lies by the drift of the centres from outer to inner rim, or None if unknown.
+
+    It is not known where the drift speaks of more than a tenth of the radius.
+    """
+    inner, outer = optics.centre_shift_px_per_mm(np.array([annulus.inner_px, annulus.outer_px]))
+    x_mm, y_mm = (float(drift / (outer - inner)) for drift in drift_px)
+    if np.hypot(x_mm, y_mm) > LARGEST * radius_mm:
+        return None
+    return BoreAxis(x_mm, y_mm, (float(-outer * x_mm), float(-outer * y_mm)))
+
+
+def probe_offsets(axis: BoreAxis | None, sway_rad: Coordinates, radius_mm: float) -> dict[str, Coordinates]:
+    """Return how far the probe was off the bore's axis, towards θ = 0 and θ = π/2; NaN where that is not known."""
+    known = 1.0 if axis is not None else np.nan
+    return {
+        "probe_offset_x_mm": -known * radius_mm * sway_rad[:, 1],
+        "probe_offset_y_mm": known * radius_mm * sway_rad[:, 0],
+    }
+
+
+MOST_TILT = 0.2
+
+
+@dataclass(frozen=True)
+class Centring:
+    """``drift_px`` (x, y): by how much the centre of the circles of constant z drifts from the outer rim to the inner.
+
+    ``axis``: the bore's axis by that drift, None where it is not known.
+    """
+
+    drift_px: tuple[float, float]
+    axis: BoreAxis | None
+
+    @property
+    def shift_px(self) -> tuple[float, float]:
+        """By how much the circle of constant z at the outer rim lies off that rim (x, y)."""
+        return (self.axis or ON_AXIS).shift_px
+
+    def applied(self, annulus: Annulus) -> Annulus:
+        """Return ``annulus`` with the centres of circles of constant z."""
+        return annulus.with_drift(*self.drift_px).moved(*self.shift_px)
+
+
+def measure_centring(annulus: Annulus, feed: Feed, band: Band, *, probe_offset: bool) -> Centring:
+    """Return the centres by the rims and by the ``feed``; on the bore's axis unless ``probe_offset``."""
+    drift_px = centre_drift_px(annulus, feed)
+    axis = bore_axis(drift_px, annulus, band.optics, band.optics.bore_radius_mm) if probe_offset else None
+    return Centring(drift_px, axis)
+
+
+def centre_drift_px(annulus: Annulus, feed: Feed) -> tuple[float, float]:
+    """Return how far the centre of circles of constant z drifts from the outer rim to the inner, x and y, px."""
+    dx, dy = annulus.inner_x_px - annulus.outer_x_px, annulus.inner_y_px - annulus.outer_y_px
+    if np.sum(feed.trusted[1:]) < FEWEST_PAIRS or np.abs(feed.tilt).max() > MOST_TILT:
+        return dx, dy
+    error = feed.tilt * (annulus.outer_px - annulus.inner_px)
+    return dx - float(error[0]), dy - float(error[1])

@@ -4,17 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import turned_harmonic
+from endoct.base.numeric.ranks import error_of_median
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.optics import DISAGREEMENT
-from endoct.modalities.endoscope.motion.centring import Centring
-from endoct.modalities.endoscope.motion.motion import FEWEST_PAIRS, Motion
+from endoct.modalities.endoscope.motion.motion import FEWEST_PAIRS, Centring, Motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.circle import turned_harmonic
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.feed import Feed
-from endoct.stitching.robust import error_of_median
+from endoct.stitching.motion.feed import Feed
 
 DOUBTED_FEED, SURE_OF_FEED = 0.1, 2.5
 """From what difference of measured and nominal feed on, relative and in standard errors, one of them must be wrong."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from endoct.stitching.arrays import Coordinates, Mask
+from endoct.base.arrays import Coordinates, Mask
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.numeric.harmonics import harmonics
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.points import Points, tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
-from endoct.stitching.harmonics import harmonics
 
 REACH_MM = 0.015, 0.009, 0.009
 """How far from the face points still count, in every round of the fit."""

@@ -1,14 +1,19 @@
-"""Where the capillary's outer face lies in every slice."""
+"""Where the capillary's outer face lies in every slice, by that slice and its neighbours.
+
+A slice that strays from its neighbours is not taken; what lies between known ones is bridged.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.errors import NotSeen
 from endoct.modalities.oct.face.circle import Capillary, Circle
 from endoct.modalities.oct.face.lines import fit_circle
-from endoct.modalities.oct.face.neighbours import bridged, starts_anywhere, steady_slices
 from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line, shows_catheter
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.ripple import fit_ripple
@@ -16,8 +21,53 @@ from endoct.modalities.oct.face.sine import Sine, slice_sine
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.errors import NotSeen
+
+STRAY_MM = 0.08
+REACH = 3  # slices either side
+LEAST_OFFSET_MM = 0.006  # nearer to the axis, an offset has no direction
+FREE_RAD = 0.8  # typical change of the offset's direction from slice to slice, above which turns start anywhere
+
+
+def starts_anywhere(capillary: Capillary, start: Literal["auto", "triggered", "free"]) -> bool:
+    """Return whether turns start anywhere, so that the catheter's offset points another way in every slice."""
+    if start != "auto":
+        return start == "free"
+    offset = (capillary.x_mm + 1j * capillary.y_mm)[capillary.known]
+    offset = offset[np.abs(offset) > LEAST_OFFSET_MM]
+    if offset.size < 4:
+        return False
+    return bool(np.median(np.abs(np.angle(offset[1:] * np.conj(offset[:-1])))) > FREE_RAD)
+
+
+def steady_slices(capillary: Capillary, free: bool) -> Mask:
+    """Return in which slices the circle is known and near to a neighbour's or to the median of six, bool (n_slices,).
+
+    Where turns start anywhere (``free``), only how far off the axis they are can be compared.
+    """
+    steady = capillary.known.copy()
+    if free:
+        places = np.stack([capillary.offset_mm, np.zeros(len(capillary))], axis=1)
+    else:
+        places = np.stack([capillary.x_mm, capillary.y_mm], axis=1)
+    for i in range(len(places)):
+        before, after = places[max(0, i - REACH) : i], places[i + 1 : i + 1 + REACH]
+        before, after = before[np.isfinite(before[:, 0])], after[np.isfinite(after[:, 0])]
+        around = np.concatenate([before, after])
+        if len(around) >= 2:
+            typical = np.concatenate([before[-1:], after[:1], np.median(around, axis=0)[None]])
+            if np.min(np.hypot(*(typical - places[i]).T)) > STRAY_MM:
+                steady[i] = False
+    return steady
+
+
+def bridged(capillary: Capillary) -> Capillary:
+    """Return the capillary with unknown slices interpolated linearly between known ones; one must be known."""
+    every, known = np.arange(len(capillary)), np.flatnonzero(capillary.known)
+    x, y, depth = (
+        np.interp(every, known, values[known]) for values in (capillary.x_mm, capillary.y_mm, capillary.axis_depth_mm)
+    )
+    return Capillary(x, y, depth, capillary.radius_mm)
+
 
 CERTAIN_FRACTION = 0.5  # of columns: a face seen in so many need not be near its neighbours'
 WIDTHS = (3.0, 1.5)  # of Tukey's weights, in tolerances

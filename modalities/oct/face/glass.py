@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.compute.compiled import compiled
 from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.compiled import compiled
 
 GLASS_INDEX = 1.46  # fused silica and borosilicate near 1300 nm
 THICKNESS_MM = (0.04, 0.45)

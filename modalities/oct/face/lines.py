@@ -11,12 +11,12 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.numeric.equations import solve
 from endoct.modalities.oct.bscan import Raster
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.points import Points
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
-from endoct.stitching.equations import solve
 
 MOST_LINES = 10
 LEAST_SUPPORT = 0.12

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.numeric.ranks import medians
 from endoct.modalities.oct.face.circle import Capillary
 from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.ranks import medians
 
 SAME_LINE_MM = 0.02
 FIXED_LINE_MM = 0.01

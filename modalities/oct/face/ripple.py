@@ -7,10 +7,10 @@ and 1.
 import numpy as np
 from numpy.typing import ArrayLike
 
+from endoct.base.arrays import Coordinates
+from endoct.base.numeric.harmonics import harmonics
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.points import Points, tukey_weight
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.harmonics import harmonics
 
 RIPPLE_HARMONICS = 6
 N_RIPPLE = 2 * (RIPPLE_HARMONICS - 1)

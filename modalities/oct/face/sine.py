@@ -11,12 +11,12 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.numeric.equations import solve
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.compiled import compiled
-from endoct.stitching.equations import solve
 
 GAUSS_NEWTON_STEPS = 12
 LEAST_DETERMINANT = 0.1  # three points less far apart say little

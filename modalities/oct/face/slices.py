@@ -5,17 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.compute.compiled import compiled
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, sector_angles_rad
+from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, reduced, sector_angles_rad
 from endoct.modalities.oct.depth_order import share_brightening
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.face.lines import Lines, find_lines
 from endoct.modalities.oct.face.points import Points, line_points
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.reduced import reduced
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.compiled import compiled
 
 SURVEY_COLUMNS = 256
 KEPT_ASCANS = 96

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Image
+from endoct.base.compute.compiled import compiled
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, LEAST_ASCANS, ZERO_DB
-from endoct.stitching.arrays import Image
-from endoct.stitching.compiled import compiled
 
 Counts = NDArray[np.integer[Any]]
 BLOCK = LEAST_ASCANS

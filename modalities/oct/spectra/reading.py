@@ -6,19 +6,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.folders import is_folder
+from endoct.base.arrays import Coordinates
+from endoct.base.compute.room import Room
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import check_array_size, inside, open_regular
 from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, EVEN, SpectraKeys
 from endoct.modalities.oct.spectra.reconstruction import Reconstruction, reconstruction
 from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places, taps, window
 from endoct.modalities.oct.spectra.vectors import read_vector
-from endoct.modalities.recording import ImageStack
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.files import open_regular
-from endoct.stitching.limits import check_array_size
-from endoct.stitching.names import inside
-from endoct.stitching.room import Room
+from endoct.modalities.reading.folders import is_folder
+from endoct.modalities.reading.recording import ImageStack
 
 if TYPE_CHECKING:
     from endoct.modalities.oct.spectra.on_device import OnDevice

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.modalities.folders import entries, is_folder
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import read_start
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, LEAST_SAMPLES, MOST_SAMPLES
 from endoct.modalities.oct.spectra.vectors import is_text, numbers_of
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import read_start
+from endoct.modalities.reading.folders import entries, is_folder
 
 _MOST_BYTES = 24 * MOST_SAMPLES
 """Of a chirp: 8 a sample, more as text."""

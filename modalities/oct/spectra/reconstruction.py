@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.compute.room import Room
 from endoct.modalities.oct.spectra.kernels import BLOCK, Counts, add_up, resample, write_levels
 from endoct.modalities.oct.spectra.resampling import Taps
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.room import Room
 
 LINE = 16
 """float32 in a line of a processor's cache, by which rows lie apart: what lies 4 KiB apart shares its places there."""

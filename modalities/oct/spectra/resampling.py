@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 
 Interpolation = Literal["sinc", "cubic", "linear"]
 N_TAPS = {"sinc": 8, "cubic": 4, "linear": 4}

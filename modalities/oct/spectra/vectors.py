@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import read_small, text_of
-from endoct.stitching.names import inside
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import inside, read_small, text_of
 
 TEXT_SUFFIXES = (".txt", ".csv")
 _TEXT = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?[0-9eEnNaAiIfF+\-.,;\s\0]*")

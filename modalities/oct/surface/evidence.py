@@ -1,18 +1,64 @@
 """The evidence in a B-scan for the wall's surface at every depth.
 
-It is the power over that of the noise, summed behind a depth with weights that fall off as bone returns less and less:
-to first order, the log-likelihood ratio of faint bone against noise alone. Summing over many samples brings out a wall
-that no single sample shows and that speckle hides in every single A-scan.
+It is the power over that of the noise, summed behind a depth with weights that fall off as bone returns less and
+less. To first order, that is the log-likelihood ratio of faint bone against noise alone. Summing over many samples
+brings out a wall that no single sample shows and that speckle hides in every single A-scan.
+
+:class:`Background` holds the levels of a recording: of noise, of the wall, and of the lines that the detector
+draws.
 """
+
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.background import Background
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.compiled import compiled
+
+HIDDEN_SHARE = 0.6  # of the wall's contrast: nothing is seen under a line as bright as that
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """Levels of a recording, in its (logarithmic) samples.
+
+    Attributes: ``noise`` and ``noise_sigma`` of the dark space between capillary and wall; ``wall``, the typical
+    level just below the wall's surface; ``line_excess``, float32 (n_depth,), how far the detector's fixed lines stand
+    out of the darkness, 0 where there are none; ``floor``, float32 (n_depth,), by how much noise is brighter at each
+    depth than ``noise``; ``noise_power``, the mean power of noise over its median power, 1 / ln 2 unless it was
+    processed. But for ``floor``, all refer to samples less ``floor``.
+    """
+
+    noise: float
+    noise_sigma: float
+    wall: float
+    line_excess: Image
+    floor: Image
+    noise_power: float = 1 / math.log(2)
+
+    @property
+    def contrast(self) -> float:
+        """How far the wall stands out of the noise, in samples of the recording; more than 0."""
+        return max(self.wall - self.noise, 1e-6)
+
+    @property
+    def lines(self) -> Mask:
+        """At which depths there is a fixed line, bool (n_depth,)."""
+        return self.line_excess > 0
+
+    @property
+    def hidden(self) -> Mask:
+        """At which depths a line is as bright as the wall, so that nothing is seen under it, bool (n_depth,)."""
+        return np.asarray(self.line_excess > HIDDEN_SHARE * self.contrast)
+
+    def from_row(self, first: int) -> "Background":
+        """Return the background of B-scans cropped to depths from sample ``first`` on."""
+        return replace(self, line_excess=self.line_excess[first:], floor=self.floor[first:])
+
 
 LN_POWER_PER_SIGMA = 1.139  # ln of exponentially distributed power, as speckle and noise have, over its σ (from MAD)
 MOST_POWER = 6.0  # times the power from which samples count as bone: a glint counts for no more

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.oct.surface.background import Background
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.compiled import compiled
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.modalities.oct.surface.evidence import Background
 
 
 class Bridges(NamedTuple):

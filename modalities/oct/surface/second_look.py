@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.compute.compiled import compiled
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.pool import pooled
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.compiled import compiled
+from endoct.modalities.oct.surface.levels import pooled
 
 GAP_MM = (0.06, 0.08)  # behind the outer face, and before the nominal wall: between these there is nothing
 BONE_MM = (0.02, 0.1)  # behind the wall

@@ -5,11 +5,10 @@ import math
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.modalities.oct.bscan import Spacing, mean_between, varying
-from endoct.modalities.oct.surface.background import Background
-from endoct.modalities.oct.surface.evidence import relative_power, spread_of_noise
+from endoct.modalities.oct.surface.evidence import Background, relative_power, spread_of_noise
 from endoct.modalities.oct.surface.wall import Rows
-from endoct.stitching.arrays import Coordinates, Image, Mask
 
 SURFACE_MM = 0.1
 TAIL_MM = (0.3, 0.6)

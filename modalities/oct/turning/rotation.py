@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.compiled import compiled
-from endoct.stitching.harmonics import harmonics
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.numeric.harmonics import harmonics
 
 HARMONICS = 4
 N_SMOOTH = 2 * HARMONICS

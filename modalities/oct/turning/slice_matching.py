@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.bscan import mean_between
 from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.circle import wrap_rad
 
 DRIFT_RAD = 0.09  # of the capillary's direction from slice to slice: 5°
 PROFILE_MM = (0.02, 0.10)  # behind the nominal wall: dark in cells

@@ -1,29 +1,81 @@
 """Where every turn starts, from what does not turn with the optics.
 
-The sheath is a landmark (:mod:`endoct.modalities.oct.turning.sheath`). It may creep from slice to slice, which nothing
-in the recording can distinguish from starts that creep: that share of the twist stays unknown and is stated. Where
-turns start anywhere and no sheath is seen, neighbouring slices are compared
+The sheath is a landmark (:mod:`endoct.modalities.oct.turning.sheath_pattern`). It may creep from slice to slice,
+which nothing in the recording can distinguish from starts that creep: that share of the twist stays unknown and is
+stated. Where turns start anywhere and no sheath is seen, neighbouring slices are compared
 (:mod:`endoct.modalities.oct.turning.slice_matching`).
+
+Starts and the landmark's own directions are solved for together by least squares. The landmark is seen at its
+direction less the start. Starts lie about 0; the direction changes little from slice to slice and is 0 on average.
+Outliers of either count less and less.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
-from endoct.modalities.oct.face.faces import Faces
+from endoct.base.arrays import Coordinates
+from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
+from endoct.base.numeric.ranks import robust_sigma
+from endoct.modalities.oct.face.faces import Faces, starts_anywhere
 from endoct.modalities.oct.face.glass import Glass
-from endoct.modalities.oct.face.neighbours import starts_anywhere
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.turning.rotation import Rotation
-from endoct.modalities.oct.turning.sheath import Mark, sheath_mark
+from endoct.modalities.oct.turning.sheath_pattern import Mark, sheath_mark
 from endoct.modalities.oct.turning.slice_matching import DRIFT_RAD, starts_from_neighbours
-from endoct.modalities.oct.turning.start_chain import separated
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.circle import mean_angle_rad, wrap_rad
-from endoct.stitching.robust import robust_sigma
+
+ROBUST_STEPS = 5
+MEAN_WEIGHT = 1e3  # of the landmark's mean direction, which is defined as 0
+
+
+def separated(
+    moved_rad: Coordinates, sigma_rad: Coordinates, usual_rad: float, creep_rad: float
+) -> tuple[Coordinates, Coordinates]:
+    """Return starts and their standard deviations, float64 (n,).
+
+    ``moved_rad``: where the landmark is seen, with the standard deviation ``sigma_rad``, infinite where it is not seen.
+    Starts scatter by ``usual_rad``, the landmark creeps by ``creep_rad`` a slice. Starts are eliminated, so that only
+    neighbouring directions and their mean are coupled: memory and time grow linearly with the number of slices.
+    """
+    n = moved_rad.size
+    of_starts, of_sights = np.full(n, usual_rad**-2.0), sigma_rad**-2.0
+    to_next, mean = creep_rad**-2.0, np.full(n, MEAN_WEIGHT / n)
+    neighbours = np.minimum(np.arange(n), 1) + np.minimum(np.arange(n)[::-1], 1)
+    start_weight, sight_weight = np.ones(n), np.ones(n)
+    for _ in range(ROBUST_STEPS):  # a turn that was measured wrongly is an outlier to its neighbours too
+        known, seen = of_starts * start_weight**2, of_sights * sight_weight**2
+        held = known * seen / (known + seen)
+        bands = np.full((2, n), -to_next)
+        bands[1] = held + to_next * neighbours
+        free, by_mean = solveh_banded(bands, np.stack([held * moved_rad, mean], axis=1)).T
+        direction = free - by_mean * (mean @ free) / (1 + mean @ by_mean)
+        start = seen / (known + seen) * (direction - moved_rad)
+        variance = _variances(held, to_next) - by_mean**2 / (1 + mean @ by_mean)
+        spread = np.sqrt(1 / (known + seen) + (seen / (known + seen)) ** 2 * variance)
+        start_weight = 1 / np.sqrt(1 + (start / usual_rad / 2) ** 2)
+        sight_weight = 1 / np.sqrt(1 + ((direction - start - moved_rad) / sigma_rad / 2) ** 2)
+    return start, spread
+
+
+def _variances(held: Coordinates, to_next: float) -> Coordinates:
+    """Return the diagonal of the inverse, (n,): every node is tied to the ground, and to its neighbours on both sides.
+
+    As conductances in series and in parallel: only positive terms are added, so that nothing cancels.
+    """
+
+    def from_before(each: Coordinates) -> Coordinates:
+        through, last = np.zeros(each.size), 0.0
+        for i, own in enumerate(each[:-1]):
+            last = float(own) + last
+            last = through[i + 1] = to_next * last / (to_next + last)
+        return through
+
+    return np.asarray(1 / (held + from_before(held) + from_before(held[::-1])[::-1]))
+
 
 CREEP_RAD = 0.0017  # of a mark from slice to slice: 0.1°
 LEAST_START_RAD = 0.002

@@ -1,7 +1,8 @@
-"""The uneven rotation within every turn, from how the capillary's outer face departs from a circle.
+"""How the rotation is corrected: uneven turns first, then the angles at which turns start.
 
-Every slice is fitted twice (:mod:`endoct.modalities.oct.turning.turn_fit`): first alone, then about what its neighbours
-showed, since friction changes slowly along the bore.
+The uneven rotation within a turn shows in how the capillary's outer face departs from a circle. Every slice is
+fitted twice (:mod:`endoct.modalities.oct.turning.turn_fit`): first alone, then about what its neighbours showed,
+since friction changes slowly along the bore.
 """
 
 from collections.abc import Sequence
@@ -10,12 +11,17 @@ from functools import cache
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.compute.kept import Computed
+from endoct.base.numeric.ranks import robust_sigmas
 from endoct.modalities.oct.face.circle import Capillary, Circle
-from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.faces import Faces, refit_faces, starts_anywhere
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures
+from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.turning.rotation import HARMONICS, N_SMOOTH, Rotation, even_rotation, smooth_basis
+from endoct.modalities.oct.turning.start_angle import measure_starts
 from endoct.modalities.oct.turning.turn_fit import (
     N_FACTORS,
     WIDE_MM,
@@ -27,8 +33,6 @@ from endoct.modalities.oct.turning.turn_fit import (
     mean_variance,
     unknowns,
 )
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.robust import robust_sigmas
 
 STRETCH_SIGMA = 0.02  # 1–3 % of jitter in published catheters
 SMOOTH_SIGMA_RAD = 0.06  # of the first harmonic, of the others in proportion to 1/h: a few degrees, 10° at bends
@@ -207,3 +211,55 @@ def _plausible(fit: TurnFit, features: SliceFeatures, usual: Coordinates, share:
 def _basis_around() -> Coordinates:
     """The basis at places around a turn, both ends included; made when first needed, as it is by compiled code."""
     return smooth_basis(np.linspace(0, 2 * np.pi, 180))
+
+
+NOT_CORRECTED = "Turns start anywhere; this was not corrected, so that slices lie at unrelated angles."
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """The slices and their faces at the angles that ``rotation`` gives, with notes on it. All in the order of z."""
+
+    slices: Sequence[SliceFeatures]
+    faces: Faces
+    rotation: Rotation
+    notes: tuple[str, ...] = ()
+
+
+def nominal_turns(slices: Sequence[SliceFeatures], faces: Faces) -> Turns:
+    """Return turns as A-scans are counted: even, complete and starting at one angle."""
+    return Turns(slices, faces, even_rotation(len(slices)))
+
+
+def correct_uneven_turns(
+    turns: Turns, glass: Glass, fixed_rows: Mask, acquisition: OctAcquisition, parameters: OctParameters
+) -> Turns:
+    """Return nominal ``turns`` with what ``parameters`` ask to correct within turns; faces are fitted again.
+
+    Points in ``fixed_rows``, bool (n_depth,), do not count: where the face crosses a fixed line of the detector, the
+    line's points look like those of a face seen in a very uneven turn.
+    """
+    if not (parameters.correct_rotation or parameters.correct_turn_length or parameters.correct_lost_ascans):
+        return turns
+    nominal = turns.slices
+
+    def without_fixed_rows(i: int) -> SliceFeatures:
+        features = nominal[i]
+        return replace(features, points=features.points.outside_rows(fixed_rows, acquisition.mm_per_px))
+
+    rotation, faces = measure_turns(Computed(len(nominal), without_fixed_rows), turns.faces, glass, parameters)
+    slices = Computed(len(nominal), lambda i: with_beam_angles(nominal[i], rotation, i))
+    notes = turns.notes
+    if count := int(np.count_nonzero(np.isfinite(rotation.lost_at_rad))):
+        notes += (f"{count} of {len(slices)} slices lack a block of A-scans; what lay there is not valid.",)
+    return Turns(slices, refit_faces(slices, faces, parameters), rotation, notes)
+
+
+def correct_starts(turns: Turns, glass: Glass, acquisition: OctAcquisition, parameters: OctParameters) -> Turns:
+    """Return ``turns`` with the angles at which they start, where ``parameters`` ask for that."""
+    if parameters.correct_start_angle:
+        rotation, note = measure_starts(turns.slices, turns.faces, glass, turns.rotation, acquisition, parameters)
+        return replace(turns, rotation=rotation, notes=(*turns.notes, note) if note else turns.notes)
+    if starts_anywhere(turns.faces.observed, parameters.start):
+        return replace(turns, notes=(*turns.notes, NOT_CORRECTED))
+    return turns

@@ -13,9 +13,9 @@ import pytest
 import roifile
 import zarr
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import fill, is_label_store, read_drawing
 from endoct.fusion.files.masks import read_mask
-from endoct.stitching.errors import EndoctError
 
 SHAPE = (40, 60)
 HEAD = "index,shape-type,vertex-index,axis-0,axis-1\n"
@@ -155,7 +155,7 @@ def test_a_small_chunk_of_eight_gigabytes(codec: str, tmp_path: Path) -> None:
     (folder / "0.0").write_bytes(data)
     code = (
         "import resource, sys; from pathlib import Path\n"
-        "from endoct.fusion.files.drawings import read_drawing; from endoct.stitching.errors import EndoctError\n"
+        "from endoct.fusion.files.drawings import read_drawing; from endoct.base.errors import EndoctError\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "try: read_drawing(Path(sys.argv[1]), None)\n"
         "except EndoctError as error: print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, error)\n"

@@ -9,12 +9,12 @@ import pytest
 import zarr
 from bore_pairs import Pair
 
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.drawings import is_label_store
 from endoct.fusion.files.masks import read_mask, score_against
 from endoct.fusion.result import Threshold
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError
 
 COARSE = CompareParameters(n_theta=512)
 SIDECAR = 'modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.05\n'

@@ -11,6 +11,7 @@ from bore_pairs import make_pair
 from hypothesis import given
 from hypothesis import strategies as st
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.files.session import (
     Identity,
     Session,
@@ -21,7 +22,6 @@ from endoct.fusion.files.session import (
     session_from,
 )
 from endoct.fusion.geometry.landmarks import LandmarkPair, Place
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.store import load_panorama, save_panorama
 
 A, B = Identity("endoscope", "a" * 64, "b" * 64), Identity("oct", "c" * 64, "d" * 64)

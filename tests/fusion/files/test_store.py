@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.zarr_store import Named, write_arrays
 
 GRID = SurfaceGrid.full_circle(5, 8, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
 SIDES = ("endoscope", "oct")

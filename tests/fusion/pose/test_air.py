@@ -5,8 +5,8 @@ import pytest
 
 from endoct.fusion.pose import air
 from endoct.fusion.pose.air import air_around
-from endoct.modalities.ct_volume import CtVolume, part_around
-from endoct.modalities.trajectory import Trajectory
+from endoct.modalities.ct.ct_volume import CtVolume, part_around
+from endoct.modalities.ct.trajectory import Trajectory
 
 VOXEL_MM = 0.3
 SHAPE = (120, 110, 100)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.pose.clinical import angle_of, difference, length_of, offset_at, sampled_axes
 from endoct.fusion.pose.fit import Fit
 from endoct.fusion.pose.observation import Layer, Observation
@@ -13,10 +14,9 @@ from endoct.fusion.pose.paired import equivalence, limits_of_agreement
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import Structure, clearance, depth_beside, structures_near
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, Sense, directions
+from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.stored import Segment
-from endoct.modalities.ct_volume import CtVolume
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.ct.trajectory import Trajectory
 
 PLAN = Trajectory((3.0, -20.0, 40.0), (15.0, 8.0, 35.0))
 RADIUS_MM = 1.25

@@ -7,10 +7,9 @@ import pytest
 import torch
 
 from endoct.fusion.pose.air import STEP_MM, AirAround
-from endoct.fusion.pose.outlook import LARGEST_ERROR_MM, Prospect, Tried, rehearsed
+from endoct.fusion.pose.outlook import LARGEST_ERROR_MM, Prospect, Tried, facts_of, rehearsed, wall_of_plan
 from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH, rehearse
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM
-from endoct.fusion.pose.wall_facts import facts_of, wall_of_plan
 
 LENGTH_MM, RADIUS_MM, SEEN_MM = 12.0, 1.25, 10.0
 GOOD = Tried(None, True, 0.1, 0.5, 0.1, 0.7, None)

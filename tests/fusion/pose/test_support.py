@@ -12,7 +12,7 @@ from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.support import ellipse_mm, longest_bare_stretch, support_doubts, too_wide
 from endoct.fusion.pose.wall import DEPTH, OF_SIDE, SHARED, Sense, wall_places
-from endoct.modalities.trajectory import Trajectory
+from endoct.modalities.ct.trajectory import Trajectory
 
 LENGTH_MM, RADIUS_MM, SEEN_MM = 20.0, 1.25, 18.0
 PLAN = Trajectory((0.0, 0.0, 0.0), (0.0, 0.0, LENGTH_MM))

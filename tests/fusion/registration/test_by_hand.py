@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, as_covariance
 from endoct.fusion.geometry.landmarks import LandmarkPair, Place, residuals_mm
-from endoct.fusion.registration.by_hand import Bore, judge
-from endoct.fusion.registration.pair_fit import Scale, covariance_about, fit_pairs, mean_turn_rad
-from endoct.stitching.errors import EndoctError
+from endoct.fusion.registration.by_hand import Bore, Scale, covariance_about, fit_pairs, judge, mean_turn_rad
 
 RADIUS_MM = 1.25
 BORE = Bore(RADIUS_MM, ALL_ORIENTATIONS[:1], (0.95, 1.05))

@@ -9,13 +9,13 @@ import pytest
 from bore_pairs import Pair
 from tolerances import ROLLED_RAD, ROLLED_Z_MM
 
+from endoct.base.numeric.circle import gaussian, wrap_rad
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, as_covariance
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align
-from endoct.fusion.registration.chance import chance_of, score
 from endoct.fusion.registration.refinement import refine
-from endoct.stitching.circle import gaussian, wrap_rad
+from endoct.fusion.registration.search import chance_of, score
 from endoct.stitching.panorama import Panorama
 
 UPRIGHT = ALL_ORIENTATIONS[:1]
@@ -82,7 +82,7 @@ def test_chance_is_what_it_says() -> None:
 
 
 def _highest(a: Evidence, b: Evidence, orientation: tuple[bool, bool]) -> float:
-    from endoct.fusion.registration.correlation import masked_correlation, padded_rows, spectra
+    from endoct.fusion.registration.search import masked_correlation, padded_rows, spectra
 
     assert orientation == (False, False)
     n = padded_rows(a.z_mm.size, b.z_mm.size)

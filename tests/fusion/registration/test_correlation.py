@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.fusion.registration.chance import FEWEST_PIECES, PIECE_MM2, score
-from endoct.fusion.registration.correlation import masked_correlation, padded_rows, spectra
+from endoct.fusion.registration.search import FEWEST_PIECES, PIECE_MM2, masked_correlation, padded_rows, score, spectra
 
 N_THETA = 24
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.registration.displacement import N_THETA, STEP_MM, _correlations, fit_part, part_of
+from endoct.fusion.registration.rigidity import N_THETA, STEP_MM, _correlations, fit_part, part_of
 
 RADIUS_MM = 1.25
 ROWS, BAND = 24, slice(9, 15)

@@ -11,11 +11,9 @@ from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.evidence.evidence import clipped
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS
-from endoct.fusion.registration.align import fit_stretched
-from endoct.fusion.registration.stretch import stretched
-from endoct.stitching.axial_scale import AxialScale
+from endoct.fusion.registration.align import fit_stretched, stretched
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.panorama import Panorama
+from endoct.stitching.panorama import AxialScale, Panorama
 
 USUAL = 0.95, 1.05
 PITCH_MM = 0.2

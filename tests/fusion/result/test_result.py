@@ -8,9 +8,9 @@ import pytest
 from pydantic import ValidationError
 
 from benchmarks.fuzz.seed_results import comparison_files
+from endoct.base.doubt import Doubt
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import NotVisible, Overlap, OwnRows, PairScores, Result, StoredAlignment, Strata, Stratum
-from endoct.stitching.doubt import Doubt
 
 SMALLEST = {"sides": ["a", "b"], "aligned": False, "alignment": None, "jaccard": None, "dice": None}
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from endoct.fusion.scoring.cells import Cell
-from endoct.fusion.scoring.matched_cells import area_limits, cell_scores, depth_limits, drift
+from endoct.fusion.scoring.cells import Cell, area_limits, cell_scores, depth_limits, drift
 from endoct.stitching.grid import SurfaceGrid
 
 GRID = SurfaceGrid.full_circle(100, 256, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)

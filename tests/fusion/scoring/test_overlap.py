@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
-from endoct.fusion.scoring.overlap import agreement, difference, jaccard
-from endoct.fusion.scoring.sites import find_sites
+from endoct.fusion.scoring.overlap import agreement, difference, find_sites, jaccard
 
 A = np.array([[1, 1, 0, 0], [1, 0, 0, 1]], np.bool_)
 B = np.array([[1, 0, 1, 0], [1, 0, 0, 1]], np.bool_)

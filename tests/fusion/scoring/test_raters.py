@@ -10,10 +10,10 @@ from bore_pairs import Pair
 from numpy.typing import NDArray
 from tolerances import STAPLE
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import fill, read_drawing
 from endoct.fusion.files.masks import read_mask
 from endoct.fusion.scoring.raters import Drawing, majority, rater_agreement, staple
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 
 SHAPE = (40, 60)

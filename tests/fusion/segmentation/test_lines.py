@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from endoct.base.numeric.circle import gaussian
 from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.segmentation.lines import enclosed_by_lines
+from endoct.fusion.segmentation.outlines import enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import find_cells
-from endoct.stitching.circle import gaussian
 
 N_ROWS, N_THETA, DZ_MM, COLUMN_MM = 120, 400, 0.02, 0.01
 ROWS, COLUMNS = np.mgrid[:N_ROWS, :N_THETA]

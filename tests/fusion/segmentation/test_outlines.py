@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from endoct.base.numeric.circle import gaussian
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import find_cells
-from endoct.stitching.circle import gaussian
 
 N_ROWS, N_THETA, STEP_MM = 150, 400, 0.02
 ROWS, COLUMNS = np.mgrid[:N_ROWS, :N_THETA]

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_erosion, grey_dilation
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
-from endoct.fusion.segmentation.believing import believability_of, doubts_of_cells
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import (
     eroded,
@@ -26,9 +26,8 @@ from endoct.fusion.segmentation.regions import (
     remove_small,
     within,
 )
-from endoct.fusion.segmentation.segment import find_cells, segment
+from endoct.fusion.segmentation.segment import believability_of, doubts_of_cells, find_cells, segment
 from endoct.fusion.segmentation.threshold import li_threshold
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 
 masks = hnp.arrays(np.bool_, st.tuples(st.integers(2, 9), st.integers(8, 24)))

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from skimage.filters import threshold_li
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.segmentation.threshold import N_BINS, li_threshold
-from endoct.stitching.errors import EndoctError
 
 
 def two_humps(seed: int, share: float, apart: float, n: int = 4000) -> np.ndarray:

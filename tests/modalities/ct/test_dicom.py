@@ -16,8 +16,8 @@ from tolerances import CT_PLACE_MM, CT_SHEARED_HU
 
 from benchmarks.ct_faults.drawn import MARK_HU, Drawn, drawn, named_slices
 from benchmarks.ct_faults.writing import enhanced, save, segmentation, write_series, write_slice
-from endoct.modalities.ct_volume import CtVolume, is_volume, read_ct, upright
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.modalities.ct.ct_volume import CtVolume, is_volume, read_ct, upright
 
 Slices = list[dict[str, Any]]
 JPEG_LOSSLESS, JPEG_LS, JPEG_2000 = (f"1.2.840.10008.1.2.4.{number}" for number in (70, 80, 90))

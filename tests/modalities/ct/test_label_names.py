@@ -9,13 +9,13 @@ import pytest
 
 from benchmarks.ct_faults.drawn import Drawn, drawn
 from benchmarks.ct_faults.writing import nifti, nrrd_header, write_nrrd
+from endoct.base.errors import EndoctError
 from endoct.fusion.pose.structures import label_doubts, structures_near
+from endoct.modalities.ct.ct_volume import CtVolume, holds_labels, read_ct, with_label_names
 from endoct.modalities.ct.label_names import read_label_names
-from endoct.modalities.ct_volume import CtVolume, holds_labels, read_ct, with_label_names
-from endoct.modalities.trajectory import Trajectory, as_point
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.ct.trajectory import Trajectory, as_point
 from endoct.synthetic.bone.lattice import Lattice
-from endoct.synthetic.ct.writing import _write as write_as_simulated
+from endoct.synthetic.ct.scanning import _write as write_as_simulated
 
 NAMES = {1: "facial nerve", 2: "cochlea", 3: "chorda tympani"}
 SNAP = """\ufeff################################################

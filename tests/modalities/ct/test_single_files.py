@@ -15,8 +15,8 @@ from tolerances import CT_PLACE_MM
 
 from benchmarks.ct_faults.drawn import MARK_HU, Drawn, drawn
 from benchmarks.ct_faults.writing import metaimage_header, nifti, nrrd_header, write_metaimage, write_nrrd
-from endoct.modalities.ct_volume import CtVolume, is_volume, read_ct
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.modalities.ct.ct_volume import CtVolume, is_volume, read_ct
 
 RAS = np.array([-1.0, -1.0, 1.0])
 

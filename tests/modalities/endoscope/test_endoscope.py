@@ -14,17 +14,17 @@ import xarray as xr
 from skimage.filters import threshold_li
 from tolerances import ANNULUS_PX, COORDINATE_ATOL, FRAME_ROLL_RAD, FRAME_Z_MM
 
+from endoct.base.arrays import Image, Mask
+from endoct.base.compute.parallel import thread_map
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.conformance import CHECKS, Subject
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.manifest import MANIFEST
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
 from endoct.modalities.registry import open_recording
-from endoct.stitching.arrays import Image, Mask
 from endoct.stitching.blend import blend
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.parallel import thread_map
 
 N_SHORT = 7
 

@@ -9,14 +9,15 @@ from typing import Any
 import cv2
 import pytest
 
+from endoct.base.compute import kept
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope import flatfield
 from endoct.modalities.endoscope.motion import motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.registry import open_recording
-from endoct.stitching import kept, textures
-from endoct.stitching.feed import Feed, estimate_feed
+from endoct.stitching.motion import textures
+from endoct.stitching.motion.feed import Feed, estimate_feed
 
 
 class Again:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from endoct.base.numeric.circle import gaussian
 from endoct.modalities.endoscope.flatfield import FlatField, estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import full_scale, log_light, reduced_light
-from endoct.stitching.circle import gaussian
 
 N_ROWS, N_THETA = 60, 512
 ROW, THETA = np.mgrid[:N_ROWS, :N_THETA].astype(float)

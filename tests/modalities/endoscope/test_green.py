@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from endoct.modalities.contract import Frame
-from endoct.modalities.endoscope.green import full_scale_of, green_frames
+from endoct.modalities.endoscope.light import full_scale_of, green_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 
 

@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from tolerances import AGREEING_RTOL
 
+from endoct.base.errors import NotSeen
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_surface, plain_wall
-from endoct.modalities.oct.surface.background import Background
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import NotSeen
+from endoct.modalities.oct.surface.evidence import Background
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import BORE_MM, CAPILLARY_MM, PIXEL_MM, Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom

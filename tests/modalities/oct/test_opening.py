@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import tifffile
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import validate
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
-from endoct.stitching.errors import EndoctError
 
 KEYS: dict[str, Any] = {
     "modality": "oct",

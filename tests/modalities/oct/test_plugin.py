@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.plugin import OCT
-from endoct.stitching.circle import wrap_rad
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom

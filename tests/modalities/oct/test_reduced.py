@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import reduce_theta, sector_means
+from endoct.modalities.oct.bscan import ReducedBscan, reduce_theta, reduced, reduced_pullback, sector_means
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.reduced import ReducedBscan, reduced, reduced_pullback
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])

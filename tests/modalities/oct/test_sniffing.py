@@ -7,11 +7,11 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
+from endoct.base.errors import NotSeen
 from endoct.modalities.contract import Sniff
 from endoct.modalities.oct.depth_order import UPSIDE_DOWN, share_brightening
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.registry import manifest_for
-from endoct.stitching.errors import NotSeen
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from endoct.base.compute import kept
+from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct import survey
 from endoct.modalities.oct.face.faces import Faces, locate_faces
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface import pool
-from endoct.stitching import kept
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.oct.surface import levels as pool
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 

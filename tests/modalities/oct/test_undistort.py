@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.undistort import beam_of, depth_at_radius_mm, radius_mm, theta_at_radius
-from endoct.stitching.circle import wrap_rad
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.cells import draw_cells
 from endoct.synthetic.bone.mastoid import _Packed
 from endoct.synthetic.bone.wall import build_wall

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.cavity import covers, near
 from endoct.synthetic.bone.scene import Crossings, build_scene, crossings, joined
 from endoct.synthetic.draw import draw

@@ -23,8 +23,8 @@ from bone_volumes import (
 )
 from scipy import ndimage
 
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.patient import bore_to_lps, stated_volume
 from endoct.synthetic.bone.scene import build_scene, crossings
 from endoct.synthetic.bone.wall import Wall, build_wall

@@ -11,12 +11,11 @@ import xarray as xr
 from bone_volumes import CELL, RAS, block, drilled, stated
 from scipy import ndimage
 
-from endoct.modalities.markups import read_line
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.nifti import nifti_header
+from endoct.base.errors import EndoctError
+from endoct.base.files.nifti import nifti_header
+from endoct.modalities.ct.trajectory import Trajectory, read_line
 from endoct.synthetic.ct.plan import drawn_plan, true_line
-from endoct.synthetic.ct.writing import write_ct
+from endoct.synthetic.ct.scanning import write_ct
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Ct
 from endoct.synthetic.specimen import simulate

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL, RAY_MM
 
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.errors import EndoctError
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import PixelMaps, pixel_maps

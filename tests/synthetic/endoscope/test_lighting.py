@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from endoct.stitching.arrays import Image
+from endoct.base.arrays import Image
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import noise_free
 from endoct.synthetic.endoscope.facet_rays import RAYS
-from endoct.synthetic.endoscope.facets import facets_of
+from endoct.synthetic.endoscope.facets import EVERY_COLUMN, facets_of, shade_of
 from endoct.synthetic.endoscope.lighting import lighting_of
-from endoct.synthetic.endoscope.shade import EVERY_COLUMN, shade_of
 from endoct.synthetic.endoscope.sight import view
 
 RADIUS_MM, DZ_MM = 1.25, 0.02

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from tolerances import COORDINATE_ATOL
 
-from endoct.stitching.circle import wrap_rad
+from endoct.base.numeric.circle import wrap_rad
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.beams import beam_angle_rad, capillary_axis_mm, refract, stream_position, trace

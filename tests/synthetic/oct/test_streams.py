@@ -10,7 +10,7 @@ from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
 from endoct.synthetic.oct.field import Scattered, scattered
-from endoct.synthetic.oct.lattice import lattice
+from endoct.synthetic.oct.scatterers import lattice
 from endoct.synthetic.oct.sweep import sweeps
 from endoct.synthetic.sample.parameters import Oct, Sample
 from endoct.synthetic.sample.ranges import Range

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 from bench_tasks import DOUBLING
 
-from endoct.stitching.errors import EndoctError
-from endoct.workbench.bench.case_selection import narrowed, parse_seeds
+from endoct.base.errors import EndoctError
+from endoct.workbench.bench.runner import narrowed, parse_seeds
 from endoct.workbench.bench.task import AnyTask
 
 

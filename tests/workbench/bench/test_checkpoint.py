@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 from bench_tasks import install
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench.bench import checkpoint
+from endoct.workbench.bench.checkpoint import Facts, plan_facts
 from endoct.workbench.bench.command import Request, run_bench
-from endoct.workbench.bench.facts import Facts, plan_facts
-from endoct.workbench.bench.methods import load_task
 from endoct.workbench.bench.runner import Plan
-from endoct.workbench.bench.task import Case, Range, Task, draw
+from endoct.workbench.bench.task import Case, Range, Task, draw, load_task
 from endoct.workbench.running.progress import SilentStages
 
 

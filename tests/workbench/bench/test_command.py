@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.workbench.bench.checkpoint import Facts
 from endoct.workbench.bench.command import Request, run_bench
-from endoct.workbench.bench.facts import Facts
 from endoct.workbench.bench.task import AnyTask
 from endoct.workbench.cli import main
 from endoct.workbench.running.progress import SilentStages

@@ -4,7 +4,7 @@ import json
 
 from bench_tasks import DOUBLING
 
-from endoct.workbench.bench.facts import machine, plan_facts
+from endoct.workbench.bench.checkpoint import machine, plan_facts
 from endoct.workbench.bench.runner import Plan
 from endoct.workbench.bench.task import AnyTask
 

@@ -2,10 +2,9 @@
 
 import pytest
 
-from endoct.stitching.errors import EndoctError
-from endoct.workbench.bench.methods import load_method, load_task, method_names, task_names
+from endoct.base.errors import EndoctError
 from endoct.workbench.bench.runner import Row, run_method
-from endoct.workbench.bench.task import AnyCase, AnyTask, Range
+from endoct.workbench.bench.task import AnyCase, AnyTask, Range, load_method, load_task, method_names, task_names
 from endoct.workbench.bench.tasks import alignment
 
 EXTRAS = ("SimpleITK", "ashlar", "kornia")

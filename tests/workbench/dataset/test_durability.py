@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from cheap_specimens import Cheap, contents, leftovers
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.scratch import HeldError, clear_dead_scratch, held, scratch_beside
-from endoct.workbench.dataset import contact_sheet
+from endoct.base.errors import EndoctError
+from endoct.base.files.scratch import HeldError, clear_dead_scratch, held, scratch_beside
+from endoct.workbench.dataset import building as contact_sheet
 from endoct.workbench.dataset.building import forecast, make_dataset
 from endoct.workbench.dataset.plan import Job, Plan
 
@@ -23,7 +23,7 @@ SHARDS = Plan(13, seed=3, format="webdataset", specimens_per_shard=3)
 HOLD = """
 import sys
 from pathlib import Path
-from endoct.stitching.scratch import held, scratch_beside
+from endoct.base.files.scratch import held, scratch_beside
 with {what}:
     print("held", flush=True)
     sys.stdin.read()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench import simulate

@@ -16,7 +16,7 @@ import xarray as xr
 from cheap_specimens import Cheap
 from torch.utils.data import DataLoader
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench import cli, simulate
 from endoct.workbench.dataset import Specimens
 from endoct.workbench.dataset.building import make_dataset

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from marked_wall import PLACES, write_marked, write_marked_comparison
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.zarr_store import Named, write_arrays
+from endoct.base.errors import EndoctError
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.workbench import cli, export, verify
 from endoct.workbench.exporting.formats import FORMATS, format_for
 from endoct.workbench.exporting.mark import is_marked

@@ -8,7 +8,7 @@ import trimesh
 from marked_wall import DEPTH_MM, PLACES, RADIUS_MM, UNSEEN, Place, grid, write_marked, write_marked_comparison
 from stl import mesh as numpy_stl
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench import export
 
 VERTEX_MM = 0.05

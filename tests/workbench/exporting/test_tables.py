@@ -8,8 +8,8 @@ import pytest
 import SimpleITK as sitk
 from marked_wall import ALIGNMENT, PLACES, write_marked, write_marked_comparison
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
-from endoct.stitching.errors import EndoctError
 from endoct.workbench import export
 
 

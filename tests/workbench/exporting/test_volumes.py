@@ -10,7 +10,7 @@ import pytest
 import SimpleITK as sitk
 from marked_wall import MARK, PLACES, RADIUS_MM, WALL, Place, write_marked
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench import export
 

@@ -14,12 +14,10 @@ from page_browser import browser, opened
 from PIL import Image
 from workbench_page import Served, serving, written
 
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.workbench import simulate
-from endoct.workbench.page.collection import read_collection
-from endoct.workbench.page.collection_page import collection_html
-from endoct.workbench.page.thumbnails import thumbnail
+from endoct.workbench.page.collection import collection_html, read_collection, thumbnail
 
 HOSTILE = '<img src=x onerror="document.title=1">&'
 

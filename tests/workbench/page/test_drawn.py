@@ -15,9 +15,9 @@ from page_browser import opened
 from PIL import Image
 from workbench_page import serving, written
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawn_store import NAME, read_drawn, save_drawings
 from endoct.fusion.scoring.raters import Drawing
-from endoct.stitching.errors import EndoctError
 from endoct.workbench import compare
 from endoct.workbench.page.layers import DRAWN_COLOURS
 from endoct.workbench.page.opening import open_shown

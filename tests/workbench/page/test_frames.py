@@ -14,16 +14,15 @@ from hypothesis import strategies as st
 from PIL import Image
 from workbench_page import Served
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.modalities.contract import Picture
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.store import read_outline
 from endoct.workbench import unroll
-from endoct.workbench.page.frames import frames_part
 from endoct.workbench.page.frozen import frozen_data
 from endoct.workbench.page.opening import open_shown
-from endoct.workbench.page.picturing import picture_json, ring_of
-from endoct.workbench.page.recorded import Reader, path_of_recording, recording_of
+from endoct.workbench.page.recorded import Reader, path_of_recording, picture_json, recording_of, ring_of
+from endoct.workbench.page.shown import frames_part
 
 
 @pytest.fixture(scope="module")

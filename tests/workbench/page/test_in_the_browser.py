@@ -14,7 +14,7 @@ from page_browser import Watched, opened
 from PIL import Image
 from workbench_page import Served, serving, written
 
-from endoct.stitching.doubt import Doubt
+from endoct.base.doubt import Doubt
 from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.report import write_report

@@ -10,16 +10,15 @@ import zarr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from endoct.base.errors import EndoctError
+from endoct.base.zarr.window import ChunkCache, stored_image
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.window import ChunkCache, stored_image
-from endoct.stitching.zarr_store import Named, write_arrays
 from endoct.workbench.page import plane as plane_module
 from endoct.workbench.page.layers import wall_of
-from endoct.workbench.page.placing import placing_of
 from endoct.workbench.page.plane import Plane, thinning
-from endoct.workbench.page.wall import Pixels, Tile, Wall, pixels_of
+from endoct.workbench.page.wall import Pixels, Tile, Wall, pixels_of, placing_of
 
 Make = Callable[..., Plane]
 

@@ -11,10 +11,10 @@ import pytest
 from page_browser import opened
 from workbench_page import PAIR, Served, post, serving, written
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import held_folder
+from endoct.base.files.output import new_output
 from endoct.fusion.files.session import read_session
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.files import held_folder
-from endoct.stitching.output import new_output
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.presence import Gone
 

@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from workbench_page import Served
 
+from endoct.base.zarr.window import ChunkCache, stored_image
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.window import ChunkCache, stored_image
-from endoct.stitching.zarr_store import Named, write_arrays
-from endoct.workbench.page.layers import wall_of
+from endoct.workbench.page.layers import MOST_SAMPLES, relief_bytes, wall_of
 from endoct.workbench.page.opening import open_shown
-from endoct.workbench.page.placing import placing_of
 from endoct.workbench.page.plane import Plane
-from endoct.workbench.page.relief import MOST_SAMPLES, relief_bytes
-from endoct.workbench.page.wall import Wall
+from endoct.workbench.page.wall import Wall, placing_of
 
 GRID = SurfaceGrid.full_circle(5, 512, z0_mm=1.0, dz_mm=0.2, radius_mm=1.25)
 

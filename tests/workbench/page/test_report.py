@@ -15,6 +15,8 @@ import pytest
 from mock_comparison import Kind, mock_pictures, write_comparison
 from PIL import Image
 
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.fusion.result import (
     CellScores,
     Consensus,
@@ -26,8 +28,6 @@ from endoct.fusion.result import (
     Result,
     Threshold,
 )
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
 from endoct.workbench.page.report import write_report
 from endoct.workbench.report.pictures import load_pictures, save_pictures
 from endoct.workbench.running.second_process import second_process

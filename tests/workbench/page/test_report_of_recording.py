@@ -12,9 +12,9 @@ from mock_comparison import GRID
 from page_browser import browser, opened
 from workbench_page import serving, written
 
-from endoct.stitching.contents import differences, read_contents
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import differences, read_contents
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama, save_panorama
 from endoct.workbench import unroll

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from workbench_page import Served, written
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.serving import listening_socket, name_in_browsers
 from endoct.workbench.page.wall import Tile

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from workbench_page import PAIR, Served, post, serving, written
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import NAME as LIST_NAME
+from endoct.base.files.contents import seal
 from endoct.fusion.files.session import Session, read_session, session_from
-from endoct.stitching.contents import NAME as LIST_NAME
-from endoct.stitching.contents import seal
-from endoct.stitching.errors import EndoctError
 from endoct.workbench import verify
 from endoct.workbench.page.opening import open_shown
 

@@ -8,7 +8,7 @@ import pytest
 from volume_store import write_volume_store
 from workbench_page import Served, serving
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench.page.volume import MOST, nearest_rows, volume_bytes
 
 

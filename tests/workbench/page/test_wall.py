@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench.page.wall import FINEST_LEVEL, TILE_PX, NoSuchTile, Tile, Wall, pixels_of
 
 TURN = Wall(radius_mm=256 / (2 * math.pi), top_mm=-10.0, bottom_mm=590.0)  # 1 mm is a pixel of level 0

@@ -11,15 +11,13 @@ from tolerances import CT_PLACE_MM
 
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import nrrd_header, write_nrrd, write_series
-from endoct.modalities.markups import write_line
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.modalities.registry import manifest_for
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
 from endoct.workbench import unroll
-from endoct.workbench.pipeline.information import describe, in_lines
+from endoct.workbench.pipeline.information import describe, in_lines, side_by_side, write_thumbnail
 from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
-from endoct.workbench.pipeline.thumbnail import side_by_side, write_thumbnail
 
 
 def frames(folder: Path) -> Path:

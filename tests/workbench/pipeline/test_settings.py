@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import LISTED_FILES, digests
 from endoct.modalities.acquisition import overridden
 from endoct.modalities.registry import manifests
-from endoct.stitching.digests import LISTED_FILES, digests
-from endoct.stitching.errors import EndoctError
 from endoct.workbench.pipeline.settings import parse, split
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.worker_process import WorkerProcess, worker_process
-from endoct.workbench.pipeline.side_by_side import unroll_both
+from endoct.base.compute.worker_process import WorkerProcess, worker_process
+from endoct.base.errors import EndoctError
+from endoct.workbench.pipeline.sources import unroll_both
 from endoct.workbench.pipeline.unrolling import open_side
 from endoct.workbench.running.progress import SilentStages
-from endoct.workbench.running.threads import one_blas_thread
+from endoct.workbench.running.second_process import one_blas_thread
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, Overlap, PairScores, Result, StoredAlignment
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
 from endoct.workbench import cli, summarise
 
 

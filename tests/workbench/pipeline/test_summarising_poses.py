@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.pose.paired import limits_of_agreement
-from endoct.stitching.errors import EndoctError
 from endoct.workbench import summarise
 from endoct.workbench.cli import main
 from endoct.workbench.pipeline.summarising_poses import EQUIVALENT_MM

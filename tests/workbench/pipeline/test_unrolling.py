@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 import tifffile
 
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import digests
 from endoct.modalities.contract import FrameStream, Manifest
 from endoct.modalities.registry import open_recording
-from endoct.stitching.digests import digests
-from endoct.stitching.errors import EndoctError
 from endoct.workbench.pipeline import unrolling
 from endoct.workbench.pipeline.information import describe
 from endoct.workbench.pipeline.unrolling import open_side, unroll_path, unroll_recording

@@ -14,10 +14,10 @@ from tolerances import AIR_SAME
 
 import endoct.fusion.pose.outlook as rehearsals
 from benchmarks.ct_faults.writing import enhanced, save, write_series
+from endoct.base.files.files import sha256_of
 from endoct.fusion.pose.air import air_around
-from endoct.fusion.pose.answer import PoseAnswer
-from endoct.modalities.ct_volume import read_ct
-from endoct.stitching.files import sha256_of
+from endoct.fusion.pose.finding import PoseAnswer
+from endoct.modalities.ct.ct_volume import read_ct
 from endoct.workbench.posing import finding
 from endoct.workbench.posing.result import PoseResult
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tolerances import TARGET_OFF_MM
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench.posing.demonstration import demo_pose
 
 

@@ -10,7 +10,7 @@ import pytest
 from pose_case import PoseCase, text
 
 import endoct.fusion.pose.outlook as rehearsals
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench import pose_outlook, verify
 
 Command = Callable[..., tuple[int, list[str], str]]

@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 
-from endoct.stitching.doubt import Doubt
+from endoct.base.doubt import Doubt
 from endoct.workbench.posing.page import pose_page
 from endoct.workbench.posing.result import PoseResult
 

@@ -9,10 +9,10 @@ import SimpleITK as sitk
 import trimesh
 from pose_case import LENGTH_MM, NERVE_ASIDE_MM, NERVE_RADIUS_MM, RADIUS_MM, SEEN_MM, PoseCase
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import load_comparison
-from endoct.modalities.markups import read_line
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.ct.trajectory import read_line
 from endoct.stitching.store import load_panorama
 from endoct.workbench import pose, verify
 from endoct.workbench.posing.result import NOTICE, PoseResult

@@ -10,10 +10,9 @@ import pytest
 import SimpleITK as sitk
 from pose_case import PoseCase, text
 
-from endoct.fusion.pose.answer import PoseAnswer
-from endoct.modalities.markups import write_line
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.fusion.pose.finding import PoseAnswer
+from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.workbench import compare, verify
 from endoct.workbench.page.report import write_report
 from endoct.workbench.posing import finding

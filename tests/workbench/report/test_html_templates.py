@@ -9,9 +9,8 @@ from jinja2 import UndefinedError
 from markupsafe import Markup
 
 import endoct.workbench
-from endoct.stitching.doubt import Doubt
-from endoct.workbench.page.document import printed_page
-from endoct.workbench.page.heading import Heading, Score
+from endoct.base.doubt import Doubt
+from endoct.workbench.page.heading import Heading, Score, printed_page
 from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.sections import Section
 from endoct.workbench.report.verdict import Verdict

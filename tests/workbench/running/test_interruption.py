@@ -45,9 +45,9 @@ BUSY = {
 COMMAND = """
 import hashlib, os, sys, time
 from pathlib import Path
-from endoct.stitching.parallel import thread_map
-from endoct.stitching.scratch import TemporaryFolder, scratch_beside
-from endoct.stitching.worker_process import worker_process
+from endoct.base.compute.parallel import thread_map
+from endoct.base.files.scratch import TemporaryFolder, scratch_beside
+from endoct.base.compute.worker_process import worker_process
 from endoct.workbench import cli
 
 class Noted:

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench.running.measured import endoct_command, measure_calls, measure_program
 
 MB = 1_000_000

@@ -10,9 +10,14 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from endoct.workbench.running.display import stages_for
-from endoct.workbench.running.notebook import NotebookStages, progress_table
-from endoct.workbench.running.progress import ConsoleStages, SilentStages, Stages
+from endoct.workbench.running.progress import (
+    ConsoleStages,
+    NotebookStages,
+    SilentStages,
+    Stages,
+    progress_table,
+    stages_for,
+)
 
 
 class ZMQInteractiveShell:

@@ -8,19 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.json_values import number, read_object
+from endoct.base.numeric.circle import wrap_rad
+from endoct.modalities.ct.ct_volume import CtVolume, read_ct
 from endoct.modalities.ct.stored import SIGNS, SUFFIXES
-from endoct.modalities.ct_volume import CtVolume, read_ct
-from endoct.modalities.markups import read_line
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError, refusing
-from endoct.stitching.json_values import number, read_object
+from endoct.modalities.ct.trajectory import Trajectory, read_line
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.bench.task import Case
 from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
-from endoct.workbench.posing.plan import read_plan
+from endoct.workbench.posing.pose import read_plan
 
 PLAN_ASIDE_MM, PLAN_TILT_DEG = 1.0, 2.0
 """How far a plan lies off the bore at most, where nothing else is wanted."""

@@ -10,7 +10,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from endoct.modalities.recording import open_stack
+from endoct.modalities.reading.recording import open_stack
 
 Frames = Callable[[int], NDArray[Any]]
 """Returns one frame by its index."""

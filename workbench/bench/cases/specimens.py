@@ -7,13 +7,13 @@ from typing import cast
 import numpy as np
 import tifffile
 
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError
+from endoct.base.files.scratch import TemporaryFolder
 from endoct.fusion.files.masks import read_mask
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
-from endoct.modalities.recording import IMAGE_SUFFIXES
-from endoct.stitching.arrays import Mask
-from endoct.stitching.errors import EndoctError
+from endoct.modalities.reading.recording import IMAGE_SUFFIXES
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.scratch import TemporaryFolder
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import PARTS, choices, default_ranges
 from endoct.workbench.bench.cases.uniform_cells import uniform_cells

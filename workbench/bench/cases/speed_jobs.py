@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import map_coordinates
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.endoscope.mirror.resampling import Circles
+from endoct.modalities.endoscope.mirror.band import Circles
 from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.resampling import sample_places
-from endoct.modalities.recording import open_stack
+from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.registry import open_recording
-from endoct.stitching.arrays import Coordinates, Image
 from endoct.workbench.bench.cases.long_recordings import place_of, write_recording
 from endoct.workbench.bench.task import rng_of
 from endoct.workbench.pipeline.truth import Truth

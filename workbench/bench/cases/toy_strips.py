@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.circle import gaussian
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.numeric.circle import gaussian
 from endoct.stitching.strip import Strip
 from endoct.workbench.bench.task import Range, rng_of
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import gaussian, wrap_rad
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.circle import gaussian, wrap_rad
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.task import Range, rng_of

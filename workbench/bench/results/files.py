@@ -8,15 +8,21 @@ from pathlib import Path
 
 import pandas as pd
 
-from endoct.stitching.errors import visible
-from endoct.stitching.names import spreadsheet_text
-from endoct.workbench.bench.facts import Facts, machine, plan_facts
-from endoct.workbench.bench.methods import load_task
-from endoct.workbench.bench.results.differences import Difference
-from endoct.workbench.bench.results.frame import COLUMNS, CONDITION, SCORE, columns_of, frame_of, score_names
-from endoct.workbench.bench.results.summary import summarise
+from endoct.base.errors import visible
+from endoct.base.files.files import spreadsheet_text
+from endoct.workbench.bench.checkpoint import Facts, machine, plan_facts
+from endoct.workbench.bench.results.summary import (
+    COLUMNS,
+    CONDITION,
+    SCORE,
+    Difference,
+    columns_of,
+    frame_of,
+    score_names,
+    summarise,
+)
 from endoct.workbench.bench.runner import Plan, Row
-from endoct.workbench.bench.task import DOUBTED, SUCCESS, AnyTask
+from endoct.workbench.bench.task import DOUBTED, SUCCESS, AnyTask, load_task
 from endoct.workbench.pipeline.inputs import json_text
 
 

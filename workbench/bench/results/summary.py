@@ -1,4 +1,7 @@
-"""The results of every method over all its cases."""
+"""The results of every method over all its cases, from the rows of a run as a table.
+
+Methods are held against one of them case by case: the same cases, so that their difficulty cancels.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -7,9 +10,45 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from endoct.workbench.bench.results.frame import SCORE, frame_of, score_names
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.task import DOUBTED, SUCCESS
+
+CONDITION, SCORE = "condition.", "score."
+"""Beginnings of the columns' names of conditions and scores."""
+TIMES = ["seconds", "cpu_seconds"]
+COLUMNS = ["case", "method", "status", "reason", *TIMES]
+
+
+def frame_of(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return a line a row: :data:`COLUMNS`, ``condition.NAME`` and ``score.NAME``, None or NaN where there is none.
+
+    Names and words stay Python objects: they may come from anybody's method or folder, and be no valid Unicode.
+    """
+    lines = [_line(row) for row in rows]
+    names = list(dict.fromkeys([*COLUMNS, *(name for line in lines for name in line)]))
+    values = [[line.get(name) for name in names] for line in lines]
+    frame = pd.DataFrame(values, columns=pd.Index(names, dtype=object), dtype=object)
+    numbers = [*TIMES, *(name for name in names if name.startswith(SCORE))]
+    return frame.astype(dict.fromkeys(numbers, float))
+
+
+def columns_of(frame: pd.DataFrame, beginning: str) -> list[str]:
+    """Return the names of the columns that begin with :data:`CONDITION` or :data:`SCORE`, in order."""
+    return [name for name in map(str, frame.columns) if name.startswith(beginning)]
+
+
+def score_names(rows: Sequence[Row], listed: Sequence[str]) -> list[str]:
+    """Return the names of the scores that rows have, ``listed`` first, ``success`` and ``doubted`` left out."""
+    present = dict.fromkeys(name for row in rows for name in row.scores if name not in (SUCCESS, DOUBTED))
+    return [name for name in listed if name in present] + [name for name in present if name not in listed]
+
+
+def _line(row: Row) -> dict[str, float | str]:
+    return {
+        **{name: getattr(row, name) for name in COLUMNS},
+        **{f"{CONDITION}{name}": value for name, value in row.conditions.items()},
+        **{f"{SCORE}{name}": value for name, value in row.scores.items()},
+    }
 
 
 @dataclass(frozen=True)
@@ -111,3 +150,35 @@ def _summary(method: str, word: str | None, own: pd.DataFrame, names: Sequence[s
 def count_true(frame: pd.DataFrame, score: str) -> int:
     """Return in how many lines a score that stands for yes or no says yes."""
     return int((frame[f"{SCORE}{score}"] > 0.5).sum()) if f"{SCORE}{score}" in frame else 0
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A score of a method minus that of the reference, over the cases that have both.
+
+    ``lower`` and ``higher`` count the cases in which it is negative and positive.
+    """
+
+    method: str
+    score: str
+    spread: Spread
+    lower: int
+    higher: int
+
+
+def differences(rows: Sequence[Row], reference: str, scores: Sequence[str]) -> list[Difference]:
+    """Return every method's differences from ``reference``, those of the first score first.
+
+    So a method that has no first score, since it was never aligned, changes nothing in the order of the scores.
+    """
+    frame = frame_of(rows)
+    is_reference = frame["method"] == reference
+    base = frame[is_reference].drop_duplicates("case", keep="last").set_index("case")
+    others = frame[~is_reference]
+    differing = []
+    for column in (f"{SCORE}{score}" for score in scores):
+        by_case = (others[column] - others["case"].map(base[column])).dropna()
+        for method, values in by_case.groupby(others["method"], sort=False):
+            lower, higher = int((values < 0).sum()), int((values > 0).sum())
+            differing.append(Difference(str(method), column.removeprefix(SCORE), spread(values), lower, higher))
+    return differing

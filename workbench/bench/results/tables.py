@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from endoct.workbench.bench.results.differences import Difference
-from endoct.workbench.bench.results.frame import score_names
-from endoct.workbench.bench.results.summary import Share, Spread, Summary, summarise
+from endoct.workbench.bench.results.summary import Difference, Share, Spread, Summary, score_names, summarise
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.task import DOUBTED, AnyTask
 

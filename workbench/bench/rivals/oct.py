@@ -12,8 +12,8 @@ import numpy as np
 from skimage.measure import CircleModel, ransac
 from skimage.registration import phase_cross_correlation
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.registry import open_recording
-from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.oct_variants import even
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.pose.air import AirAround, air_around
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.search import senses_of
 from endoct.fusion.pose.wall import Sense
-from endoct.modalities.ct_volume import CtVolume
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates
+from endoct.modalities.ct.ct_volume import CtVolume
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.pose_points import open3d_matching, small_gicp_matching
 from endoct.workbench.bench.rivals.pose_starts import (

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial import KDTree
 from skimage.measure import find_contours, marching_cubes
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.observation import COLUMNS, ROWS_MM, Layer, Observation
 from endoct.fusion.pose.wall import Sense
-from endoct.stitching.arrays import Coordinates, Image
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.pose_starts import RANKED_BY, Matching, Score
 from endoct.workbench.bench.task import NotInstalled

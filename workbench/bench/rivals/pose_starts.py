@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from endoct.base.arrays import Coordinates, Image
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation, observe
 from endoct.fusion.pose.search import axes_around, candidates_along, pattern_of
 from endoct.fusion.pose.wall import Sense
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.pose import LocatedSide
 

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.observation import ROWS_MM, Observation
 from endoct.fusion.pose.wall import Sense
-from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.pose_starts import RANKED_BY, Matching, Score
 

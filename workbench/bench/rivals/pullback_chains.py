@@ -11,9 +11,9 @@ from skimage.filters import threshold_local
 from skimage.measure import ransac
 from skimage.restoration import denoise_wavelet
 
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.registry import open_recording
-from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import per_frame

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage import filters, morphology, segmentation
 
+from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.segment import bounds
 from endoct.fusion.segmentation.threshold import li_threshold
-from endoct.stitching.arrays import Image, Mask
-from endoct.stitching.circle import masked_gaussian
 from endoct.stitching.panorama import Panorama
 
 BLUR_MM = 0.015

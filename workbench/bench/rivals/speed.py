@@ -10,11 +10,11 @@ import numpy as np
 from skimage.filters import threshold_li
 from skimage.transform import warp_polar
 
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.registry import open_recording
-from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.workbench.bench.cases.speed_jobs import Work, grey, levels_db, view_of
 from endoct.workbench.bench.rivals.alignment import ecc, phase_correlation
 from endoct.workbench.bench.rivals.pullback_chains import Chain, by_the_paper, by_the_textbook, unroll_by

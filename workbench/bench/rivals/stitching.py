@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.registration import phase_cross_correlation
 
-from endoct.stitching.arrays import Coordinates, Image
+from endoct.base.arrays import Coordinates, Image
 from endoct.stitching.strip import Strip
 from endoct.workbench.bench.task import Declined, NotInstalled
 from endoct.workbench.bench.tasks.stitching import StripPoses

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
-from endoct.stitching.arrays import Coordinates, Image
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.task import Case, Declined, Range, Task, draw, rng_of

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from endoct.base.errors import EndoctError, NotSeen
 from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.parameters import CompareParameters
@@ -14,7 +15,6 @@ from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.segment import segment
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
-from endoct.stitching.errors import EndoctError, NotSeen
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.specimens import DIFFICULTIES, PRESET_WORDS, simulated, truths_of
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Case, Declined, Given, Range, draw

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.segment import segment
 from endoct.modalities.registry import open_recording
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.cases.specimens import simulated

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from endoct.modalities.ct_volume import CtVolume
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.circle import wrap_rad
+from endoct.base.arrays import Coordinates
+from endoct.base.numeric.circle import wrap_rad
+from endoct.modalities.ct.ct_volume import CtVolume
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.bores import PLAN_ASIDE_MM, PLAN_TILT_DEG, PoseCase, TrueBore, own_cases, posed_case
 from endoct.workbench.bench.cases.specimens import CELL_MM, DIFFICULTIES, PRESET_WORDS, simulated

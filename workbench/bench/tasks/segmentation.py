@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label
 from endoct.fusion.segmentation.segment import find_cells
-from endoct.stitching.arrays import Mask
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases import toy_walls
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, recordings_in, simulated, truths_of

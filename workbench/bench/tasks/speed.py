@@ -13,6 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.parallel import thread_map
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
@@ -20,11 +24,7 @@ from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
 from endoct.modalities.oct.spectra.reconstruction import mean_spectrum, reconstruction
 from endoct.modalities.oct.spectra.resampling import taps, window
-from endoct.stitching.arrays import Coordinates, Image, Mask
-from endoct.stitching.circle import masked_gaussian
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.parallel import thread_map
 from endoct.stitching.store import load_panorama
 from endoct.workbench.bench.cases import speed_jobs as jobs
 from endoct.workbench.bench.cases.speed_jobs import JOBS, Work

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from endoct.stitching.arrays import Coordinates, Mask
-from endoct.stitching.circle import wrap_rad
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.feed import estimate_feed
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
+from endoct.stitching.motion.feed import estimate_feed
 from endoct.stitching.strip import Strip
 from endoct.workbench.bench.cases import toy_strips
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, simulated

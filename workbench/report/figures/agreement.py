@@ -4,9 +4,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from endoct.base.arrays import Coordinates
 from endoct.fusion.result import Budget, Limits, Strata
-from endoct.fusion.scoring.matched_cells import areas_mm2
-from endoct.stitching.arrays import Coordinates
+from endoct.fusion.scoring.cells import areas_mm2
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     GREEN,

@@ -22,8 +22,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgb
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Mask
-from endoct.stitching.compiled import compiled
+from endoct.base.arrays import Mask
+from endoct.base.compute.compiled import compiled
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
     DEPTH_COLOURS,

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from endoct.stitching.arrays import Mask
+from endoct.base.arrays import Mask
 from endoct.workbench.report.figures.rendered import Rendered
 
 PAGE_WIDTH_IN = 7.2

@@ -7,7 +7,7 @@ from functools import partial
 from endoct.workbench.report.figures.frames import draw_depth, draw_frames
 from endoct.workbench.report.figures.quality import draw_other_numbers, draw_quality
 from endoct.workbench.report.figures.rendered import Drawn
-from endoct.workbench.report.figures.walls import draw_panorama
+from endoct.workbench.report.figures.surfaces import draw_panorama
 from endoct.workbench.report.side_findings import SideFindings
 
 Drawing = Callable[[], Drawn | None]

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Mask
+from endoct.base.arrays import Mask
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     INK,
@@ -20,9 +20,8 @@ from endoct.workbench.report.figures.drawing import (
     render,
 )
 from endoct.workbench.report.figures.rendered import Drawn, Rendered
-from endoct.workbench.report.flags import flagged_frames
 from endoct.workbench.report.per_frame import Number, main_and_others
-from endoct.workbench.report.side_findings import SideFindings
+from endoct.workbench.report.side_findings import SideFindings, flagged_frames
 
 TICK_STEPS = (1, 2, 2.5, 5, 10)
 USUAL = "#dcefe4"

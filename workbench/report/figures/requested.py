@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from endoct.base.compute.worker_process import WorkerProcess
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.worker_process import WorkerProcess
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.side_findings import BothSides, SideFindings, alone
 from endoct.workbench.running.second_process import beside

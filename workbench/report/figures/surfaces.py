@@ -1,5 +1,9 @@
-"""The wall as each side saw it, the cells, where they differ, and how well the two lie on each other."""
+"""Figures of the wall as each side saw it, of the cells, and of how well the two sides lie on each other.
 
+A wall is drawn with its intensity, and its depth where there is depth; cells with where the sides differ.
+"""
+
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,12 +13,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, difference
-from endoct.stitching.arrays import Coordinates, Image, Mask
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
     BLUE,
+    DEPTH_COLOURS,
     INK,
+    INTENSITY_COLOURS,
     MASK_COLOURS,
     ORANGE,
     PAPER,
@@ -27,14 +33,49 @@ from endoct.workbench.report.figures.drawing import (
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import (
     ABOVE_PT,
+    colour_bar,
     not_observed_patch,
     panel_figure,
+    scale_text,
     show_surface,
     thinned,
     wall_panel,
 )
-from endoct.workbench.report.figures.walls import draw_walls_of
 from endoct.workbench.report.side_findings import BothSides, SideFindings
+
+
+def draw_panorama(side: SideFindings) -> Drawn | None:
+    """Draw intensity, and depth where there is depth, of one side in its own frame."""
+    return draw_walls_of([side], side.panorama.grid, "In its own frame, on its own rows")
+
+
+def draw_walls_of(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str) -> Drawn | None:
+    """Draw the walls of ``sides``, all on ``grid``; None where none of them saw any. ``frame`` says how they lie."""
+    panels: list[tuple[str, SideFindings, Image, str, str]] = []
+    for side in sides:
+        if not side.is_drawn_mask:
+            panels.append((side.name, side, side.intensity, INTENSITY_COLOURS, "intensity (a.u.)"))
+        if side.depth_mm is not None:
+            panels.append((f"{side.name}, depth", side, side.depth_mm, DEPTH_COLOURS, "wall radius − bore radius (mm)"))
+    if not panels:
+        return None
+    with journal_style():
+        figure, axes = panel_figure(grid, len(panels))
+        for k, (name, side, values, colours, unit) in enumerate(panels):
+            coarse, thin, valid = thinned(grid, np.where(side.valid, values, np.nan), side.valid)
+            wall_panel(axes[k], grid, f"{letters(len(panels))[k]} {name}", first=k == 0)
+            low, high = robust_limits(thin, valid)
+            image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
+            colour_bar(axes[k], image, unit)
+        rendered = render(figure, "panoramas")
+    return Drawn(
+        rendered,
+        "panoramas",
+        "The unrolled wall",
+        f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(grid)}. "
+        "Hatched: not observed by that side. Colour bars end at the 0.5th and 99.5th percentile.",
+    )
+
 
 DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
 

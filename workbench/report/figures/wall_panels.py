@@ -17,8 +17,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
-from endoct.stitching.arrays import Mask
-from endoct.stitching.circle import largest_divisor
+from endoct.base.arrays import Mask
+from endoct.base.numeric.circle import largest_divisor
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
     DPI,

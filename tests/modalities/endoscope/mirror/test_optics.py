@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.optics import ConeOptics, assumed_cone, stated_optics, stretched, turned
-from endoct.stitching.errors import EndoctError
 
 RADII_PX = np.array([100.0, 130.0, 170.0, 200.0])
 

@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band
 from endoct.modalities.endoscope.mirror.optics import assumed_cone
-from endoct.modalities.endoscope.motion.centring import Centring
-from endoct.modalities.endoscope.motion.motion import Motion, scale_by_feed
+from endoct.modalities.endoscope.motion.motion import Centring, Motion, scale_by_feed
 from endoct.modalities.endoscope.motion.places import DOUBTED_FEED, SURE_OF_FEED, place_frames
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
-from endoct.stitching.feed import Feed
+from endoct.stitching.motion.feed import Feed
 
 BAND = Band(assumed_cone(60.0, 210.0, 1.0, 1.25), np.linspace(-0.5, 0.5, 60))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import pywt
 
-from endoct.modalities.oct.face.enhance import wavelet_denoise
+from endoct.modalities.oct.face.points import wavelet_denoise
 
 
 def test_denoising_shrinks_noise() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from endoct.modalities.oct.face.circle import Capillary, Circle
-from endoct.modalities.oct.face.neighbours import bridged, starts_anywhere, steady_slices
+from endoct.modalities.oct.face.faces import bridged, starts_anywhere, steady_slices
 
 
 def capillary(offset: np.ndarray) -> Capillary:

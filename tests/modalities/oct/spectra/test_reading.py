@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import validate
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.registry import manifest_for, open_recording
-from endoct.stitching.errors import EndoctError
 from tests.modalities.oct.spectra.fringes import levels_db, mirror, quadratic_chirp
 
 N, ASCANS, SLICES = 128, 80, 3

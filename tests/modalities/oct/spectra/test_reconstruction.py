@@ -20,9 +20,9 @@ from tolerances import (
     SIDE_LOBE_DB,
 )
 
+from endoct.base.compute.parallel import thread_map
 from endoct.modalities.oct.spectra.reconstruction import mean_spectrum, reconstruction
 from endoct.modalities.oct.spectra.resampling import Interpolation, dispersion_phase, sample_places, taps, window
-from endoct.stitching.parallel import thread_map
 from tests.modalities.oct.spectra.fringes import (
     AMPLITUDE,
     Array,

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from endoct.base.arrays import Image
 from endoct.modalities.oct.bscan import Spacing
-from endoct.modalities.oct.surface.background import Background
-from endoct.stitching.arrays import Image
+from endoct.modalities.oct.surface.evidence import Background
 
 N_THETA, N_DEPTH, PIXEL_MM, COLUMN_MM = 600, 200, 0.005, 0.013
 SPACING = Spacing(PIXEL_MM, COLUMN_MM)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.surface.bore import BAND_MM, BONUS_PER_MM, FRONT_PER_MM, favour_bore, gap_rows
+from endoct.modalities.oct.surface.wall import BAND_MM, BONUS_PER_MM, FRONT_PER_MM, favour_bore, gap_rows
 from tests.modalities.oct.surface.drawn_bscans import FIRST_ROW, N_DEPTH, N_THETA, PIXEL_MM, SPACING
 
 

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from endoct.base.arrays import Image
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.evidence import (
     LN_POWER_PER_SIGMA,
     LOOK_MM2,
     MOST_POWER,
     PATCH_MM,
+    Background,
     relative_power,
     spread_of_noise,
     surface_evidence,
 )
-from endoct.stitching.arrays import Image
 from tests.modalities.oct.surface.drawn_bscans import NO_LINE, SPECKLE, speckled
 
 SPACING, PARAMETERS = Spacing(0.005, 0.013), OctParameters()

@@ -5,7 +5,7 @@ import pytest
 
 from endoct.modalities.oct.face.circle import Circle
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.fixed_lines import with_lines_of
 from endoct.modalities.oct.surface.line_removal import bridge_rows, without_lines
 from endoct.modalities.oct.surface.wall import first_edge

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.surface.largest import AT_ONCE, largest
+from endoct.modalities.oct.surface.wall import AT_ONCE, largest
 
 
 @pytest.mark.parametrize("n", [1, 2, AT_ONCE - 1, AT_ONCE, AT_ONCE + 1, 3 * AT_ONCE, 5 * AT_ONCE + 7])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.levels import measure_levels
 from tests.modalities.oct.turning.drawn_slices import (
     ACQUISITION,

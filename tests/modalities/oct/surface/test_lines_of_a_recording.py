@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from endoct.base.arrays import Coordinates, Mask
 from endoct.modalities.oct.face.circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
@@ -12,7 +13,6 @@ from endoct.modalities.oct.face.ripple import N_RIPPLE
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
-from endoct.stitching.arrays import Coordinates, Mask
 
 PIXEL_MM, N_DEPTH, N_ASCANS, N_SLICES = 0.005, 300, 96, 20
 CAPILLARY_MM, BORE_MM, AXIS_DEPTH_MM = 0.85, 1.25, -0.4

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.surface.noise_floor import measure_floor
+from endoct.modalities.oct.surface.levels import measure_floor
 from tests.modalities.oct.turning.drawn_slices import (
     ACQUISITION,
     AXIS_MM,

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from endoct.modalities.oct.surface.projection import maximum_intensity
-from endoct.modalities.oct.surface.wall import brightest
+from endoct.modalities.oct.surface.wall import brightest, maximum_intensity
 
 
 def test_the_maximum_is_taken_literally() -> None:

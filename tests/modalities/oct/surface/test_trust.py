@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.trust import trusted, wall_sigmas
 from tests.modalities.oct.surface.drawn_bscans import BACKGROUND, N_DEPTH, N_THETA, NO_LINE, SPACING, SPECKLE, speckled
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.turning.rotation import Rotation, even_rotation
-from endoct.stitching.circle import wrap_rad
 
 rotations = st.builds(
     lambda stretch, factors, lost: replace(

@@ -3,12 +3,12 @@
 import numpy as np
 from tolerances import FREE_START_RAD, START_RAD
 
+from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.turning.rotation import Rotation, even_rotation
 from endoct.modalities.oct.turning.start_angle import measure_starts
-from endoct.stitching.circle import wrap_rad
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.turning.drawn_slices import N_COLUMNS, RADIUS_MM, Array, drawn_slice, faces_of
 from tests.modalities.oct.unrolling import UnrollPhantom

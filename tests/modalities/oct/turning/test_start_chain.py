@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tolerances import COORDINATE_ATOL
 
-from endoct.modalities.oct.turning import start_chain
+from endoct.modalities.oct.turning import start_angle as start_chain
 
 
 def by_matrix(moved: np.ndarray, sigma: np.ndarray, usual: float, creep: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Frame, Picture, Places, Sniff, inward_positions_mm
-from endoct.stitching.arrays import Coordinates
-from endoct.stitching.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from pose_case import LENGTH_MM, SEEN_MM, PoseCase
 
-from endoct.modalities.ct_volume import SIGNS
-from endoct.modalities.markups import write_line
-from endoct.modalities.trajectory import Trajectory
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
+from endoct.base.zarr.zarr_store import Named, write_arrays
+from endoct.modalities.ct.ct_volume import SIGNS
+from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
-from endoct.stitching.zarr_store import Named, write_arrays
 from endoct.workbench.bench.cases.bores import nearest_the_end, own_cases, plan_off, posed_case
 from endoct.workbench.pipeline.truth import Pose
 

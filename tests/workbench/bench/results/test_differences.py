@@ -2,7 +2,7 @@
 
 from bench_tasks import row
 
-from endoct.workbench.bench.results.differences import differences
+from endoct.workbench.bench.results.summary import differences
 
 
 def test_differences_are_taken_case_by_case() -> None:

@@ -5,9 +5,8 @@ from pathlib import Path
 
 from bench_tasks import DOUBLING, row
 
-from endoct.workbench.bench.results.differences import Difference
 from endoct.workbench.bench.results.files import write_csv, write_differences
-from endoct.workbench.bench.results.summary import Spread
+from endoct.workbench.bench.results.summary import Difference, Spread
 
 
 def test_rows_become_lines_with_gaps_where_there_is_nothing(tmp_path: Path) -> None:

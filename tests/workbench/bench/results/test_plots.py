@@ -5,9 +5,8 @@ from pathlib import Path
 
 from bench_tasks import row
 
-from endoct.workbench.bench.results.frame import score_names
 from endoct.workbench.bench.results.plots import draw_plots
-from endoct.workbench.bench.results.summary import summarise
+from endoct.workbench.bench.results.summary import score_names, summarise
 from endoct.workbench.bench.tasks.ablate import TASK
 
 

@@ -8,7 +8,7 @@ import pytest
 from pose_case import LENGTH_MM, SEEN_MM, PoseCase
 
 from endoct.fusion.pose.air import air_around
-from endoct.modalities.ct_volume import read_ct
+from endoct.modalities.ct.ct_volume import read_ct
 from endoct.workbench.bench.cases import bores
 from endoct.workbench.bench.rivals import pose as rivals
 from endoct.workbench.bench.rivals.pose_points import points_of, surface_of

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from endoct.base.errors import NotSeen
 from endoct.fusion.comparison import CompareParameters
 from endoct.modalities.registry import manifests
-from endoct.stitching.errors import NotSeen
 from endoct.workbench.bench.runner import run_method
 from endoct.workbench.bench.task import Case
 from endoct.workbench.bench.tasks import ablate

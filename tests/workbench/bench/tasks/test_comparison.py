@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from endoct.stitching.doubt import Doubt
-from endoct.stitching.errors import EndoctError
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.workbench.bench.task import Case
 from endoct.workbench.bench.tasks import comparison
 from endoct.workbench.bench.tasks.comparison import Specimen

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.segment import segment
-from endoct.stitching.errors import EndoctError
 from endoct.synthetic.sample.ranges import Range
 from endoct.synthetic.specimen import simulate
 from endoct.workbench import unroll

@@ -10,8 +10,8 @@ import pytest
 from pose_case import LENGTH_MM, SEEN_MM, PoseCase
 from scipy.spatial.transform import Rotation
 
-from endoct.modalities.ct_volume import read_ct
-from endoct.stitching.arrays import Coordinates
+from endoct.base.arrays import Coordinates
+from endoct.modalities.ct.ct_volume import read_ct
 from endoct.workbench.bench.cases import bores
 from endoct.workbench.bench.task import Case, Declined
 from endoct.workbench.bench.tasks.pose import BEYOND_MM, TASK, Located, LocatedSide, judge, ours

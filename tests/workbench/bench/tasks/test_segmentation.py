@@ -6,10 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from endoct.stitching.errors import EndoctError
-from endoct.workbench.bench.methods import load_task, method_names
+from endoct.base.errors import EndoctError
 from endoct.workbench.bench.runner import run_method
-from endoct.workbench.bench.task import Range
+from endoct.workbench.bench.task import Range, load_task, method_names
 from endoct.workbench.bench.tasks import segmentation
 from endoct.workbench.bench.tasks.segmentation import SegmentationCase
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.table import Table
 
-from endoct.stitching.errors import EndoctError
+from endoct.base.errors import EndoctError
 from endoct.workbench.bench.cases.long_recordings import place_of
 from endoct.workbench.bench.cases.speed_jobs import Work
 from endoct.workbench.bench.command import Request, run_bench

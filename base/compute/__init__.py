@@ -1,0 +1,1 @@
+"""Loops as machine code, threads, processes, and arrays that are used again."""

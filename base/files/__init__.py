@@ -1,0 +1,1 @@
+"""Files that are opened with care, and outputs that appear whole or not at all."""

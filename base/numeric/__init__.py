@@ -1,0 +1,1 @@
+"""Filters on the circle, harmonics, and robust statistics."""

@@ -1,0 +1,33 @@
+"""Harmonics of angles."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from endoct.base.arrays import Coordinates
+from endoct.base.compute.compiled import compiled
+
+
+def harmonics(angle_rad: ArrayLike, orders: Sequence[int]) -> Coordinates:
+    """Return cosine and sine of multiples of the angles (n,), float64 (n, 2·len(orders)): cos k, sin k, for each k.
+
+    ``orders`` are 0 or larger. Multiples are products, which takes a fifth of the time of as many cosines.
+    """
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    return _multiples(np.cos(angle), np.sin(angle), np.asarray(orders, np.intp))
+
+
+@compiled
+def _multiples(cos: Coordinates, sin: Coordinates, orders: NDArray[np.intp]) -> Coordinates:
+    waves = np.empty((cos.size, 2 * orders.size))
+    highest = orders.max()
+    re, im = np.ones(highest + 1), np.zeros(highest + 1)
+    for i in range(cos.size):
+        for k in range(highest):
+            re[k + 1] = re[k] * cos[i] - im[k] * sin[i]
+            im[k + 1] = re[k] * sin[i] + im[k] * cos[i]
+        for j in range(orders.size):
+            waves[i, 2 * j] = re[orders[j]]
+            waves[i, 2 * j + 1] = im[orders[j]]
+    return waves

@@ -1,0 +1,1 @@
+"""Zarr stores, checked before their library sees them."""

@@ -1,0 +1,1 @@
+"""Recordings as they lie on the disk: images, TIFF, arrays and videos."""

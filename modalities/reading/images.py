@@ -1,0 +1,152 @@
+"""A single PNG, JPEG or BMP, its size checked in its header before it is decoded."""
+
+import io
+import logging
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import check_array_size, open_regular
+from endoct.modalities.reading.orientation import UPRIGHT, orientation_in_exif, upright
+
+# What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
+logging.getLogger("imagecodecs").addHandler(logging.NullHandler())
+
+COPIES = 2
+"""What decoding holds at most, in the size of the image: the image and one copy."""
+MOST_SCANS = 50
+"""Of a progressive JPEG; usual ones have 10. Each goes over the whole image."""
+CHANNELS = {0: 1, 2: 3, 3: 4, 4: 2, 6: 4}
+"""By a PNG's type of colour."""
+_PNG, _JPEG, _BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
+_PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+
+
+def read_image(path: Path) -> tuple[NDArray[Any], int]:
+    """Return the image in a file, upright, and the orientation in which it is stored.
+
+    u8 or u16, (row, column) or (row, column, channel): RGB, or grey or RGB with transparency last. Raises
+    :class:`EndoctError` where the file is none, is damaged, or asks for too much memory.
+    """
+    said = f"{path} is no readable image"
+    expected, remedy = "PNG, JPEG, BMP or TIFF", "copy or export the file again"
+    with refusing(said, expected=expected, remedy=remedy):
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            check_array_size((size,), 1, f"{path}")
+            data = file.read(size)
+        if data.startswith(_PNG):
+            image, orientation = _png(data, path)
+            return upright(image, orientation), orientation
+        if data.startswith(_JPEG):
+            orientation = _orientation_of_jpeg(data)
+            return upright(_jpeg(data, path), orientation), orientation
+        if data.startswith(_BMP):
+            return _bmp(data, path), UPRIGHT
+        raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
+
+
+def check_jpeg(data: bytes, shape: tuple[int, int], what: str) -> None:
+    """Raise :class:`EndoctError` where a JPEG is larger than ``shape``, (rows, columns), or is coded in many scans."""
+    rows, columns, _ = _jpeg_shape(data)
+    if columns != shape[1] or rows > shape[0]:
+        raise EndoctError(
+            f"{what} is damaged", found=f"a JPEG of {rows} × {columns}", expected=f"{shape[0]} × {shape[1]}"
+        )
+
+
+def _png(data: bytes, path: Path) -> tuple[NDArray[Any], int]:
+    import imagecodecs  # here and below, so that a plug-in's manifest can name suffixes without loading decoders
+
+    chunks = list(_chunks(data))
+    if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 25 or chunks[-1][0] != b"IEND":
+        raise EndoctError(f"{path} is damaged or truncated", found="a PNG without its first or last part")
+    columns, rows, bits, colour = struct.unpack(">IIBB", chunks[0][1][8:18])
+    _check(rows, columns, CHANNELS.get(colour, 4), 2 if bits == 16 else 1, path)
+    # texts, profiles and animations are of no use, and may be large when they are unpacked
+    image = imagecodecs.png_decode(_PNG + b"".join(part for kind, part in chunks if kind in _PICTURE))
+    exif = next((part[8:-4] for kind, part in chunks if kind == b"eXIf"), b"")
+    return np.asarray(image), orientation_in_exif(exif)
+
+
+def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield kind and whole of every chunk of a PNG. Raises ``ValueError`` where one is damaged."""
+    place = len(_PNG)
+    while place < len(data):
+        length = int.from_bytes(data[place : place + 4], "big")
+        chunk = data[place : place + 12 + length]
+        if len(chunk) < 12 + length or len(chunk) < 12:
+            raise ValueError("the file ends within a part of the image")
+        if zlib.crc32(memoryview(chunk)[4:-4]) != int.from_bytes(chunk[-4:], "big"):
+            raise ValueError("its check sums differ")
+        yield chunk[4:8], chunk
+        if chunk[4:8] == b"IEND":
+            return
+        place += 12 + length
+
+
+def _jpeg(data: bytes, path: Path) -> NDArray[Any]:
+    import imagecodecs
+
+    rows, columns, channels = _jpeg_shape(data)
+    _check(rows, columns, channels, 1, path)
+    if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):  # cameras write more behind it: previews, depths, films
+        raise EndoctError(f"{path} is damaged or truncated", found="a JPEG without its end")
+    return np.asarray(imagecodecs.jpeg8_decode(data))
+
+
+def _jpeg_shape(data: bytes) -> tuple[int, int, int]:
+    """Return (rows, columns, channels) as a JPEG's header has them, grey or of three colours."""
+    from PIL import JpegImagePlugin
+
+    with JpegImagePlugin.JpegImageFile(io.BytesIO(data)) as image:
+        columns, rows = image.size
+        channels, in_scans = len(image.getbands()), "progressive" in image.info
+    if channels not in (1, 3):
+        raise ValueError(f"a JPEG of {channels} colours")
+    if in_scans and data.count(b"\xff\xda") > MOST_SCANS:  # others have three at most
+        raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
+    return rows, columns, channels
+
+
+def _orientation_of_jpeg(data: bytes) -> int:
+    """Return the orientation in a JPEG's EXIF, which lies in one of the segments before its samples."""
+    place = 2
+    while data[place : place + 1] == b"\xff" and data[place + 1 : place + 2] not in (b"\xda", b""):
+        length = int.from_bytes(data[place + 2 : place + 4], "big")
+        segment = data[place + 4 : place + 2 + max(length, 2)]
+        if data[place + 1] == 0xE1 and segment.startswith(b"Exif\0\0"):
+            return orientation_in_exif(segment)
+        place += 2 + max(length, 2)
+    return UPRIGHT
+
+
+def _bmp(data: bytes, path: Path) -> NDArray[Any]:
+    from PIL import BmpImagePlugin
+
+    with BmpImagePlugin.BmpImageFile(io.BytesIO(data)) as image:
+        columns, rows = image.size
+    _check(rows, columns, 4, 1, path)
+
+    import cv2
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if decoded is None or decoded.shape[:2] != (rows, columns):
+        raise ValueError(f"{len(data)} bytes")
+    if decoded.ndim == 3:
+        decoded = cv2.cvtColor(decoded, cv2.COLOR_BGRA2RGB if decoded.shape[2] == 4 else cv2.COLOR_BGR2RGB)
+    return np.asarray(decoded)
+
+
+def _check(rows: int, columns: int, channels: int, itemsize: int, path: Path) -> None:
+    if min(rows, columns) < 1:
+        raise EndoctError(f"{path} is no readable image", found=f"{rows} × {columns} pixels")
+    check_array_size((COPIES, rows, columns, channels), itemsize, f"{path}")

@@ -1,0 +1,143 @@
+"""Where frames lie along the travel, by the numbers or times that their files give them: frames that are missing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.spacing import WITHIN, spacing_of
+
+GAP_STEPS = 1.5
+OTHER_PITCH = 0.05
+"""Share by which the millimetres in names may differ from the pitch of the sidecar."""
+OTHER_RATE = 0.02
+"""Share by which the time stamps of a video may differ from the frame rate of the sidecar."""
+
+MOST_MISSING = 3
+"""Times as many places as frames: where there are more, numbers rather begin anew than count missing frames."""
+
+Positions = tuple[float, ...] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """What a recording's files say of where its frames lie: ``values``, float64 (n,), in the order of the frames.
+
+    In mm, in s, or, without a ``unit``, counts. ``by``: what says so, in words. ``decimal``: they are no whole numbers
+    and may be mm; ``resolution``: the least by which they can differ. ``within``: the share of a
+    step by which they jitter.
+    """
+
+    values: Coordinates
+    unit: Literal["", "mm", "s"]
+    by: str
+    decimal: bool = False
+    resolution: float = 0.0
+    within: float = WITHIN
+
+
+def positions_along(
+    along: Along | None, pitch_mm: float, rate_hz: float | None = None, *, steady: bool = False
+) -> tuple[Positions, Remarks]:
+    """Return the place of every frame along the travel, mm from the first, None where all lie evenly; and remarks.
+
+    ``pitch_mm`` is the nominal distance of neighbours, ``rate_hz`` the stated frame rate. ``steady``: the instrument
+    moves at a stated speed, so that times are places.
+    """
+    if along is None:
+        return None, NONE
+    spacing = spacing_of(along.values, along.resolution, along.within)
+    usual, remarks = spacing.usual, NONE
+    if (
+        (along.unit == "mm" or along.decimal)
+        and spacing.kind != "uneven"
+        and usual > 0
+        and abs(usual / pitch_mm - 1) > OTHER_PITCH
+    ):
+        remarks += Remarks(doubts=(_other_pitch(usual, pitch_mm),))
+    if along.unit == "s" and rate_hz is not None and usual > 0:
+        if abs(usual * rate_hz - 1) > OTHER_RATE:
+            remarks += Remarks(doubts=(_other_rate(1 / usual, rate_hz, along.by),))
+        else:
+            usual = 1 / rate_hz
+    if spacing.kind == "even":
+        return None, remarks
+    if spacing.kind == "uneven" and (not np.all(np.diff(along.values) > 0) or along.unit == ""):
+        return None, remarks + Remarks(doubts=(_uneven(along),))
+    if spacing.kind == "uneven" and along.unit == "mm":
+        note = "Names give uneven places in mm; frames were placed by them."
+        return _from_first(along.values, 1.0), remarks + Remarks(notes=(note,))
+    if spacing.kind == "uneven":
+        if steady and rate_hz is not None:
+            usual = 1 / rate_hz
+            note = f"Frames were not taken at an even rate; they were placed by {along.by}."
+            remarks += Remarks(notes=(note,))
+        else:
+            remarks += Remarks(doubts=(_uneven_times(along),))
+        return _from_first(along.values, pitch_mm / usual), remarks
+    if spacing.places[-1] + 1 > MOST_MISSING * len(spacing.places):
+        remarks += Remarks(doubts=(_mostly_missing(along, spacing.places),))
+    return _from_first(spacing.places, pitch_mm), remarks
+
+
+def notes_on_gaps(positions_mm: Sequence[float] | None) -> tuple[str, ...]:
+    """Return a sentence on frames that are missing between ``positions_mm``, none where there is no gap."""
+    if positions_mm is None or len(positions_mm) < 3:
+        return ()
+    steps = np.abs(np.diff(positions_mm))
+    gaps = np.flatnonzero(steps > GAP_STEPS * np.median(steps))
+    if not gaps.size:
+        return ()
+    widest = int(gaps[np.argmax(steps[gaps])])
+    return (
+        f"Frames are missing in {gaps.size} place{'s' if gaps.size > 1 else ''}, at the widest {steps[widest]:.2f} mm "
+        f"between frames {widest} and {widest + 1}; what lies beyond was placed by the nominal pitch.",
+    )
+
+
+def _from_first(values: Coordinates, scale: float) -> Positions:
+    return tuple(float(value) for value in (values - values[0]) * scale)
+
+
+def _other_pitch(usual: float, pitch_mm: float) -> Doubt:
+    what = (
+        f"If the numbers in names are mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were "
+        "placed by the sidecar."
+    )
+    return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)
+
+
+def _other_rate(found_hz: float, rate_hz: float, by: str) -> Doubt:
+    what = (
+        f"By {by} there are {found_hz:.4g} frames a second, by the sidecar {rate_hz:g}: its frame_rate_hz may be "
+        "wrong, or the file was written with another rate. Frames were placed by the sidecar."
+    )
+    return Doubt("frame-rate-against-stamps", what, value=found_hz, unit="Hz", expected=rate_hz)
+
+
+def _mostly_missing(along: Along, places: Coordinates) -> Doubt:
+    what = (
+        f"By {along.by} {int(places[-1]) + 1 - len(places)} frames are missing between {len(places)}: the count may "
+        "have begun anew, and the order be another."
+    )
+    return Doubt("frames-mostly-missing", what, value=float(places[-1] + 1), unit="1", expected=float(len(places)))
+
+
+def _uneven(along: Along) -> Doubt:
+    what = (
+        f"By {along.by} frames do not lie at even steps, nor at multiples of one; they were placed evenly. Where "
+        "places are known, state positions_mm."
+    )
+    return Doubt("frames-uneven", what)
+
+
+def _uneven_times(along: Along) -> Doubt:
+    what = (
+        f"By {along.by} frames were not taken at even steps. They were placed by time, as if the instrument moved "
+        "evenly; where it did not, state positions_mm."
+    )
+    return Doubt("frames-uneven", what)

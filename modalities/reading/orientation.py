@@ -1,0 +1,65 @@
+"""Which way up an image is to be seen: the tag Orientation of TIFF and of EXIF in JPEG and PNG."""
+
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.modalities.reading.remarks import NONE, Remarks
+
+UPRIGHT = 1
+TAG = 274
+_MOST_ENTRIES = 1000
+_MEANING = {
+    2: "mirrored left to right",
+    3: "turned by 180°",
+    4: "mirrored top to bottom",
+    5: "mirrored along a diagonal",
+    6: "turned by 90°",
+    7: "mirrored along a diagonal",
+    8: "turned by 270°",
+}
+
+
+def upright(image: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """Return an image (row, column, …) as it is to be seen; ``orientation`` is 1 to 8, as the tag counts."""
+    if orientation in (5, 6, 7, 8):
+        image = np.swapaxes(image, 0, 1)
+    if orientation in (3, 4, 7, 8):
+        image = image[::-1]
+    if orientation in (2, 3, 6, 7):
+        image = image[:, ::-1]
+    return image if orientation == UPRIGHT else np.ascontiguousarray(image)
+
+
+def orientation_in_exif(data: bytes) -> int:
+    """Return the orientation in EXIF data, 1 where it has none or an impossible one."""
+    data = data.removeprefix(b"Exif\0\0")
+    order = {b"II": "<", b"MM": ">"}.get(data[:2])
+    try:
+        if order is None:
+            return UPRIGHT
+        (at,) = struct.unpack_from(order + "I", data, 4)
+        (count,) = struct.unpack_from(order + "H", data, at)
+        for k in range(min(count, _MOST_ENTRIES)):
+            tag, kind, _, value = struct.unpack_from(order + "HHIH", data, at + 2 + 12 * k)
+            if (tag, kind) == (TAG, 3):
+                return checked(value)
+    except struct.error:
+        pass
+    return UPRIGHT
+
+
+def checked(orientation: int) -> int:
+    """Return ``orientation``, or 1 where there is no such one."""
+    return orientation if orientation in _MEANING else UPRIGHT
+
+
+def on_orientation(orientation: int) -> Remarks:
+    """Return a note that images were turned as their files say."""
+    if orientation == UPRIGHT:
+        return NONE
+    how = _MEANING[orientation]
+    note = f"The files say that their images are stored {how} (orientation {orientation}); they were put upright."
+    return Remarks(notes=(note,))

@@ -1,0 +1,273 @@
+"""Stacks of equal frames, read one at a time: TIFF and BigTIFF, ``.npy``, a video, or a folder of images."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import open_regular
+from endoct.modalities.reading.arrays_on_disk import read_npy
+from endoct.modalities.reading.folders import entries, exists, is_folder
+from endoct.modalities.reading.frame_files import choose_frames
+from endoct.modalities.reading.frame_names import read_names
+from endoct.modalities.reading.images import read_image
+from endoct.modalities.reading.numbering import Along
+from endoct.modalities.reading.orientation import UPRIGHT, on_orientation
+from endoct.modalities.reading.other_formats import kind_not_read
+from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
+from endoct.modalities.reading.repeated_frames import fingerprint, on_repeated, same_picture, without_colour
+from endoct.modalities.reading.tiff import TIFF_SUFFIXES, is_tiff, read_tiff
+from endoct.modalities.reading.video import ReadVideo
+from endoct.modalities.reading.video_container import VIDEO_SUFFIXES, is_video
+
+STAMP_JITTER = 0.1
+"""Of the usual step: what time stamps of a video jitter; where they do more, frames were taken at uneven times."""
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
+
+
+class ImageStack:
+    """A sized, indexable, picklable stack of frames; indexing reads one frame from disk.
+
+    ``stack[i]`` is a read-only array in the file's dtype, (row, column) or (row, column, channel) with
+    channels as RGB; transparency is dropped. Raises :class:`EndoctError` where a file is truncated or
+    unreadable, or a frame differs in shape or dtype from the first, or is not finite. ``along`` is what the files say
+    of where frames lie; ``remarks`` what is to be said of the files, frames that repeat others among it, as far as
+    they were read.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        n_frames: int,
+        read: Callable[[int], NDArray[Any]],
+        *,
+        along: Along | None = None,
+        remarks: Remarks = NONE,
+    ) -> None:
+        self.path = path
+        self.along = along
+        self._n_frames = n_frames
+        self.reader = read
+        self._remarks = remarks
+        self._prints: dict[int, bytes] = {}
+        first = self._frame(0)
+        self.frame_shape: tuple[int, ...] = first.shape
+        self.dtype: np.dtype[Any] = first.dtype
+        if first.dtype.kind not in "uif" or 0 in first.shape:
+            raise EndoctError(
+                f"{path} holds no images",
+                found=f"{first.dtype} {first.shape}",
+                expected="u8, u16 or f32 samples",
+            )
+
+    def __len__(self) -> int:
+        return self._n_frames
+
+    def __getitem__(self, index: int) -> NDArray[Any]:
+        if not 0 <= index < self._n_frames:
+            raise IndexError(index)
+        frame = self._frame(index)
+        if frame.shape != self.frame_shape or frame.dtype != self.dtype:
+            raise EndoctError(
+                f"frame {index} of {self.path} differs from the first",
+                found=f"{frame.dtype} {frame.shape}",
+                expected=f"{self.dtype} {self.frame_shape}",
+                remedy="remove it, or export the recording again",
+            )
+        if frame.dtype.kind == "f" and not np.isfinite(frame).all():
+            raise EndoctError(
+                f"frame {index} of {self.path} is not finite",
+                found="NaN or infinity",
+                expected="numbers",
+                remedy="export the recording again, or replace the samples that are missing by 0",
+            )
+        frame.flags.writeable = False
+        self._prints[index] = fingerprint(frame)
+        return frame
+
+    def with_remarks(self, remarks: Remarks) -> "ImageStack":
+        """Return the stack with ``remarks`` before its own."""
+        return ImageStack(self.path, len(self), self.reader, along=self.along, remarks=remarks + self._remarks)
+
+    def grey(self) -> "ImageStack":
+        """Return the stack with frames of three equal colours as (row, column); itself where some have others.
+
+        Three frames are looked at. Reading another one that has colours raises :class:`EndoctError`.
+        """
+        if len(self.frame_shape) != 3 or self.frame_shape[2] != 3:
+            return self
+        greys = [without_colour(frame) for frame in some_frames(self)]
+        if any(grey is None for grey in greys) or not any(np.ptp(grey) for grey in greys if grey is not None):
+            return self
+        return ImageStack(self.path, len(self), _ReadGrey(self), along=self.along, remarks=self._remarks)
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of the files, and of the frames that were read so far."""
+        return self._remarks + remarks_of(self.reader) + on_repeated(self._prints, self._frame)
+
+    @property
+    def palette(self) -> NDArray[Any] | None:
+        """The colours of a TIFF whose samples are their numbers, (n,) grey or (n, 3); None for any other file."""
+        return getattr(self.reader, "palette", None)
+
+    def stored(self, index: int) -> NDArray[Any]:
+        """Return a frame as its file holds it: with transparency, and with numbers of colours for these."""
+        return np.asarray(getattr(self.reader, "stored", self.reader)(index))
+
+    def _frame(self, index: int) -> NDArray[Any]:
+        frame = self.reader(index)
+        if frame.ndim == 3 and frame.shape[2] in (1, 2, 4):
+            frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
+        return frame
+
+
+def open_stack(path: Path) -> ImageStack:
+    """Open a TIFF, a ``.npy`` (mapped), a video or a folder that holds one of these or numbered images.
+
+    Only the first frame is read. Raises :class:`EndoctError` where there is nothing to read.
+    """
+    if is_folder(path):
+        return _open_folder(path)
+    if not exists(path):
+        raise EndoctError(f"{path} does not exist", remedy="check the path")
+    with open_regular(path) as file:
+        if not file.read(1):
+            raise EndoctError(f"{path} is empty", found="0 bytes", remedy="copy or export the recording again")
+    if path.suffix.lower() == ".npy":
+        return ImageStack(path, *read_npy(path))
+    if is_tiff(path):
+        return ImageStack(path, *read_tiff(path))
+    if is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES:
+        read = ReadVideo(path)
+        along = Along(read.times_s, "s", "the time stamps of the video", within=STAMP_JITTER)
+        return ImageStack(path, read.n_frames, read, along=along)
+    if (kind := kind_not_read(path)) is not None:
+        raise kind.refusal(path)
+    return ImageStack(path, 1, _ReadImages((path,)))
+
+
+def some_frames(stack: ImageStack) -> list[NDArray[Any]]:
+    """Return the first, the middle and the last frame, of a short recording fewer. Raises what reading one does."""
+    return [stack[index] for index in sorted({0, (len(stack) - 1) // 2, len(stack) - 1})]
+
+
+def image_files(folder: Path) -> list[Path]:
+    """Return the images in ``folder`` in the order of the numbers in their names."""
+    return [name.path for name in read_names(_images(folder))[0]]
+
+
+def _images(folder: Path) -> list[Path]:
+    return [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]
+
+
+class _ReadGrey:
+    """Reads frames of three equal colours as one."""
+
+    def __init__(self, stack: ImageStack) -> None:
+        self._stack = stack
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of how frames are stored."""
+        return remarks_of(self._stack.reader)
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        grey = without_colour(self._stack[index])
+        if grey is None:
+            raise EndoctError(
+                f"frame {index} of {self._stack.path} has colours",
+                expected="grey, as the first",
+                remedy="export the recording again as grey images",
+            )
+        return grey
+
+
+class _ReadImages:
+    """Reads one file a frame, all of them stored in the same orientation."""
+
+    def __init__(self, files: tuple[Path, ...]) -> None:
+        self.files = files
+        self._orientation = UPRIGHT
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of how the images are stored, once the first of them was read."""
+        return on_orientation(self._orientation)
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        frame, orientation = _read_single(self.files[index])
+        if not index:
+            self._orientation = orientation
+        if orientation != self._orientation:
+            raise EndoctError(
+                f"{self.files[index]} is stored in another orientation than the first image",
+                found=f"orientation {orientation}",
+                expected=f"{self._orientation}, as {self.files[0].name} has",
+                remedy="save all images upright, without that tag",
+            )
+        return frame
+
+
+def _read_single(path: Path) -> tuple[NDArray[Any], int]:
+    """Return the image in a file that holds one, and its orientation.
+
+    Raises :class:`EndoctError` where it holds several, or none.
+    """
+    if not is_tiff(path):
+        return read_image(path)
+    n_pages, read = read_tiff(path)
+    if n_pages > 1:
+        raise EndoctError(
+            f"{path} is one of several images of a recording",
+            found=f"{n_pages} pages",
+            expected="1",
+            remedy="keep each recording in a folder of its own",
+        )
+    return read(0), read.layout.orientation
+
+
+def _alike(one: Path, other: Path) -> bool:
+    """Say whether two files hold the same pixels, grey or in three equal colours, in 8 bits or in 16."""
+    return same_picture(_read_single(one)[0], _read_single(other)[0])
+
+
+def whole_recordings(folder: Path) -> list[Path]:
+    """Return the files in ``folder`` of which each holds a recording by itself: ``.npy``, videos, TIFF named otherwise.
+
+    Of files with another suffix the first bytes say what they are.
+    """
+    others = (file for file in entries(folder) if file.suffix.lower() not in IMAGE_SUFFIXES)
+    kinds = (".npy", *VIDEO_SUFFIXES)
+    return sorted(file for file in others if file.suffix.lower() in kinds or is_video(file) or is_tiff(file))
+
+
+def _open_folder(folder: Path) -> ImageStack:
+    whole, images = whole_recordings(folder), _images(folder)
+    if len(whole) == 1 and not images:
+        return open_stack(whole[0])
+    if images and all(file.suffix.lower() == ".npy" for file in whole):
+        chosen = choose_frames(folder, images, _alike)
+        if len(chosen.files) == 1:
+            return open_stack(chosen.files[0]).with_remarks(chosen.remarks)  # arrays next to a TIFF describe it
+        if not whole:
+            files = chosen.files
+            return ImageStack(folder, len(files), _ReadImages(files), along=chosen.along, remarks=chosen.remarks)
+    if not whole and not images and (refusal := refusal_of(folder)) is not None:
+        raise refusal
+    raise EndoctError(
+        f"{folder} holds no recording" if not whole else f"{folder} holds more than one recording",
+        found=f"{len(images)} images, {len(whole)} .npy files or videos",
+        expected="one TIFF, one .npy, one video or numbered images",
+    )
+
+
+def refusal_of(path: Path) -> EndoctError | None:
+    """Return what to say of a file of a known kind that is not read, or of a folder with one; None for others."""
+    for file in sorted(entries(path)) if is_folder(path) else [path]:
+        if (kind := kind_not_read(file)) is not None:
+            return kind.refusal(file)
+    return None

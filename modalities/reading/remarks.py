@@ -1,0 +1,35 @@
+"""What is to be said of a recording's files before any of its frames is understood."""
+
+from dataclasses import dataclass
+
+from endoct.base.doubt import Doubt
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """``notes``: what was mended or left out, in full sentences. ``doubts``: what could not be settled."""
+
+    notes: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+
+    def __add__(self, other: "Remarks") -> "Remarks":
+        """Return the remarks of both, each once."""
+        notes, doubts = (*self.notes, *other.notes), (*self.doubts, *other.doubts)
+        return Remarks(tuple(dict.fromkeys(notes)), tuple(dict.fromkeys(doubts)))
+
+
+NONE = Remarks()
+"""Nothing is to be said."""
+MOST_NAMES = 4
+
+
+def remarks_of(stream: object) -> Remarks:
+    """Return the ``remarks`` of an opened recording, none where its plug-in makes none."""
+    said = getattr(stream, "remarks", NONE)
+    return said if isinstance(said, Remarks) else NONE
+
+
+def some_names(names: list[str]) -> str:
+    """Return the first of ``names`` as a sentence lists them, with how many more there are."""
+    listed = ", ".join(name[:60] for name in names[:MOST_NAMES])
+    return listed if len(names) <= MOST_NAMES else f"{listed} and {len(names) - MOST_NAMES} more"

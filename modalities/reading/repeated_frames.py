@@ -1,0 +1,79 @@
+"""Frames that hold the same samples as others: found by a few of them while frames are read, then by all of them."""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.modalities.reading.remarks import NONE, Remarks
+
+ROWS, COLUMNS = 16, 1024
+"""Of a frame are looked at at first: so many take 20 µs."""
+MOST_CONFIRMED = 16
+"""Pairs of which all samples are compared; that reads their frames again."""
+PLAIN = b""
+"""What stands for a frame of one value, which repeats nothing."""
+
+
+def fingerprint(frame: NDArray[Any]) -> bytes:
+    """Return what frames that hold the same samples have in common, and hardly any others."""
+    rows, columns = (max(1, -(-n // most)) for n, most in zip(frame.shape, (ROWS, COLUMNS), strict=False))
+    some = np.ascontiguousarray(frame[rows // 2 :: rows, ::columns])
+    if some.size and (some == some.flat[0]).all():
+        return PLAIN
+    return hashlib.blake2b(some.tobytes(), digest_size=16).digest()
+
+
+def on_repeated(prints: Mapping[int, bytes], read: Callable[[int], NDArray[Any]]) -> Remarks:
+    """Return a doubt that names the frames which hold the same samples as one before; ``read`` returns a frame."""
+    groups: dict[bytes, list[int]] = defaultdict(list)
+    for index in sorted(prints):
+        groups[prints[index]].append(index)
+    pairs = [(group[0], other) for key, group in groups.items() if key != PLAIN for other in group[1:]]
+    sure = [pair for pair in pairs[:MOST_CONFIRMED] if _same(pair, read)]
+    if not sure:
+        return NONE
+    more = len(pairs) > MOST_CONFIRMED and len(sure) == MOST_CONFIRMED
+    count = len(pairs) if more else len(sure)
+    listed = ", ".join(f"{other} as {first}" for first, other in sure[:4])
+    what = (
+        f"{count} frame{'s hold' if count > 1 else ' holds'} the very samples of another (counted from 0: {listed}): "
+        "a recording that stood still, or frames written twice in place of lost ones."
+    )
+    return Remarks(doubts=(Doubt("frames-repeated", what, value=float(count), unit="1", expected=0.0),))
+
+
+def same_picture(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    """Say whether two images are the same, where one may have three equal colours, or opaque transparency more."""
+    one, other = _plain(one), _plain(other)
+    if one.shape != other.shape:
+        return False
+    if one.dtype != other.dtype and {one.dtype, other.dtype} == {np.dtype(np.uint8), np.dtype(np.uint16)}:
+        wide, narrow = (one, other) if one.dtype == np.uint16 else (other, one)
+        return bool(np.array_equal(wide, narrow) or np.array_equal(wide, narrow.astype(np.uint16) * 257))
+    return bool(np.array_equal(one, other))
+
+
+def without_colour(image: NDArray[Any]) -> NDArray[Any] | None:
+    """Return an image (row, column, 3 or more) of three equal colours as (row, column); None where they differ."""
+    red, green, blue = (image[..., k] for k in range(3))
+    return red if np.array_equal(red, green) and np.array_equal(red, blue) else None
+
+
+def _plain(image: NDArray[Any]) -> NDArray[Any]:
+    if image.ndim == 3 and image.shape[2] in (2, 4):
+        image = image[..., :3] if image.shape[2] == 4 else image[..., 0]
+    grey = without_colour(image) if image.ndim == 3 and image.shape[2] == 3 else None
+    return image if grey is None else grey
+
+
+def _same(pair: tuple[int, int], read: Callable[[int], NDArray[Any]]) -> bool:
+    try:
+        return np.array_equal(read(pair[0]).copy(), read(pair[1]))
+    except EndoctError:
+        return False

@@ -1,0 +1,262 @@
+"""Frames of a TIFF or BigTIFF, read one at a time, and of any file in which they lie uncompressed."""
+
+import io
+import logging
+import math
+import re
+import struct
+from array import array
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import check_array_size, open_regular, read_start
+from endoct.modalities.reading.arrays_on_disk import ReadBlocks
+from endoct.modalities.reading.images import check_jpeg
+from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
+from endoct.modalities.reading.remarks import Remarks
+from endoct.modalities.reading.repeated_frames import without_colour
+from endoct.modalities.reading.tiff_directory import (
+    COMPRESSIONS,
+    FOREIGN,
+    JPEG,
+    MOST_PAGES,
+    MOST_TABLE_BYTES,
+    PALETTE,
+    WHITE_IS_ZERO,
+    Layout,
+    Page,
+    damaged,
+    page_at,
+    pages,
+    size_of,
+    taken,
+    truncated,
+)
+
+TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
+MOST_DESCRIPTION = 100_000
+COPIES = 2
+"""What decoding a page holds at most, in its own size: the page and a copy in another byte order."""
+DECODING_TAGS = (256, 257, 258, 259, 262, 266, 277, 278, 284, 317, 322, 323, 338, 339, 530)
+
+# What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+
+
+def is_tiff(path: Path) -> bool:
+    """Say whether the file starts as a TIFF or BigTIFF does."""
+    return read_start(path, 4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+
+
+def read_tiff(path: Path) -> "tuple[int, _ReadTiff]":
+    """Return the number of frames of a TIFF, and what reads one. Raises :class:`EndoctError` where it is no stack.
+
+    A frame is a page; only what ImageJ and tifffile write as one page before all samples of a stack is more.
+    """
+    with refusing(f"{path} is no readable TIFF", remedy="copy or export it again"), open_regular(path) as file:
+        places = array("q")
+        for page in pages(path, file):
+            places.append(page.place)
+            if len(places) == 1:
+                first, layout = page, page.layout(file)
+                palette = _palette(page, file, layout) if layout.photometric == PALETTE else None
+            elif (other := page.layout(file)) != layout:
+                raise EndoctError(
+                    f"{path} mixes pages",
+                    found=f"{_shown(other)} after {_shown(layout)}",
+                    expected="pages of one kind",
+                    remedy="remove the others, or export the recording again",
+                )
+        stacked = _frames_told(first, file, layout)
+        if len(places) == 1 and stacked > 1:
+            return stacked, _ReadTiff(_stack_in_one_page(first, file, layout, stacked), layout, palette)
+        for end in (first, page):  # a copy that was cut off lacks the last
+            end.segments(file, layout)
+        return len(places), _ReadTiff(_ReadTiffPages(path, places, layout), layout, palette)
+
+
+class _ReadTiff:
+    """Reads one frame as it is to be seen: samples turned over where 0 is white, colours for their numbers, upright."""
+
+    def __init__(self, read: Callable[[int], NDArray[Any]], layout: Layout, palette: NDArray[Any] | None) -> None:
+        self._read, self.layout, self.palette = read, layout, palette
+
+    @property
+    def remarks(self) -> Remarks:
+        """What was done to all frames."""
+        note = "The TIFF says that 0 is white (WhiteIsZero); its samples were turned over, so that 0 is black."
+        turned_over = self.layout.photometric == WHITE_IS_ZERO
+        return Remarks(notes=(note,) if turned_over else ()) + on_orientation(self.layout.orientation)
+
+    def stored(self, index: int) -> NDArray[Any]:
+        """Return one frame, upright, black as 0; numbers of colours where there is a palette."""
+        frame = self._read(index)
+        if frame.dtype == np.bool_:
+            frame = frame.astype(np.uint8) * np.uint8(1 if self.palette is not None else 255)
+        if self.layout.photometric == WHITE_IS_ZERO:
+            whole = frame.dtype.type(255 if self.layout.bits == 1 else (1 << self.layout.bits) - 1)
+            grey = whole - frame
+            if frame.ndim == 3:  # the others are transparency
+                grey[..., 1:] = frame[..., 1:]
+            frame = grey
+        return upright(frame, self.layout.orientation)
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        """Return one frame."""
+        frame = self.stored(index)
+        return frame if self.palette is None else self.palette[frame.astype(np.intp, copy=False)]
+
+
+class _ReadTiffPages:
+    """Reads one TIFF page a frame."""
+
+    def __init__(self, path: Path, places: "array[int]", layout: Layout) -> None:
+        self.path, self.places, self.layout = path, places, layout
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        layout = self.layout
+        said = f"page {index} of {self.path} cannot be read"
+        with refusing(said, remedy="copy or export it again"), open_regular(self.path) as file:
+            page = page_at(self.path, file, self.places[index])
+            if page.layout(file) != layout:
+                raise EndoctError(said, found="another kind of page than when it was opened")
+            offset = page.plain_offset(file, layout)
+            if offset is not None:
+                return ReadBlocks(self.path, offset, layout.dtype.newbyteorder(page.order), layout.shape)(0)
+            check_array_size((COPIES, *layout.shape), layout.dtype.itemsize, f"a page of {self.path}")
+            with tifffile.TiffFile(io.BytesIO(_alone(page, file, layout))) as tiff:
+                frame = np.asarray(tiff.pages[0].asarray())
+        if frame.shape != layout.shape:
+            raise EndoctError(said, found=f"{frame.shape}", expected=f"{layout.shape}")
+        return frame
+
+
+def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
+    """Return a page as a BigTIFF of its own: what its decoding takes, and its compressed samples.
+
+    So the library that decodes sees nothing else of the file, and nothing that was not checked.
+    """
+    compression = page.number(file, 259, 1)
+    if compression not in COMPRESSIONS:
+        raise EndoctError(
+            f"{page.path} is compressed in a way that is not read",
+            found=f"compression {compression}",
+            expected=", ".join(dict.fromkeys(COMPRESSIONS.values())),
+            remedy="export it again without compression",
+        )
+    offsets, counts = page.segments(file, layout)
+    check_array_size((sum(counts),), 1, f"a page of {page.path}")
+    segments = [taken(page.path, file, *segment) for segment in zip(offsets, counts, strict=True)]
+    tables = b""
+    if compression == JPEG:
+        if 347 in page.tags:
+            _, count, place = page.tags[347]
+            tables = taken(page.path, file, place, min(count, MOST_TABLE_BYTES))
+        high, wide = page.segment_shape(file, layout)
+        for segment in segments:
+            check_jpeg(segment, (high, wide), f"a page of {page.path}")
+
+    tags = {tag: page.numbers(file, tag, most=64) for tag in DECODING_TAGS if tag in page.tags}
+    places = (324, 325) if 322 in page.tags else (273, 279)
+    n_tags = len(tags) + 2 + bool(tables)
+    behind = 16 + 8 + 20 * n_tags + 8
+    values = {tag: struct.pack(f"{page.order}{len(of)}Q", *of) for tag, of in tags.items()}
+    sizes = struct.pack(f"{page.order}{len(counts)}Q", *counts)
+    starts = behind + sum(map(len, values.values())) + 2 * len(sizes) + len(tables)
+    begins = np.cumsum([starts, *counts])[:-1].tolist()
+    values |= {places[0]: struct.pack(f"{page.order}{len(begins)}Q", *begins), places[1]: sizes}
+    if tables:
+        values[347] = tables
+    head = struct.pack(page.order + "2sHHHQ", b"II" if page.order == "<" else b"MM", 43, 8, 0, 16)
+    entries = [struct.pack(page.order + "Q", n_tags)]
+    data: list[bytes] = []
+    for tag in sorted(values):
+        value = values[tag]
+        kind, count = (7, len(value)) if tag == 347 else (16, len(value) // 8)
+        inline = (
+            value.ljust(8, b"\0") if len(value) <= 8 else struct.pack(page.order + "Q", behind + sum(map(len, data)))
+        )
+        entries.append(struct.pack(page.order + "HHQ", tag, kind, count) + inline)
+        data.append(value)
+    return b"".join([head, *entries, bytes(8), *data, *segments])
+
+
+def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
+    """Return how many frames the description of the first page declares, 1 where it declares none.
+
+    Raises :class:`EndoctError` where it declares several axes of frames, such as colours and slices: they would be
+    taken for each other.
+    """
+    if foreign := [name for tag, name in FOREIGN.items() if tag in page.tags]:
+        raise EndoctError(f"{page.path} is a {foreign[0]} file", remedy="export it as a plain TIFF, one page a frame")
+    text = page.text(file, 270, MOST_DESCRIPTION)
+    samples = layout.shape[2] if len(layout.shape) > 2 else 1
+    axes: list[int] = []
+    images = 1
+    if text.startswith("ImageJ="):
+        declared = {key: int(value) for key, value in re.findall(r"^(\w+)=(\d{1,9})\s*$", text, re.MULTILINE)}
+        channels = declared.get("channels", 1)
+        axes = [1 if channels == samples else channels, declared.get("slices", 1), declared.get("frames", 1)]
+        images = declared.get("images", 1)
+    elif shaped := re.match(r'\{"shape": \[([\d, ]{1,200})\]', text):
+        shape = tuple(int(size) for size in shaped[1].split(",") if size.strip().isdecimal())
+        axes = list(shape[: len(shape) - len(layout.shape)])
+        if '"truncated": true' not in text:
+            images = 0  # every frame has its page
+    elif "<OME" in text:
+        declared = {
+            key: int(value) for key, value in re.findall(r'\bSize([CZT])="(\d{1,9})"', text[text.find("<Pixels") :])
+        }
+        axes = [
+            1 if declared.get("C", 1) == samples else declared.get("C", 1),
+            declared.get("Z", 1),
+            declared.get("T", 1),
+        ]
+        images = 0
+    several = [size for size in axes if size > 1]
+    if len(several) > 1:
+        raise EndoctError(
+            f"{page.path} has the wrong dimensions",
+            found=f"{' × '.join(map(str, several))} pages of {_shown(layout)}",
+            expected="a stack of images, one page a frame",
+        )
+    return max([images, *several]) if images else 1
+
+
+def _palette(page: Page, file: BinaryIO, layout: Layout) -> NDArray[Any]:
+    """Return the colours that samples number: (n,) grey, or (n, 3); u8, or u16 where they need more bits."""
+    n = 1 << layout.bits
+    colours = np.array(page.numbers(file, 320, most=3 << 16), np.uint16)
+    if colours.size != 3 * n:
+        damaged(page.path, f"{colours.size} values in a palette of {n} colours")
+    colours = colours.reshape(3, n).T
+    if colours.max() < 256:  # some writers count colours from 0 to 255
+        colours = colours.astype(np.uint8)
+    elif (colours % 257 == 0).all() or (colours % 256 == 0).all():
+        colours = (colours >> 8).astype(np.uint8)
+    grey = without_colour(colours[None])
+    return colours if grey is None else grey[0]
+
+
+def _stack_in_one_page(page: Page, file: BinaryIO, layout: Layout, n_frames: int) -> ReadBlocks:
+    offset = page.plain_offset(file, layout)
+    if offset is None or n_frames > 16 * MOST_PAGES:
+        damaged(
+            page.path, f"{n_frames} frames in one page that is compressed" if offset is None else f"{n_frames} frames"
+        )
+    needed = offset + n_frames * math.prod(layout.shape) * layout.dtype.itemsize
+    if (size := size_of(file)) < needed:
+        truncated(page.path, size, needed)
+    return ReadBlocks(page.path, offset, layout.dtype.newbyteorder(page.order), layout.shape)
+
+
+def _shown(layout: Layout) -> str:
+    how = f"{layout.dtype} {' × '.join(map(str, layout.shape))}"
+    how += {WHITE_IS_ZERO: ", 0 is white", PALETTE: ", colours by number"}.get(layout.photometric, "")
+    return how + (f", orientation {layout.orientation}" if layout.orientation != UPRIGHT else "")

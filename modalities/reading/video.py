@@ -1,0 +1,151 @@
+"""Frames of a video file by their index: Matroska, WebM, MP4, AVI or QuickTime, decoded exactly, one at a time."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.errors import EndoctError
+from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
+from endoct.modalities.reading.remarks import Remarks
+from endoct.modalities.reading.video_container import cause_of_video, is_shortage, opened_video, pictures_of
+from endoct.modalities.reading.video_index import index_of
+
+if TYPE_CHECKING:
+    import av
+
+_ORIENTATIONS = {
+    (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
+    (0, -1, 1, 0): 8,
+}  # fmt: skip
+"""By the signs of x' = a·x + c·y, y' = b·x + d·y, as (a, b, c, d); y runs down."""
+
+
+class ReadVideo:
+    """Reads one frame of a video; picklable, and safe to share among threads; a process forked after its first
+    frame must not use it, but unpickle its own.
+
+    Calling it with an index, counted in the order shown, gives (row, column) or (row, column, RGB), u8, or u16 where
+    the video has more than 8 bits. ``n_frames`` are counted by going once through the file's packets, without
+    decoding them. Frames are found by their time stamps from the key frame before them, so that a frame is the same
+    however it was come by. Raises :class:`EndoctError` for a file without pictures, a truncated or a damaged one.
+    Frames are upright, as the file has them displayed. ``times_s``: the time stamp of every frame, float64
+    (n_frames,), ascending.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        found = index_of(path)
+        self._times, self._keys, self._kept = found.times, found.keys, found.kept
+        self.times_s = found.times_s
+        self._remarks = found.remarks
+        self._orientation = UPRIGHT
+        self.n_frames = len(self._times)
+        self._close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        names = ("path", "_times", "_keys", "_kept", "n_frames", "times_s", "_remarks", "_orientation")
+        return {name: getattr(self, name) for name in names}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._close()
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        """Return one frame."""
+        with self._lock:
+            try:
+                frame = self._frame(index)
+                self._orientation = _orientation(frame)
+                return upright(_samples(frame), self._orientation)
+            except EndoctError:
+                self._forget()
+                raise
+            except Exception as error:  # a decoder may say anything of damaged bytes
+                if is_shortage(error):
+                    self._forget()
+                    raise
+                raise self._unreadable(index, cause_of_video(error)) from error
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of the file, and of the orientation of the frames once one was read."""
+        return self._remarks + on_orientation(self._orientation)
+
+    def _close(self) -> None:
+        self._lock = threading.Lock()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._recent: OrderedDict[int, av.VideoFrame] = OrderedDict()
+        self._ahead: Iterator[av.VideoFrame] | None = None
+        self._next = 0
+
+    def _frame(self, index: int) -> "av.VideoFrame":
+        if index in self._recent:
+            return self._recent[index]
+        key = max(int(np.searchsorted(self._keys, index, "right")) - 1, 0)
+        first = int(self._keys[key]) if self._keys.size and self._keys[0] <= index else 0  # the key frame may be hidden
+        if self._ahead is None or not first <= self._next <= index:
+            self._ahead, self._next = _decoded(self.path, int(self._times[first]) if first else None), first
+        found = self._walk(index)
+        if found is None and first:  # the file's own index led past it
+            self._ahead, self._next = _decoded(self.path, None), 0
+            found = self._walk(index)
+        if found is None:
+            raise self._unreadable(index, "no picture where its index has one")
+        return found
+
+    def _walk(self, index: int) -> "av.VideoFrame | None":
+        """Decode up to frame ``index``; None where it is not met."""
+        for frame in self._ahead or ():
+            stamp = frame.pts if frame.pts is not None else frame.dts
+            at = int(np.searchsorted(self._times, stamp)) if stamp is not None else self.n_frames
+            if at == self.n_frames or self._times[at] != stamp or at < self._next:
+                continue
+            if frame.is_corrupt:
+                raise self._unreadable(at, "it is damaged")
+            self._next = at + 1
+            self._recent[at] = frame
+            if len(self._recent) > self._kept:
+                self._recent.popitem(last=False)
+            if at >= index:
+                break
+        else:
+            self._ahead = None
+        return self._recent.get(index)
+
+    def _unreadable(self, index: int, found: str) -> EndoctError:
+        self._forget()
+        return EndoctError(
+            f"frame {index} of {self.path} cannot be decoded", found=found, remedy="copy or export the video again"
+        )
+
+
+def _decoded(path: Path, start: int | None) -> "Iterator[av.VideoFrame]":
+    """Yield the frames from the key frame at time stamp ``start`` (None: from the beginning) in the order shown."""
+    with opened_video(path) as container:
+        stream = pictures_of(container)
+        if start is not None:
+            container.seek(start, stream=stream)
+        yield from container.decode(stream)
+
+
+def _orientation(frame: "av.VideoFrame") -> int:
+    """Return how a frame is stored, as images count it, by the matrix that a file has it displayed with."""
+    for data in cast(Any, frame.side_data):
+        if data.type.name == "DISPLAYMATRIX":
+            a, b, _, c, d = np.sign(np.frombuffer(bytes(data), "<i4", 5)).tolist()
+            return _ORIENTATIONS.get((a, b, c, d), UPRIGHT)
+    return UPRIGHT
+
+
+def _samples(frame: "av.VideoFrame") -> NDArray[Any]:
+    grey = frame.format.name.startswith(("gray", "mono"))
+    deep = max(component.bits for component in frame.format.components) > 8
+    layout = ("gray16le" if deep else "gray") if grey else ("rgb48le" if deep else "rgb24")
+    return np.asarray(frame.to_ndarray(format=layout))

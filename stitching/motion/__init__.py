@@ -1,0 +1,1 @@
+"""Feed and roll between strips: textures, matching, and the chain of all pairs."""

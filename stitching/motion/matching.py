@@ -1,0 +1,175 @@
+"""Where one strip lies on another: by correlation of all places, then to a fraction of a sample."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import fft
+
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.compute.kept import Kept
+from endoct.base.compute.parallel import thread_map
+from endoct.base.numeric.circle import wrap_rad
+from endoct.stitching.motion.textures import Texture
+from endoct.stitching.motion.warp import Motion, refine_motion
+
+LEAST_OVERLAP = 0.15
+LEAST_CORRELATION = 0.3
+LEAST_RATIO = 1.3
+PEAK_MM = 0.3
+LATEST = 8
+"""Strips and spectra that are held, so that each is read, and transformed, once for all the pairs it is in."""
+
+Windows = list[tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """What the overlap of each strip with the one ``step`` later says; arrays (n_pairs,) float64.
+
+    ``feed_mm`` and ``roll_rad``: place of the later strip minus place of the earlier, each (n_pairs, 3): mean, and
+    the parts that go with cos θ and sin θ of the earlier strip; ``correlation`` at the best place; ``ratio`` to the
+    best place elsewhere ("I do not know" is a ratio near 1); ``trusted``. ``stretch``: by how much of itself the feed
+    is larger in the last row than in the middle one.
+    """
+
+    step: int
+    feed_mm: Coordinates
+    roll_rad: Coordinates
+    correlation: Coordinates
+    ratio: Coordinates
+    trusted: Mask
+    stretch: Coordinates
+
+
+@dataclass(frozen=True)
+class _Place:
+    """The best place of one strip on another, in rows and columns, NaN where there is no overlap to search."""
+
+    rows: float
+    columns: float
+    correlation: float
+    ratio: float
+
+    @property
+    def trusted(self) -> bool:
+        return self.correlation >= LEAST_CORRELATION and self.ratio >= LEAST_RATIO
+
+
+NOWHERE = _Place(np.nan, 0.0, 0.0, 0.0)
+
+
+class Matcher:
+    """Correlates strips by their spectra, pair by pair: of all of them only the energies of their rows are held."""
+
+    def __init__(self, textures: Kept[Texture], dz_mm: float, radius_mm: float) -> None:
+        self.textures, self.n = textures, len(textures)
+        self.energy = np.array([np.sum(np.square(image, dtype=np.float64), axis=1) for image, _ in textures])
+        self.n_rows, self.n_theta = textures[0][0].shape
+        self.dz_mm = dz_mm
+        self.length = fft.next_fast_len(2 * self.n_rows, real=False)
+        self._spectrum, self._texture = lru_cache(LATEST)(self._transformed), lru_cache(LATEST)(textures.__getitem__)
+        self.reach_rows = max(2, round(PEAK_MM / dz_mm))
+        self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
+
+    def search(self, choices: Mapping[int, list[Windows | None]]) -> list[list[list[_Place]]]:
+        """Return the best place of every strip on one some steps earlier, within windows of which there are choices.
+
+        ``choices`` has them by steps, and so has the result lists of places by choice.
+        """
+
+        def places(later: int) -> list[list[_Place]]:
+            self._spectrum(later)  # first, as another thread is at work on those before it
+            return [
+                self._places(later - step, later, [None if some is None else some[later - step] for some in windows])
+                for step, windows in choices.items()
+                if later >= step
+            ]
+
+        found: list[list[list[_Place]]] = [[] for _ in choices]
+        for of_strip in thread_map(places, range(self.n)):
+            for of_step, of_pair in zip(found, of_strip, strict=False):
+                of_step.append(of_pair)
+        return [[list(of_choice) for of_choice in zip(*of_pairs, strict=True)] for of_pairs in found]
+
+    def refine(self, step: int, places: list[_Place]) -> Pairs:
+        """Return the places to a fraction of a sample, with their harmonics."""
+
+        def motion_of(k: int) -> Motion:
+            start = Motion.even(places[k].rows, places[k].columns)
+            if not places[k].trusted:
+                return start
+            (a, seen_a), (b, seen_b) = self._texture(k), self._texture(k + step)
+            return refine_motion(a, b, seen_a, seen_b, start)
+
+        motions = list(thread_map(motion_of, range(len(places))))
+        return Pairs(
+            step,
+            feed_mm=np.array([motion.rows for motion in motions]).reshape(-1, 3) * self.dz_mm,
+            roll_rad=np.array([motion.columns for motion in motions]).reshape(-1, 3) * 2 * np.pi / self.n_theta,
+            correlation=np.array([place.correlation for place in places]),
+            ratio=np.array([place.ratio for place in places]),
+            trusted=np.array([place.trusted for place in places], np.bool_),
+            stretch=np.array([m.stretch / m.rows[0] if abs(m.rows[0]) >= 1 else 0.0 for m in motions]),
+        )
+
+    def _places(self, a: int, b: int, windows: list[tuple[float, float] | None]) -> list[_Place]:
+        shifts = np.arange(-(self.n_rows - 1), self.n_rows)
+        overlap = (self.n_rows - np.abs(shifts)) / self.n_rows
+        allowed = [overlap >= LEAST_OVERLAP for _ in windows]
+        for within, window in zip(allowed, windows, strict=True):
+            if window is not None:
+                within &= (shifts * self.dz_mm >= window[0]) & (shifts * self.dz_mm <= window[1])
+        if not np.any(allowed):
+            return [NOWHERE] * len(windows)
+        wanted = np.flatnonzero(np.any(allowed, axis=0))
+        # as a function: an operator writes into a factor that nobody else holds, and rounds otherwise for the left one
+        product = np.multiply(self._spectrum(a), np.conj(self._spectrum(b)))
+        by_row = fft.ifft(product, axis=0, overwrite_x=True)
+        planes = fft.irfft(by_row[shifts[wanted]], n=self.n_theta, axis=1, overwrite_x=True)
+        return [
+            self._place(planes[within[wanted]], shifts[within], overlap[within], a, b) if within.any() else NOWHERE
+            for within in allowed
+        ]
+
+    def _place(self, plane: np.ndarray, shifts: np.ndarray, overlap: Coordinates, a: int, b: int) -> _Place:
+        """Return the best place by the correlations of ``a`` and ``b``, (n_shifts, n_theta), before normalisation."""
+        plane = plane / np.sqrt(np.maximum(self._energies(a, b, shifts), 1e-12))[:, None]
+        # a correlation over little overlap is high by chance more often
+        score = plane * np.sqrt(overlap)[:, None]
+        row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+        elsewhere = score.copy()
+        near = slice(max(0, int(row) - self.reach_rows), int(row) + self.reach_rows + 1)
+        around = np.arange(column - self.reach_columns, column + self.reach_columns + 1) % self.n_theta
+        elsewhere[near, around] = -np.inf
+        second = max(float(elsewhere.max()), 0.02)
+        return _Place(
+            rows=float(shifts[0]) + _vertex(score[:, column], int(row), cyclic=False),
+            columns=float(wrap_rad(2 * np.pi / self.n_theta * _vertex(score[row], int(column), cyclic=True)))
+            * self.n_theta
+            / (2 * np.pi),
+            correlation=float(plane[row, column]),
+            ratio=float(score[row, column]) / second,
+        )
+
+    def _transformed(self, k: int) -> np.ndarray:
+        return np.asarray(fft.rfft2(self.textures[k][0], s=(self.length, self.n_theta)))
+
+    def _energies(self, a: int, b: int, shifts: np.ndarray) -> Coordinates:
+        """Energy of both strips' rows that overlap at each shift (row of a minus row of b), multiplied."""
+        sums_a, sums_b = (np.concatenate([[0.0], np.cumsum(self.energy[k])]) for k in (a, b))
+        first = np.maximum(shifts, 0)
+        last = np.minimum(self.n_rows + shifts, self.n_rows)
+        product: Coordinates = (sums_a[last] - sums_a[first]) * (sums_b[last - shifts] - sums_b[first - shifts])
+        return product
+
+
+def _vertex(values: np.ndarray, at: int, *, cyclic: bool) -> float:
+    """Return the place of the parabola's top through the sample ``at`` and its neighbours."""
+    n = len(values)
+    if not cyclic and not 0 < at < n - 1:
+        return float(at)
+    before, here, after = float(values[at - 1]), float(values[at]), float(values[(at + 1) % n])
+    bend = before - 2 * here + after
+    return at + (0.5 * (before - after) / bend if bend < 0 else 0.0)

@@ -1,0 +1,57 @@
+"""Medians and quantiles are those of NumPy."""
+
+import numpy as np
+import pytest
+
+from endoct.base.numeric.ranks import median, medians, quantile, quantile_pair, quantiles, ranked
+
+SAMPLES = np.random.default_rng(1).normal(size=(37, 20)).astype(np.float32)
+
+
+def test_median() -> None:
+    for samples in (SAMPLES, SAMPLES[:36], SAMPLES[0, :1]):
+        assert median(samples) == pytest.approx(float(np.median(samples)), rel=1e-6)
+    assert np.isnan(median(np.array([1.0, np.nan, 2.0])))
+    assert np.isnan(median(np.empty(0)))
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8", "u2"])
+@pytest.mark.parametrize("n", [1, 2, 3, 600, 20_001])
+def test_single_ones_are_those_of_what_is_sorted(n: int, dtype: str) -> None:
+    samples = (np.random.default_rng(n).random(n) * 1000).astype(dtype)
+    ordered = np.sort(samples)
+    assert median(samples) == float((ordered[(n - 1) // 2] + ordered[n // 2]) / 2)
+    assert quantile_pair(samples, 0.0, 1.0) == (ordered[0], ordered[-1])
+    assert quantile_pair(samples, 0.1, 0.7) == pytest.approx(tuple(np.quantile(samples, (0.1, 0.7))), rel=1e-6)
+
+
+def test_nan_is_the_largest() -> None:
+    holed = np.array([3.0, np.nan, 1.0, 2.0, np.nan])
+    assert quantile_pair(holed, 0.0, 0.25) == (1.0, 2.0)
+    assert np.isnan(quantile_pair(holed, 0.0, 1.0)[1])
+
+
+def test_medians_leave_out_what_is_not_finite() -> None:
+    holed = SAMPLES.copy()
+    holed[::3, 4], holed[:, 7] = np.nan, np.nan
+    found = medians(holed)
+    assert np.isnan(found[7])
+    known = np.arange(20) != 7
+    np.testing.assert_allclose(found[known], np.nanmedian(holed[:, known], axis=0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.93, 1.0])
+def test_quantiles(share: float) -> None:
+    np.testing.assert_allclose(quantiles(SAMPLES, share), np.quantile(SAMPLES, share, axis=0), rtol=1e-5)
+    assert quantile(SAMPLES, share) == pytest.approx(float(np.quantile(SAMPLES, share)), rel=1e-6)
+    assert quantile(SAMPLES[0, :1], share) == SAMPLES[0, 0]
+    both = quantile_pair(SAMPLES, share, 0.5)
+    np.testing.assert_allclose(both, np.quantile(SAMPLES, (share, 0.5)), rtol=1e-6)
+
+
+def test_ranked_takes_what_counts() -> None:
+    counted = SAMPLES > 0
+    least = ranked(SAMPLES, counted, np.zeros(20, np.intp))
+    np.testing.assert_array_equal(least, np.where(counted, SAMPLES, np.inf).min(axis=0))
+    too_far = ranked(SAMPLES, counted, np.full(20, 36))
+    assert np.isinf(too_far).all()
