@@ -127,8 +127,8 @@ class FrameStream(Protocol):
     """A recording, opened. Sized, indexable from 0, picklable; reads one frame's samples when indexed.
 
     It may have ``remarks`` on its files: their order, and what was left out
-    (:class:`~endoct.modalities.reading.remarks.Remarks`). They are asked for once all frames are read, and become notes and
-    doubts of the panorama.
+    (:class:`~endoct.modalities.reading.remarks.Remarks`). They are asked for once all frames are read, and become notes
+    and doubts of the panorama.
     """
 
     @property
