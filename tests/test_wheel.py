@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("modalities", "stitching", "fusion", "synthetic", "workbench")
+FOLDERS = ("base", "modalities", "stitching", "fusion", "synthetic", "workbench")
 LEFT_OUT = {"__pycache__", "frontend"}  # what the page's program is made from; the wheel has the bundle
 
 
