@@ -24,7 +24,7 @@ from pathlib import Path
 from benchmarks.mutated_modules import NAMED, TESTS
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("fusion", "modalities", "stitching", "synthetic", "workbench")
+PACKAGES = ("base", "fusion", "modalities", "stitching", "synthetic", "workbench")
 LONGEST_S = 180.0
 
 COMPARED: Mapping[type[ast.cmpop], type[ast.cmpop]] = {
