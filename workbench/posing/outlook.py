@@ -55,7 +55,7 @@ def pose_outlook(
 
     >>> from endoct.workbench import pose_outlook
     >>> pose_outlook("patient/truth/ct.nii.gz", plan="patient/plan.mrk.json").outlook.level
-    'well'
+    'poorly'
     """
     check_device(device)
     if not RADII_MM[0] <= radius_mm <= RADII_MM[1]:

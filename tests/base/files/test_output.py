@@ -290,7 +290,7 @@ CALLS = ("mkdir", "rmdir", "rename", "replace", "link", "unlink", "fsync", "open
 CHILD = """
 import os, sys
 from pathlib import Path
-from endoct.stitching import exchange
+from endoct.base.files import scratch as exchange
 from endoct.base.files.output import new_output
 
 at, how, plain, out = int(sys.argv[1]), sys.argv[2], sys.argv[3] == "plain", Path(sys.argv[4])
