@@ -15,7 +15,7 @@ from endoct.modalities.contract import Frame
 from endoct.modalities.oct import survey
 from endoct.modalities.oct.face.faces import Faces, locate_faces
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface import levels as pool
+from endoct.modalities.oct.surface import levels
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 
@@ -66,7 +66,7 @@ def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
 def test_memory_hardly_grows_with_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slice more costs less than a few thousand bytes; its 96 A-scans alone are 130 kB."""
     monkeypatch.setattr(kept, "MOST_IN_MEMORY", 1)
-    monkeypatch.setattr(pool, "POOLED_SLICES", 4)  # beyond so many, the A-scans judged together do not grow
+    monkeypatch.setattr(levels, "POOLED_SLICES", 4)  # beyond so many, the A-scans judged together do not grow
     kept_and_peak(4, monkeypatch)  # what libraries cache at the first call is no slice's
     few, many = (kept_and_peak(n, monkeypatch) for n in (12, 36))
     held, most = ((more - less) / 24 for less, more in zip(few, many, strict=True))
