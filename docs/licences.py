@@ -40,14 +40,14 @@ STATIC = {
 }
 HEAD = """# Licences
 
-What is installed with endoct, all extras but `dev` and `docs` included, and under which licences. Made by
+What is installed with endoct, with all extras but `dev` and `docs`, and under which licences. Made by
 `python docs/licences.py` from the metadata of the versions in `constraints.txt`, on Linux (x86-64).
 
 endoct itself is under BSD-3-Clause and ships none of these. Its page contains OpenSeadragon (BSD-3-Clause) and three.js
 (MIT); `workbench/page/bundle/notices.txt` has their texts.
 
-**Who passes an installed environment on**, as a container or an installer: the wheel of `av` holds x264 and x265, which
-are under the GPL, so that the whole that includes it is too. endoct loads `av` only to read and write videos.
+**If you pass an installed environment on**, as a container or an installer: the wheel of `av` holds x264 and x265,
+which are under the GPL, so the whole that includes it is too. endoct loads `av` only to read and write videos.
 
 """
 

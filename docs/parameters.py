@@ -12,18 +12,19 @@ HEAD = """<!-- Made by python docs/parameters.py from endoct.synthetic.sample.pa
 
 # What the simulator draws
 
-Every simulated specimen draws these parameters anew from its seed. "Drawn from" is uniform between two numbers; a
-preset may draw from another range (last column). Names with a dot, as `oct.wall_db`, can be varied:
-`endoct dataset --vary oct.wall_db=6..14 --vary oct.scan=step|helical …`, within "may be". The others follow from those
-and are recorded in `truth/sample.json`.
+Every specimen draws these parameters from its seed, uniformly within "drawn from", or within the range of its preset.
+Any of them can be drawn from another range within "may be":
 
-Where a number comes from stands in brackets:
+    endoct dataset --vary oct.wall_db=6..14 --vary 'oct.scan=step|helical' …
+
+What follows from them is listed below each table. `truth/sample.json` has all of it.
+
+Where a number comes from stands in brackets; where nothing stands, it was chosen for plausibility.
 
 - "required": every preset must be at least this hard, so that nobody chooses an easy test for himself
 - "typical": the usual value of such an instrument
 - "rig": the measured OCT rig
 - "paper": Laves et al. 2019
-- "chosen": no source but plausibility
 """
 PARTS: dict[str, type[BaseModel]] = {
     "bore": parameters.Bore,
@@ -33,6 +34,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "oct": parameters.Oct,
     "endoscope": parameters.Endoscope,
 }
+TABLE = "| parameter | drawn from | may be | what |\n|---|---|---|---|"
 LISTED = (parameters.Cell, parameters.Volume, parameters.SheathLine, parameters.Shadow, parameters.LostAscans,
           parameters.Speck, parameters.Droplet, parameters.Debris)  # fmt: skip
 
@@ -41,33 +43,40 @@ def table() -> str:
     """Return the whole page."""
     blocks = [HEAD]
     for part, model in PARTS.items():
-        blocks.append(f"## {part}\n\n{_summary(model)}\n")
-        blocks.append("| parameter | drawn from | may be | what | presets |\n|---|---|---|---|---|")
-        for name, field in model.model_fields.items():
-            path, drawn, may_be = f"{part}.{name}", "", ""
-            if name in default_ranges(model):
-                drawn, may_be = (_range(pair) for pair in (default_ranges(model)[name], allowed_range(model, name)))
-            elif name in choices(model):
-                may_be = " or ".join(choices(model)[name])
-            else:
-                path = name
-            others = [f"{p} {_range(preset.ranges[path])}" for p, preset in PRESETS.items() if path in preset.ranges]
-            blocks.append(f"| `{path}` | {drawn} | {may_be} | {field.description or ''} | {', '.join(others)} |")
-        blocks.append("")
+        drawn = [name for name in model.model_fields if name in default_ranges(model) or name in choices(model)]
+        blocks.append(f"## {part}\n\n{_summary(model)}\n\n{TABLE}")
+        blocks += [_row(part, model, name) for name in drawn]
+        blocks.append(_others(model, [name for name in model.model_fields if name not in drawn]))
     for model in LISTED:
-        blocks.append(f"## {model.__name__}\n\n{_summary(model)}\n")
-        blocks.append("| parameter | may be | what |\n|---|---|---|")
-        schema = model.model_json_schema()["properties"]
-        for name, field in model.model_fields.items():
-            limits = schema[name]
-            may_be = _range((limits["minimum"], limits["maximum"])) if "maximum" in limits else ""
-            blocks.append(f"| `{name}` | {may_be} | {field.description} |")
-        blocks.append("")
+        blocks.append(f"## {model.__name__}\n\n{_summary(model)}\n{_others(model, list(model.model_fields))}")
     return "\n".join(blocks)
 
 
+def _row(part: str, model: type[BaseModel], name: str) -> str:
+    path, what = f"{part}.{name}", _what(model, name)
+    by_range: dict[str, list[str]] = {}
+    for preset, of in PRESETS.items():
+        if path in of.ranges:
+            by_range.setdefault(_range(of.ranges[path]), []).append(f"`{preset}`")
+    what += "".join(f"; {', '.join(presets)}: {range_}" for range_, presets in by_range.items())
+    if name in choices(model):
+        return f"| `{path}` | | {' or '.join(choices(model)[name])} | {what} |"
+    return f"| `{path}` | {_range(default_ranges(model)[name])} | {_range(allowed_range(model, name))} | {what} |"
+
+
+def _others(model: type[BaseModel], names: list[str]) -> str:
+    """Return parameters that cannot be varied, as a list."""
+    lines = [f"- `{name}`: {_what(model, name)}".removesuffix(": ") for name in names]
+    return "\n".join(["", *lines, ""]) if names else ""
+
+
+def _what(model: type[BaseModel], name: str) -> str:
+    """Return what a parameter is. That it was chosen need not be said: so are all without a source."""
+    return (model.model_fields[name].description or "").replace(" (chosen)", "")
+
+
 def _range(pair: tuple[float, float]) -> str:
-    return f"{pair[0]:g}" if pair[0] == pair[1] else f"{pair[0]:g} … {pair[1]:g}"
+    return f"{pair[0]:g}" if pair[0] == pair[1] else f"{pair[0]:g}..{pair[1]:g}"
 
 
 def _summary(model: type[BaseModel]) -> str:
