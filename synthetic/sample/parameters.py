@@ -52,28 +52,28 @@ __all__ = [
 class Speck(Parameters):
     """A dark spot fixed to the endoscope."""
 
-    x_px: Pixel = Field(description="columns from the annulus' centre, pixels")
-    y_px: Pixel = Field(description="rows from the annulus' centre, pixels")
-    sigma_px: float = drawn(1.5, 5, "pixels (chosen)", (0.5, 50))
-    loss: float = drawn(0.2, 0.8, "of the light, relative (chosen)", (0, 1))
+    x_px: Pixel = Field(description="columns from the annulus' centre")
+    y_px: Pixel = Field(description="rows from the annulus' centre")
+    sigma_px: float = drawn(1.5, 5, "σ of the spot (chosen)", (0.5, 50))
+    loss: float = drawn(0.2, 0.8, "share of the light lost (chosen)", (0, 1))
 
 
 class Droplet(Parameters):
     """A drop of fluid on the mirror: it bends the view, as a weak lens does, and shines."""
 
-    x_px: Pixel = Field(description="columns from the annulus' centre, pixels")
-    y_px: Pixel = Field(description="rows from the annulus' centre, pixels")
-    radius_px: float = drawn(4, 14, "pixels (chosen)", (1, 100))
-    bend_px: float = drawn(1, 5, "largest displacement of the image behind it, pixels (chosen)", (0, 50))
+    x_px: Pixel = Field(description="columns from the annulus' centre")
+    y_px: Pixel = Field(description="rows from the annulus' centre")
+    radius_px: float = drawn(4, 14, "its radius (chosen)", (1, 100))
+    bend_px: float = drawn(1, 5, "largest displacement of the image behind it (chosen)", (0, 50))
     shine: float = drawn(0.1, 0.5, "light of its highlight, 1 is saturation (chosen)", (0, 3))
 
 
 class Debris(Parameters):
     """A crumb of bone on the wall in the endoscope's recording; washed away before the OCT's."""
 
-    z_mm: Place = Field(description="centre, mm from the mouth")
-    theta_rad: float = drawn(0, 6.2832, "centre, rad")
-    size_mm: float = drawn(0.03, 0.12, "radius, mm (chosen)", (0.005, 1))
+    z_mm: Place = Field(description="centre, from the mouth")
+    theta_rad: float = drawn(0, 6.2832, "centre")
+    size_mm: float = drawn(0.03, 0.12, "radius (chosen)", (0.005, 1))
     gain: float = drawn(0.6, 1.5, "albedo over that of bone (chosen)", (0, 3))
 
 
@@ -81,19 +81,19 @@ class Endoscope(Parameters):
     """The pinhole camera with the cone before it, its light, and how they moved."""
 
     # optics
-    width_px: int = Field(gt=0, le=4096, description="of the image, pixels")
-    height_px: int = Field(gt=0, le=4096, description="of the image, pixels")
+    width_px: int = Field(gt=0, le=4096, description="width of the image")
+    height_px: int = Field(gt=0, le=4096, description="height of the image")
     colour: bool = Field(description="RGB, or grey")
-    half_angle_deg: float = drawn(42, 48, "of the cone, degrees (typical: 45)", (30, 60))
+    half_angle_deg: float = drawn(42, 48, "half angle of the cone (typical: 45)", (30, 60))
     mirror_distance_mm: float = drawn(
-        1.0, 2.0, "pinhole to the cone's apex, mm; so that the mirror fits the bore (chosen)", (0.5, 50)
+        1.0, 2.0, "pinhole to the cone's apex; so that the mirror fits the bore (chosen)", (0.5, 50)
     )
-    focal_px: float = Field(gt=0, le=1e6, description="such that the annulus spans visible_length_mm, pixels")
+    focal_px: float = Field(gt=0, le=1e6, description="focal length, such that the annulus spans visible_length_mm")
     distortion: float = drawn(
         -0.02, 0.02, "shift of the outer rim, relative, r_d = r(1 + k1·(r/f)²) (chosen)", (-0.2, 0.2)
     )
     visible_length_mm: float = drawn(
-        0.75, 0.90, "of the nominal bore in the annulus, mm; so that the mirror fits (typical: 1.0)", (0.2, 5)
+        0.75, 0.90, "length of the nominal bore in the annulus; so that the mirror fits (typical: 1.0)", (0.2, 5)
     )
     outer_share: float = drawn(0.42, 0.46, "outer radius of the annulus over the image's height (chosen)", (0.2, 0.5))
     inner_share: float = drawn(
@@ -102,19 +102,17 @@ class Endoscope(Parameters):
         "inner radius over the outer; less where only a smaller mirror passes the bore (chosen)",
         (0.08, 0.7),
     )
-    inner_px: float = Field(gt=0, le=1e4, description="inner radius of the annulus, pixels")
-    outer_px: float = Field(gt=0, le=1e4, description="outer radius of the annulus, pixels")
-    inner_shift_px: tuple[Pixel, Pixel] = Field(description="centre of the inner boundary off the annulus', pixels")
-    defocus_px: float = drawn(0.6, 1.2, "σ of the blur where the focus is, pixels (chosen)", (0, 10))
-    defocus_slope_px: float = drawn(
-        0.0, 0.6, "added to σ at the rim that is farther from focus, pixels (chosen)", (0, 10)
-    )
+    inner_px: float = Field(gt=0, le=1e4, description="inner radius of the annulus")
+    outer_px: float = Field(gt=0, le=1e4, description="outer radius of the annulus")
+    inner_shift_px: tuple[Pixel, Pixel] = Field(description="centre of the inner boundary off the annulus'")
+    defocus_px: float = drawn(0.6, 1.2, "σ of the blur where the focus is (chosen)", (0, 10))
+    defocus_slope_px: float = drawn(0.0, 0.6, "added to σ at the rim that is farther from focus (chosen)", (0, 10))
     focus_at_outer: bool = Field(description="whether the outer rim of the annulus is in focus, or the inner")
     # light; what is added counts from bone in the middle of the annulus
     fibre_ring_mm: float = drawn(
         0.10,
         0.25,
-        "radius of the ring of fibres about the lens, mm; an endoscope of 1 mm has room for it (chosen)",
+        "radius of the ring of fibres about the lens; an endoscope of 1 mm has room for it (chosen)",
         (0, 0.3),
     )
     bone_albedo: float = drawn(
@@ -128,52 +126,50 @@ class Endoscope(Parameters):
     )
     exposure: float = drawn(1.0, 1.0, "gain of the camera over the one that a person would set (chosen)", (0.02, 5))
     bright_side: float = drawn(0.15, 0.4, "first harmonic of the light around the probe, relative (required)", (0, 0.9))
-    bright_side_rad: float = drawn(0, 6.2832, "where it is brightest, image angle, rad")
+    bright_side_rad: float = drawn(0, 6.2832, "image angle where it is brightest")
     vignetting: float = drawn(
         0.2, 0.5, "loss from the middle of the image to the outer rim, as the radius squared (required)", (0, 1)
     )
     gloss: float = drawn(0.0, 0.25, "specular light of the wet wall, against the diffuse (chosen)", (0, 3))
-    gloss_rad: float = drawn(0.10, 0.25, "width of the specular lobe, rad (chosen)", (0.01, 1))
-    ring_px: float = Field(gt=0, le=1e4, description="radius of the probe's specular ring, pixels")
-    ring_gain: float = drawn(0.1, 0.35, "of that ring, added (chosen)", (0, 3))
+    gloss_rad: float = drawn(0.10, 0.25, "width of the specular lobe (chosen)", (0.01, 1))
+    ring_px: float = Field(gt=0, le=1e4, description="radius of the probe's specular ring")
+    ring_gain: float = drawn(0.1, 0.35, "brightness of that ring, added (chosen)", (0, 3))
     dirt: tuple[Speck, ...] = Field(max_length=MOST_LISTED, description="8–25 specks on the optics")
     droplets: tuple[Droplet, ...] = Field(max_length=MOST_LISTED, description="0–3 on the mirror")
     debris: tuple[Debris, ...] = Field(max_length=MOST_LISTED, description="on the wall, one for each 1 mm of bore")
-    fluid_loss: float = drawn(0.35, 0.35, "of the matt light under fluid, relative (chosen)", (0, 1))
+    fluid_loss: float = drawn(0.35, 0.35, "share of the matt light lost under fluid (chosen)", (0, 1))
     fluid_gloss: float = drawn(0.6, 0.6, "gloss that a fluid's surface adds (chosen)", (0, 3))
     full_well: float = drawn(4000, 12000, "electrons at saturation, for shot noise (chosen)", (100, 100000))
     read_noise: float = drawn(8, 25, "electrons rms (chosen)", (0, 500))
-    gamma: float = drawn(1.8, 1.8, "of the display, its inverse on the light; sRGB is about 2.2 (chosen)", (1, 3))
-    jpeg_quality: float = drawn(80, 98, "of the compression the frames have been through, of 100 (chosen)", (5, 100))
+    gamma: float = drawn(1.8, 1.8, "gamma of the display, its inverse on the light; sRGB is about 2.2 (chosen)", (1, 3))
+    jpeg_quality: float = drawn(80, 98, "quality of the frames' compression, of 100 (chosen)", (5, 100))
     storage: Literal["png", "video"] = Field(description="a folder of PNG, or one video")
     # motion
-    travel: Travel = Field(description="of the endoscope during the recording")
+    travel: Travel = Field(description="direction of the endoscope")
     feed_jitter: float = drawn(0.10, 0.10, "rms of the feed between frames, relative (required)", (0, 0.4))
     dropped: float = drawn(0.0, 0.03, "share of frames that were lost, each leaves a double step (chosen)", (0, 0.5))
-    roll_wander_rad: float = drawn(
-        0.017, 0.14, "largest slow change of roll over the scan, 1–8°, rad (chosen)", (0, 3.2)
-    )
-    roll_jitter_rad: float = drawn(0.0122, 0.0122, "rms of the roll from frame to frame, 0.7°, rad (chosen)", (0, 0.5))
-    centre_wander_px: float = drawn(1, 5, "of the annulus over the scan, pixels (chosen)", (0, 50))
-    centre_jitter_px: float = drawn(0.3, 0.3, "rms of the annulus' centre from frame to frame, pixels (chosen)", (0, 5))
-    probe_offset_mm: float = drawn(
-        0.0, 0.035, "of the cone's apex off the bore's axis, mean of the scan, mm (chosen)", (0, 0.2)
-    )
+    roll_wander_rad: float = drawn(0.017, 0.14, "largest slow change of roll over the scan, 1–8° (chosen)", (0, 3.2))
+    roll_jitter_rad: float = drawn(0.0122, 0.0122, "rms of the roll from frame to frame, 0.7° (chosen)", (0, 0.5))
+    centre_wander_px: float = drawn(1, 5, "slow movement of the annulus over the scan (chosen)", (0, 50))
+    centre_jitter_px: float = drawn(0.3, 0.3, "rms of the annulus' centre from frame to frame (chosen)", (0, 5))
+    probe_offset_mm: float = drawn(0.0, 0.035, "cone's apex off the bore's axis, mean of the scan (chosen)", (0, 0.2))
     probe_drift_mm: float = drawn(
-        0.02, 0.02, "largest departure from that along x and along y over the scan, mm (chosen)", (0, 0.1)
+        0.02, 0.02, "largest departure from that along x and along y over the scan (chosen)", (0, 0.1)
     )
     z_mm: tuple[Place, ...] = Field(
-        max_length=MOST_LISTED, description="of the visible band's centre in every frame, mm from the mouth"
+        max_length=MOST_LISTED, description="centre of the visible band in every frame, from the mouth"
     )
-    roll_rad: tuple[Angle, ...] = Field(max_length=MOST_LISTED, description="every frame, θ_wall = θ_image + roll, rad")
+    roll_rad: tuple[Angle, ...] = Field(
+        max_length=MOST_LISTED, description="roll of every frame, θ_wall = θ_image + roll"
+    )
     centre_px: tuple[tuple[Pixel, Pixel], ...] = Field(
-        max_length=MOST_LISTED, description="of the annulus in every frame, column and row"
+        max_length=MOST_LISTED, description="centre of the annulus in every frame, column and row"
     )
     offset_mm: tuple[tuple[Shift, Shift], ...] = Field(
-        max_length=MOST_LISTED, description="of the cone's apex off the bore's axis, x and y, mm"
+        max_length=MOST_LISTED, description="cone's apex off the bore's axis in every frame, x and y"
     )
-    probe_tilt_rad: float = drawn(0, 0.006, "of the probe's axis against the bore's, to 0.35° (chosen)", (0, 0.1))
-    probe_tilt_direction_rad: float = drawn(0, 6.2832, "towards which the probe leans going inward, θ, rad")
+    probe_tilt_rad: float = drawn(0, 0.006, "angle of the probe's axis to the bore's, to 0.35° (chosen)", (0, 0.1))
+    probe_tilt_direction_rad: float = drawn(0, 6.2832, "θ towards which the probe leans going inward")
     # what the sidecar says
     states_optics: bool = Field(description="whether the sidecar gives the cone, the focal length and the distortion")
     states_annulus: bool = Field(description="whether the sidecar gives the annulus of the first frame")
