@@ -13,7 +13,8 @@ from endoct.modalities.acquisition import SIDECAR_NAME, abridged, overridden, re
 from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, import_cause
 from endoct.modalities.device import Device
 from endoct.modalities.reading.folders import exists
-from endoct.modalities.reading.recording import refusal_of
+from endoct.modalities.reading.recording import refusal_of, stated_by
+from endoct.modalities.stated import stated_keys
 
 GROUP = "endoct.modalities"
 SUREST_FIRST: tuple[Certainty, ...] = get_args(Certainty)
@@ -45,7 +46,9 @@ def manifests() -> Mapping[str, Manifest]:
 
 
 def manifest_for(path: Path, modality: str | None = None) -> Manifest:
-    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else the surest that claims it.
+    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else the one its files state.
+
+    Where nothing says it, it is the plug-in that claims ``path`` with the greatest certainty.
 
     Raises :class:`EndoctError` where there is none, or two claim it and are equally sure.
     """
@@ -54,6 +57,8 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
     name = modality or read_keys(path).get("modality")
     if name is not None and not isinstance(name, str):
         raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=abridged(name), expected="a text")
+    if name is None and stated_by(path).keys.get("modality") in manifests():
+        name = stated_by(path).keys["modality"]
     if name is not None:
         if name not in manifests():
             raise EndoctError(f"unknown modality '{name[:80]}'", expected=f"one of {', '.join(manifests())}")
@@ -103,9 +108,10 @@ def open_recording(
     """
     manifest = manifest_for(path, modality)
     overrides = dict(overrides or {})
-    keys = overridden(read_keys(path) | {"modality": manifest.name}, overrides)
+    stated = stated_keys(path, manifest.acquisition).keys
+    keys = overridden({**stated, **read_keys(path), "modality": manifest.name}, overrides)
     sidecar = sidecar_path(path)
-    if not exists(sidecar) and not overrides:
+    if not exists(sidecar) and not overrides and not stated:
         raise EndoctError(
             f"{path} has no {SIDECAR_NAME}",
             expected=f"it at {sidecar}",

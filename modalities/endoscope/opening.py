@@ -13,6 +13,7 @@ from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.reading.numbering import positions_along
 from endoct.modalities.reading.recording import ImageStack, open_stack
 from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.stated import on_stated
 
 LEAST_SIDE_PX = 32
 
@@ -46,6 +47,7 @@ def open_frames(path: Path, acquisition: Acquisition) -> EndoscopeRecording:
     if not isinstance(acquisition, EndoscopeAcquisition):
         raise EndoctError("the sidecar is not an endoscope's", found=type(acquisition).__name__)
     stack = open_stack(path)
+    stack = stack.with_remarks(on_stated(path, acquisition))
     shape = stack.frame_shape
     if len(shape) not in (2, 3) or (len(shape) == 3 and shape[2] not in (3, 4)) or min(shape[:2]) < LEAST_SIDE_PX:
         raise EndoctError(

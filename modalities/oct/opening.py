@@ -13,6 +13,7 @@ from endoct.modalities.oct.spectra.recognising import seems_spectra
 from endoct.modalities.reading.numbering import positions_along
 from endoct.modalities.reading.recording import ImageStack, open_stack
 from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.stated import on_stated
 
 LEAST_DEPTH = LEAST_SAMPLES // 2
 FARTHEST_WALL = 10.0  # from the capillary, in depths of a B-scan; beyond that, nothing could be seen of the bore
@@ -49,6 +50,7 @@ class Pullback:
 
     def __init__(self, path: Path, acquisition: OctAcquisition, device: str | None = None) -> None:
         self._stack: ImageStack = open_pages(path, acquisition.spectra, device)
+        self._on_stated = on_stated(path, acquisition)
         if acquisition.spectra is not None:
             acquisition = acquisition.model_copy(update={"intensity": "log", "db_per_count": 1 / COUNTS_PER_DB})
         self._on_places = NONE
@@ -95,7 +97,7 @@ class Pullback:
     @property
     def remarks(self) -> Remarks:
         """What is to be said of the files, and of the B-scans read so far."""
-        return self._stack.remarks + self._on_places
+        return self._on_stated + self._stack.remarks + self._on_places
 
     @property
     def n_ascans(self) -> int:

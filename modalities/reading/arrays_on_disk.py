@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular
 from endoct.base.files.npy import read_header
+from endoct.modalities.reading.format import Files, Format, Frames
 
 
 class ReadBlocks:
@@ -60,3 +61,10 @@ def read_npy(path: Path) -> tuple[int, ReadBlocks]:
     if size < needed:
         raise EndoctError(f"{path} is truncated", found=f"{size} bytes", expected=f"{needed}", remedy="copy it again")
     return frames[0], ReadBlocks(path, offset, dtype, frames[1:])
+
+
+def _open_npy(files: Files) -> Frames:
+    return Frames(*read_npy(files[0]))
+
+
+NPY = Format(".npy", lambda path: path.suffix.lower() == ".npy", _open_npy)

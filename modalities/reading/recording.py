@@ -1,6 +1,6 @@
-"""Stacks of equal frames, read one at a time: TIFF and BigTIFF, ``.npy``, a video, or a folder of images."""
+"""Stacks of equal frames, read one at a time: a file of one of the formats, or a folder of them or of images."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular
-from endoct.modalities.reading.arrays_on_disk import read_npy
+from endoct.modalities.reading.arrays_on_disk import NPY
 from endoct.modalities.reading.folders import entries, exists, is_folder
+from endoct.modalities.reading.format import Files, Format, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.frame_names import read_names
 from endoct.modalities.reading.images import read_image
@@ -19,12 +20,11 @@ from endoct.modalities.reading.orientation import UPRIGHT, on_orientation
 from endoct.modalities.reading.other_formats import kind_not_read
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
 from endoct.modalities.reading.repeated_frames import fingerprint, on_repeated, same_picture, without_colour
-from endoct.modalities.reading.tiff import TIFF_SUFFIXES, is_tiff, read_tiff
-from endoct.modalities.reading.video import ReadVideo
-from endoct.modalities.reading.video_container import VIDEO_SUFFIXES, is_video
+from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES, is_tiff, read_tiff
+from endoct.modalities.reading.video import VIDEO
 
-STAMP_JITTER = 0.1
-"""Of the usual step: what time stamps of a video jitter; where they do more, frames were taken at uneven times."""
+FORMATS: tuple[Format, ...] = (NPY, TIFF, VIDEO)
+"""In the order in which they are asked; what none of them claims is an image, or of no readable kind."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
 
@@ -126,28 +126,57 @@ class ImageStack:
 
 
 def open_stack(path: Path) -> ImageStack:
-    """Open a TIFF, a ``.npy`` (mapped), a video or a folder that holds one of these or numbered images.
+    """Open a file of one of the formats, or a folder that holds such files, or numbered images.
 
     Only the first frame is read. Raises :class:`EndoctError` where there is nothing to read.
     """
-    if is_folder(path):
-        return _open_folder(path)
     if not exists(path):
         raise EndoctError(f"{path} does not exist", remedy="check the path")
-    with open_regular(path) as file:
-        if not file.read(1):
-            raise EndoctError(f"{path} is empty", found="0 bytes", remedy="copy or export the recording again")
-    if path.suffix.lower() == ".npy":
-        return ImageStack(path, *read_npy(path))
-    if is_tiff(path):
-        return ImageStack(path, *read_tiff(path))
-    if is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES:
-        read = ReadVideo(path)
-        along = Along(read.times_s, "s", "the time stamps of the video", within=STAMP_JITTER)
-        return ImageStack(path, read.n_frames, read, along=along)
+    if not is_folder(path):
+        with open_regular(path) as file:
+            if not file.read(1):
+                raise EndoctError(f"{path} is empty", found="0 bytes", remedy="copy or export the recording again")
+    if (located := _located(path)) is not None:
+        form, files = located
+        if files[0] != path and len(files) == 1:
+            return open_stack(files[0])
+        opened = form.open(files)
+        return ImageStack(path, opened.n_frames, opened.read, along=opened.along, remarks=opened.remarks)
+    if is_folder(path):
+        return _open_folder(path)
     if (kind := kind_not_read(path)) is not None:
         raise kind.refusal(path)
     return ImageStack(path, 1, _ReadImages((path,)))
+
+
+def stated_by(path: Path) -> Stated:
+    """Return which keys of a sidecar the files of the recording at ``path`` state; none where nothing is read there.
+
+    Raises :class:`EndoctError` where what they state cannot be read.
+    """
+    if not exists(path) or (located := _located(path)) is None:
+        return Stated()
+    form, files = located
+    return form.states(files)
+
+
+def _located(path: Path) -> tuple[Format, Files] | None:
+    """Return the format of the recording at ``path``, with its files; None for images, and for what is not clear."""
+    if (form := _format_of(path)) is not None:
+        return form, (path,)
+    if not is_folder(path) or _images(path):
+        return None
+    whole = whole_recordings(path)
+    forms = {_format_of(file) for file in whole}
+    if len(forms) != 1 or (form := forms.pop()) is None or (len(whole) > 1 and not form.joins):
+        return None
+    return form, tuple(whole)
+
+
+def _format_of(path: Path, formats: Sequence[Format] = FORMATS) -> Format | None:
+    """Return the format that claims a file or a folder, None where none does."""
+    folder = is_folder(path)
+    return next((form for form in formats if form.is_folder == folder and form.claims(path)), None)
 
 
 def some_frames(stack: ImageStack) -> list[NDArray[Any]]:
@@ -236,19 +265,16 @@ def _alike(one: Path, other: Path) -> bool:
 
 
 def whole_recordings(folder: Path) -> list[Path]:
-    """Return the files in ``folder`` of which each holds a recording by itself: ``.npy``, videos, TIFF named otherwise.
+    """Return what in ``folder`` is of one of the formats: each may hold a recording by itself.
 
-    Of files with another suffix the first bytes say what they are.
+    A TIFF that is named as one is an image among others.
     """
     others = (file for file in entries(folder) if file.suffix.lower() not in IMAGE_SUFFIXES)
-    kinds = (".npy", *VIDEO_SUFFIXES)
-    return sorted(file for file in others if file.suffix.lower() in kinds or is_video(file) or is_tiff(file))
+    return sorted(file for file in others if _format_of(file) is not None)
 
 
 def _open_folder(folder: Path) -> ImageStack:
     whole, images = whole_recordings(folder), _images(folder)
-    if len(whole) == 1 and not images:
-        return open_stack(whole[0])
     if images and all(file.suffix.lower() == ".npy" for file in whole):
         chosen = choose_frames(folder, images, _alike)
         if len(chosen.files) == 1:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
 from endoct.modalities.reading.arrays_on_disk import ReadBlocks
+from endoct.modalities.reading.format import Files, Format, Frames
 from endoct.modalities.reading.images import check_jpeg
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.reading.remarks import Remarks
@@ -260,3 +261,10 @@ def _shown(layout: Layout) -> str:
     how = f"{layout.dtype} {' × '.join(map(str, layout.shape))}"
     how += {WHITE_IS_ZERO: ", 0 is white", PALETTE: ", colours by number"}.get(layout.photometric, "")
     return how + (f", orientation {layout.orientation}" if layout.orientation != UPRIGHT else "")
+
+
+def _open_tiff(files: Files) -> Frames:
+    return Frames(*read_tiff(files[0]))
+
+
+TIFF = Format("TIFF", is_tiff, _open_tiff)

@@ -10,14 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
+from endoct.modalities.reading.format import Files, Format, Frames
+from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.reading.remarks import Remarks
-from endoct.modalities.reading.video_container import cause_of_video, is_shortage, opened_video, pictures_of
+from endoct.modalities.reading.video_container import (
+    VIDEO_SUFFIXES,
+    cause_of_video,
+    is_shortage,
+    is_video,
+    opened_video,
+    pictures_of,
+)
 from endoct.modalities.reading.video_index import index_of
 
 if TYPE_CHECKING:
     import av
 
+STAMP_JITTER = 0.1
+"""Of the usual step: what time stamps of a video jitter; where they do more, frames were taken at uneven times."""
 _ORIENTATIONS = {
     (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
     (0, -1, 1, 0): 8,
@@ -149,3 +160,16 @@ def _samples(frame: "av.VideoFrame") -> NDArray[Any]:
     deep = max(component.bits for component in frame.format.components) > 8
     layout = ("gray16le" if deep else "gray") if grey else ("rgb48le" if deep else "rgb24")
     return np.asarray(frame.to_ndarray(format=layout))
+
+
+def _open_video(files: Files) -> Frames:
+    read = ReadVideo(files[0])
+    along = Along(read.times_s, "s", "the time stamps of the video", within=STAMP_JITTER)
+    return Frames(read.n_frames, read, along)
+
+
+def _claims_video(path: Path) -> bool:
+    return is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES
+
+
+VIDEO = Format("video", _claims_video, _open_video)

@@ -22,6 +22,7 @@ from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
 from endoct.modalities.registry import manifest_for, manifests, open_recording, sniffed
+from endoct.modalities.stated import stated_keys
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.pipeline.sidecar_template import missing_keys
 from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
@@ -51,7 +52,11 @@ class Recognised:
 def recognise(path: Path, modality: str | None = None) -> Recognised:
     """Return which plug-in reads ``path``, and why. Raises :class:`EndoctError` where there is none or two do."""
     manifest = manifest_for(path, modality)
-    stated = modality is not None or "modality" in read_keys(path)
+    stated = (
+        modality is not None
+        or "modality" in read_keys(path)
+        or "modality" in stated_keys(path, manifest.acquisition).keys
+    )
     return Recognised(manifest, sniffed(path, manifest), stated)
 
 
@@ -128,7 +133,8 @@ def texts_of(value: object) -> list[str]:
 def _recording(path: Path, modality: str | None) -> dict[str, object]:
     recognised = recognise(path, modality)
     manifest, sidecar = recognised.manifest, sidecar_path(path)
-    keys = read_keys(path) | {"modality": manifest.name}
+    stated = stated_keys(path, manifest.acquisition)
+    keys = {**stated.keys, **read_keys(path), "modality": manifest.name}
     missing = missing_keys(manifest.acquisition, keys)
     stream: FrameStream | None = None
     if all(key in keys for key, field in manifest.acquisition.model_fields.items() if field.is_required()):
@@ -137,6 +143,8 @@ def _recording(path: Path, modality: str | None) -> dict[str, object]:
     facts: dict[str, object] = {"kind": "recording", "modality": manifest.name, "title": manifest.title}
     facts |= _size(manifest, recognised.sniff.preview, stream)
     facts |= {"certainty": recognised.certainty, "seen": recognised.sniff.reason}
+    if stated.keys:
+        facts["stated"] = {"by": stated.by, **stated.keys}
     if stream is not None:
         facts["sidecar"] = stream.acquisition.model_dump(mode="json", exclude_none=True)
     if missing:

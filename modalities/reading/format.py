@@ -1,0 +1,63 @@
+"""What a format of recordings is: which files it claims, how their frames are read, what they state by themselves.
+
+Each format is a module of this room that ends in one :class:`Format`. It says at its top what the format is, where that
+is specified, and its traps. :data:`endoct.modalities.reading.recording.FORMATS` lists them in the order in which they
+are asked.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from endoct.modalities.reading.numbering import Along
+from endoct.modalities.reading.remarks import NONE, Remarks
+
+Files = tuple[Path, ...]
+"""What one recording lies in: one file or folder, or the files of a folder that are one recording together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Opened files: how many frames they hold, and ``read``, which returns one of them by its index.
+
+    A frame is (row, column) or (row, column, channel); of an OCT it is (depth, A-scan). ``read`` is picklable, and safe
+    to share among threads. ``along``: what the files say of the frames' places; ``remarks``: notes and doubts on them.
+    """
+
+    n_frames: int
+    read: Callable[[int], NDArray[Any]]
+    along: Along | None = None
+    remarks: Remarks = NONE
+
+
+@dataclass(frozen=True)
+class Stated:
+    """Keys of a sidecar that the files of a recording state themselves, ``modality`` among them where they say it.
+
+    ``by``: where they do, in words, as "the header of scan.oct". A sidecar's own keys replace them; values that differ
+    are doubted.
+    """
+
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    by: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Format:
+    """A format of recordings.
+
+    Attributes: ``name``, as a message names it; ``claims`` says by its content, cheaply, whether a file is of it (a
+    folder, where ``is_folder``), and never raises; ``open`` and ``states`` take the files of one recording and raise
+    :class:`~endoct.base.errors.EndoctError` where these cannot be read. ``joins``: several such files in a folder are
+    one recording.
+    """
+
+    name: str
+    claims: Callable[[Path], bool]
+    open: Callable[[Files], Frames]
+    states: Callable[[Files], Stated] = lambda _: Stated()
+    is_folder: bool = False
+    joins: bool = False
