@@ -94,7 +94,7 @@ def kind_of(path: Path) -> Kind:
                 file,
                 stop_when=lambda tag, _vr, _length: tag > _LAST_OF_KIND,
                 force=True,
-                specific_tags=["SOPClassUID", "Modality"],  # type: ignore[list-item]  # keywords will do
+                specific_tags=[0x0008_0016, _LAST_OF_KIND],  # type: ignore[list-item]  # numbers will do
             )
             return Kind(str(start.get("SOPClassUID") or ""), str(start.get("Modality") or ""))
     except (EndoctError, OSError):

@@ -38,6 +38,11 @@ class Places:
     lengths: Sequence[int]
     first: Sequence[int] = ()
 
+    @property
+    def n_frames(self) -> int:
+        """How many frames there are; -1 of a stream."""
+        return len(self.first) - 1
+
     def of(self, index: int) -> list[Fragment]:
         """Return the fragments of a frame."""
         begin, end = self.first[index], self.first[index + 1]
@@ -49,18 +54,19 @@ class Places:
         return list(zip(self.starts, self.lengths, strict=True))
 
 
-def samples_at(file: BufferedReader, path: Path, syntax: str) -> tuple[int, int]:
+def samples_at(file: BufferedReader, path: Path, encoding: tuple[bool | None, bool | None]) -> tuple[int, int]:
     """Return where the samples begin, whose element the file is at, and how many bytes they have, or ``UNDEFINED``.
 
-    Raises :class:`EndoctError` where the file ends before them.
+    ``encoding``: whether kinds of values are implicit, and whether numbers are little endian. Raises
+    :class:`EndoctError` where the file ends before them.
     """
-    order = "big" if syntax == BIG_ENDIAN else "little"
+    implicit, order = encoding[0], "little" if encoding[1] else "big"
     head = file.read(8)
-    group, element = int.from_bytes(head[:2], order), int.from_bytes(head[2:4], order)  # type: ignore[arg-type]
-    if len(head) < 8 or (group << 16 | element) != SAMPLES:
+    tag = int.from_bytes(head[:2], order) << 16 | int.from_bytes(head[2:4], order)  # type: ignore[arg-type]
+    if len(head) < 8 or tag != SAMPLES:
         raise EndoctError(f"{path} holds no samples", found="a file that ends before them, or no image", remedy=COPY)
-    long = syntax not in IMPLICIT and head[4:6] in LONG
-    length = file.read(4) if long else head[4:8] if syntax in IMPLICIT else head[6:8]
+    long = not implicit and head[4:6] in LONG
+    length = file.read(4) if long else head[4:8] if implicit else head[6:8]
     return file.tell(), int.from_bytes(length, order)  # type: ignore[arg-type]
 
 

@@ -83,6 +83,9 @@ class ReadSamples:
         after = colours_after(self.syntax, self.stated.photometric)
         return "YBR_FULL" if after == HALF_WIDTH else after
 
+    def __len__(self) -> int:
+        return self.places.n_frames
+
     def __call__(self, index: int) -> NDArray[Any]:
         """Return one frame. Raises :class:`EndoctError` where it is damaged, or not there."""
         said = f"frame {index} of {self.path} cannot be read"
@@ -142,7 +145,7 @@ def open_image(path: Path, keywords: tuple[str, ...] = ()) -> DicomImage:
     with opened(path) as file:
         header = read_elements(file, path, (*LAYOUT, *keywords))
         syntax = syntax_of(header)
-        start, length = samples_at(file, path, syntax)
+        start, length = samples_at(file, path, header.original_encoding)
         n_frames = int(header.get("NumberOfFrames") or 1)
         if not 0 < n_frames <= MOST_FRAMES:
             raise EndoctError(f"{path} holds no frames", found=f"{n_frames} by its header")

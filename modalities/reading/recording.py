@@ -15,6 +15,7 @@ from endoct.modalities.reading.format import Files, Format, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.frame_names import read_names
 from endoct.modalities.reading.images import read_image
+from endoct.modalities.reading.ivoct import IVOCT
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation
 from endoct.modalities.reading.other_formats import kind_not_read
@@ -23,7 +24,7 @@ from endoct.modalities.reading.repeated_frames import fingerprint, on_repeated, 
 from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES, is_tiff, read_tiff
 from endoct.modalities.reading.video import VIDEO
 
-FORMATS: tuple[Format, ...] = (NPY, TIFF, VIDEO)
+FORMATS: tuple[Format, ...] = (NPY, TIFF, VIDEO, IVOCT)
 """In the order in which they are asked; what none of them claims is an image, or of no readable kind."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
