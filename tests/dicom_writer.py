@@ -93,9 +93,7 @@ def ivoct(
     made.SharedFunctionalGroupsSequence = Items([shared])
     groups = []
     for said in per_frame or [{}] * len(bscans):
-        content = item(
-            IntravascularLongitudinalDistance=said.get("distance"), SeamLineLocation=said.get("place")
-        )
+        content = item(IntravascularLongitudinalDistance=said.get("distance"), SeamLineLocation=said.get("place"))
         of_oct = item(
             OCTZOffsetCorrection=said.get("offset", 0),
             SeamLineIndex=said.get("seam", 0),

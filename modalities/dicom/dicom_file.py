@@ -34,8 +34,10 @@ DEFLATED = "1.2.840.10008.1.2.1.99"
 _STORAGE = "1.2.840.10008.5.1.4.1.1"
 OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING = f"{_STORAGE}.14.1", f"{_STORAGE}.14.2"
 ULTRASOUND = frozenset(f"{_STORAGE}.{end}" for end in ("3", "3.1", "6", "6.1"))
-PICTURES = frozenset(f"{_STORAGE}.{end}" for end in ("7.2", "7.3", "7.4", "77.1.1", "77.1.1.1"))
-"""Of an endoscope, as images or as a video, and secondary captures of many frames."""
+ENDOSCOPIC = frozenset(f"{_STORAGE}.{end}" for end in ("77.1.1", "77.1.1.1"))
+"""Images, and a video."""
+PICTURES = ENDOSCOPIC | frozenset(f"{_STORAGE}.{end}" for end in ("7.2", "7.3", "7.4"))
+"""Of an endoscope, and secondary captures of many frames."""
 IN_VESSELS = ("IVOCT", "IVUS", "OCT")
 """Modalities of catheters that turn in vessels; ophthalmic OCT is "OPT"."""
 _LAST_OF_KIND = 0x0008_0060
