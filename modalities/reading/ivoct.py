@@ -22,8 +22,8 @@ What the header states becomes keys of the sidecar. The traps:
 - Pixel intensity relationship (0028,1040) is LIN, or LOG with a table that makes it linear. A table that is no
   exponential shows that samples are not logarithmic: they are made linear by it then.
 
-Images *for presentation*, and ultrasound, are drawn as round cross-sections:
-:mod:`~endoct.modalities.reading.scan_converted`.
+Images *for presentation* are round cross-sections (:mod:`~endoct.modalities.reading.scan_converted`). So are those of
+ultrasound and captures of a console's screen, whose centre no header says: they are refused.
 """
 
 import math
@@ -36,12 +36,13 @@ from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.modalities.dicom.dicom_file import OCT_FOR_PROCESSING, kind_of
+from endoct.modalities.dicom.dicom_file import OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING, kind_of
 from endoct.modalities.dicom.samples import GREY, ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, as_number, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.ivoct_header import ALIKE, CONTENT, KEYWORDS, intensity_of, scale_of, travelled
 from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.scan_converted import ReadPolar, disc_of
 
 OCT_CONTENT = "IntravascularOCTFrameContentSequence"
 LEAST_TURN = 2
@@ -114,16 +115,26 @@ def _one_kind(files: Files) -> Files:
 
 def _pullback(recording: DicomRecording) -> tuple[Frames, dict[str, Any]]:
     """Return the frames of a recording and the keys it states."""
-    image = recording.images[0]
-    if kind_of(image.path).sop_class != OCT_FOR_PROCESSING:
+    image, sop_class = recording.images[0], recording.text("SOPClassUID")
+    disc = disc_of(recording) if sop_class == OCT_FOR_PRESENTATION else None
+    if disc is None and sop_class != OCT_FOR_PROCESSING:
         raise _not_polar(image.path)
     reads = [image.read for image in recording.images if image.read is not None]
-    if len(reads) < len(recording.images) or any(read.stated.photometric not in GREY for read in reads):
+    if len(reads) < len(recording.images) or (
+        disc is None and any(read.stated.photometric not in GREY for read in reads)
+    ):
         raise EndoctError(f"{image.path} holds no B-scans", found="a video, or colours", expected="grey frames")
-    travel, scale, (linear, intensity) = travelled(recording), scale_of(recording), intensity_of(recording)
-    turns, on_turns = _turns(recording)
+    travel = travelled(recording)
     frames = tuple((read, index) for read in reads for index in range(len(read)))
     kept = slice(travel.kept.start, travel.kept.stop)
+    if disc is not None:
+        remarks = recording.remarks + travel.said.remarks + Remarks(notes=(_MADE_POLAR,))
+        polar = ReadPolar(frames[kept], disc)
+        return Frames(len(polar.frames), polar, travel.along, remarks), {
+            "modality": "oct"
+        } | travel.said.keys | disc.keys
+    scale, (linear, intensity) = scale_of(recording), intensity_of(recording)
+    turns, on_turns = _turns(recording)
     n_ascans = max(turn.n_ascans for turn in turns[kept])
     keys = {"modality": "oct"} | travel.said.keys | scale.keys | intensity.keys | _angles(recording)
     if recording.text("OCTZOffsetApplied") in ("YES", "NO"):
@@ -134,12 +145,19 @@ def _pullback(recording: DicomRecording) -> tuple[Frames, dict[str, Any]]:
     return Frames(len(read.frames), read, travel.along, remarks), keys
 
 
+_MADE_POLAR = (
+    "Round cross-sections for presentation were made polar: whether samples are logarithmic is not known, and export "
+    "for processing loses nothing."
+)
+
+
 def _not_polar(path: Path) -> EndoctError:
+    kind = kind_of(path)
     return EndoctError(
-        f"{path} holds round cross-sections, which its header does not allow to be made polar",
-        found=kind_of(path).name,
+        f"{path} holds round cross-sections, whose centre its header does not say",
+        found=f"{kind.name}, modality {kind.modality[:16]}",
         expected="IVOCT for processing",
-        remedy="export the series for processing (polar)",
+        remedy="export the series for processing (polar), or make the frames polar before",
     )
 
 
