@@ -1,7 +1,7 @@
 """DICOM of catheters and endoscopes as consoles write it, by pydicom alone: no line of endoct is used here.
 
-After PS3.3 A.66 (IVOCT), A.32.5 (video endoscopic) and A.8 (secondary capture). Only the elements that a reader may look
-at are there, and some that it should not mind.
+After PS3.3 A.66 (IVOCT), A.32.5 (video endoscopic) and A.8 (secondary capture). Only the elements that a reader may
+look at are there, and some that it should not mind.
 """
 
 from collections.abc import Mapping, Sequence
@@ -86,7 +86,7 @@ def ivoct(
             setattr(made, keyword, value)
     shared = item(PixelMeasuresSequence=Items([item(PixelSpacing=[0.01, 0.01])]))
     if to_linear is not None:
-        table = item(LUTDescriptor=[len(to_linear), 0, 16], LUTFunction="TO_LINEAR")
+        table = item(LUTDescriptor=[len(to_linear) % 65_536, 0, 16], LUTFunction="TO_LINEAR")
         table.LUTData = to_linear.astype("<u2").tobytes()
         table["LUTData"].VR = "OW"
         shared.PixelIntensityRelationshipLUTSequence = Items([table])

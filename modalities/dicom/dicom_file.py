@@ -70,12 +70,18 @@ class Kind:
     @property
     def name(self) -> str:
         """The SOP class in words, or its UID, or "" where it does not say."""
-        from pydicom.uid import UID
-
-        return str(UID(self.sop_class).name)[:80]
+        return name_of(self.sop_class)
 
 
 UNKNOWN = Kind("", "")
+
+
+def name_of(uid: str) -> str:
+    """Return what DICOM calls a UID, or the UID itself."""
+    from pydicom.config import IGNORE
+    from pydicom.uid import UID
+
+    return str(UID(uid, validation_mode=IGNORE).name)[:80]
 
 
 def is_dicom(path: Path) -> bool:

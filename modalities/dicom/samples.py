@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular
 from endoct.modalities.dicom.decoding import READ, Stated, colours_after, decoded, decoder_of
-from endoct.modalities.dicom.dicom_file import opened, read_elements, syntax_of
+from endoct.modalities.dicom.dicom_file import name_of, opened, read_elements, syntax_of
 from endoct.modalities.dicom.places import (
     BIG_ENDIAN,
     COPY,
@@ -160,7 +160,7 @@ def open_image(path: Path, keywords: tuple[str, ...] = ()) -> DicomImage:
         elif decoder_of(syntax) is None:
             raise EndoctError(
                 f"{path} cannot be read",
-                found=f"samples compressed as {_name(syntax)}",
+                found=f"samples compressed as {name_of(syntax)}",
                 expected=READ,
                 remedy="export it uncompressed, or decompress it: gdcmconv --raw IN OUT",
             )
@@ -211,12 +211,6 @@ def _palette(header: "Dataset", stored: int) -> NDArray[Any]:
     if colours.dtype == np.uint16 and ((colours % 257 == 0).all() or (colours % 256 == 0).all()):
         colours = (colours >> 8).astype(np.uint8)
     return colours
-
-
-def _name(syntax: str) -> str:
-    from pydicom.uid import UID
-
-    return str(UID(syntax).name)[:80]
 
 
 def as_seen(numbers: NDArray[Any], read: ReadSamples) -> NDArray[Any]:
