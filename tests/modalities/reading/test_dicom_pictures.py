@@ -9,7 +9,6 @@ import av
 import imagecodecs
 import numpy as np
 import pytest
-from dicom_writer import CAPTURES, ENDOSCOPE, STORAGE, VIDEO_ENDOSCOPE, pixels, write
 from numpy.typing import NDArray
 from pydicom import dcmread
 from pydicom.dataset import Dataset
@@ -17,6 +16,7 @@ from pydicom.encaps import encapsulate, encapsulate_extended
 from pydicom.pixels.processing import apply_color_lut
 from pydicom.uid import ExplicitVRBigEndian, ImplicitVRLittleEndian, RLELossless
 
+from benchmarks.fuzz.dicom_writer import CAPTURES, ENDOSCOPE, STORAGE, VIDEO_ENDOSCOPE, pixels, write
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from dicom_writer import IVOCT_PRESENTATION, item, ivoct, pixels, write
 from numpy.typing import NDArray
 from pydicom import dcmread
 from pydicom.sequence import Sequence as Items
 from tolerances import COORDINATE_ATOL
 
+from benchmarks.fuzz.dicom_writer import IVOCT_PRESENTATION, item, ivoct, pixels, write
 from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
