@@ -117,7 +117,7 @@ CHECKSUM = "crc32c"
 TEXTS = "string"
 MOST_AXES = 8
 _WHOLE = ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
-_V2_LETTERS = "biu"
+_V2_LETTERS = "biuf"
 
 
 @dataclass(frozen=True)

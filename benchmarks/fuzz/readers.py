@@ -35,6 +35,13 @@ def _frames(path: Path) -> None:
         stack[index]
 
 
+def _stated(path: Path) -> None:
+    from endoct.modalities.reading.recording import stated_by
+
+    stated_by(path)
+    _frames(path)
+
+
 def _recording(path: Path) -> None:
     from endoct.modalities.registry import manifests, open_recording
     from endoct.workbench.pipeline.information import describe
@@ -311,6 +318,8 @@ _ALL = (
     Reader("npy", _frames, _seeds("seed_recordings", "npy_seeds"), 9),
     Reader("images", _frames, _seeds("seed_recordings", "image_seeds"), 9),
     Reader("video", _frames, _seeds("seed_recordings", "video_seeds"), 8),
+    Reader("dicom", _stated, _seeds("seed_formats", "dicom_seeds"), 8, needs="endoct.modalities.dicom"),
+    Reader("microscopes", _stated, _seeds("seed_formats", "microscope_seeds"), 8, needs="endoct.modalities.dicom"),
     Reader("sidecar", _sidecar, _seeds("seed_recordings", "sidecar_seeds"), 7),
     Reader("recording", _recording, _seeds("seed_recordings", "recording_seeds"), 5),
     Reader("settings", _settings, _seeds("seed_recordings", "setting_seeds"), 3),

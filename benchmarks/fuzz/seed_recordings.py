@@ -175,7 +175,7 @@ def video_seeds() -> Iterator[Seed]:
     )  # fmt: skip
     for suffix, codec, pixels in kinds:
         try:
-            data = _video(suffix, codec, pixels)
+            data = video(suffix, codec, pixels)
         except Exception:  # noqa: BLE001  a codec that this build lacks
             continue
         yield Seed(f"{suffix} {codec} {pixels}", f"a.{suffix}", {f"a.{suffix}": data})
@@ -183,7 +183,7 @@ def video_seeds() -> Iterator[Seed]:
             yield Seed("mp4 with edits", "a.mp4", {"a.mp4": with_edits(data, [(0, 1), (2, 2)])})
 
 
-def _video(suffix: str, codec: str, pixels: str, frames: int = 4, size: int = 32) -> bytes:
+def video(suffix: str, codec: str, pixels: str, frames: int = 4, size: int = 32) -> bytes:
     import av
 
     buffer = io.BytesIO()
@@ -234,7 +234,7 @@ def recording_seeds() -> Iterator[Seed]:
     yield Seed("oct of images", "", {**oct_, **slices})
     yield Seed("no sidecar", "", frames, refused=True)
     yield Seed("no sidecar, oct", "", {"pullback.npy": npy(layered)}, refused=True)
-    yield Seed("video", "", {"acquisition.toml": sidecar.encode(), "a.mkv": _video("mkv", "ffv1", "gray")})
+    yield Seed("video", "", {"acquisition.toml": sidecar.encode(), "a.mkv": video("mkv", "ffv1", "gray")})
 
 
 def sidecar_seeds() -> Iterator[Seed]:

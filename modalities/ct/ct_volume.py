@@ -19,7 +19,7 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular
 from endoct.modalities.ct.dicom import read_dicom
-from endoct.modalities.ct.dicom_files import dicom_in, is_dicom
+from endoct.modalities.ct.dicom_files import dicom_in
 from endoct.modalities.ct.hounsfield import LEAST_HU, hounsfield_doubts
 from endoct.modalities.ct.label_names import OUR_NAMES, OUR_TABLE, read_label_names, table_next_to
 from endoct.modalities.ct.metaimage import is_metaimage, read_metaimage
@@ -27,6 +27,7 @@ from endoct.modalities.ct.nifti import is_nifti, is_our_label_map, read_nifti
 from endoct.modalities.ct.nrrd import is_nrrd, read_nrrd
 from endoct.modalities.ct.stored import EXPECTED, SIGNS, SUFFIXES, Convention, Segment, StoredVolume, segments_of
 from endoct.modalities.ct.trajectory import Point, Trajectory, as_point
+from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
 
 MOST_LABELS = 64
 LABEL_SIGMA_VOXELS = 0.6
@@ -76,8 +77,10 @@ class CtVolume:
 
 
 def is_volume(path: Path) -> bool:
-    """Say whether a path is, by its content, a volume: a file, or slices in a folder."""
-    return dicom_in(path) if path.is_dir() else any(is_format(path) for is_format, _ in _FORMATS)
+    """Say whether a path is, by its content, a volume: a file, or slices in a folder; no recording in DICOM."""
+    if path.is_dir():
+        return dicom_in(path)
+    return any(is_format(path) for is_format, _ in _FORMATS) and not kind_of(path).is_recording
 
 
 def read_ct(path: Path, stated: Convention | None = None) -> CtVolume:

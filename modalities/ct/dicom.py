@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
-from endoct.modalities.ct.dicom_files import DicomFile, dicom_files, reading_dicom
+from endoct.modalities.ct.dicom_files import DicomFile, dicom_files
 from endoct.modalities.ct.dicom_segmentation import is_segmentation, read_segmentation
 from endoct.modalities.ct.dicom_slices import Slice, slices_of
 from endoct.modalities.ct.dicom_voxels import stored_numbers
 from endoct.modalities.ct.slice_grid import SliceGrid, slice_grid
 from endoct.modalities.ct.stored import StoredVolume
+from endoct.modalities.dicom.dicom_file import reading_dicom
 
 
 def read_dicom(path: Path) -> StoredVolume:

@@ -4,35 +4,21 @@ Why not highdicom, which makes volumes too (0.28)? It takes slices for even wher
 0.6 mm over a head; it says only that they are no volume, and not which slice it is; and it knows no tilted gantry.
 """
 
-import logging
-import os
 import stat
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import is_left_by_system, open_regular, read_start
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import is_left_by_system, read_start
 from endoct.modalities.ct.stored import EXPECTED, odd_ones
+from endoct.modalities.dicom.dicom_file import is_dicom, kind_of, opened, read_elements
 
 if TYPE_CHECKING:
     from pydicom import Dataset
 
-PREAMBLE, MAGIC = 128, b"DICM"
-START_BYTES = PREAMBLE + len(MAGIC)
-WITHOUT_PREAMBLE = (
-    b"\x08\x00\x05\x00",
-    b"\x08\x00\x08\x00",
-    b"\x08\x00\x16\x00",
-    b"\x08\x00\x00\x00",
-    b"\x02\x00\x00\x00",
-)
-"""What the first element of DICOM without a preamble is, as old archives wrote it: little endian."""
 NO_DICOM_SUFFIXES = frozenset(
     (".txt", ".md", ".json", ".xml", ".csv", ".tsv", ".htm", ".html", ".pdf", ".ini", ".inf", ".log", ".toml", ".yaml",
      ".yml", ".jpg", ".jpeg", ".png", ".gif", ".bmp", ".tif", ".tiff", ".zip", ".exe", ".dll", ".ctbl", ".label",
@@ -42,7 +28,6 @@ NO_DICOM_SUFFIXES = frozenset(
 LOOKED_AT = 50
 """Files of a folder, until it is said that it holds no DICOM."""
 SCOUT, DIRECTORY = "LOCALIZER", "1.2.840.10008.1.3.10"
-DEFLATED = "1.2.840.10008.1.2.1.99"
 KEYWORDS = (
     "SpecificCharacterSet", "ImageType", "SOPClassUID", "SOPInstanceUID", "Modality", "SeriesDescription",
     "PatientID", "StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID", "AcquisitionNumber",
@@ -78,18 +63,12 @@ class DicomFile:
         return "Rows" in self.header or "Image" in getattr(self.header.get("SOPClassUID"), "name", "Image")
 
 
-def is_dicom(path: Path) -> bool:
-    """Say whether a file begins as DICOM does."""
-    start = read_start(path, START_BYTES)
-    return start[PREAMBLE:] == MAGIC or start.startswith(WITHOUT_PREAMBLE)
-
-
 def dicom_in(folder: Path) -> bool:
-    """Say whether a folder holds DICOM, by its first files."""
+    """Say whether a folder holds DICOM that is no recording, by its first files."""
     files = (
         entry for entry in sorted(folder.iterdir())[:LOOKED_AT] if entry.is_file() and not entry.name.startswith(".")
     )
-    return any(is_dicom(entry) for entry in files)
+    return any(is_dicom(entry) and not kind_of(entry).is_recording for entry in files)
 
 
 def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
@@ -119,51 +98,7 @@ def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
 def read_header(path: Path) -> DicomFile:
     """Return a file with its header. Raises :class:`EndoctError` where it cannot be read."""
     with opened(path) as file:
-        from pydicom import dcmread
-
-        header = dcmread(file, stop_before_pixels=True, force=True, specific_tags=list(KEYWORDS))
-        syntax = header.file_meta.get("TransferSyntaxUID") if hasattr(header, "file_meta") else None
-        if syntax == DEFLATED:
-            raise EndoctError(
-                f"{path} cannot be read", found="DICOM that is deflated as a whole", remedy="export it uncompressed"
-            )
-        if not len(header):
-            raise EndoctError(f"{path} cannot be read", found="no header of DICOM, or a damaged one")
-        return DicomFile(path, header)
-
-
-class _Bounded(BufferedReader):
-    """A file that is asked for no more bytes than it has: a damaged length would have 4 GB of memory taken."""
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """Return up to ``size`` bytes."""
-        left = max(0, os.fstat(self.fileno()).st_size - self.tell())
-        return super().read(left if size is None or size < 0 else min(size, left))
-
-
-@contextmanager
-def reading_dicom(path: Path) -> Iterator[None]:
-    """Have pydicom read in silence; whatever it raises about ``path`` becomes one :class:`EndoctError`.
-
-    It turns values into numbers only as they are asked for, so this is around all that asks.
-    """
-    from pydicom.config import disable_value_validation
-
-    logging.getLogger("pydicom").setLevel(logging.CRITICAL)  # what is wrong is an error here, or is no matter
-    with (
-        warnings.catch_warnings(),
-        disable_value_validation(),
-        refusing(f"{path} cannot be read", expected="DICOM that is whole"),
-    ):
-        warnings.simplefilter("ignore")
-        yield
-
-
-@contextmanager
-def opened(path: Path) -> Iterator[BufferedReader]:
-    """Open a DICOM file for pydicom."""
-    with open_regular(path) as file, reading_dicom(path):
-        yield _Bounded(file.raw)
+        return DicomFile(path, read_elements(file, path, KEYWORDS))
 
 
 def named(path: Path | str, frame: int | None = None) -> str:

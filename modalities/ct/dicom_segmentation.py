@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
-from endoct.modalities.ct.dicom_files import DicomFile, named, reading_dicom
+from endoct.modalities.ct.dicom_files import DicomFile, named
 from endoct.modalities.ct.dicom_slices import (
     Frame,
     axes_of,
@@ -20,6 +20,7 @@ from endoct.modalities.ct.dicom_slices import (
 )
 from endoct.modalities.ct.dicom_voxels import stored_numbers
 from endoct.modalities.ct.stored import PLACE_MM, Segment, StoredVolume, layers_as_one
+from endoct.modalities.dicom.dicom_file import reading_dicom
 
 if TYPE_CHECKING:
     from pydicom import Dataset

@@ -9,7 +9,8 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.modalities.ct.dicom_files import DicomFile, named, reading_dicom
+from endoct.modalities.ct.dicom_files import DicomFile, named
+from endoct.modalities.dicom.dicom_file import reading_dicom
 
 if TYPE_CHECKING:
     from pydicom import Dataset

@@ -128,7 +128,7 @@ class EndoscopeAcquisition(Acquisition):
 MANIFEST = Manifest(
     name="endoscope",
     title="Cone-mirror endoscope",
-    suffixes=(*IMAGE_SUFFIXES, *VIDEO_SUFFIXES),
+    suffixes=(*IMAGE_SUFFIXES, *VIDEO_SUFFIXES, ".npy", ".dcm", ".zarr"),
     acquisition=EndoscopeAcquisition,
     provides=frozenset({"intensity"}),
     frame_dim="frame",

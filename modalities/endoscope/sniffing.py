@@ -11,17 +11,14 @@ from endoct.modalities.contract import Preview, Sniff
 from endoct.modalities.endoscope.light import full_scale, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, find_annulus, follow
 from endoct.modalities.endoscope.opening import LEAST_SIDE_PX
-from endoct.modalities.reading.folders import exists, is_folder
+from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.recording import (
     IMAGE_SUFFIXES,
     ImageStack,
-    image_files,
+    gives_frames,
     open_stack,
     some_frames,
-    whole_recordings,
 )
-from endoct.modalities.reading.tiff import is_tiff
-from endoct.modalities.reading.video_container import is_video
 
 SIDE_PX = 240
 """Images are reduced to about this shorter side; an annulus is as clear then."""
@@ -33,10 +30,8 @@ def sniff_frames(path: Path) -> Sniff:
     if not exists(path):
         return Sniff(False, "it does not exist")
     try:
-        if is_folder(path) and not image_files(path) and not any(map(is_video, whole_recordings(path))):
+        if not gives_frames(path):
             return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)}) and no video")
-        if path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES and not is_tiff(path) and not is_video(path):
-            return Sniff(False, f"it is no image ({', '.join(IMAGE_SUFFIXES)}) and no video")
         stack = open_stack(path)
         if min(stack.frame_shape[:2]) < LEAST_SIDE_PX:
             return Sniff(False, f"its images of {_pixels(stack)} are too small")

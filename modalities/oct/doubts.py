@@ -250,7 +250,7 @@ def _on_first_sample(faces: Faces, acquisition: OctAcquisition) -> tuple[str, ..
     if -0.05 <= difference <= FIRST_SAMPLE_TOLERANCE_MM:
         return ()
     return (
-        f"The sidecar's first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
+        f"The stated first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
         f"face at {expected + difference:.3f} mm; the capillary was trusted.",
     )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular, read_start
+from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
 
 _VIDEO = "convert it without losses: ffmpeg -i IN -c:v ffv1 OUT.mkv"
 _IMAGE = "convert its images to PNG or TIFF"
@@ -37,6 +38,9 @@ def kind_not_read(path: Path) -> OtherKind | None:
     start = read_start(path, _LOOKED_AT)
     if start.startswith(b"PK\3\4"):
         return _zip(path, start)
+    if is_dicom(path):
+        name = kind_of(path).name
+        return OtherKind(f"a DICOM file of {name}" if name else "a DICOM file", _EXPORT)
     for is_that, name, remedy in _KINDS:
         if is_that(start):
             return OtherKind(name, remedy)
@@ -116,7 +120,6 @@ _KINDS: tuple[tuple[Callable[[bytes], bool], str, str], ...] = (
     (_begins(b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51"), "a JPEG 2000 image", _IMAGE),
     (_begins(b"\xff\x0a", b"\0\0\0\x0cJXL "), "a JPEG XL image", _IMAGE),
     (_begins(b"\x76\x2f\x31\x01"), "an OpenEXR image", _IMAGE),
-    (lambda data: data[128:132] == b"DICM", "a DICOM file", _EXPORT),
     (_begins(b"MATLAB 5.0", b"MATLAB 7.3"), "a MATLAB file", "save the stack as .npy or TIFF"),
     (_begins(b"\x89HDF\r\n\x1a\n"), "an HDF5 file", "save the stack as .npy or TIFF"),
     (_begins(b"II*\0\x10\0\0\0CR", b"IIU\0", b"FUJIFILM"), "a raw photograph", _IMAGE),

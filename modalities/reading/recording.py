@@ -10,12 +10,17 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular
 from endoct.modalities.reading.arrays_on_disk import NPY
+from endoct.modalities.reading.dicom_pictures import PICTURES
 from endoct.modalities.reading.folders import entries, exists, is_folder
 from endoct.modalities.reading.format import Files, Format, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.frame_names import read_names
 from endoct.modalities.reading.images import read_image
+from endoct.modalities.reading.ivoct import IVOCT
+from endoct.modalities.reading.lightlab import LIGHTLAB
 from endoct.modalities.reading.numbering import Along
+from endoct.modalities.reading.ome_tiff import OME_TIFF
+from endoct.modalities.reading.ome_zarr import OME_ZARR
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation
 from endoct.modalities.reading.other_formats import kind_not_read
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
@@ -23,7 +28,7 @@ from endoct.modalities.reading.repeated_frames import fingerprint, on_repeated, 
 from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES, is_tiff, read_tiff
 from endoct.modalities.reading.video import VIDEO
 
-FORMATS: tuple[Format, ...] = (NPY, TIFF, VIDEO)
+FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, VIDEO, IVOCT, PICTURES, OME_ZARR)
 """In the order in which they are asked; what none of them claims is an image, or of no readable kind."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
@@ -154,6 +159,8 @@ def stated_by(path: Path) -> Stated:
 
     Raises :class:`EndoctError` where what they state cannot be read.
     """
+    if is_folder(path) and len(images := _images(path)) == 1:
+        path = images[0]
     if not exists(path) or (located := _located(path)) is None:
         return Stated()
     form, files = located
@@ -177,6 +184,13 @@ def _format_of(path: Path, formats: Sequence[Format] = FORMATS) -> Format | None
     """Return the format that claims a file or a folder, None where none does."""
     folder = is_folder(path)
     return next((form for form in formats if form.is_folder == folder and form.claims(path)), None)
+
+
+def gives_frames(path: Path) -> bool:
+    """Say whether there is something at ``path`` to look for frames in: a file of one of the formats, or images."""
+    if _format_of(path) is not None:
+        return True
+    return bool(_images(path) or whole_recordings(path)) if is_folder(path) else path.suffix.lower() in IMAGE_SUFFIXES
 
 
 def some_frames(stack: ImageStack) -> list[NDArray[Any]]:

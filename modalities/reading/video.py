@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
+from endoct.modalities.reading.file_part import Source
 from endoct.modalities.reading.format import Files, Format, Frames
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
@@ -48,7 +49,7 @@ class ReadVideo:
     (n_frames,), ascending.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Source) -> None:
         self.path = path
         found = index_of(path)
         self._times, self._keys, self._kept = found.times, found.keys, found.kept
@@ -137,7 +138,7 @@ class ReadVideo:
         )
 
 
-def _decoded(path: Path, start: int | None) -> "Iterator[av.VideoFrame]":
+def _decoded(path: Source, start: int | None) -> "Iterator[av.VideoFrame]":
     """Yield the frames from the key frame at time stamp ``start`` (None: from the beginning) in the order shown."""
     with opened_video(path) as container:
         stream = pictures_of(container)

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn
 
 from endoct.base.errors import EndoctError, cause_of
-from endoct.base.files.files import check_array_size, largest_array_bytes, open_regular, read_start
+from endoct.base.files.files import check_array_size, largest_array_bytes
+from endoct.modalities.reading.file_part import Source, open_source, size_of_source, start_of_source
 
 if TYPE_CHECKING:
     import av
@@ -28,9 +29,9 @@ def is_video(path: Path) -> bool:
     return bool(container_of(path))
 
 
-def container_of(path: Path) -> str:
+def container_of(path: Source) -> str:
     """Return what FFmpeg calls the container, by the file's first bytes; empty where it is none that is read."""
-    start = read_start(path, 12)
+    start = start_of_source(path, 12)
     if start[:4] == b"\x1a\x45\xdf\xa3":
         return "matroska"
     if start[:4] == b"RIFF" and start[8:12] == b"AVI ":
@@ -52,7 +53,7 @@ def _lenient_about_texts() -> dict[str, str]:
 
 
 @contextmanager
-def opened_video(path: Path, *, edited: bool = True) -> "Iterator[av.container.InputContainer]":
+def opened_video(path: Source, *, edited: bool = True) -> "Iterator[av.container.InputContainer]":
     """Open a video with what FFmpeg cannot take for an address, nor use to open anything else.
 
     ``edited``: as its edit list has it shown, not as it was recorded. Raises :class:`EndoctError` where it holds no
@@ -64,7 +65,7 @@ def opened_video(path: Path, *, edited: bool = True) -> "Iterator[av.container.I
     unedited = {} if edited or container != "mov" else {"ignore_editlist": "1"}
     most_pixels = str(largest_array_bytes() // PIXEL_BYTES)
     with (
-        open_regular(path) as file,
+        open_source(path) as file,
         load_av().open(
             file,
             "r",
@@ -114,10 +115,10 @@ def cause_of_video(error: Exception) -> str:
     return (isinstance(error, load_av().error.FFmpegError) and error.strerror) or cause_of(error)
 
 
-def is_cut_off(path: Path) -> bool | None:
+def is_cut_off(path: Source) -> bool | None:
     """Say whether a file ends before the end that its container states; None where that states none."""
-    size = path.stat().st_size
-    with open_regular(path) as file:
+    size = size_of_source(path)
+    with open_source(path) as file:
         start = file.read(4)
         if start == b"RIFF":
             return _riff_end(file, size) > size
@@ -125,9 +126,9 @@ def is_cut_off(path: Path) -> bool | None:
     return None if end is None else end > size
 
 
-def has_edits(path: Path) -> bool:
+def has_edits(path: Source) -> bool:
     """Say whether an MP4 or QuickTime file shows its frames otherwise than recorded: by two edits or more."""
-    with open_regular(path) as file:
+    with open_source(path) as file:
         moov = _atom(file, b"moov")
     at = moov.find(b"elst")
     while at >= 0:

@@ -1,7 +1,6 @@
 """Which frames a video has, and when each was taken: by its packets, without decoding them."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import largest_array_bytes
+from endoct.modalities.reading.file_part import Source
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.reading.video_container import (
     PIXEL_BYTES,
@@ -60,7 +60,7 @@ class _Walk:
     kept: int = 1
 
 
-def index_of(path: Path) -> VideoIndex:
+def index_of(path: Source) -> VideoIndex:
     """Return the frames of a video.
 
     Raises :class:`EndoctError` where there are none, the file was cut off, or time stamps do not tell frames apart.
@@ -93,14 +93,14 @@ def index_of(path: Path) -> VideoIndex:
     return VideoIndex(times, keys, walk.kept, taken * walk.unit, remarks + on_edits)
 
 
-def _may_be_edited(path: Path, walk: _Walk) -> bool:
+def _may_be_edited(path: Source, walk: _Walk) -> bool:
     """Say whether a file may hold frames that are not shown, or show them in another order or at other times."""
     if container_of(path) != "mov":
         return False
     return walk.others > walk.empty or walk.declared > len(walk.stamps) + walk.others or has_edits(path)
 
 
-def _walked(path: Path, *, edited: bool = True) -> _Walk:
+def _walked(path: Source, *, edited: bool = True) -> _Walk:
     """Go through a video's packets, as its edit list has them, or as they were recorded."""
     walk = _Walk()
     with opened_video(path, edited=edited) as container:
@@ -127,7 +127,7 @@ def _walked(path: Path, *, edited: bool = True) -> _Walk:
     return walk
 
 
-def _on_end(path: Path, walk: _Walk, unedited: _Walk | None, cut_off: bool | None) -> Remarks:
+def _on_end(path: Source, walk: _Walk, unedited: _Walk | None, cut_off: bool | None) -> Remarks:
     """Return a doubt where a whole file has fewer frames than it states. Raises where it was cut off."""
     n = len(walk.stamps)
     held = n + walk.others if unedited is None else max(n, len(unedited.stamps)) + max(walk.empty, unedited.others)

@@ -1,0 +1,136 @@
+"""DICOM of an endoscope: images (PS3.3 A.32.1), a video (A.32.5), or secondary captures of many frames (A.8).
+
+Pictures are returned as they are meant to be seen: RGB, black as 0. A video lies in the file as one stream, in
+fragments; it is read in place, by what reads videos, where it is an MP4. The traps: MONOCHROME1 has white as 0; of
+uncompressed YBR two pixels may share their colours; frames have one time (FrameTime, ms) or each its own
+(FrameTimeVector); CineRate is at which rate they were taken, RecommendedDisplayFrameRate only how they are shown.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.modalities.dicom.dicom_file import ENDOSCOPIC, kind_of
+from endoct.modalities.dicom.samples import DicomImage, ReadSamples, as_seen
+from endoct.modalities.reading.dicom_recording import DicomRecording, opened_recording
+from endoct.modalities.reading.file_part import FilePart
+from endoct.modalities.reading.format import Files, Format, Frames, Stated
+from endoct.modalities.reading.numbering import Along
+from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.video import STAMP_JITTER, ReadVideo
+from endoct.modalities.reading.video_container import container_of
+
+KEYWORDS = ("FrameTime", "FrameTimeVector", "CineRate", "BurnedInAnnotation")
+ALIKE = 0.02
+"""Share by which two frame rates may differ."""
+
+
+@dataclass(frozen=True, eq=False)
+class _ReadPictures:
+    """Reads one picture as it is meant to be seen; picklable."""
+
+    frames: tuple[tuple[ReadSamples, int], ...]
+
+    @property
+    def remarks(self) -> Remarks:
+        """What was done to all pictures."""
+        note = "The header says that 0 is white (MONOCHROME1); pictures were turned over, so that 0 is black."
+        turned_over = self.frames[0][0].stated.photometric == "MONOCHROME1"
+        return Remarks(notes=(note,)) if turned_over else NONE
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        """Return one picture."""
+        read, number = self.frames[index]
+        return as_seen(read(number), read)
+
+
+def _claims(path: Path) -> bool:
+    return kind_of(path).is_pictures
+
+
+def _open(files: Files) -> Frames:
+    with opened_recording(files, KEYWORDS) as recording:
+        times, on_times = _times(recording)
+        remarks = recording.remarks + on_times + _on_annotation(recording)
+        if any(image.read is None for image in recording.images):
+            return _video(recording.images, remarks)
+        read = _ReadPictures(tuple((image.read, index) for image, index in recording.frames if image.read is not None))
+        return Frames(len(read.frames), read, times or recording.along, remarks)
+
+
+def _states(files: Files) -> Stated:
+    with opened_recording(files, KEYWORDS) as recording:
+        keys: dict[str, Any] = {}
+        if kind_of(files[0]).sop_class in ENDOSCOPIC:
+            keys["modality"] = "endoscope"
+        if (rate_hz := _rate(recording)) is not None:
+            keys["frame_rate_hz"] = rate_hz
+        return Stated(keys, f"the DICOM header of {files[0].name if len(files) == 1 else files[0].parent.name}")
+
+
+def _video(images: tuple[DicomImage, ...], remarks: Remarks) -> Frames:
+    path, stream = images[0].path, images[0].stream
+    if stream is None or len(images) > 1:
+        raise EndoctError(f"{path} is one of several videos", remedy="put each into a folder of its own")
+    part = FilePart(path, tuple(stream.every))
+    if not container_of(part):
+        raise EndoctError(
+            f"{path} cannot be read",
+            found="a video that is no MP4: a transport stream, or one without a container",
+            remedy="take it out, `gdcmraw -i IN -o OUT.ts`, and convert it: ffmpeg -i OUT.ts -c:v ffv1 OUT.mkv",
+        )
+    read = ReadVideo(part)
+    if read.n_frames != images[0].n_frames:
+        what = f"The header states {images[0].n_frames} frames; its video has {read.n_frames}, which were taken."
+        doubt = Doubt("video-against-header", what, value=float(read.n_frames), expected=float(images[0].n_frames))
+        remarks += Remarks(doubts=(doubt,))
+    along = Along(read.times_s, "s", "the time stamps of the video", within=STAMP_JITTER)
+    return Frames(read.n_frames, read, along, remarks)
+
+
+def _vector(recording: DicomRecording) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    """Return the time of every frame in s, None where the header has not one for each."""
+    steps = recording.header.get("FrameTimeVector")
+    if steps is None or not hasattr(steps, "__len__") or len(steps) != len(recording.frames) or len(steps) < 2:
+        return None
+    numbers = np.array([float(step) for step in steps])
+    if not np.isfinite(numbers).all() or (numbers[1:] <= 0).any():
+        raise ValueError("times of frames that do not rise")
+    return np.cumsum(np.concatenate([[0.0], numbers[1:]])) / 1000
+
+
+def _times(recording: DicomRecording) -> tuple[Along | None, Remarks]:
+    """Return when frames were taken, and a doubt where the header says so twice, and differently."""
+    rate_hz, cine_hz = _rate(recording), recording.number("CineRate")
+    remarks = NONE
+    if rate_hz is not None and cine_hz and abs(rate_hz / cine_hz - 1) > ALIKE:
+        what = f"By the header's frame times there are {rate_hz:.4g} frames a second, by its CineRate {cine_hz:.4g}."
+        remarks = Remarks(doubts=(Doubt("frame-rate-against-cine", what, value=rate_hz, unit="Hz", expected=cine_hz),))
+    times = _vector(recording)
+    along = None if times is None else Along(times, "s", "the frame times of the header", within=STAMP_JITTER)
+    return along, remarks
+
+
+def _rate(recording: DicomRecording) -> float | None:
+    """Return the frame rate: by the times of frames, else by one time for all, else by the rate of the cine."""
+    if (times := _vector(recording)) is not None:
+        return float(1 / np.median(np.diff(times)))
+    if (milliseconds := recording.number("FrameTime")) is not None and milliseconds > 0:
+        return 1000 / milliseconds
+    cine_hz = recording.number("CineRate")
+    return cine_hz if cine_hz is not None and cine_hz > 0 else None
+
+
+def _on_annotation(recording: DicomRecording) -> Remarks:
+    if recording.text("BurnedInAnnotation") != "YES":
+        return NONE
+    note = "The header says that texts are burnt into the pictures; they may identify the patient."
+    return Remarks(notes=(note,))
+
+
+PICTURES = Format("DICOM of an endoscope", _claims, _open, _states, joins=True)

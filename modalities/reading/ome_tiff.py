@@ -1,0 +1,167 @@
+"""OME-TIFF: a TIFF whose first page describes all of them in XML (docs.openmicroscopy.org/ome-model, OME-TIFF 6).
+
+``Pixels`` states sizes in X, Y, Z, C and T, in which order planes come, and physical sizes with their units (µm and s
+where they have none). ``TiffData`` says which plane lies on which page, and may say: in another file. A frame is a
+plane along Z or T, whichever has several. The traps: several images, channels in planes of their own, frames that are
+called channels because nobody named the axes, frames in other files, and units that are none ("pixel").
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from numpy.typing import NDArray
+
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import open_regular
+from endoct.modalities.reading.format import Files, Format, Frames, Stated
+from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
+from endoct.modalities.reading.plain_xml import MOST_XML_BYTES, local_name, xml_root
+from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.tiff import is_tiff, read_tiff
+from endoct.modalities.reading.tiff_directory import MOST_PAGES, pages
+
+DESCRIPTION = 270
+LOOKED_AT = 4096
+ORDERS = ("XYZCT", "XYZTC", "XYCTZ", "XYCZT", "XYTCZ", "XYTZC")
+PLAIN = "export it as a plain TIFF, one page a frame"
+
+
+@dataclass(frozen=True, eq=False)
+class _ReadPlanes:
+    """Reads frames from the pages on which a description has them."""
+
+    read: Any
+    pages: tuple[int, ...]
+
+    @property
+    def remarks(self) -> Remarks:
+        """What is to be said of all frames."""
+        said: Remarks = self.read.remarks
+        return said
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        """Return one frame."""
+        frame: NDArray[Any] = self.read(self.pages[index])
+        return frame
+
+
+def _claims(path: Path) -> bool:
+    if not is_tiff(path):
+        return False
+    try:
+        with open_regular(path) as file:
+            return "<OME" in next(pages(path, file)).text(file, DESCRIPTION, LOOKED_AT)
+    except (EndoctError, OSError, ValueError):
+        return False
+
+
+def _open(files: Files) -> Frames:
+    path = files[0]
+    n_pages, read = read_tiff(path)
+    root = _description(path)
+    with refusing(f"the OME-XML of {path} cannot be used", remedy=PLAIN):
+        pixels = _pixels(path, root)
+        planes, on_planes = _planes(path, root, pixels, n_pages)
+        remarks = _steps(pixels).remarks + on_planes
+    return Frames(len(planes), _ReadPlanes(read, planes), remarks=remarks)
+
+
+def _states(files: Files) -> Stated:
+    path = files[0]
+    with refusing(f"the OME-XML of {path} cannot be used", remedy=PLAIN):
+        return _steps(_pixels(path, _description(path))).stated(f"the OME-XML of {path.name}")
+
+
+def _description(path: Path) -> Element:
+    with refusing(f"{path} is no readable TIFF", remedy="copy or export it again"), open_regular(path) as file:
+        text = next(pages(path, file)).text(file, DESCRIPTION, MOST_XML_BYTES)
+    return xml_root(text.rstrip("\0").encode("latin-1"), f"the OME-XML of {path}")
+
+
+def _pixels(path: Path, root: Element) -> Element:
+    found = [element for element in root.iter() if local_name(element) == "Pixels"]
+    if len(found) != 1:
+        raise EndoctError(
+            f"{path} holds {'several images' if found else 'no image'}",
+            found=f"{len(found)} in its OME-XML",
+            expected="one recording in a file",
+            remedy=PLAIN,
+        )
+    return found[0]
+
+
+def _sizes(path: Path, pixels: Element) -> dict[str, int]:
+    sizes = {axis: int(pixels.get(f"Size{axis}", "1")) for axis in "ZCT"}
+    samples = [int(each.get("SamplesPerPixel", "1")) for each in pixels if local_name(each) == "Channel"]
+    if len(samples) == 1 and samples[0] == sizes["C"]:
+        sizes["C"] = 1  # colours side by side in a plane
+    several = [axis for axis in "ZCT" if sizes[axis] > 1]
+    if min(sizes.values()) < 1 or max(sizes.values()) > MOST_PAGES or len(several) > 1:
+        raise EndoctError(
+            f"{path} has the wrong dimensions",
+            found=", ".join(f"Size{axis} = {size}" for axis, size in sizes.items()),
+            expected="frames along Z or T, one channel",
+            remedy=PLAIN,
+        )
+    return sizes
+
+
+def _planes(path: Path, root: Element, pixels: Element, n_pages: int) -> tuple[tuple[int, ...], Remarks]:
+    """Return on which page each frame lies."""
+    sizes = _sizes(path, pixels)
+    frames = max(sizes, key=lambda axis: sizes[axis])
+    if pixels.get("DimensionOrder") not in ORDERS:
+        raise EndoctError(f"{path} is damaged", found=f"planes in the order {pixels.get('DimensionOrder')!r:.20}")
+    n_frames = sizes[frames]
+    blocks = [element for element in pixels if local_name(element) == "TiffData"]
+    found: dict[int, int] = {}
+    for block in blocks:
+        _check_own(path, root, block)
+        first_page = int(block.get("IFD", "0"))
+        first = int(block.get(f"First{frames}", "0"))
+        whole = n_pages if "IFD" not in block.keys() else 1  # noqa: SIM118  # an element is no mapping
+        count = int(block.get("PlaneCount", str(min(whole, n_frames - first))))
+        if not (first >= 0 and first_page >= 0 and 0 <= count <= n_frames):
+            raise EndoctError(f"{path} is damaged", found=f"a block of {count} planes from {first} on")
+        found |= {first + k: first_page + k for k in range(count)}
+    planes = [found.get(frame, frame if not blocks else -1) for frame in range(n_frames)]
+    if min(planes) < 0 or max(planes) >= n_pages or len(set(planes)) < n_frames:
+        raise EndoctError(
+            f"{path} does not hold the frames that it describes",
+            found=f"{n_pages} pages",
+            expected=f"{n_frames} frames, each on a page of its own",
+            remedy="copy or export it again",
+        )
+    if frames != "C" or n_frames == 1:
+        return tuple(planes), NONE
+    what = f"The OME-XML calls the {n_frames} planes channels, not places or times; they were taken for frames."
+    return tuple(planes), Remarks(doubts=(Doubt("frames-as-channels", what, value=float(n_frames), unit="1"),))
+
+
+def _check_own(path: Path, root: Element, block: Element) -> None:
+    """Raise :class:`EndoctError` where planes lie in another file."""
+    for element in block:
+        if local_name(element) == "UUID" and element.text != root.get("UUID"):
+            name = element.get("FileName")
+            if name != path.name:
+                raise EndoctError(
+                    f"{path} is a part of a recording",
+                    found=f"frames in another file, {name!r:.60}",
+                    remedy="export all frames into one file",
+                )
+
+
+def _steps(pixels: Element) -> Steps:
+    """Return what a description states of sizes; µm and s are what has no unit."""
+    along_t = int(pixels.get("SizeT", "1")) > 1
+    row_mm, frame_mm = (
+        in_units(pixels.get(f"PhysicalSize{axis}"), pixels.get(f"PhysicalSize{axis}Unit", "µm"), MM) for axis in "YZ"
+    )
+    frame_s = in_units(pixels.get("TimeIncrement"), pixels.get("TimeIncrementUnit", "s"), SECONDS)
+    return Steps(row_mm, None if along_t else frame_mm, frame_s if along_t else None)
+
+
+OME_TIFF = Format("OME-TIFF", _claims, _open, _states)
