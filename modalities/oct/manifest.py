@@ -103,7 +103,7 @@ class OctAcquisition(Acquisition):
 MANIFEST = Manifest(
     name="oct",
     title="Catheter OCT pullback",
-    suffixes=(".tif", ".tiff", ".btf", ".npy", ".png", ".bin"),
+    suffixes=(".tif", ".tiff", ".btf", ".npy", ".png", ".bin", ".oct"),
     acquisition=OctAcquisition,
     provides=frozenset({"intensity", "depth", "volume"}),
     frame_dim="slice",
