@@ -41,6 +41,11 @@ class Member:
     def __str__(self) -> str:
         return f"{self.name} in {self.archive}"
 
+    @property
+    def is_stored(self) -> bool:
+        """Whether it is not compressed."""
+        return self.method == zipfile.ZIP_STORED
+
 
 def key_of(name: str) -> str:
     """Return a member's name as it is looked up: programs under Windows separate by backslashes, and mix cases."""
@@ -68,6 +73,8 @@ def list_members(path: Path) -> dict[str, Member]:
         member = Member(path, info.filename, info.header_offset, info.file_size, info.compress_size, info.CRC, method)
         if member.at < 0 or member.at + _LOCAL.size + member.n_packed > size:
             raise EndoctError(f"{path} is truncated", found=f"{member.name[:80]} reaches beyond its end", remedy=COPY)
+        if member.is_stored and member.n_bytes != member.n_packed:
+            raise EndoctError(f"{member} does not have its stated size", found=f"{member.n_packed} bytes", remedy=COPY)
         if members.setdefault(key_of(member.name), member) is not member:
             raise EndoctError(f"{path} lists two members of one name", found=member.name[:80])
     return members
@@ -81,7 +88,7 @@ def read_member(member: Member, most_bytes: int) -> bytes:
             found=f"{member.n_bytes} bytes",
             expected=f"{most_bytes} at most",
         )
-    if member.method != zipfile.ZIP_STORED:
+    if not member.is_stored:
         return _inflated(member)
     data = bytearray(member.n_bytes)
     read_part(member, 0, memoryview(data))
@@ -102,15 +109,21 @@ def read_part(member: Member, start: int, room: memoryview) -> None:
             expected=f"{start + room.nbytes}",
             remedy="copy or export it again",
         )
-    if member.method != zipfile.ZIP_STORED:
+    if not member.is_stored:
         with _INFLATING:  # one thread unpacks, the others find it done
             data = _held(member, tuple(state_of(member.archive).values()))
         room[:] = memoryview(data)[start : start + room.nbytes]
         return
     with refusing(f"{member.archive} cannot be read"), open_regular(member.archive) as file:
         file.seek(_data_at(member, file) + start)
-        if member.n_packed != member.n_bytes or file.readinto(room) != room.nbytes:
+        if file.readinto(room) != room.nbytes:
             raise EndoctError(f"{member} is truncated", found=f"fewer than {member.n_bytes} bytes", remedy=COPY)
+
+
+def check_held(member: Member) -> None:
+    """Raise :class:`EndoctError` for a member whose parts cannot be read: compressed, and too large to be held."""
+    if not member.is_stored:
+        check_array_size((member.n_bytes,), 1, f"{member}, which is compressed,")
 
 
 def _data_at(member: Member, file: BufferedReader) -> int:
@@ -125,7 +138,7 @@ def _data_at(member: Member, file: BufferedReader) -> int:
 
 @functools.lru_cache(maxsize=1)
 def _held(member: Member, _: tuple[tuple[int, ...], ...]) -> bytes:
-    check_array_size((member.n_bytes,), 1, f"{member}, which is compressed,")
+    check_held(member)
     return _inflated(member)
 
 

@@ -16,7 +16,7 @@ and who met them:
 
 - ``Spectral0`` may hold the apodisation alone, so that types and sizes are those of ``Spectral1`` (a public converter
   to MAT files); or all B-scans, one behind the other, of which the header says nothing (WinetraubLab/myOCT, pull
-  request 147). There is one apodisation for all B-scans, or one for each (SpectralRadar.h, ``ScanPatternApodizationType``).
+  request 147). There is one apodisation for all B-scans, or one for each (SpectralRadar.h).
 - ``SpeckleAveraging/SlowAxis`` claims 1 although every place was recorded several times; repeats follow each other
   (WinetraubLab/myOCT, pull request 146).
 - Names of members are separated by ``\\`` or by ``/`` (readers differ in what they expect).
@@ -200,7 +200,7 @@ def _ordered(containers: list[Container]) -> tuple[list[Container], Along | None
     chosen = choose_frames(containers[0].path.parent, list(by_path), lambda *_: False)
     ordered = [by_path[file] for file in chosen.files]
     times = [each.header.recorded_s or 0.0 for each in ordered]
-    if all(before <= after for before, after in pairwise(times)):
+    if not all(times) or all(before <= after for before, after in pairwise(times)):  # 0: nobody said
         return ordered, chosen.along, chosen.remarks
     if chosen.along is None and len(set(times)) == len(times):
         note = "Stops were put in the order of the times in their headers, as their names have no numbers that count."

@@ -11,7 +11,7 @@ import numpy as np
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size, read_start, state_of
-from endoct.base.files.zip_members import ZIP_START, Member, list_members, read_member
+from endoct.base.files.zip_members import ZIP_START, Member, check_held, list_members, read_member
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, read_header
 
@@ -283,6 +283,7 @@ def _described(container: Container, file: DataFile) -> Container:
 def _member(path: Path, members: dict[str, Member], file: DataFile) -> Member:
     if file.key not in members:
         raise EndoctError(f"{path} is incomplete", found=f"no {file.key[:80]}", remedy="copy or export it again")
+    check_held(members[file.key])
     return members[file.key]
 
 
