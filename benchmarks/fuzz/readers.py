@@ -36,12 +36,18 @@ def _frames(path: Path) -> None:
 
 
 def _recording(path: Path) -> None:
-    from endoct.modalities.registry import manifests, open_recording
+    from endoct.modalities.registry import manifests
     from endoct.workbench.pipeline.information import describe
 
     for manifest in manifests().values():
         manifest.load().sniff(path)
     describe(path)
+    _opened(path)
+
+
+def _opened(path: Path) -> None:
+    from endoct.modalities.registry import open_recording
+
     _, stream = open_recording(path)
     for index in range(len(stream)):
         stream[index]
@@ -313,6 +319,13 @@ _ALL = (
     Reader("video", _frames, _seeds("seed_recordings", "video_seeds"), 8),
     Reader("sidecar", _sidecar, _seeds("seed_recordings", "sidecar_seeds"), 7),
     Reader("recording", _recording, _seeds("seed_recordings", "recording_seeds"), 5),
+    Reader(
+        "thorlabs",
+        _opened,
+        _seeds("seed_recordings", "thorlabs_seeds"),
+        8,
+        needs="endoct.modalities.reading.thorlabs",
+    ),
     Reader("settings", _settings, _seeds("seed_recordings", "setting_seeds"), 3),
     Reader("drawings", _drawing, _seeds("seed_drawings", "drawing_seeds"), 12),
     Reader("masks", _mask, _seeds("seed_drawings", "mask_seeds"), 4),
