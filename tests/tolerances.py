@@ -223,3 +223,6 @@ TARGET_OFF_MM = 0.1
 
 # Counts of an image that another processor may round otherwise.
 COUNTS_BY_ROUNDING = 1
+
+# Where a turn ends in a stream of A-scans that repeats itself: one A-scan.
+A_SCAN = 1.0

@@ -24,13 +24,24 @@ class SpectraKeys(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    file: str = Field(description="file of the samples, one spectrum behind the other, little-endian, no header")
+    file: str = Field(
+        description="file of the samples, one spectrum behind the other, little-endian, no header; or a name with *, "
+        "as stop_*.bin: a file a slice, of which the first turn is read"
+    )
     samples: int = Field(
         ge=LEAST_SAMPLES, le=MOST_SAMPLES, multiple_of=2, description="samples of one spectrum, an even number"
     )
-    ascans: int = Field(ge=LEAST_ASCANS, le=1_000_000, description="A-scans of one slice: of one turn")
+    ascans: int | None = Field(
+        default=None,
+        ge=LEAST_ASCANS,
+        le=1_000_000,
+        description="A-scans of one slice, of one turn; left out where turns are not all as long: they are found",
+    )
     slices: int | None = Field(
-        default=None, ge=1, le=1_000_000, description="slices to read; default: all, and the file must end with one"
+        default=None,
+        ge=1,
+        le=1_000_000,
+        description="slices to read; default: all, and where ascans is stated the file must end with one",
     )
     sample_type: Literal["u16", "i16"] = Field(default="u16", description="samples without (u16) or with a sign (i16)")
     chirp: str = Field(

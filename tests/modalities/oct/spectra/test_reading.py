@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tolerances import A_SCAN
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import validate
@@ -226,3 +227,42 @@ def test_other_files_are_not_taken_for_spectra(folder: Path) -> None:
     assert not OCT.sniff(folder).claims
     np.linspace(5000, 6000, N).astype("<f8").tofile(folder / "rising.bin")
     assert not OCT.sniff(folder).claims
+
+
+def turning_spectra(folder: Path, starts: list[int]) -> None:
+    """Write spectra of a mirror whose depth follows the beam; turns begin at ``starts``, the last one is not whole."""
+    turns = np.interp(np.arange(starts[-1]), starts, np.arange(len(starts), dtype=float))
+    angle = 2 * np.pi * turns[: starts[-1] - 30]
+    depth_px = 30 + 12 * np.sin(angle) + 3 * np.sin(5 * angle)
+    noise = np.random.default_rng(7).normal(scale=200.0, size=(angle.size, N))
+    wave = 30000 + 10000 * np.cos(2 * np.pi * CHIRP * depth_px[:, None] / N + 7 * angle[:, None])
+    (wave + noise).astype("<u2").tofile(folder)
+
+
+def test_turns_are_found_where_their_length_is_not_stated(folder: Path) -> None:
+    starts = [0, 300, 606, 900, 1198, 1500]
+    turning_spectra(folder / "spectra.bin", starts)
+    stream = opened(folder, ascans=None)
+    assert len(stream) == 4, "the last is not whole"
+    assert stream.n_ascans == pytest.approx(299, abs=A_SCAN)
+    assert any("Turns were found in the A-scans: 4, of" in note for note in stream.remarks.notes)
+    assert any("after the last whole turn were left out" in note for note in stream.remarks.notes)
+    deepest = [stream[k].samples.argmax(axis=1) for k in range(4)]
+    for bscan in deepest[1:]:
+        np.testing.assert_allclose(bscan, deepest[0], atol=1)
+    assert len(opened(folder, ascans=None, slices=2)) == 2
+    assert "fewer turns than stated; found 4" in refused(folder, ascans=None, slices=5)
+
+
+def test_a_file_a_stop_gives_the_first_turn_of_each(folder: Path) -> None:
+    (folder / "spectra.bin").unlink()
+    for k, period in ((2, 300), (10, 306), (1, 296)):
+        turning_spectra(folder / f"stop_{k}.bin", [0, period, 2 * period])
+    stream = opened(folder, file="stop_*.bin", ascans=None)
+    assert len(stream) == 3
+    assert stream.n_ascans == pytest.approx(300, abs=A_SCAN)
+    found = [float(note.split("of ")[1].split(" ")[0]) for note in stream.remarks.notes if "Turns were found" in note]
+    assert found == pytest.approx([296], abs=A_SCAN)
+    np.testing.assert_array_equal(opened(folder, file="stop_*.bin", ascans=296)[0].samples.shape, (296, N // 2))
+    assert "found 0 named like other_*.bin" in refused(folder, file="other_*.bin", ascans=None)
+    assert "found 3 named like stop_*.bin; expected 4" in refused(folder, file="stop_*.bin", slices=4)
