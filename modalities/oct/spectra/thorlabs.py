@@ -20,7 +20,8 @@ from endoct.modalities.oct.spectra.reconstruction import Reconstruction, mean_sp
 from endoct.modalities.oct.spectra.vectors import read_vector, vector_of
 from endoct.modalities.reading.format import Files
 from endoct.modalities.reading.recording import ImageStack
-from endoct.modalities.reading.thorlabs import Recording, open_recording, read_ascans
+from endoct.modalities.reading.remarks import Remarks
+from endoct.modalities.reading.thorlabs import open_recording, read_ascans
 from endoct.modalities.reading.thorlabs_file import AScans, BScan, Container
 
 if TYPE_CHECKING:
@@ -36,9 +37,10 @@ class ReadSpectra:
     ``apodised``: what is subtracted is the mean of a B-scan's own spectra without the sample, where it has such.
     """
 
-    def __init__(self, recording: Recording, chain: "Reconstruction | OnDevice", apodised: bool) -> None:
-        self._bscans: tuple[BScan, ...] = recording.bscans
-        self._n_samples, self._dtype = recording.first.n_samples, recording.first.dtype
+    def __init__(
+        self, bscans: tuple[BScan, ...], first: Container, chain: "Reconstruction | OnDevice", apodised: bool
+    ) -> None:
+        self._bscans, self._n_samples, self._dtype = bscans, first.n_samples, first.dtype
         self._chain, self._apodised = chain, apodised
 
     def __call__(self, index: int) -> NDArray[np.uint16]:
@@ -63,31 +65,34 @@ def open_thorlabs(path: Path, files: Files, keys: SpectraKeys, device: str | Non
     """
     recording = open_recording(files)
     first = recording.first
-    held = {"samples": first.n_samples, "ascans": first.n_ascans}
-    if first.kind != "raw" or any(getattr(keys, key) != value for key, value in held.items()):
+    if first.kind != "raw" or keys.samples != first.n_samples or not keys.ascans or keys.ascans > first.n_ascans:
         found = f"{first.n_ascans} A-scans of {first.n_samples} samples" if first.kind == "raw" else "B-scans"
         raise EndoctError(
             f"{path} does not hold the spectra that are stated",
             found=found,
-            expected=f"{keys.ascans} A-scans of {keys.samples} samples",
+            expected=f"{keys.ascans or 'a number of'} A-scans of {keys.samples} samples",
             remedy="leave the table 'spectra' out of the sidecar: the file states it",
         )
+    bscans = [replace(bscan, ascans=replace(bscan.ascans, count=keys.ascans)) for bscan in recording.bscans]
+    remarks = recording.remarks
+    if keys.ascans < first.n_ascans:
+        note = f"Of the {first.n_ascans} A-scans of every B-scan the first {keys.ascans} were read, as one turn."
+        remarks += Remarks(notes=(note,))
     chain = chain_of(keys, partial(_vector, first))
     apodised = keys.background == "apodisation"
-    if apodised and any(bscan.apodised is None for bscan in recording.bscans):
+    if apodised and any(bscan.apodised is None for bscan in bscans):
         chain = replace(chain, background=_apodisation(first, keys))
-    n_bscans = len(recording.bscans) if keys.slices is None else keys.slices
-    if n_bscans > len(recording.bscans):
-        raise EndoctError(
-            f"{path} holds fewer slices than stated", found=f"{len(recording.bscans)}", expected=f"{n_bscans}"
-        )
-    if device is None:
-        read = ReadSpectra(recording, chain, apodised)
-    else:
+    if keys.slices is not None and keys.slices > len(bscans):
+        raise EndoctError(f"{path} holds fewer slices than stated", found=f"{len(bscans)}", expected=f"{keys.slices}")
+    kept, along = tuple(bscans[: keys.slices]), recording.along
+    if along is not None:
+        along = replace(along, values=along.values[: len(kept)])
+    read = ReadSpectra(kept, first, chain, apodised)
+    if device is not None:
         from endoct.modalities.oct.spectra.on_device import OnDevice  # which loads torch
 
-        read = ReadSpectra(recording, OnDevice(chain, device), apodised)
-    return ImageStack(path, n_bscans, read, along=recording.along, remarks=recording.remarks)
+        read = ReadSpectra(kept, first, OnDevice(chain, device), apodised)
+    return ImageStack(path, len(kept), read, along=along, remarks=remarks)
 
 
 def _vector(container: Container, name: str, key: str, n: int) -> Coordinates:

@@ -69,8 +69,16 @@ def test_single_keys_of_the_chain_can_be_overridden(tmp_path: Path) -> None:
     )
     assert "holds fewer slices than stated" in refused(path, **{"spectra.slices": 4})
     assert "does not hold the spectra that are stated; found 80 A-scans of 128" in refused(
-        path, **{"spectra.ascans": 70}
+        path, **{"spectra.ascans": 90}
     )
+
+
+def test_of_bscans_longer_than_a_turn_the_first_turn_is_read(tmp_path: Path) -> None:
+    path = write(tmp_path / "a", raw_file(SLICES, CHIRP, range_mm=RANGES))
+    turns = [spectra[:70] for spectra in SLICES]
+    np.testing.assert_array_equal(bscans(path, **{"spectra.ascans": 70}), headerless(tmp_path / "b", turns, ascans=70))
+    _, stream = open_recording(path, overrides={**LACKING, "spectra.ascans": 70})
+    assert "Of the 80 A-scans of every B-scan the first 70 were read, as one turn." in stream.remarks.notes
 
 
 def test_a_file_a_stop_is_a_pullback(tmp_path: Path) -> None:
