@@ -177,8 +177,8 @@ def _raw(path: Path, header: Header, members: dict[str, Member], files: list[Dat
                     apodised = AScans(member, at + without[0], without[1] - without[0])
                 bscans.append(BScan(AScans(member, at + scan[0], scan[1] - scan[0]), apodised))
     counts = {bscan.ascans.count for bscan in bscans}
-    if len(counts) != 1:
-        found = f"B-scans of {', '.join(map(str, sorted(counts)[:4]))} A-scans" if counts else "apodisation alone"
+    if len(counts) != 1 or 0 in counts:
+        found = f"B-scans of {', '.join(map(str, sorted(counts)[:4]))} A-scans" if any(counts) else "apodisation alone"
         raise EndoctError(f"the spectra in {path} are no B-scans of one size", found=found)
     places, remarks = _one_a_place(path, bscans, header)
     if unlisted := sum(_SPECTRAL.fullmatch(key) is not None for key in members) - len(files):

@@ -310,6 +310,7 @@ def test_bscans_are_counted(tmp_path: Path) -> None:
         (file_of(SPECTRA[0], 1, ScanRegionEnd0=999), "fewer A-scans than its regions"),
         (file_of(SPECTRA[0], 1, SizeZ=100), "holds no whole frames"),
         (file_of(SPECTRA[0], 2).add("Spectral1", SPECTRA[0][:70]), "no B-scans of one size"),
+        (file_of(DARK, 1, ApoRegionEnd0=6), "apodisation alone"),
         (file_of(DARK, 2, ApoRegionEnd0=6).add("Spectral1", DARK, ApoRegionEnd0=6), "apodisation alone"),
     ],
 )

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.modalities.oct.plugin import OCT
+from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.plugin import OctModality
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.workbench.pipeline.information import describe
 from tests.modalities.oct.spectra.fringes import levels_db, mirror, quadratic_chirp
@@ -136,6 +138,11 @@ def test_spectra_without_the_sample_as_the_background(tmp_path: Path) -> None:
         assert (level[name][:, 20] > level[name][:, 40] + 30).all()
         np.testing.assert_array_equal(bscans(path), headerless(tmp_path / "b", still))
     np.testing.assert_allclose(level["each"][:, 20], level["own"][:, 20], atol=0.01)
+    each = tmp_path / "each" / "scan.oct"
+    _, known = open_recording(each, overrides={**LACKING, "spectra.background": "apodisation"})
+    assert isinstance(known.acquisition, OctAcquisition)
+    by_torch = levels_db(OctModality("cpu").open(each, known.acquisition)[0].samples)
+    np.testing.assert_allclose(by_torch[:, 20], level["each"][:, 20], atol=2 / COUNTS_PER_DB)
     bare = write(tmp_path / "bare", raw_file(still, CHIRP, range_mm=RANGES))
     assert "holds no spectra without the sample" in refused(bare, **{"spectra.background": "apodisation"})
     table = {"spectra": {"file": "spectra.bin", "samples": N, "ascans": ASCANS, "chirp": "even"}}
@@ -158,4 +165,4 @@ def test_it_is_known_without_a_sidecar(tmp_path: Path) -> None:
     found = describe(path)
     assert (found["frames"], found["certainty"] != "unsure") == (3, True)
     assert set(found["missing"]) == set(LACKING)
-    assert OCT.sniff(path).preview is not None
+    assert OctModality().sniff(path).preview is not None
