@@ -17,6 +17,7 @@ Member = tuple[str, bytes]
 _NAMES = (
     "../outside.roi", "/etc/passwd", "a/../../b.roi", "C:\\x.roi", "", "a" * 300, "é.roi", "a\nb.roi", ".roi", "x.txt",
     "overlay.zip", "image.npy", "metadata.npy", "curve_0.npy", "curve_999999.npy", "x.ROI", "folder/", "000000.oct.npy",
+    "Header.xml", "data\\Chirp.data", "data/Spectral1.data", "data\\Intensity.data",
 )  # fmt: skip
 _DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -61,7 +62,10 @@ def mutate_zip(data: bytes, rng: Random, inner: Mutate) -> bytes:
     except Exception:  # noqa: BLE001  an archive that was damaged before
         return mutate_bytes(data, rng)
     if kind < 0.255 and members:
-        return _bomb("image.npy" if members[0][0].endswith(".npy") else "0001.roi")
+        first = members[0][0]
+        return _bomb(
+            "image.npy" if first.endswith(".npy") else "Header.xml" if first.startswith("data") else "0001.roi"
+        )
     return zipped(_members(members, rng, inner), rng.choice(_METHODS))
 
 

@@ -15,7 +15,7 @@ from benchmarks.fuzz.images import mutate_bmp, mutate_jpeg, mutate_png
 from benchmarks.fuzz.raw import mutate_bytes, splice
 from benchmarks.fuzz.store_values import change_values
 from benchmarks.fuzz.stores import mutate_store_json
-from benchmarks.fuzz.texts import mutate_csv, mutate_json, mutate_toml
+from benchmarks.fuzz.texts import mutate_csv, mutate_json, mutate_toml, mutate_xml
 from benchmarks.fuzz.tiff import mutate_tiff
 from benchmarks.fuzz.trees import Entry, Seed, Special
 from benchmarks.fuzz.values import NAMES
@@ -97,7 +97,7 @@ def _mutator(name: str, data: bytes) -> Callable[[bytes, Random], bytes]:
     ends: dict[str, Callable[[bytes, Random], bytes]] = {
         ".toml": mutate_toml, ".csv": mutate_csv, ".txt": mutate_csv, ".mp4": mutate_video, ".mov": mutate_video,
         ".tar": lambda data, rng: mutate_tar(data, rng, _inner), ".json": mutate_json,
-        ".fcsv": mutate_csv, ".ctbl": mutate_csv,
+        ".fcsv": mutate_csv, ".ctbl": mutate_csv, ".xml": mutate_xml,
     }  # fmt: skip
     path = PurePosixPath(name)
     if path.name in ("zarr.json", ".zarray", ".zattrs", ".zgroup", ".zmetadata"):

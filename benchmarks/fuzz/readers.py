@@ -43,12 +43,18 @@ def _stated(path: Path) -> None:
 
 
 def _recording(path: Path) -> None:
-    from endoct.modalities.registry import manifests, open_recording
+    from endoct.modalities.registry import manifests
     from endoct.workbench.pipeline.information import describe
 
     for manifest in manifests().values():
         manifest.load().sniff(path)
     describe(path)
+    _opened(path)
+
+
+def _opened(path: Path) -> None:
+    from endoct.modalities.registry import open_recording
+
     _, stream = open_recording(path)
     for index in range(len(stream)):
         stream[index]
@@ -322,6 +328,13 @@ _ALL = (
     Reader("microscopes", _stated, _seeds("seed_formats", "microscope_seeds"), 8, needs="endoct.modalities.dicom"),
     Reader("sidecar", _sidecar, _seeds("seed_recordings", "sidecar_seeds"), 7),
     Reader("recording", _recording, _seeds("seed_recordings", "recording_seeds"), 5),
+    Reader(
+        "thorlabs",
+        _opened,
+        _seeds("seed_recordings", "thorlabs_seeds"),
+        8,
+        needs="endoct.modalities.reading.thorlabs",
+    ),
     Reader("settings", _settings, _seeds("seed_recordings", "setting_seeds"), 3),
     Reader("drawings", _drawing, _seeds("seed_drawings", "drawing_seeds"), 12),
     Reader("masks", _mask, _seeds("seed_drawings", "mask_seeds"), 4),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.frame_faults.videos import with_edits
 from benchmarks.fuzz.archives import zipped
 from benchmarks.fuzz.trees import Seed
+from tests.modalities.thorlabs_writer import Oct, raw_file
 
 OCT_TOML = """modality = "oct"
 axial_pixel_mm = 0.005
@@ -235,6 +236,30 @@ def recording_seeds() -> Iterator[Seed]:
     yield Seed("no sidecar", "", frames, refused=True)
     yield Seed("no sidecar, oct", "", {"pullback.npy": npy(layered)}, refused=True)
     yield Seed("video", "", {"acquisition.toml": sidecar.encode(), "a.mkv": video("mkv", "ffv1", "gray")})
+
+
+def thorlabs_seeds() -> Iterator[Seed]:
+    """Yield ThorImage files of every kind, alone, in a folder with a file a stop, and with a chirp next to them."""
+    sidecar = {"acquisition.toml": "\n".join(OCT_TOML.split("\n")[2:5]).encode()}
+    layered = np.repeat(np.arange(48, dtype=np.float32)[None, None], 64, axis=1).repeat(3, axis=0)
+    levels = Oct(size=(48, 64, 3)).add("Intensity", layered).add("VideoImage", noise(3, 4, dtype="<u4"), Type="Colored")
+    turned = Oct(size=(48, 64, 3)).add("Complex", layered.astype(np.complex64))
+    spectra, chirp = noise(3, 64, 96, dtype="<u2"), np.arange(96.0)
+    kinds: dict[str, tuple[Oct, dict[str, Any]]] = {
+        "levels": (levels, {}),
+        "levels, packed": (levels, {"compression": 8, "separator": "/", "encoding": "utf-16"}),
+        "complex": (turned, {}),
+        "spectra": (raw_file(spectra, chirp), {}),
+        "spectra with apodisation": (raw_file(spectra, chirp, apodisation=spectra[0][:4]), {"compression": 8}),
+        "spectra in one": (Oct(size=(48, 64, 3)).add("Spectral0", spectra).add("Chirp", np.float32(chirp)), {}),
+    }
+    for name, (made, how) in kinds.items():
+        yield Seed(name, "", {**sidecar, "scan.oct": made.bytes(**how)})
+    text = "\r\n".join(f"{value:.3f}" for value in chirp).encode()
+    yield Seed("chirp next to it", "", {**sidecar, "scan.oct": raw_file(spectra, None).bytes(), "Chirp.dat": text})
+    stops = {f"s{k}.oct": raw_file([spectra[k]], chirp, timestamp=k + 1).bytes() for k in range(3)}
+    yield Seed("stops", "", {**sidecar, **stops})
+    yield Seed("no chirp", "", {**sidecar, "scan.oct": raw_file(spectra, None).bytes()}, refused=True)
 
 
 def sidecar_seeds() -> Iterator[Seed]:

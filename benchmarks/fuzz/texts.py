@@ -171,3 +171,30 @@ def mutate_csv(data: bytes, rng: Random) -> bytes:
             if cell < len(other):
                 del other[cell]
     return "\n".join(",".join(row) for row in rows).encode("utf-8", "surrogateescape")
+
+
+_XML_VALUE = re.compile(r"(?<==\")[^\"<]*(?=\")|(?<=>)[^<>]*[^<>\s][^<>]*(?=</)")
+_XML_PARTS = (
+    '<!DOCTYPE a [<!ENTITY b "c">]>', "&b;", "<a>" * 50, "</a>", "<!--", "<![CDATA[", "\0", "\x1b[31m", "<?xml?>", "é",
+)  # fmt: skip
+
+
+def mutate_xml(data: bytes, rng: Random) -> bytes:
+    """Return XML with a value, a line or a part of its markup changed, in the encoding that it has."""
+    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8"
+    text, kind = data.decode(encoding, "surrogateescape"), rng.random()
+    values, lines = list(_XML_VALUE.finditer(text)), text.split("\n")
+    if values and kind < 0.6:
+        one = rng.choice(values)
+        new = (str(integer(rng)), rng.choice(JSON_NUMBERS), rng.choice(values)[0], "", rng.choice(JSON_STRINGS))
+        text = text[: one.start()] + rng.choice(new) + text[one.end() :]
+    elif kind < 0.85:
+        at = rng.randrange(len(lines))
+        lines[at : at + 1] = rng.choice(([], [lines[at]] * 2, [rng.choice(lines)], [lines[at]] * 500))
+        text = "\n".join(lines)
+    elif kind < 0.95:
+        at = rng.randrange(len(text) + 1)
+        text = text[:at] + rng.choice(_XML_PARTS) + text[at:]
+    else:
+        encoding = rng.choice(("utf-8", "utf-16", "utf-16-le", "utf-32", "latin-1"))
+    return text.encode(encoding, "replace" if encoding != "utf-8" else "surrogateescape")

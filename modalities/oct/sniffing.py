@@ -15,7 +15,7 @@ from endoct.modalities.contract import Preview, Sniff
 from endoct.modalities.oct.depth_order import UPSIDE_DOWN, share_brightening
 from endoct.modalities.oct.opening import LEAST_DEPTH, UnstatedSpectra, open_pages
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, SpectraKeys, StatedSpectra
-from endoct.modalities.reading.recording import some_frames
+from endoct.modalities.reading.recording import some_frames, stated_by
 
 SIDE_PX = 512
 """Pages are judged at this size at most."""
@@ -71,8 +71,9 @@ def sniff_pullback(path: Path) -> Sniff:
 
 
 def _stated_spectra(path: Path) -> SpectraKeys | None:
-    """Return what the sidecar says of raw spectra, whether or not the rest of it is filled in."""
-    if (keys := read_keys(path).get("spectra")) is None:
+    """Return what the sidecar, or else the files, say of raw spectra, whether or not the rest of it is filled in."""
+    keys = read_keys(path).get("spectra") or stated_by(path).keys.get("spectra")
+    if keys is None:
         return None
     return validate(StatedSpectra, {"spectra": keys}, str(sidecar_path(path))).spectra
 

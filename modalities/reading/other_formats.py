@@ -1,23 +1,17 @@
 """Files that somebody may take for a recording and that are not read: named by their content, with what to do."""
 
-import re
-import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import open_regular, read_start
+from endoct.base.files.files import read_start
 from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
 
 _VIDEO = "convert it without losses: ffmpeg -i IN -c:v ffv1 OUT.mkv"
 _IMAGE = "convert its images to PNG or TIFF"
 _EXPORT = "export the B-scans as TIFF, one page a slice, or as numbered images"
 _LOOKED_AT = 4096
-_MOST_MEMBERS_BYTES = 4_000_000
-"""Of the list of members of a ZIP file."""
-_THORLABS = re.compile(r"<\s*Ocity\b")
 
 
 @dataclass(frozen=True)
@@ -36,8 +30,6 @@ class OtherKind:
 def kind_not_read(path: Path) -> OtherKind | None:
     """Return what a file is, by its first bytes, if that is of a known kind which is not read; else None."""
     start = read_start(path, _LOOKED_AT)
-    if start.startswith(b"PK\3\4"):
-        return _zip(path, start)
     if is_dicom(path):
         name = kind_of(path).name
         return OtherKind(f"a DICOM file of {name}" if name else "a DICOM file", _EXPORT)
@@ -45,44 +37,6 @@ def kind_not_read(path: Path) -> OtherKind | None:
         if is_that(start):
             return OtherKind(name, remedy)
     return None
-
-
-def _zip(path: Path, start: bytes) -> OtherKind:
-    thorlabs = OtherKind("a Thorlabs OCT file (ThorImage)", f"open it in ThorImage and {_EXPORT}")
-    header = _member(path, "header.xml")
-    if header is None and b"Header.xml" in start:  # cut off, so that nothing lists its members
-        return thorlabs
-    if header is not None and _THORLABS.search(header):
-        return thorlabs
-    return OtherKind("a ZIP file", "unpack it")
-
-
-def _member(path: Path, name: str) -> str | None:
-    """Return the first letters of a member of a ZIP file; None where there is none that can be read."""
-    try:
-        with open_regular(path) as file:
-            if _list_bytes(file.seek(0, 2), path) > _MOST_MEMBERS_BYTES:
-                return None
-            file.seek(0)
-            with zipfile.ZipFile(file) as members:
-                found = next((each for each in members.infolist() if each.filename.lower() == name), None)
-                if found is None or found.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                    return None
-                with members.open(found) as member:
-                    data = member.read(_LOOKED_AT)
-    except (EndoctError, OSError, ValueError, RuntimeError, EOFError, zipfile.BadZipFile, zlib.error, LookupError):
-        return None
-    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    return data.decode(encoding, "replace")
-
-
-def _list_bytes(size: int, path: Path) -> int:
-    """Return how long the list of members of a ZIP file is, which is read whole when it is opened."""
-    with open_regular(path) as file:
-        file.seek(max(0, size - 66_000))
-        end = file.read()
-    place = end.rfind(b"PK\5\6")
-    return int.from_bytes(end[place + 12 : place + 16], "little") if place >= 0 else 0
 
 
 def _begins(*starts: bytes) -> Callable[[bytes], bool]:
@@ -125,5 +79,6 @@ _KINDS: tuple[tuple[Callable[[bytes], bool], str, str], ...] = (
     (_begins(b"II*\0\x10\0\0\0CR", b"IIU\0", b"FUJIFILM"), "a raw photograph", _IMAGE),
     (_begins(b"%PDF-"), "a PDF", _IMAGE),
     (_begins(b"NRRD000"), "an NRRD volume", _EXPORT),
+    (_begins(b"PK\3\4"), "a ZIP file", "unpack it"),
     (_begins(b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07", b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0"), "an archive", "unpack it"),
 )

@@ -25,10 +25,11 @@ from endoct.modalities.reading.orientation import UPRIGHT, on_orientation
 from endoct.modalities.reading.other_formats import kind_not_read
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
 from endoct.modalities.reading.repeated_frames import fingerprint, on_repeated, same_picture, without_colour
+from endoct.modalities.reading.thorlabs import THORLABS
 from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES, is_tiff, read_tiff
 from endoct.modalities.reading.video import VIDEO
 
-FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, VIDEO, IVOCT, PICTURES, OME_ZARR)
+FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, THORLABS, VIDEO, IVOCT, PICTURES, OME_ZARR)
 """In the order in which they are asked; what none of them claims is an image, or of no readable kind."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
@@ -165,6 +166,12 @@ def stated_by(path: Path) -> Stated:
         return Stated()
     form, files = located
     return form.states(files)
+
+
+def files_of(path: Path, form: Format) -> Files | None:
+    """Return the files of the recording at ``path``, if ``form`` is their format."""
+    located = _located(path) if exists(path) else None
+    return located[1] if located is not None and located[0] is form else None
 
 
 def _located(path: Path) -> tuple[Format, Files] | None:

@@ -56,15 +56,15 @@ def thorlabs(
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("name", ["scan.oct", "scan.zip", "scan.tif"])
-def test_a_thorlabs_file_is_known_by_its_content(name: str, encoding: str, tmp_path: Path) -> None:
-    with pytest.raises(EndoctError, match=r"Thorlabs OCT file \(ThorImage\), which is not read; open it in ThorImage"):
+def test_a_thorlabs_file_without_bscans_is_known_by_its_content(name: str, encoding: str, tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match=r"a Thorlabs OCT file \(ThorImage\) with no data;.*in ThorImage choose"):
         open_stack(thorlabs(tmp_path / name, encoding=encoding))
 
 
 def test_one_that_was_cut_off_is_still_known(tmp_path: Path) -> None:
     path = thorlabs(tmp_path / "scan.oct")
     path.write_bytes(path.read_bytes()[:-60])
-    with pytest.raises(EndoctError, match="Thorlabs"):
+    with pytest.raises(EndoctError, match=r"scan\.oct is truncated"):
         open_stack(tmp_path)
 
 

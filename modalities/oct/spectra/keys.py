@@ -56,9 +56,10 @@ class SpectraKeys(BaseModel):
     electrons_per_count: float = Field(
         default=1.0, ge=1e-6, le=1e9, description="what samples are multiplied by before the offset is subtracted"
     )
-    background: Literal["mean", "offset"] = Field(
+    background: Literal["mean", "offset", "apodisation"] = Field(
         default="mean",
-        description="what is subtracted: the mean over the A-scans of a slice (and with it any offset), or the offset",
+        description="what is subtracted: the mean over the A-scans of a slice (and with it any offset), the offset, or "
+        "the spectra without the sample that a ThorImage file holds",
     )
     interpolation: Literal["cubic", "linear", "sinc"] = Field(
         default="cubic", description="how samples are read at even wavenumbers: by 4 samples, 2, or 8"

@@ -19,11 +19,18 @@ _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 def read_vector(folder: Path, name: str, key: str, n: int) -> Coordinates:
     """Return the ``n`` values in the file ``name`` of ``folder``, float64 (n,); ``key`` of the sidecar names it.
 
-    The file holds text with a number a line, which its bytes tell, or little-endian float64 or float32, which its size
-    tells apart. Raises :class:`EndoctError` where it is missing, has another length, or a value is not finite.
+    Raises :class:`EndoctError` where it is missing, or as :func:`vector_of` does.
     """
     path = inside(folder, name, f"'{key}' in the sidecar")
-    data = read_small(path)
+    return vector_of(read_small(path), path, key, n)
+
+
+def vector_of(data: bytes, path: Path, key: str, n: int) -> Coordinates:
+    """Return the ``n`` values that the bytes of the file ``path`` hold, float64 (n,).
+
+    They are text with a number a line, which the bytes tell, or little-endian float64 or float32, which their number
+    tells apart. Raises :class:`EndoctError` where there are more or fewer values, or one is not finite.
+    """
     if path.suffix.lower() in TEXT_SUFFIXES or is_text(data):
         values = numbers_of(data, path)
     else:

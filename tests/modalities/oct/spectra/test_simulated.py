@@ -17,6 +17,7 @@ from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, chirp, counts, digiti
 from endoct.synthetic.specimen import simulate
 from tests.modalities.oct.spectra.fringes import chain, levels_db
 from tests.modalities.oct.unrolling import unroll
+from tests.modalities.thorlabs_writer import Oct, with_vectors
 
 N = 1024
 
@@ -114,3 +115,27 @@ def test_the_sidecar_that_the_simulator_writes_says_all(specimen: Path, tmp_path
     assert stream.acquisition.spectra is not None
     assert stream.acquisition.spectra.chirp_gives == "wavenumber"
     np.testing.assert_array_equal(np.fromfile(moved / "Chirp.bin", "<f8"), chirp(N))
+
+
+def test_in_a_thorimage_file_they_give_the_same_panorama(specimen: Path, tmp_path: Path) -> None:
+    """To the bit, where the headerless file's chirp is rounded to float32 as the program writes it."""
+    spectra = shutil.copytree(specimen / "oct-spectra", tmp_path / "spectra")
+    vectors = [np.fromfile(spectra / f"{name}.bin", "<f8").astype("<f4") for name in ("Chirp", "Offset")]
+    vectors[0].tofile(spectra / "Chirp.bin")
+    _, known = open_recording(spectra)
+    assert isinstance(known.acquisition, OctAcquisition)
+    keys = known.acquisition.model_dump(mode="json", exclude_none=True)
+    keys.pop("spectra")
+    n_ascans, n_depth = known[0].samples.shape
+    made = Oct(size=(n_depth, n_ascans, len(known)), range_mm=(keys.pop("axial_pixel_mm") * n_depth, 20.0, 7.0))
+    for k, frame in enumerate(np.fromfile(spectra / "spectra.bin", "<u2").reshape(len(known), n_ascans, N)):
+        made.add(f"Spectral{k}", frame)
+    path = with_vectors(made, *vectors).write(tmp_path / "Bore_0001_Mode3D.oct")
+    _, stream = open_recording(path, overrides=keys)
+    assert isinstance(stream.acquisition, OctAcquisition)
+    for k in range(len(known)):
+        np.testing.assert_array_equal(stream[k].samples, known[k].samples)
+    ours, theirs = (unroll(at, of)[2] for at, of in ((path, stream.acquisition), (spectra, known.acquisition)))
+    np.testing.assert_array_equal(ours.intensity, theirs.intensity)
+    np.testing.assert_array_equal(ours.valid, theirs.valid)
+    assert ours.valid.mean() > 0.9

@@ -1,0 +1,328 @@
+"""One ThorImage file: where its B-scans lie in it, whatever its header claims. See :mod:`.thorlabs` for the format."""
+
+import functools
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_array_size, read_start, state_of
+from endoct.base.files.zip_members import ZIP_START, Member, check_held, list_members, read_member
+from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, read_header
+
+Kind = Literal["raw", "real", "complex"]
+NAME = "a Thorlabs OCT file (ThorImage)"
+HEADER = "header.xml"
+MOST_HEADER_BYTES = 16_000_000
+INTENSITY, COMPLEX = "data/intensity.data", "data/complex.data"
+ALIKE = 0.01
+"""Share by which lengths that say the same may differ."""
+_SPECTRAL = re.compile(r"data/spectral([0-9]{1,9})\.data")
+_ROOT = re.compile(rf"<\s*{ROOT}\b")
+_FIRST_MEMBER = re.compile(rb"(data[\\/][A-Za-z0-9_]+\.data|Header\.xml)")
+_STORAGE = "in ThorImage choose, under Settings, to store processed data or raw spectra, and save it again"
+
+
+@dataclass(frozen=True)
+class AScans:
+    """``count`` A-scans of a member, from the A-scan ``first`` on."""
+
+    member: Member
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
+class BScan:
+    """Where one B-scan lies; of raw spectra also those that were taken without the sample, if any."""
+
+    ascans: AScans
+    apodised: AScans | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Container:
+    """One opened file: its B-scans, of ``n_samples`` of ``dtype`` an A-scan, and what is to be said of it.
+
+    ``axial_pixel_mm``: of B-scans, in air; None where the header contradicts itself or does not say.
+    """
+
+    path: Path
+    header: Header
+    members: dict[str, Member]
+    kind: Kind
+    dtype: np.dtype[Any]
+    n_samples: int
+    bscans: tuple[BScan, ...]
+    axial_pixel_mm: float | None
+    remarks: Remarks
+
+    @property
+    def n_ascans(self) -> int:
+        """A-scans of every B-scan."""
+        return self.bscans[0].ascans.count
+
+
+def open_container(path: Path) -> Container:
+    """Open one file. Raises :class:`EndoctError` where it holds no B-scans that are read."""
+    return _container(path, _state(path))
+
+
+def is_thorlabs(path: Path) -> bool:
+    """Say by its content whether a file is one of ThorImage's, also one that was cut off."""
+    return _is_thorlabs(path, _state(path))
+
+
+def _state(path: Path) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    """What changes where a file does, so that what was made of it is not used any more."""
+    return tuple(sorted(state_of(path).items()))
+
+
+@functools.lru_cache(maxsize=2048)
+def _is_thorlabs(path: Path, _: object) -> bool:
+    start = read_start(path, 100)
+    if not start.startswith(ZIP_START):
+        return False
+    try:
+        header = list_members(path).get(HEADER)
+        if header is None:
+            return False
+    except EndoctError:  # cut off, so that nothing lists its members
+        return _FIRST_MEMBER.match(start[30:]) is not None
+    try:
+        data = read_member(header, MOST_HEADER_BYTES)
+    except EndoctError as error:
+        return bool(error.what)  # it has one; opening it says what is wrong
+    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    return _ROOT.search(data[:4096].decode(encoding, "replace")) is not None
+
+
+@functools.lru_cache(maxsize=512)
+def _container(path: Path, _: object) -> Container:
+    members = list_members(path)
+    if HEADER not in members:
+        raise EndoctError(f"{path} is no ThorImage file", found="no Header.xml", remedy="copy it again")
+    header = read_header(read_member(members[HEADER], MOST_HEADER_BYTES), f"Header.xml in {path}")
+    listed = {file.key: file for file in header.data_files}
+    if len(listed) < len(header.data_files):
+        raise EndoctError(f"Header.xml in {path} lists a file of data twice")
+    if header.axis_order and not header.axis_order.upper().startswith("ZXY"):
+        raise EndoctError(
+            f"{path} is not read", found=f"samples in the order {header.axis_order[:20]}", expected="ZXY, depth fastest"
+        )
+    raw = [file for key, file in listed.items() if _SPECTRAL.fullmatch(key) and file.kind.startswith("Raw")]
+    raw.sort(key=lambda file: int(file.key.removeprefix("data/spectral").removesuffix(".data")))
+    for key, kind, dtype in ((INTENSITY, "Real", np.dtype("<f4")), (COMPLEX, "Complex", np.dtype("<c8"))):
+        if key in listed and listed[key].kind == kind:
+            return _processed(path, header, members, listed[key], dtype, len(raw))
+    if raw:
+        return _raw(path, header, members, raw)
+    raise _nothing_read(path, header)
+
+
+def _processed(
+    path: Path, header: Header, members: dict[str, Member], file: DataFile, dtype: np.dtype[Any], n_raw: int
+) -> Container:
+    if file.sample_bytes not in (None, dtype.itemsize):
+        raise EndoctError(
+            f"{file.key} in {path} is not read",
+            found=f"{file.sample_bytes} bytes a sample",
+            expected=f"{dtype.itemsize}, for {file.kind}",
+        )
+    member = _member(path, members, file)
+    check_array_size((file.size_x, file.size_z), dtype.itemsize, f"a B-scan of {path}")
+    n_bscans = _whole_parts(member, file.size_x * file.size_z * dtype.itemsize, "B-scans", file)
+    bscans = tuple(BScan(AScans(member, k * file.size_x, file.size_x)) for k in range(n_bscans))
+    remarks = NONE
+    if n_raw:
+        remarks += Remarks(notes=("The file holds B-scans and raw spectra; the B-scans were read.",))
+    if n_bscans != file.size_y:
+        remarks += _miscounted(path, n_bscans, file.size_y)
+    kind: Kind = "complex" if dtype.kind == "c" else "real"
+    return _described(Container(path, header, members, kind, dtype, file.size_z, bscans, None, remarks), file)
+
+
+def _raw(path: Path, header: Header, members: dict[str, Member], files: list[DataFile]) -> Container:
+    n_samples = files[-1].size_z
+    if {file.size_z for file in files} != {n_samples} or n_samples % 2:
+        sizes = sorted({file.size_z for file in files})
+        raise EndoctError(
+            f"the spectra in {path} cannot be read", found=f"{sizes} samples"[:80], expected="one even number for all"
+        )
+    sample_bytes = files[-1].sample_bytes or header.sample_bytes
+    if sample_bytes != 2:
+        raise EndoctError(f"the spectra in {path} cannot be read", found=f"{sample_bytes} bytes a sample", expected="2")
+    if header.is_signed is None:
+        raise EndoctError(f"Header.xml in {path} does not say whether samples have a sign", expected="RawDataIsSigned")
+    bscans: list[BScan] = []
+    apodised: AScans | None = None
+    alone = len(files) == 1
+    for file in files:
+        member = _member(path, members, file)
+        check_array_size((file.size_x, n_samples), sample_bytes, f"a B-scan of {path}")
+        n_blocks = _whole_parts(member, file.size_x * n_samples * sample_bytes, "frames", file)
+        if file.apodised and not file.scanned and not alone:  # without the sample, all of it
+            apodised = AScans(member, 0, n_blocks * file.size_x)
+            continue
+        for k in range(n_blocks):
+            regions = _regions(file, header, path, all_in_one=alone and n_blocks == 1)
+            at = k * file.size_x
+            for without, scan in regions:
+                if without is not None:
+                    apodised = AScans(member, at + without[0], without[1] - without[0])
+                bscans.append(BScan(AScans(member, at + scan[0], scan[1] - scan[0]), apodised))
+    counts = {bscan.ascans.count for bscan in bscans}
+    if len(counts) != 1 or 0 in counts:
+        found = f"B-scans of {', '.join(map(str, sorted(counts)[:4]))} A-scans" if any(counts) else "apodisation alone"
+        raise EndoctError(f"the spectra in {path} are no B-scans of one size", found=found)
+    places, remarks = _one_a_place(path, bscans, header)
+    if unlisted := sum(_SPECTRAL.fullmatch(key) is not None for key in members) - len(files):
+        remarks += doubted(
+            "thorlabs-count", f"{path.name} holds {unlisted} more spectra than its header lists.", unlisted, 0
+        )
+    n_ascans, averaged = counts.pop(), header.ascans_averaged * header.spectra_averaged
+    if header.size_x is not None and n_ascans not in (header.size_x, averaged * header.size_x):
+        what = (
+            f"The header of {path.name} says {header.size_x} A-scans a B-scan, {averaged} averaged; the file holds "
+            f"{n_ascans}, which were all read as one turn."
+        )
+        remarks += doubted("thorlabs-count", what, n_ascans, header.size_x)
+    dtype = np.dtype("<i2" if header.is_signed else "<u2")
+    return _described(Container(path, header, members, "raw", dtype, n_samples, places, None, remarks), files[-1])
+
+
+Split = list[tuple[tuple[int, int] | None, tuple[int, int]]]
+
+
+def _regions(file: DataFile, header: Header, path: Path, *, all_in_one: bool) -> Split:
+    """Return, for every B-scan in a frame, which of its A-scans were taken without the sample, if any, and with it."""
+    n_lines = file.size_x
+    if any(end > n_lines for _, end in (*file.apodised, *file.scanned)):
+        raise EndoctError(
+            f"{file.key} in {path} has fewer A-scans than its regions",
+            found=f"{n_lines}",
+            expected=f"{max(end for _, end in (*file.apodised, *file.scanned))}",
+        )
+    without = file.apodised[0] if file.apodised else None
+    if len(file.scanned) > 1:
+        return [(file.apodised[k] if k < len(file.apodised) else without, scan) for k, scan in enumerate(file.scanned)]
+    scan = file.scanned[0] if file.scanned else (without[1] if without else 0, n_lines)
+    n_bscans = (header.size_y or 1) * header.bscans_averaged
+    n_ascans = (header.size_x or 0) * header.ascans_averaged * header.spectra_averaged
+    if not all_in_one or n_bscans < 2 or not n_ascans:
+        return [(without, scan)]
+    if scan[1] - scan[0] == n_bscans * n_ascans:  # one apodisation, if any, before all of them
+        return [(without, (scan[0] + k * n_ascans, scan[0] + (k + 1) * n_ascans)) for k in range(n_bscans)]
+    block, rest = divmod(n_lines, n_bscans)
+    if rest or block <= n_ascans:
+        return [(without, scan)]
+    starts = range(0, n_lines, block)  # each with an apodisation of its own before it
+    return [((at, at + block - n_ascans), (at + block - n_ascans, at + block)) for at in starts]
+
+
+def _one_a_place(path: Path, bscans: list[BScan], header: Header) -> tuple[tuple[BScan, ...], Remarks]:
+    """Return the first B-scan of every place; the others are not averaged, as turns do not begin at one angle."""
+    n, places, stated = len(bscans), header.size_y or 1, header.bscans_averaged
+    repeats = stated if n == places * stated else n // places if places > 1 and n % places == 0 else 1
+    kept = tuple(bscans[::repeats])
+    if n == places * stated:
+        note = f"Of {repeats} B-scans at every place the first was read; they were not averaged."
+        return kept, Remarks(notes=(note,)) if repeats > 1 else NONE
+    if repeats > 1:
+        what = (
+            f"{path.name} holds {n} B-scans, its header says {places} places and {stated} B-scans averaged at each. "
+            f"{repeats} were taken for one place, and the first of them was read."
+        )
+        return kept, doubted("thorlabs-averaging", what, repeats, stated)
+    return kept, _miscounted(path, n, places) if header.size_y is not None else NONE
+
+
+def _described(container: Container, file: DataFile) -> Container:
+    """Return the container with its scale in depth, and with what is to be said of its header."""
+    header, n_depth = container.header, container.n_samples
+    remarks = container.remarks
+    if container.kind == "raw":
+        n_depth //= 2
+    index = header.refractive_index if header.refractive_index is not None else 1.0
+    if not 1 <= index <= 2:
+        raise EndoctError(
+            f"Header.xml in {container.path} has an impossible refractive index", found=f"{index:g}", expected="1 to 2"
+        )
+    said = {"RangeZ of its data": file.range_z_mm and file.range_z_mm / n_depth}
+    if header.size_z in (None, n_depth):
+        said |= {"SizeReal": header.depth_mm and header.depth_mm / n_depth, "PixelSpacing": header.depth_pixel_mm}
+    pixels = {where: pixel for where, pixel in said.items() if pixel}
+    name, pixel_mm = container.path.name, next(iter(pixels.values()), None)
+    if pixel_mm is not None and not all(alike(pixel_mm, other) for other in pixels.values()):
+        listed = ", ".join(f"{1000 * pixel:.4g} µm by {where}" for where, pixel in pixels.items())
+        what = f"The header of {name} gives several distances of depth samples, none of which was taken: {listed}."
+        remarks, pixel_mm = remarks + doubted("thorlabs-depth", what), None
+    elif index != 1 and pixel_mm is not None:
+        what = (
+            f"The header of {name} applies a refractive index of {index:g} to the whole image: depths are divided by "
+            "it. It should be that of what fills the bore; where that is another, state medium_index."
+        )
+        remarks += doubted("thorlabs-index", what, index, 1.0)
+    if header.slices_mm and len(container.bscans) > 1:
+        note = (
+            f"The header of {name} says {header.slices_mm:g} mm across the B-scans: the range of the program's own "
+            "scanner, which was not taken for the pullback's."
+        )
+        remarks += Remarks(notes=(note,))
+    if any("_cam1" in key for key in container.members):
+        remarks += Remarks(notes=(f"Of the two cameras of {name} the first was read.",))
+    axial_mm = pixel_mm * index if pixel_mm is not None and 1e-4 <= pixel_mm * index <= 0.2 else None
+    return replace(container, axial_pixel_mm=axial_mm, remarks=remarks)
+
+
+def _member(path: Path, members: dict[str, Member], file: DataFile) -> Member:
+    if file.key not in members:
+        raise EndoctError(f"{path} is incomplete", found=f"no {file.key[:80]}", remedy="copy or export it again")
+    check_held(members[file.key])
+    return members[file.key]
+
+
+def _whole_parts(member: Member, part_bytes: int, of: str, file: DataFile) -> int:
+    n, rest = divmod(member.n_bytes, part_bytes)
+    if rest or not n or n > 10**6:
+        raise EndoctError(
+            f"{member} holds no whole {of}",
+            found=f"{member.n_bytes} bytes",
+            expected=f"a multiple of {part_bytes}, for {file.size_x} A-scans of {file.size_z} samples",
+            remedy="copy or export it again",
+        )
+    return n
+
+
+def _nothing_read(path: Path, header: Header) -> EndoctError:
+    kinds = {file.kind for file in header.data_files if "image" not in file.key}
+    if header.mode == "Mode1D" or any(file.key == "data/spectralfloat.data" for file in header.data_files):
+        found = "single A-scans (Mode1D)"
+    elif kinds == {"Colored"}:
+        found = "coloured images alone, whose colours cannot be undone"
+    else:
+        found = f"data of the kinds {', '.join(sorted(kinds))[:80]}" if kinds - {""} else "no data"
+    return EndoctError(
+        f"{path} holds no B-scans that are read", found=f"{NAME} with {found}",
+        expected="Intensity, Complex or Spectral data", remedy=_STORAGE,
+    )  # fmt: skip
+
+
+def _miscounted(path: Path, found: int, stated: int) -> Remarks:
+    what = f"{path.name} holds {found} B-scans, its header says {stated}; all that are there were read."
+    return doubted("thorlabs-count", what, found, stated)
+
+
+def doubted(code: str, what: str, value: float | None = None, expected: float | None = None) -> Remarks:
+    """Return one doubt, with a count or a ratio and what that should be."""
+    return Remarks(doubts=(Doubt(code, what, value=value, unit=None if value is None else "1", expected=expected),))
+
+
+def alike(one: float, other: float) -> bool:
+    """Say whether two numbers are the same, as programs round them."""
+    return abs(one - other) <= ALIKE * max(abs(one), abs(other))

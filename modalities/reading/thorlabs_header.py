@@ -1,0 +1,162 @@
+"""What the ``Header.xml`` of a ThorImage file says, as it says it: nothing is believed here yet.
+
+Where a field is missing it is None; where it cannot be what it should be, the file is refused.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.xml_tree import read_xml
+from endoct.base.files.zip_members import key_of
+
+ROOT = "Ocity"
+MOST = 10**9
+_WHOLE = re.compile(r"\+?[0-9]{1,12}")
+Region = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """One file of data: ``key`` of its member, its ``kind`` (Raw, Real, Complex, Colored), samples along each axis.
+
+    ``apodised`` and ``scanned``: from which A-scan up to which, not included, lie spectra without and with the sample.
+    """
+
+    key: str
+    kind: str
+    size_z: int
+    size_x: int
+    size_y: int
+    range_z_mm: float | None
+    sample_bytes: int | None
+    apodised: tuple[Region, ...]
+    scanned: tuple[Region, ...]
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header: sizes in pixels and mm of what the program showed, what it averaged, and the instrument."""
+
+    data_files: tuple[DataFile, ...]
+    mode: str
+    size_z: int | None
+    size_x: int | None
+    size_y: int | None
+    depth_mm: float | None
+    depth_pixel_mm: float | None
+    slices_mm: float | None
+    axis_order: str
+    refractive_index: float | None
+    spectra_averaged: int
+    ascans_averaged: int
+    bscans_averaged: int
+    apodisation_ascans: int | None
+    is_signed: bool | None
+    sample_bytes: int | None
+    electrons_per_count: float | None
+    recorded_s: float | None
+
+
+def read_header(data: bytes, what: str) -> Header:
+    """Return what the header says that ``what`` names. Raises :class:`EndoctError` where it is none."""
+    root = read_xml(data, what)
+    if root.tag != ROOT:
+        raise EndoctError(f"{what} is no header of a ThorImage file", found=root.tag[:80], expected=ROOT)
+    read = _Fields(root, what)
+    signed = read.text("Instrument/RawDataIsSigned").lower()
+    return Header(
+        data_files=tuple(_data_file(element, what) for element in root.findall("DataFiles/DataFile")),
+        mode=read.text("MetaInfo/AcquisitionMode"),
+        size_z=read.whole("Image/SizePixel/SizeZ"),
+        size_x=read.whole("Image/SizePixel/SizeX"),
+        size_y=read.whole("Image/SizePixel/SizeY"),
+        depth_mm=read.length("Image/SizeReal", "SizeZ"),
+        depth_pixel_mm=read.length("Image/PixelSpacing", "SizeZ"),
+        slices_mm=read.length("Image/SizeReal", "SizeY"),
+        axis_order=read.text("Image/AxisOrder"),
+        refractive_index=read.number("Acquisition/RefractiveIndex"),
+        spectra_averaged=read.whole("Acquisition/IntensityAveraging/Spectra") or 1,
+        ascans_averaged=read.whole("Acquisition/IntensityAveraging/AScans") or 1,
+        bscans_averaged=(read.whole("Acquisition/IntensityAveraging/BScans") or 1)
+        * (read.whole("Acquisition/SpeckleAveraging/SlowAxis") or 1),
+        apodisation_ascans=read.whole("Acquisition/ActualSizeOfApodization"),
+        is_signed={"true": True, "false": False}.get(signed),
+        sample_bytes=read.whole("Instrument/BytesPerPixel"),
+        electrons_per_count=read.number("Instrument/BinaryToElectronCountScaling"),
+        recorded_s=read.number("Acquisition/Timestamp"),
+    )
+
+
+@dataclass(frozen=True)
+class _Fields:
+    """The fields below an element, by their paths."""
+
+    root: Element
+    what: str
+
+    def text(self, path: str) -> str:
+        return (self.root.findtext(path) or "").strip()
+
+    def whole(self, path: str) -> int | None:
+        return _whole(self.text(path), path, self.what)
+
+    def number(self, path: str) -> float | None:
+        return _number(self.text(path), path, self.what)
+
+    def length(self, parent: str, name: str) -> float | None:
+        """Return a length in mm; None where its unit is another."""
+        found = self.root.find(parent)
+        unit = "mm" if found is None else found.get("Unit", "mm")
+        return self.number(f"{parent}/{name}") if unit == "mm" else None
+
+
+def _data_file(element: Element, what: str) -> DataFile:
+    name = (element.text or "").strip()
+    of = f"{name[:80]} in {what}"
+
+    def whole(attribute: str) -> int | None:
+        return _whole(element.get(attribute, "").strip(), attribute, of)
+
+    return DataFile(
+        key=key_of(name),
+        kind=element.get("Type", ""),
+        size_z=whole("SizeZ") or 1,
+        size_x=whole("SizeX") or 1,
+        size_y=whole("SizeY") or 1,
+        range_z_mm=_number(element.get("RangeZ", "").strip(), "RangeZ", of),
+        sample_bytes=whole("BytesPerPixel"),
+        apodised=_regions(element, "Apo", of),
+        scanned=_regions(element, "Scan", of),
+    )
+
+
+def _regions(element: Element, kind: str, of: str) -> tuple[Region, ...]:
+    """Return the regions that are numbered from 0 on, those left out that are empty."""
+    regions: list[Region] = []
+    while f"{kind}RegionEnd{len(regions)}" in element.attrib:
+        start, end = (element.get(f"{kind}Region{at}{len(regions)}", "0").strip() for at in ("Start", "End"))
+        regions.append((_whole(start, f"{kind}RegionStart", of) or 0, _whole(end, f"{kind}RegionEnd", of) or 0))
+    return tuple(region for region in regions if region[1] > region[0])
+
+
+def _whole(text: str, field: str, what: str) -> int | None:
+    if not text:
+        return None
+    if not _WHOLE.fullmatch(text) or int(text) > MOST:
+        raise EndoctError(f"'{field}' of {what} is no count", found=text[:80], expected=f"a whole number up to {MOST}")
+    return int(text)
+
+
+def _number(text: str, field: str, what: str) -> float | None:
+    if not text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise EndoctError(f"'{field}' of {what} is no number", found=text[:80], expected="one with a point")
+    return value
