@@ -19,8 +19,8 @@ Any of them can be drawn from another range within "may be":
 
 What follows from them is listed below each table. `truth/sample.json` has all of it.
 
-Units are in the names: mm, rad, dB, px (pixels), hu (Hounsfield units). Where a number comes from stands in brackets; where
-nothing stands, it was chosen for plausibility.
+Units are in the names: mm, rad, dB, px (pixels), hu (Hounsfield units). Where a number comes from stands in brackets;
+where nothing stands, it was chosen for plausibility.
 
 - "required": every preset must be at least this hard, so that nobody chooses an easy test for himself
 - "typical": the usual value of such an instrument

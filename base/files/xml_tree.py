@@ -5,6 +5,7 @@ from xml.parsers import expat
 
 from endoct.base.errors import EndoctError, refusing
 
+MOST_BYTES = 16_000_000
 MOST_DEEP, MOST_ELEMENTS = 32, 300_000
 _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
@@ -14,6 +15,8 @@ def read_xml(data: bytes, what: str) -> Element:
 
     Raises :class:`EndoctError` where it is none, has a document type, which could define entities, or is beyond bounds.
     """
+    if len(data) > MOST_BYTES:
+        raise EndoctError(f"{what} is too large", found=f"{len(data) / 1e6:.0f} MB of XML", expected="16 MB at most")
     builder, open_elements, n_elements = TreeBuilder(), 0, 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -33,7 +36,7 @@ def read_xml(data: bytes, what: str) -> Element:
         builder.end(tag)
 
     def refuse(*_: object) -> None:
-        raise EndoctError(f"{what} is no XML that is read", found="a document type (DOCTYPE)", expected="none")
+        raise EndoctError(f"{what} is no XML that is read", found="a document type or entities", expected="none")
 
     with refusing(f"{what} is no valid XML", remedy="copy or export it again"):
         parser = expat.ParserCreate("utf-16" if data.startswith(_BYTE_ORDER_MARKS) else None)
@@ -43,3 +46,8 @@ def read_xml(data: bytes, what: str) -> Element:
         parser.StartDoctypeDeclHandler = refuse
         parser.Parse(data, True)
         return builder.close()
+
+
+def local_name(element: Element) -> str:
+    """Return the name of an element without the prefix of its namespace."""
+    return element.tag.rpartition(":")[2]

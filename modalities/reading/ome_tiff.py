@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import open_regular
+from endoct.base.files.xml_tree import MOST_BYTES, local_name, read_xml
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
-from endoct.modalities.reading.plain_xml import MOST_XML_BYTES, local_name, xml_root
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.reading.tiff import is_tiff, read_tiff
 from endoct.modalities.reading.tiff_directory import MOST_PAGES, pages
@@ -77,8 +77,8 @@ def _states(files: Files) -> Stated:
 
 def _description(path: Path) -> Element:
     with refusing(f"{path} is no readable TIFF", remedy="copy or export it again"), open_regular(path) as file:
-        text = next(pages(path, file)).text(file, DESCRIPTION, MOST_XML_BYTES)
-    return xml_root(text.rstrip("\0").encode("latin-1"), f"the OME-XML of {path}")
+        text = next(pages(path, file)).text(file, DESCRIPTION, MOST_BYTES)
+    return read_xml(text.rstrip("\0").encode("latin-1"), f"the OME-XML of {path}")
 
 
 def _pixels(path: Path, root: Element) -> Element:

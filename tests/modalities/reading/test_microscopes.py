@@ -136,7 +136,7 @@ def test_planes_lie_where_the_description_has_them(tmp_path: Path) -> None:
         ({"more": '<Image><Pixels SizeX="1"/></Image>'}, "several images"),
         ({"before": '<!DOCTYPE OME [<!ENTITY a "b">]>', "pitch": "&a;"}, "a document type or entities"),
         ({"before": '<!DOCTYPE OME SYSTEM "file:///etc/passwd">'}, "a document type or entities"),
-        ({"pitch": '1"'}, "is no XML"),
+        ({"pitch": '1"'}, "is no valid XML"),
     ],
 )
 def test_a_description_that_cannot_be_followed_is_refused(change: dict[str, Any], said: str, tmp_path: Path) -> None:
