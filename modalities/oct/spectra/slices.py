@@ -86,7 +86,7 @@ def find_slices(path: Path, keys: SpectraKeys, chain: Reconstruction) -> Slices:
     check_array_size((keys.ascans, keys.samples), keys.dtype.itemsize, f"a slice of {files[0]}")
     if len(files) == 1 and MANY not in keys.file:
         n = _count_slices(files[0], sizes[0], keys.ascans, keys.slices)
-        file, first = np.zeros(n, np.intp), np.arange(n) * float(keys.ascans)
+        file, first = np.zeros(n, np.intp), np.arange(n, dtype=np.float64) * keys.ascans
     else:
         for each, size in zip(files, sizes, strict=True):
             _count_slices(each, size, keys.ascans, 1)
@@ -202,6 +202,6 @@ def _levels(file: Path, n_ascans: int, keys: SpectraKeys, chain: Reconstruction)
     of_all = replace(chain, background=mean_spectrum(some))
 
     def levels(indices: NDArray[np.intp]) -> Image:
-        return np.asarray(of_all.bscan(read(indices)), np.float32) / COUNTS_PER_DB
+        return np.asarray(of_all.bscan(read(indices)) / np.float32(COUNTS_PER_DB), np.float32)
 
     return levels

@@ -161,8 +161,8 @@ def _followed(stream: Image, period: float) -> tuple[Coordinates, Coordinates, C
         close = gaussian_filter1d(product, sigma, mode="constant") / np.maximum(both, np.finfo(np.float32).tiny)
         alike[reached, k] = close[places[reached]]
     path = _best_path(alike)
-    lag = lags[path].astype(np.float64) + _between(alike, path)
-    return places.astype(np.float64), lag, alike[np.arange(path.size), path]
+    lag = np.asarray(lags[path] + _between(alike, path), np.float64)
+    return np.asarray(places, np.float64), lag, np.asarray(alike[np.arange(path.size), path], np.float64)
 
 
 def _best_path(alike: Coordinates) -> NDArray[np.intp]:
