@@ -173,7 +173,7 @@ def open_image(path: Path, keywords: tuple[str, ...] = ()) -> DicomImage:
             places,
             stored,
             high_bit,
-            signed=bool(int(header.get("PixelRepresentation") or 0)),
+            signed=stated.photometric in GREY and bool(int(header.get("PixelRepresentation") or 0)),
             planar=bool(int(header.get("PlanarConfiguration") or 0)),
             palette=_palette(header, stored) if stated.photometric == PALETTE else None,
         )
@@ -216,7 +216,7 @@ def _palette(header: "Dataset", stored: int) -> NDArray[Any]:
 def as_seen(numbers: NDArray[Any], read: ReadSamples) -> NDArray[Any]:
     """Return stored numbers as they are meant to be seen: 0 is black, colours are RGB, (row, column, 3)."""
     if read.palette is not None:
-        return read.palette[np.minimum(numbers, len(read.palette) - 1).astype(np.intp)]
+        return read.palette[numbers.astype(np.intp)]  # it has a colour for each number that the bits can be
     if read.photometric == "MONOCHROME1":
         top = numbers.dtype.type((1 << (read.stored - read.signed)) - 1)
         return top - numbers if not read.signed else -1 - numbers

@@ -76,7 +76,7 @@ class ReadTurns:
             nearest = np.rint(np.arange(self.n_ascans) * len(ascans) / self.n_ascans).astype(np.intp)
             ascans = ascans[nearest % len(ascans)]
         if self.linear is not None:
-            ascans = self.linear[np.minimum(ascans, len(self.linear) - 1)]
+            ascans = self.linear[np.clip(ascans.astype(np.intp), 0, len(self.linear) - 1)]
         return np.ascontiguousarray(_shifted(ascans, turn.shift).T)
 
 
