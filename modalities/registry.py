@@ -57,8 +57,8 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
     name = modality or read_keys(path).get("modality")
     if name is not None and not isinstance(name, str):
         raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=abridged(name), expected="a text")
-    if name is None and stated_by(path).keys.get("modality") in manifests():
-        name = stated_by(path).keys["modality"]
+    if name is None and (stated := stated_by(path).keys.get("modality")) in manifests():
+        name = stated
     if name is not None:
         if name not in manifests():
             raise EndoctError(f"unknown modality '{name[:80]}'", expected=f"one of {', '.join(manifests())}")

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -92,6 +93,15 @@ def is_dicom(path: Path) -> bool:
 
 def kind_of(path: Path) -> Kind:
     """Return what a DICOM file holds, by its first elements; unknown for another file, or a damaged one."""
+    try:
+        state = path.stat()
+    except (OSError, ValueError):
+        return UNKNOWN
+    return _kind_of(path, (state.st_ino, state.st_size, state.st_mtime_ns))
+
+
+@lru_cache(maxsize=4096)  # a folder of hundreds of files is asked again and again
+def _kind_of(path: Path, _state: tuple[int, int, int]) -> Kind:
     if not is_dicom(path):
         return UNKNOWN
     try:
@@ -102,7 +112,7 @@ def kind_of(path: Path) -> Kind:
                 file,
                 stop_when=lambda tag, _vr, _length: tag > _LAST_OF_KIND,
                 force=True,
-                specific_tags=[0x0008_0016, _LAST_OF_KIND],  # type: ignore[list-item]  # numbers will do
+                specific_tags=[0x0008_0016, _LAST_OF_KIND],
             )
             return Kind(str(start.get("SOPClassUID") or ""), str(start.get("Modality") or ""))
     except (EndoctError, OSError):

@@ -76,6 +76,7 @@ class ReadSamples:
     signed: bool
     planar: bool
     palette: NDArray[Any] | None = field(default=None, repr=False)
+    """Of every number that the bits which are used can be, (n, 3)."""
 
     @property
     def photometric(self) -> str:
@@ -173,7 +174,7 @@ def open_image(path: Path, keywords: tuple[str, ...] = ()) -> DicomImage:
             places,
             stored,
             high_bit,
-            signed=bool(int(header.get("PixelRepresentation") or 0)),
+            signed=stated.photometric in GREY and bool(int(header.get("PixelRepresentation") or 0)),
             planar=bool(int(header.get("PlanarConfiguration") or 0)),
             palette=_palette(header, stored) if stated.photometric == PALETTE else None,
         )
@@ -205,7 +206,7 @@ def _stated(path: Path, header: "Dataset", syntax: str) -> tuple[Stated, int, in
 
 def _palette(header: "Dataset", stored: int) -> NDArray[Any]:
     """Return the colours that numbers stand for, (n, 3), u8, or u16 where they need more bits."""
-    from pydicom.pixels import apply_color_lut
+    from pydicom.pixels.processing import apply_color_lut
 
     colours = np.asarray(apply_color_lut(np.arange(1 << stored, dtype=np.uint16), header))
     if colours.dtype == np.uint16 and ((colours % 257 == 0).all() or (colours % 256 == 0).all()):
@@ -216,7 +217,7 @@ def _palette(header: "Dataset", stored: int) -> NDArray[Any]:
 def as_seen(numbers: NDArray[Any], read: ReadSamples) -> NDArray[Any]:
     """Return stored numbers as they are meant to be seen: 0 is black, colours are RGB, (row, column, 3)."""
     if read.palette is not None:
-        return read.palette[np.minimum(numbers, len(read.palette) - 1).astype(np.intp)]
+        return np.asarray(read.palette[numbers.astype(np.intp)])
     if read.photometric == "MONOCHROME1":
         top = numbers.dtype.type((1 << (read.stored - read.signed)) - 1)
         return top - numbers if not read.signed else -1 - numbers

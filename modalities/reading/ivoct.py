@@ -76,7 +76,7 @@ class ReadTurns:
             nearest = np.rint(np.arange(self.n_ascans) * len(ascans) / self.n_ascans).astype(np.intp)
             ascans = ascans[nearest % len(ascans)]
         if self.linear is not None:
-            ascans = self.linear[np.minimum(ascans, len(self.linear) - 1)]
+            ascans = self.linear[np.clip(ascans.astype(np.intp), 0, len(self.linear) - 1)]
         return np.ascontiguousarray(_shifted(ascans, turn.shift).T)
 
 
@@ -191,8 +191,9 @@ def _turns(recording: DicomRecording) -> tuple[tuple[Turn, ...], Remarks]:
         if n_padded < 0 or n_ascans < LEAST_TURN or not 0 <= seam < rows or abs(shift) >= columns:
             found = f"{n_padded} of {rows} A-scans padded, the seam at {seam}, {shift} of {columns} samples off"
             raise EndoctError(f"frame {index + 1} of {image.path} cannot be as its header says", found=found)
-        known = place is not None and places[0] is not None
-        turned = round(sense * (places[0] - place) * n_ascans / 360) if known else 0
+        turned = 0
+        if place is not None and places[0] is not None:
+            turned = round(sense * (places[0] - place) * n_ascans / 360)
         turns.append(Turn(n_ascans, seam + turned, shift))
     return tuple(turns), remarks
 

@@ -32,7 +32,8 @@ class _ReadTurned:
     def remarks(self) -> Remarks:
         """What is to be said of all frames."""
         note = "An .oct file of 16 bits was taken for LightLab's: rows of its pages for A-scans, samples for linear."
-        return Remarks(notes=(note,)) + self.read.remarks
+        of_tiff: Remarks = self.read.remarks
+        return Remarks(notes=(note,)) + of_tiff
 
     def __call__(self, index: int) -> NDArray[Any]:
         """Return one B-scan, (depth, A-scan)."""

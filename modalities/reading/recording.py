@@ -1,6 +1,7 @@
 """Stacks of equal frames, read one at a time: a file of one of the formats, or a folder of them or of images."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import open_regular
+from endoct.base.files.files import open_regular, state_of
 from endoct.modalities.reading.arrays_on_disk import NPY
 from endoct.modalities.reading.dicom_pictures import PICTURES
 from endoct.modalities.reading.folders import entries, exists, is_folder
@@ -165,6 +166,13 @@ def stated_by(path: Path) -> Stated:
     if not exists(path) or (located := _located(path)) is None:
         return Stated()
     form, files = located
+    if form.is_folder:
+        return form.states(files)
+    return _stated_by_files(form, files, tuple(tuple(state_of(file).values()) for file in files))
+
+
+@lru_cache(maxsize=8)  # what files state is asked for again and again, and may be in the headers of hundreds
+def _stated_by_files(form: Format, files: Files, _states: object) -> Stated:
     return form.states(files)
 
 

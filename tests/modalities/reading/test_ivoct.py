@@ -158,6 +158,8 @@ def test_logarithms_stay_and_what_only_claims_to_be_is_made_linear(tmp_path: Pat
     claimed = made(tmp_path, to_linear=root)
     assert stated_by(claimed).keys["intensity"] == "linear"
     np.testing.assert_array_equal(open_stack(claimed)[1], root[BSCANS[1]].T)
+    narrow = made(tmp_path, BSCANS.astype(np.uint8), to_linear=root)  # samples of 8 bits, a table for 16
+    np.testing.assert_array_equal(open_stack(narrow)[1], root[BSCANS[1].astype(np.uint8)].T)
     assert stated_by(made(tmp_path, PixelIntensityRelationship="LIN")).keys["intensity"] == "linear"
     unsaid = made(tmp_path, PixelIntensityRelationship=None)
     assert "intensity" not in stated_by(unsaid).keys
