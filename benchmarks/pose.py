@@ -33,7 +33,7 @@ from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
 from endoct.fusion.pose.observation import Observation, observe
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
-from endoct.synthetic.ct.scanning import scan
+from endoct.synthetic.ct_scan import scan
 from endoct.synthetic.sample.parameters import Sample
 from endoct.workbench.bench.cases.bores import PoseCase, posed_case
 from endoct.workbench.bench.tasks.pose import judge, located

@@ -48,10 +48,10 @@ def simulate(
     :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``ranges`` are those of
     :func:`endoct.synthetic.draw.draw`. ``volume`` is the user's bone to drill into
     (:func:`endoct.synthetic.bone.patient.stated_volume`). ``ct`` adds ``truth/ct.nii.gz`` with labels and cells,
-    its true line and, in ``folder``, a plan off it (:mod:`endoct.synthetic.ct.plan`); ``cone_beam``
+    its true line and, in ``folder``, a plan off it (:mod:`endoct.synthetic.ct_scan`); ``cone_beam``
     ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct`). ``sample``, the content of such a
     ``sample.json``, replays it; what is drawn from does not matter then. ``labels`` adds ``truth/labels``
-    (:mod:`endoct.synthetic.labels`), ``spectra`` ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`).
+    (:mod:`endoct.synthetic.labels`), ``spectra`` ``oct-spectra`` (:mod:`endoct.synthetic.oct.bscan`).
     ``on_progress(stage, fraction)`` is called from this thread.
     ``workers`` processors render (default: all, at most four): a thread of this process, and worker processes that
     trace parts of the wall and render frames.
@@ -113,8 +113,7 @@ def write_specimen(
         write_recordings(folder, model, processes, progress)
         truth.result()
     if sample.ct or sample.cone_beam:
-        from endoct.synthetic.ct.plan import write_lines
-        from endoct.synthetic.ct.scanning import write_ct
+        from endoct.synthetic.ct_scan import write_ct, write_lines
 
         progress("ct", 0.0)
         write_ct(folder / "truth", sample)
@@ -123,7 +122,7 @@ def write_specimen(
         progress("ct", 1.0)
     workers = 1 + len(processes)
     if spectra:
-        from endoct.synthetic.oct.raw import write_spectra
+        from endoct.synthetic.oct.bscan import write_spectra
         from endoct.synthetic.sidecars import spectra_sidecar, toml
 
         advance = partial(progress, "spectra")

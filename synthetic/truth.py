@@ -102,7 +102,7 @@ def world(sample: Sample) -> dict[str, object]:
     frame. ``entry_mm`` is the mouth; ``target_mm`` what the drill aims at: the basal turn of a simulated cochlea, or
     what the user stated.
     """
-    from endoct.synthetic.bone.grown import world_of  # takes a while to load what only this bone needs
+    from endoct.synthetic.bone.field import world_of  # takes a while to load what only this bone needs
 
     volume = sample.bore.volume
     coordinates: Convention = "ras" if volume is None else volume.coordinates

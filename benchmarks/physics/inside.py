@@ -8,9 +8,9 @@ from scipy import ndimage
 
 from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_row
 from endoct.base.arrays import Coordinates
-from endoct.synthetic.bone.grown import world_of
+from endoct.synthetic.bone.field import world_of
 from endoct.synthetic.bone.wall import build_wall
-from endoct.synthetic.ct.scanning import TISSUE_HU, Scan, scan
+from endoct.synthetic.ct_scan import TISSUE_HU, Scan, scan
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.beams import BONE_INDEX

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.compute.parallel import thread_map
-from endoct.synthetic.bone.cavities import cavities
-from endoct.synthetic.bone.cavity import Indices, Near, air_mm, covers, near
+from endoct.synthetic.bone.cavities import Indices, Near, air_mm, cavities, covers, near
 from endoct.synthetic.bone.field import EDGE_MM, STEEPEST, Field, joined_with_bore
 from endoct.synthetic.bone.opening import fan, patch, radial
 from endoct.synthetic.bone.relief import WallGrid

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
-from endoct.synthetic.bone.cavities import Cavities, cavities, sag
-from endoct.synthetic.bone.cavity import OWN_SIDE, Indices, Near, covers, near
+from endoct.synthetic.bone.cavities import OWN_SIDE, Cavities, Indices, Near, cavities, covers, near, sag
 from endoct.synthetic.bone.relief import WallGrid
 from endoct.synthetic.sample.parameters import Bore, Cell, Harmonic
 

@@ -1,7 +1,7 @@
 """The bone: air in a bore and in its cells, as clearances from which rays can be traced.
 
 The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r;
-that of a cell is :mod:`endoct.synthetic.bone.cavity`'s; :mod:`endoct.synthetic.bone.tracing` joins them and follows
+that of a cell is :mod:`endoct.synthetic.bone.cavities`'s; :mod:`endoct.synthetic.bone.tracing` joins them and follows
 the rays.
 """
 
@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.synthetic.bone.cavities import Cavities, cavities
-from endoct.synthetic.bone.cavity import OWN_SIDE, Indices, Near, clearance, near
+from endoct.synthetic.bone.cavities import OWN_SIDE, Cavities, Indices, Near, cavities, clearance, near
 from endoct.synthetic.bone.contents import Contents, contents_of_field, contents_of_planted
 from endoct.synthetic.bone.field import STEEPEST, Field, joined_with_bore
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, bore_relief, wall_grid
@@ -73,7 +72,7 @@ def build_scene(sample: Sample, workers: int = 1) -> Scene:
     around = np.abs(np.diff(relief.displacement_mm, axis=1)).max(initial=0) / grid.dtheta_mm
     field = None
     if sample.bore.network is not None or sample.bore.volume is not None:
-        from endoct.synthetic.bone.grown import build_field  # takes a while to load what only this bone needs
+        from endoct.synthetic.bone.field import build_field  # takes a while to load what only this bone needs
 
         field = build_field(sample)
     return Scene(

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Mask
-from endoct.synthetic.bone.cavities import Cavities
-from endoct.synthetic.bone.cavity import Indices, Near, chosen, clearance
+from endoct.synthetic.bone.cavities import Cavities, Indices, Near, chosen, clearance
 from endoct.synthetic.elementary import Numbers
 
 STEP_MM = 0.004

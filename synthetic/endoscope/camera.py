@@ -16,8 +16,7 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.endoscope.cone import band_centre_mm
-from endoct.synthetic.endoscope.light import light, obscured
-from endoct.synthetic.endoscope.lighting import Lighting, lit_frame
+from endoct.synthetic.endoscope.lighting import Lighting, light, lit_frame, obscured
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
 from endoct.synthetic.sample.randomness import Stage, bell, generator

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
 from endoct.synthetic.bone.maps import WallMaps
-from endoct.synthetic.endoscope.facet_grid import LEVEL_MM, FacetGrid, Indices, facet_grid, neighbours
-from endoct.synthetic.endoscope.facet_rays import seen_facets
+from endoct.synthetic.endoscope.facet_grid import LEVEL_MM, FacetGrid, Indices, facet_grid, neighbours, seen_facets
 from endoct.synthetic.endoscope.sight import lookup
 
 WAYS = (-1, 0), (1, 0), (0, -1), (0, 1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import fft, sparse
 
 from endoct.base.arrays import Coordinates
-from endoct.synthetic.oct.focus import spot_sigma_mm
+from endoct.synthetic.oct.beams import spot_sigma_mm
 from endoct.synthetic.oct.spectrometer import centred, roll_off
 from endoct.synthetic.oct.sweep import REACH, Sweep, around
 from endoct.synthetic.sample.randomness import Stage, bell, generator

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.density import BoneDensity
 from endoct.synthetic.elementary import Numbers
-from endoct.synthetic.oct.beams import BONE_INDEX
-from endoct.synthetic.oct.focus import FWHM, spot_sigma_mm
+from endoct.synthetic.oct.beams import BONE_INDEX, FWHM, spot_sigma_mm
 from endoct.synthetic.oct.sweep import REACH, Sweep
 from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import Stage, bells, generator

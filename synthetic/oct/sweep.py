@@ -17,8 +17,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.oct.appearance import Appearance
-from endoct.synthetic.oct.beams import Echoes, capillary_axis_mm, stream_position, trace_slices
-from endoct.synthetic.oct.focus import spot_sigma_mm
+from endoct.synthetic.oct.beams import Echoes, capillary_axis_mm, spot_sigma_mm, stream_position, trace_slices
 from endoct.synthetic.oct.spectrometer import Spectrometer, spectrometer
 from endoct.synthetic.sample.parameters import Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS

@@ -9,7 +9,7 @@ from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
-from endoct.synthetic.oct.field import Scattered, scattered
+from endoct.synthetic.oct.scattered_field import Scattered, scattered
 from endoct.synthetic.oct.scatterers import lattice
 from endoct.synthetic.oct.sweep import sweeps
 from endoct.synthetic.sample.parameters import Oct, Sample

@@ -4,8 +4,8 @@ import math
 
 from numpy.random import Generator
 
+from endoct.synthetic.bone.drawn_cells import draw_holes
 from endoct.synthetic.bone.opening import CutWall
-from endoct.synthetic.bone.phantom import draw_holes
 from endoct.synthetic.sample.parameters import Bore, Cell
 
 LEAST_MM = 0.2

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.synthetic.bone.cells import draw_cells
-from endoct.synthetic.bone.mastoid import _Packed
+from endoct.synthetic.bone.drawn_cells import _Packed, draw_cells
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Bore

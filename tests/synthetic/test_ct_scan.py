@@ -14,8 +14,7 @@ from scipy import ndimage
 from endoct.base.errors import EndoctError
 from endoct.base.files.nifti import nifti_header
 from endoct.modalities.ct.trajectory import Trajectory, read_line
-from endoct.synthetic.ct.plan import drawn_plan, true_line
-from endoct.synthetic.ct.scanning import write_ct
+from endoct.synthetic.ct_scan import drawn_plan, true_line, write_ct
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Ct
 from endoct.synthetic.specimen import simulate
