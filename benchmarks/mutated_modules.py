@@ -77,8 +77,8 @@ TESTS: Mapping[str, tuple[str, ...]] = {
     "modalities/oct/settle.py": (f"{OCT}/test_settle.py",),
     "modalities/oct/undistort.py": (f"{OCT}/test_undistort.py",),
     "modalities/endoscope/doubts.py": (f"{ENDOSCOPE}/test_ring_doubts.py",),
-    "modalities/endoscope/motion/places.py": (f"{ENDOSCOPE}/motion/test_feed_and_nominal.py",),
-    "modalities/endoscope/motion/motion.py": (f"{ENDOSCOPE}/motion/test_offset.py",),
+    "modalities/endoscope/frame_places.py": (f"{ENDOSCOPE}/motion/test_feed_and_nominal.py",),
+    "modalities/endoscope/motion.py": (f"{ENDOSCOPE}/motion/test_offset.py",),
 }
 """By module: the tests of its own."""
 NAMED: tuple[tuple[str, str, str, str], ...] = (

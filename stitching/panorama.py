@@ -166,7 +166,7 @@ class Panorama:
 
         What was not observed stays pale blue. Needs matplotlib only when it is called.
         """
-        from endoct.stitching.wall_plot import draw_wall, new_wall_axes
+        from endoct.stitching.notebook import draw_wall, new_wall_axes
 
         axes = ax if ax is not None else new_wall_axes(self.grid)[0]
         image = draw_wall(axes, self.grid, self.intensity, self.valid)

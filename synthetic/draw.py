@@ -11,7 +11,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.drawn_cells import draw_cells
 from endoct.synthetic.endoscope.cone import Cone, focal_length_px
-from endoct.synthetic.oct.motion import lost_ascans, rotation_error
+from endoct.synthetic.oct.uneven_rotation import lost_ascans, rotation_error
 from endoct.synthetic.sample.oct_parameters import N_BANDS
 from endoct.synthetic.sample.parameter_fields import Stated
 from endoct.synthetic.sample.parameters import (

@@ -11,7 +11,7 @@ from endoct.base.files.contents import Contents, Differences, differences, is_ma
 from endoct.base.files.files import is_left_by_system, sha256_of
 from endoct.fusion.files.session import NAME as SESSION_NAME
 from endoct.fusion.files.session import read_session
-from endoct.workbench.dataset.building import LOCK_NAME, TOP_FILES
+from endoct.workbench.dataset.creation import LOCK_NAME, TOP_FILES
 from endoct.workbench.dataset.files import DAMAGED, WRITTEN, changed_top_files, digest_of
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import Identity, read_identity

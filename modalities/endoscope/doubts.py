@@ -8,8 +8,8 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.frames import Frames
-from endoct.modalities.endoscope.mirror.finding import FoundRing, Reference
-from endoct.modalities.endoscope.mirror.moving import NOISE_SHARE, movement_in_thirds, movement_within
+from endoct.modalities.endoscope.mirror.movement import NOISE_SHARE, movement_in_thirds, movement_within
+from endoct.modalities.endoscope.mirror.ring_search import FoundRing, Reference
 from endoct.modalities.endoscope.mirror.roundness import NOT_ROUND, Roundness
 from endoct.stitching.motion.feed import Feed
 

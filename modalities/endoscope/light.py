@@ -15,7 +15,7 @@ from endoct.base.arrays import Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.room import Room
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.modalities.kept_frames import kept_frames
+from endoct.modalities.frame_cache import kept_frames
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99

@@ -17,7 +17,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.room import Room
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.modalities.kept_frames import kept_frames
+from endoct.modalities.frame_cache import kept_frames
 from endoct.modalities.oct.parameters import OctParameters
 
 _ROOM = Room()

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import fft
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.kept import Kept
 from endoct.base.compute.parallel import thread_map
+from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import wrap_rad
 from endoct.stitching.motion.textures import Texture
 from endoct.stitching.motion.warp import Motion, refine_motion

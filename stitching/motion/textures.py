@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from endoct.base.arrays import Image, Mask
-from endoct.base.compute.kept import Kept
+from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import gaussian
 
 FEWEST_FOR_FIXED_PATTERN = 8

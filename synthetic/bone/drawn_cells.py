@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.cavities import frame
-from endoct.synthetic.bone.opening import CutWall, drawn_contents, drawn_outline
+from endoct.synthetic.bone.cut_wall import CutWall, drawn_contents, drawn_outline
 from endoct.synthetic.sample.parameters import Bore, Cell
 
 

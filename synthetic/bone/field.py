@@ -1,4 +1,4 @@
-"""The air of a sample's three-dimensional bone: how far each place is from the nearest surface, and in which cell it lies."""
+"""The air of three-dimensional bone: how far each place is from the nearest surface, and in which cell it lies."""
 
 import math
 from dataclasses import dataclass

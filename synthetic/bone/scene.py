@@ -1,7 +1,7 @@
 """The bone: air in a bore and in its cells, as clearances from which rays can be traced.
 
 The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r;
-that of a cell is :mod:`endoct.synthetic.bone.cavities`'s; :mod:`endoct.synthetic.bone.tracing` joins them and follows
+that of a cell is :mod:`endoct.synthetic.bone.cavities`'s; :mod:`endoct.synthetic.bone.rays` joins them and follows
 the rays.
 """
 
@@ -15,8 +15,8 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.cavities import OWN_SIDE, Cavities, Indices, Near, cavities, clearance, near
 from endoct.synthetic.bone.contents import Contents, contents_of_field, contents_of_planted
 from endoct.synthetic.bone.field import STEEPEST, Field, joined_with_bore
+from endoct.synthetic.bone.rays import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, bore_relief, wall_grid
-from endoct.synthetic.bone.tracing import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
 from endoct.synthetic.elementary import Numbers, azimuth
 from endoct.synthetic.sample.parameters import Sample
 

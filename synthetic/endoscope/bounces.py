@@ -11,10 +11,10 @@ import numpy as np
 from endoct.base.arrays import Image
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.endoscope.cone import band_centre_mm
+from endoct.synthetic.endoscope.direct_light import Places, direct
 from endoct.synthetic.endoscope.facet_grid import LEVEL_MM, FacetGrid, level_of
 from endoct.synthetic.endoscope.facets import EVERY_COLUMN, Facets
 from endoct.synthetic.endoscope.sight import lookup, lookup_all
-from endoct.synthetic.endoscope.source import Places, direct
 from endoct.synthetic.sample.parameters import Endoscope
 
 BOUNCES = 5

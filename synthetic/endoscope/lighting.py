@@ -1,6 +1,6 @@
 """How much light comes back from what the endoscope's pixels see, and at which gain a recording is taken.
 
-Light arrives straight from the source (:mod:`endoct.synthetic.endoscope.source`) and by way of other bone
+Light arrives straight from the source (:mod:`endoct.synthetic.endoscope.direct_light`) and by way of other bone
 (:mod:`endoct.synthetic.endoscope.bounces`). Bone sends it on evenly, as a matt surface does. A glossy surface also
 shines where it faces the ray, as source and lens lie together. What all frames of a recording share is worked out once.
 """
@@ -14,9 +14,9 @@ from endoct.base.arrays import Image, Mask
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.elementary import exp
 from endoct.synthetic.endoscope.bounces import Bounced, bounced
+from endoct.synthetic.endoscope.direct_light import Places, direct
 from endoct.synthetic.endoscope.facets import EVERY_COLUMN, Facets, facets_of, shade_of
 from endoct.synthetic.endoscope.sight import Hits, View, Visible, follow, lookup, lookup_all, view, visible
-from endoct.synthetic.endoscope.source import Places, direct
 from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample
 
 BONE_RGB = (1.0, 0.88, 0.72)

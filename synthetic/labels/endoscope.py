@@ -15,7 +15,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.parallel import thread_map
 from endoct.base.zarr.zarr_store import consolidate
 from endoct.synthetic.endoscope.camera import PixelMaps, noise_free, pixel_maps, write_png
-from endoct.synthetic.labels.arrays import create
+from endoct.synthetic.labels.frame_store import create
 from endoct.synthetic.labels.pullback import Pullback
 from endoct.synthetic.model import Model
 from endoct.synthetic.progress import Advance

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.compute.parallel import thread_map
 from endoct.base.zarr.zarr_store import consolidate
-from endoct.synthetic.labels.arrays import create
+from endoct.synthetic.labels.frame_store import create
 from endoct.synthetic.labels.pullback import Pullback
 from endoct.synthetic.model import Model
 from endoct.synthetic.oct.bscan import artificial, noise_free

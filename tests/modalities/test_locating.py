@@ -10,7 +10,7 @@ from tolerances import LOCATED_ASCANS, LOCATED_DEPTH_PX, LOCATED_PX, TABLED_PX
 from benchmarks.located_places import oct_errors, pixel_errors, table_errors
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Picture, Places, Seen
-from endoct.modalities.illustrating import illustrated, places_of
+from endoct.modalities.illustration import illustrated, places_of
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, radius_mm, theta_at_radius
 from endoct.synthetic.specimen import simulate
 from endoct.workbench.page.recorded import picture_json

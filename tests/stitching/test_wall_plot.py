@@ -11,8 +11,8 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.notebook import draw_wall, evenly_spaced_rows
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.wall_plot import draw_wall, evenly_spaced_rows
 
 GRID = SurfaceGrid.full_circle(40, 64, z0_mm=1.0, dz_mm=0.1, radius_mm=1.25, theta0_rad=np.pi / 2)
 

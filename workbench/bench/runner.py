@@ -18,8 +18,8 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from endoct.base.entry_points import Function
 from endoct.base.errors import EndoctError
-from endoct.base.registered import Function
 from endoct.workbench.bench.task import (
     AnyCase,
     AnyTask,

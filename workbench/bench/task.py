@@ -15,8 +15,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from endoct.base.entry_points import Function, entry_named, unknown_name
 from endoct.base.errors import EndoctError
-from endoct.base.registered import Function, entry_named, unknown_name
 from endoct.synthetic.sample.ranges import Range as Range  # what a condition is drawn from
 
 SUCCESS = "success"

@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import pytest
 
-from endoct.base.compute import kept
+from endoct.base.compute import spool
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope import flatfield
 from endoct.modalities.endoscope.motion import motion
@@ -62,7 +62,7 @@ def kept_and_peak(stream: Again, monkeypatch: pytest.MonkeyPatch) -> tuple[int, 
 
 def test_memory_hardly_grows_with_frames(quick_specimen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A frame more costs less than a few thousand bytes; its strip alone is more than 60 kB, twice that as floats."""
-    monkeypatch.setattr(kept, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
     monkeypatch.setattr(textures, "AT_A_TIME", 1)
     monkeypatch.setattr(flatfield, "MOST_FRAMES", 6)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)  # how many frames are worked on at once is no matter here
@@ -76,6 +76,6 @@ def test_a_survey_by_way_of_the_disk_is_the_same(quick_specimen: Path, monkeypat
     """To the last byte."""
     stream = Again(quick_specimen / "endoscope", 11)
     in_memory = survey_frames(stream, EndoscopeParameters())
-    monkeypatch.setattr(kept, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
     monkeypatch.setattr(textures, "AT_A_TIME", 1)
     assert pickle.dumps(survey_frames(stream, EndoscopeParameters())) == pickle.dumps(in_memory)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.synthetic.oct.motion import STICK_ORDERS, rotation_error
+from endoct.synthetic.oct.uneven_rotation import STICK_ORDERS, rotation_error
 
 TURN = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
 

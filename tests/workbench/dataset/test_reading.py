@@ -19,7 +19,7 @@ from torch.utils.data import DataLoader
 from endoct.base.errors import EndoctError
 from endoct.workbench import cli, simulate
 from endoct.workbench.dataset import Specimens
-from endoct.workbench.dataset.building import make_dataset
+from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.plan import Plan, Split
 
 

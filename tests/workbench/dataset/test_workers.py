@@ -29,10 +29,10 @@ from distributed import Client, LocalCluster
 from distributed.security import Security
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.dataset.building import make_dataset
+from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.identity import check_worker, write_identity
-from endoct.workbench.dataset.making import _make_on_worker
 from endoct.workbench.dataset.plan import Job, Plan, units
+from endoct.workbench.dataset.unit_files import _make_on_worker
 from endoct.workbench.running.cluster import existing_cluster, own_cluster
 
 PLAN = Plan(9, seed=5)

@@ -15,7 +15,7 @@ from skimage.registration import phase_cross_correlation
 from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.registry import open_recording
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.tasks.oct_variants import even
+from endoct.workbench.bench.tasks.oct import even
 
 N_BLOCKS = 8
 TURNING = ("start_angle", "turn_length", "rotation_", "lost_")

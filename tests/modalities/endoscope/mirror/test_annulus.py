@@ -12,7 +12,7 @@ from tolerances import RING_PX
 from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.light import reduced_light
 from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, find_annulus, follow
-from endoct.modalities.endoscope.mirror.finding import settle_annuli
+from endoct.modalities.endoscope.mirror.ring_search import settle_annuli
 from endoct.modalities.endoscope.mirror.rings import fit_circle, trace_closed
 
 TRUE = Annulus(152.3, 118.1, 52.7, 155.6, 121.4, 104.2)

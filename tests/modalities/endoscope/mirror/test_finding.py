@@ -8,7 +8,7 @@ from tolerances import RING_PX
 
 from endoct.base.errors import NotSeen
 from endoct.modalities.endoscope.mirror.annulus import Annulus, find_annulus
-from endoct.modalities.endoscope.mirror.finding import find_ring
+from endoct.modalities.endoscope.mirror.ring_search import find_ring
 
 Frame = NDArray[np.float32]
 TRUE = Annulus(158.0, 121.5, 30.0, 160.0, 120.0, 100.0)

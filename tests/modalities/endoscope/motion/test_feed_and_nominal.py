@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.modalities.endoscope.frame_places import DOUBTED_FEED, SURE_OF_FEED, place_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band
 from endoct.modalities.endoscope.mirror.optics import assumed_cone
-from endoct.modalities.endoscope.motion.motion import Centring, Motion, scale_by_feed
-from endoct.modalities.endoscope.motion.places import DOUBTED_FEED, SURE_OF_FEED, place_frames
+from endoct.modalities.endoscope.motion import Centring, Motion, scale_by_feed
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.motion.feed import Feed
 

@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.optics import ConeOptics, assumed_cone
-from endoct.modalities.endoscope.motion.motion import BoreAxis, bore_axis, probe_offsets
+from endoct.modalities.endoscope.motion import BoreAxis, bore_axis, probe_offsets
 
 RADIUS_MM, INNER_PX, OUTER_PX = 1.25, 60.0, 210.0
 RIMS = Annulus(0, 0, INNER_PX, 0, 0, OUTER_PX)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from endoct.synthetic.bone.opening import CutWall
+from endoct.synthetic.bone.cut_wall import CutWall
 from endoct.synthetic.draw import draw
-from endoct.workbench.bench.cases.uniform_cells import uniform_cells
+from endoct.workbench.bench.cases.specimens import uniform_cells
 from endoct.workbench.bench.task import rng_of
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from bench_tasks import DOUBLING, row
 
-from endoct.workbench.bench.results.files import write_csv, write_differences
 from endoct.workbench.bench.results.summary import Difference, Spread
+from endoct.workbench.bench.results.tables import write_csv, write_differences
 
 
 def test_rows_become_lines_with_gaps_where_there_is_nothing(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from endoct.modalities.endoscope.mirror.annulus import (
     follow,
     locate_outer_rim,
 )
-from endoct.modalities.endoscope.mirror.moving import Movement, inner_rim_of, movement, outer_rim_of
+from endoct.modalities.endoscope.mirror.movement import Movement, inner_rim_of, movement, outer_rim_of
 from endoct.modalities.endoscope.mirror.rings import Ring
 from endoct.modalities.endoscope.mirror.roundness import ROUND, Roundness, measure_roundness, squared
 

@@ -1,6 +1,7 @@
 """Units of a data set: a specimen's folder or a shard, made in this process or by the workers of a cluster.
 
-A unit is made in the same way in whatever process.
+A unit is made in the same way in whatever process. Shards are tar files as the webdataset library reads them, with the
+same bytes from any machine.
 """
 
 import json
@@ -28,11 +29,16 @@ from endoct.workbench.dataset.records import (
     sound_record,
     write_record,
 )
-from endoct.workbench.dataset.shards import add_specimen, copy_specimens, new_shard
 from endoct.workbench.running.refusals import refusing_disk_errors
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+import tarfile
+from io import BytesIO
+
+import numpy as np
+
+from endoct.workbench.dataset.loader import read_specimen
 
 Make = Callable[[Path, Plan, Job], None]
 """Makes a specimen in a folder that does not exist yet."""
@@ -227,3 +233,42 @@ def _make_on_worker(root: Path, plan: Plan, unit: Unit, make: Make) -> Done:
     except EndoctError:
         remove_abandoned(root)
         raise
+
+
+AS_THEY_ARE = {
+    "sample.json": "truth/sample.json",
+    "recording.json": "truth/recording.json",
+    "oct.toml": "oct/acquisition.toml",
+    "endoscope.toml": "endoscope/acquisition.toml",
+}
+
+
+@contextmanager
+def new_shard(path: Path) -> Iterator[tarfile.TarFile]:
+    """Open a new tar file to add specimens to."""
+    with tarfile.open(path, "x", format=tarfile.USTAR_FORMAT) as tar:
+        yield tar
+
+
+def add_specimen(tar: tarfile.TarFile, name: str, folder: Path) -> None:
+    """Add the specimen in ``folder``: its arrays as ``NAME.array.npy``, its sidecars and what was drawn as they are."""
+    for array, values in read_specimen(folder).items():
+        buffer = BytesIO()
+        np.save(buffer, values, allow_pickle=False)
+        _add(tar, f"{name}.{array}.npy", buffer.getvalue())
+    for member, path in AS_THEY_ARE.items():
+        _add(tar, f"{name}.{member}", (folder / path).read_bytes())
+
+
+def copy_specimens(shard: Path, tar: tarfile.TarFile) -> None:
+    """Add all that ``shard`` holds."""
+    with tarfile.open(shard) as old:
+        for member in old:
+            if (file := old.extractfile(member)) is not None:
+                tar.addfile(member, file)
+
+
+def _add(tar: tarfile.TarFile, member: str, data: bytes) -> None:
+    info = tarfile.TarInfo(member)  # owner, time and rights are those of TarInfo: nobody, 1970, 644
+    info.size = len(data)
+    tar.addfile(info, BytesIO(data))

@@ -19,8 +19,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from endoct.base.cleanup import undone_in_the_end
 from endoct.base.compute.parallel import thread_map
-from endoct.base.ending import undone_in_the_end
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import check_place
 from endoct.base.files.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
@@ -29,12 +29,12 @@ from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, settle_written, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.identity import NAME as IDENTITY
-from endoct.workbench.dataset.making import Done, Make, make_here, make_on, make_unit, simulate_specimen
+from endoct.workbench.dataset.loader import Specimens
 from endoct.workbench.dataset.manifest import LICENCE, readme, write_manifest
 from endoct.workbench.dataset.manifest import NAME as MANIFEST
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
-from endoct.workbench.dataset.reading import Specimens
 from endoct.workbench.dataset.records import RECORDS, finished
+from endoct.workbench.dataset.unit_files import Done, Make, make_here, make_on, make_unit, simulate_specimen
 from endoct.workbench.pipeline.settings import ranges_text
 from endoct.workbench.running.progress import SilentStages, Stages
 from endoct.workbench.running.refusals import refusing_disk_errors

@@ -11,7 +11,7 @@ from endoct.base.numeric.circle import turned_harmonic
 from endoct.base.numeric.ranks import error_of_median
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.optics import DISAGREEMENT
-from endoct.modalities.endoscope.motion.motion import FEWEST_PAIRS, Centring, Motion
+from endoct.modalities.endoscope.motion import FEWEST_PAIRS, Centring, Motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.motion.feed import Feed
 

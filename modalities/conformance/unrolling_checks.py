@@ -23,7 +23,7 @@ from endoct.modalities.conformance.subject import (
     same_strip,
 )
 from endoct.modalities.contract import LocatingModality, ReadingOnce, VolumetricModality
-from endoct.modalities.illustrating import places_of
+from endoct.modalities.illustration import places_of
 from endoct.stitching.blend import blend
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
