@@ -11,8 +11,7 @@ import pytest
 
 from endoct.base.compute import spool
 from endoct.modalities.contract import Frame
-from endoct.modalities.endoscope import flatfield
-from endoct.modalities.endoscope.motion import motion
+from endoct.modalities.endoscope import flatfield, motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.registry import open_recording
