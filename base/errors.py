@@ -41,7 +41,7 @@ class NotSeen(EndoctError):
 
 
 @contextmanager
-def refusing(what: str, *, expected: str = "", remedy: str = "") -> Iterator[None]:
+def refusing(subject: str, *, expected: str = "", remedy: str = "") -> Iterator[None]:
     """Turn whatever a library raises about a file into one :class:`EndoctError` that names the cause.
 
     For the boundary where a file is handed to a library, which may raise anything on damaged or hostile bytes.
@@ -52,7 +52,7 @@ def refusing(what: str, *, expected: str = "", remedy: str = "") -> Iterator[Non
     except (EndoctError, MemoryError):
         raise
     except Exception as error:
-        raise EndoctError(what, found=cause_of(error), expected=expected, remedy=remedy) from error
+        raise EndoctError(subject, found=cause_of(error), expected=expected, remedy=remedy) from error
 
 
 def cause_of(error: BaseException) -> str:
@@ -80,5 +80,5 @@ def visible(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in text)
 
 
-def _rebuild(kind: type[EndoctError], what: str, found: str, expected: str, remedy: str) -> EndoctError:
-    return kind(what, found=found, expected=expected, remedy=remedy)
+def _rebuild(kind: type[EndoctError], problem: str, actual: str, expected: str, remedy: str) -> EndoctError:
+    return kind(problem, found=actual, expected=expected, remedy=remedy)

@@ -14,8 +14,8 @@ from typing import Generic, Protocol, TypeVar
 
 In_co = TypeVar("In_co", covariant=True)
 Out = TypeVar("Out")
-One = TypeVar("One")
-Two = TypeVar("Two")
+Here = TypeVar("Here")
+There = TypeVar("There")
 
 
 class Indexable(Protocol[In_co]):
@@ -46,23 +46,23 @@ def thread_map(function: Callable[[In_co], Out], items: Indexable[In_co], worker
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def at_once(one: Callable[[], One], two: Callable[[], Two]) -> tuple[One, Two]:
+def at_once(here: Callable[[], Here], there: Callable[[], There]) -> tuple[Here, There]:
     """Return what two functions return, the second called by a thread of its own meanwhile.
 
     Raises what they raise, of the first where both fail.
     """
-    other: Future[Two] = Future()
+    other: Future[There] = Future()
 
     def work() -> None:
         try:
-            other.set_result(two())
+            other.set_result(there())
         except BaseException as error:  # noqa: BLE001 - whatever it is, it belongs to the caller
             other.set_exception(error)
 
     thread = Thread(target=work)  # a pool of one takes twice as long to start
     thread.start()
     try:
-        first = one()
+        first = here()
     finally:
         thread.join()
     return first, other.result()

@@ -193,7 +193,7 @@ else:
 
 
 @contextmanager
-def scratch_beside(place: Path) -> Iterator[Path]:
+def scratch_next_to(place: Path) -> Iterator[Path]:
     """Yield a hidden folder next to ``place`` that is removed in the end; while it is in use, its lock is held."""
     place.parent.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{_short(place.name)}-", dir=place.parent))
@@ -360,7 +360,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
 
     For files that are endoct's by their name in a folder that is endoct's.
     """
-    with scratch_beside(path) as scratch:
+    with scratch_next_to(path) as scratch:
         made = scratch / path.name
         with made.open("wb") as file:
             yield file

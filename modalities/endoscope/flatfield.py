@@ -170,8 +170,8 @@ def _waving(weights: Coordinates, waves: Coordinates, along: Coordinates) -> Coo
     return np.asarray(even + along[:, None] * growing)
 
 
-def _row_quantiles(values: Coordinates, seen: Mask, share: float) -> Coordinates:
-    return np.array([quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, seen, strict=True)])
+def _row_quantiles(values: Coordinates, observed: Mask, share: float) -> Coordinates:
+    return np.array([quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, observed, strict=True)])
 
 
 def _pattern(residual: Image) -> Image:

@@ -36,7 +36,7 @@ def keep_textures(
     towards zero.
     """
 
-    def seen(k: int) -> Image:
+    def visible_part(k: int) -> Image:
         sees = np.isfinite(strip := strips[k])
         return np.where(sees if valid is None else sees & valid[k], strip, np.nan).astype(np.float32)
 
@@ -48,7 +48,7 @@ def keep_textures(
     def put_away(blocks: Kept[Image], whole: bool) -> bool:
         """Return False where strips that are said to be ``whole`` are not."""
         for those in groups:
-            images = np.stack([_without_rows(seen(k), whole).ravel() for k in those])
+            images = np.stack([_without_rows(visible_part(k), whole).ravel() for k in those])
             if whole and np.isnan(images).any():
                 return False
             for part_of_all in parts:
@@ -57,7 +57,7 @@ def keep_textures(
 
     with ExitStack() as stack:  # every part of the first strips, then every part of the next
         blocks = stack.enter_context(Kept[Image]())
-        whole = not np.isnan(seen(0)).any()
+        whole = not np.isnan(visible_part(0)).any()
         if not put_away(blocks, whole):
             whole, blocks = False, stack.enter_context(Kept[Image]())
             put_away(blocks, whole)

@@ -257,7 +257,7 @@ def _normal(scene: Scene, rays: Near, bore: _BoreAlong, t: Numbers) -> Numbers:
         for way in (NORMAL_MM, -NORMAL_MM):
             clear = bore.shifted(axis, way).at(t)[0]
             if rays.cell.shape[1]:
-                cells = clearance(scene.cells.inverse, _beside(scene, rays, axis, way), t).air_mm
+                cells = clearance(scene.cells.inverse, _moved_along(scene, rays, axis, way), t).air_mm
                 clear = joined(clear, cells, rays.edge)
             moved.append(clear)
         slopes.append(moved[0] - moved[1])
@@ -266,7 +266,7 @@ def _normal(scene: Scene, rays: Near, bore: _BoreAlong, t: Numbers) -> Numbers:
     return normal
 
 
-def _beside(scene: Scene, rays: Near, axis: int, way_mm: float) -> Near:
+def _moved_along(scene: Scene, rays: Near, axis: int, way_mm: float) -> Near:
     """Return the rays moved along one of the axes."""
     u, v, w = (way_mm * scene.cells.axes[:, row, axis].astype(rays.power.dtype)[rays.cell] for row in range(3))
     return replace(rays, u=rays.u + u, v=rays.v + v, w=rays.w + w)

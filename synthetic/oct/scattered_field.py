@@ -73,8 +73,8 @@ def scattered(sweep: Sweep) -> Scattered:
     delay[~met] = 0
     amplitude = np.where(met, 10 ** (np.array(levels) / 20), 0) * roll_off(oct_, delay, n)
 
-    def of(what: int) -> Generator:
-        return generator(sweep.seed, Stage.PHASES, sweep.slice_index, what)
+    def of(stream: int) -> Generator:
+        return generator(sweep.seed, Stage.PHASES, sweep.slice_index, stream)
 
     phase = np.array([PHASE_RAD * around(of(k), turn, PHASE_TURNS) for k in range(len(paths))])
 
@@ -106,16 +106,16 @@ def _reflected(
     return np.asarray(field.reshape(cycles.shape[0], -1)[:, :n_steps], dtype=np.complex64)
 
 
-def _powers(one: NDArray[np.complex128], n: int) -> Field:
+def _powers(wave: NDArray[np.complex128], n: int) -> Field:
     """Return the powers 0 … n − 1 of phasors (column, reflector), complex64 (n, column, reflector), by doubling."""
-    powers = np.empty((n, *one.shape), np.complex64)
+    powers = np.empty((n, *wave.shape), np.complex64)
     powers[0] = 1
     known = 1
     while known < n:
         more = min(known, n - known)
-        np.multiply(powers[:more], one.astype(np.complex64), out=powers[known : known + more])
+        np.multiply(powers[:more], wave.astype(np.complex64), out=powers[known : known + more])
         known += more
-        one = one * one
+        wave = wave * wave
     return powers
 
 

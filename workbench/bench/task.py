@@ -170,7 +170,7 @@ def check_names(task: AnyTask, wanted: Sequence[str]) -> tuple[str, ...]:
         raise EndoctError(f"no method is registered for '{task.name}'", remedy=f"register one under {_group(task)}")
     for name in wanted:
         if name not in known:
-            unknown_name(name, known, _what(task))
+            unknown_name(name, known, _kind(task))
     if len(set(wanted)) < len(wanted):
         raise EndoctError("a method is named twice", found=", ".join(wanted), expected="each once")
     return tuple(wanted) or known
@@ -181,7 +181,7 @@ def load_method(task: AnyTask, name: str) -> Function:
 
     Raises :class:`EndoctError` for one that is not known or is registered twice, and whatever its import raises.
     """
-    method = task.methods.get(name) or entry_named(name, _registered(task), _what(task)).load()
+    method = task.methods.get(name) or entry_named(name, _registered(task), _kind(task)).load()
     if not callable(method):
         raise EndoctError(f"the method '{name}' is no function", found=type(method).__name__)
     loaded: Function = method
@@ -192,14 +192,14 @@ def origin(task: AnyTask, name: str) -> str:
     """Return where a method comes from: its function and the version of the package that registers it."""
     if name in task.methods:
         return "endoct"
-    entry = entry_named(name, _registered(task), _what(task))
+    entry = entry_named(name, _registered(task), _kind(task))
     package = f" ({entry.dist.name} {entry.dist.version})" if entry.dist is not None else ""
     return f"{entry.value}{package}"
 
 
 def module_of(task: AnyTask, name: str) -> str:
     """Return the module that a method is in, without importing it."""
-    return "endoct" if name in task.methods else entry_named(name, _registered(task), _what(task)).module
+    return "endoct" if name in task.methods else entry_named(name, _registered(task), _kind(task)).module
 
 
 def _group(task: AnyTask) -> str:
@@ -210,5 +210,5 @@ def _registered(task: AnyTask) -> EntryPoints:
     return entry_points(group=_group(task))
 
 
-def _what(task: AnyTask) -> str:
+def _kind(task: AnyTask) -> str:
     return f"method for '{task.name}'"

@@ -15,7 +15,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.contents import Contents, differences, sync
 from endoct.base.files.files import plain_name, sha256_of
 from endoct.base.files.json_values import read_object
-from endoct.base.files.scratch import REPLACED, exchange, keep_aside, new_file, put_new, scratch_beside, uninterrupted
+from endoct.base.files.scratch import REPLACED, exchange, keep_aside, new_file, put_new, scratch_next_to, uninterrupted
 
 DAMAGED = "damaged"
 WRITTEN = ".written.json"
@@ -72,7 +72,7 @@ def count_damaged(root: Path) -> int:
 def top_file(root: Path, name: str) -> Iterator[IO[bytes]]:
     """Open a file at the top of the set to write anew; one that was changed since stays, as NAME.kept-1."""
     path, written = root / name, _written(root)
-    with scratch_beside(path) as scratch:
+    with scratch_next_to(path) as scratch:
         made = scratch / name
         with made.open("wb") as file:
             yield file

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.scratch import scratch_beside
+from endoct.base.files.scratch import scratch_next_to
 from endoct.workbench.dataset.files import digest_of, put_unit, store_and_digest
 from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
@@ -82,7 +82,7 @@ def make_unit(root: Path, plan: Plan, unit: Unit, make: Make = simulate_specimen
         start = time.perf_counter()
         place = root / unit.place
         specimens: tuple[MadeSpecimen, ...]
-        with scratch_beside(place) as scratch:
+        with scratch_next_to(place) as scratch:
             made = scratch / place.name
             if plan.format == "folders":
                 specimen, files = _make_specimen(made, plan, job(plan, unit.indices[0]), make)

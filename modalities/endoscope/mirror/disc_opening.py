@@ -48,9 +48,9 @@ def _least(image: Image, half_px: NDArray[np.int64]) -> Image:
 
 
 @compiled
-def _lower(one: Image, other: Image, result: Image) -> None:
+def _lower(first: Image, other: Image, result: Image) -> None:
     for i in range(result.size):
-        result[i] = one[i] if one[i] < other[i] else other[i]
+        result[i] = first[i] if first[i] < other[i] else other[i]
 
 
 @compiled

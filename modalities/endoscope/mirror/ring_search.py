@@ -66,9 +66,9 @@ def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool)
     ], located
 
 
-def _outlying(place: Coordinates, found: Mask, tolerance_px: float) -> Mask:
+def _outlying(place: Coordinates, located: Mask, tolerance_px: float) -> Mask:
     """Say which places lie apart from the median of the nine around them."""
-    course = np.where(found[:, None], place, np.median(place[found], axis=0))
+    course = np.where(located[:, None], place, np.median(place[located], axis=0))
     away = np.abs(course - median_filter(course, size=(min(9, len(course)), 1), mode="nearest"))
     spread = robust_sigmas(away)
     outlying: Mask = (away > np.maximum(tolerance_px, 6 * spread)).any(axis=1)
@@ -147,9 +147,9 @@ def _mean(images: Sequence[Image]) -> Image:
     return np.asarray(np.mean(images, axis=0, dtype=np.float32))
 
 
-def _same(one: Ring, other: Ring, outer: Ring) -> bool:
-    apart_px = float(np.hypot(one.x_px - other.x_px, one.y_px - other.y_px))
-    return max(apart_px, abs(one.radius_px - other.radius_px)) <= SAME_RIM * outer.radius_px
+def _same(ring: Ring, other: Ring, outer: Ring) -> bool:
+    apart_px = float(np.hypot(ring.x_px - other.x_px, ring.y_px - other.y_px))
+    return max(apart_px, abs(ring.radius_px - other.radius_px)) <= SAME_RIM * outer.radius_px
 
 
 SURVEY_SIDE_PX = 480

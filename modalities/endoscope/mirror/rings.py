@@ -136,7 +136,7 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
     for _ in range(count):
         path = radii[trace_closed(gain)]
         gain[np.abs(radii[None, :] - path[:, None]) <= reach] = 0
-        seen = _seen(inside, radii, path)
+        seen = _visible(inside, radii, path)
         if seen.sum() < FEWEST_POINTS:
             break
         ring = fit_circle(*_points(x, y, path, seen), (x, y, float(np.median(path))))
@@ -306,19 +306,19 @@ def _retrace(image: Image, dark: float, ring: tuple[float, float, float], rising
     path = radii[
         trace_closed(np.where(inside, np.clip(response, 0, MOST_CONTRAST), 0.0).astype(np.float32), most_step=1)
     ]
-    seen = _seen(inside, radii, path)
+    seen = _visible(inside, radii, path)
     if seen.sum() < FEWEST_POINTS:
         return ring
     return fit_circle(*_points(x, y, path, seen), ring)
 
 
-def _seen(inside: Mask, radii: Coordinates, path: Coordinates) -> Mask:
+def _visible(inside: Mask, radii: Coordinates, path: Coordinates) -> Mask:
     return np.asarray(inside[np.arange(path.size), np.searchsorted(radii, path).clip(0, radii.size - 1)])
 
 
-def _points(x: float, y: float, path: Coordinates, seen: Mask) -> tuple[Coordinates, Coordinates]:
+def _points(x: float, y: float, path: Coordinates, visible: Mask) -> tuple[Coordinates, Coordinates]:
     angle = 2 * np.pi / path.size * np.arange(path.size)
-    return (x + path * np.cos(angle))[seen], (y + path * np.sin(angle))[seen]
+    return (x + path * np.cos(angle))[visible], (y + path * np.sin(angle))[visible]
 
 
 def _distances(ring: tuple[float, float, float], x: float, y: float, n_rays: int) -> Coordinates:

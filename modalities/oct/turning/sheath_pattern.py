@@ -222,7 +222,7 @@ def sheath_mark(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, mm_
     direction = np.zeros((3, len(slices)))
     with Kept[Sight]() as sights:
         for i, features in enumerate(slices):
-            sights.append(_seen(features, faces.capillary.circle(i), depth_mm, clear_mm))
+            sights.append(_sight(features, faces.capillary.circle(i), depth_mm, clear_mm))
         pattern = Pattern.of(depth_mm.size)
         middle = sights[len(sights) // 2]
         pattern.add(middle, middle.halves(depth_mm.size), 0.0)
@@ -254,7 +254,7 @@ def _n_lines(slices: Sequence[SliceFeatures], faces: Faces, mm_per_px: float) ->
     return count
 
 
-def _seen(features: SliceFeatures, face: Circle, depth_mm: Coordinates, clear_mm: float) -> Sight:
+def _sight(features: SliceFeatures, face: Circle, depth_mm: Coordinates, clear_mm: float) -> Sight:
     """What is seen before the capillary's inner face."""
     points = features.points.where(features.points.beyond_mm(face) < -clear_mm)
     angle = 2 * np.pi * np.arange(N_ANGLES) / N_ANGLES

@@ -82,7 +82,7 @@ def test_a_survey_by_way_of_the_disk_is_the_same(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
-    ("pages", "what"),
+    ("pages", "message"),
     [
         (np.zeros((3, 340, 720), np.uint8), "shows nothing"),
         (np.full((3, 340, 720), 255, np.uint8), "shows nothing"),
@@ -90,6 +90,6 @@ def test_a_survey_by_way_of_the_disk_is_the_same(monkeypatch: pytest.MonkeyPatch
         (np.random.default_rng(0).integers(0, 255, (3, 340, 720)).astype(np.uint8), "outer face cannot be found"),
     ],
 )
-def test_recordings_of_nothing(unrolled: UnrollPhantom, pages: NDArray[Any], what: str) -> None:
-    with pytest.raises(EndoctError, match=what):
+def test_recordings_of_nothing(unrolled: UnrollPhantom, pages: NDArray[Any], message: str) -> None:
+    with pytest.raises(EndoctError, match=message):
         unrolled(Phantom(), pages)

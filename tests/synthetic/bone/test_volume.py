@@ -58,10 +58,10 @@ def sides(origin: Coordinates, heading: Coordinates, centre: Coordinates) -> tup
     return np.asarray(along - half), np.asarray(along + half)
 
 
-def check_same(one: Wall, other: Wall) -> None:
+def check_same(first: Wall, other: Wall) -> None:
     # rounding decides at its very rim whether a cell is as deep as it is or not there
-    assert (one.cell != other.cell).sum() < 0.005 * other.cell.sum()
-    off = np.abs(one.relief_mm - other.relief_mm)[one.cell & other.cell]
+    assert (first.cell != other.cell).sum() < 0.005 * other.cell.sum()
+    off = np.abs(first.relief_mm - other.relief_mm)[first.cell & other.cell]
     assert np.percentile(off, 99.5) < 0.05 * VOXEL_MM
 
 

@@ -12,7 +12,7 @@ import pytest
 from cheap_specimens import Cheap, contents, leftovers
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.scratch import HeldError, clear_dead_scratch, held, scratch_beside
+from endoct.base.files.scratch import HeldError, clear_dead_scratch, held, scratch_next_to
 from endoct.workbench.dataset import creation
 from endoct.workbench.dataset.creation import forecast, make_dataset
 from endoct.workbench.dataset.plan import Job, Plan
@@ -23,7 +23,7 @@ SHARDS = Plan(13, seed=3, format="webdataset", specimens_per_shard=3)
 HOLD = """
 import sys
 from pathlib import Path
-from endoct.base.files.scratch import held, scratch_beside
+from endoct.base.files.scratch import held, scratch_next_to
 with {what}:
     print("held", flush=True)
     sys.stdin.read()
@@ -256,9 +256,9 @@ def elsewhere() -> Iterator[list[subprocess.Popen[str]]]:
         process.communicate()
 
 
-def hold(what: str, processes: list[subprocess.Popen[str]]) -> subprocess.Popen[str]:
+def hold(code: str, processes: list[subprocess.Popen[str]]) -> subprocess.Popen[str]:
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLD.format(what=what)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", HOLD.format(what=code)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     processes.append(process)
     assert process.stdout is not None
@@ -282,7 +282,7 @@ def test_scratch_of_the_dead_is_cleared_and_of_the_living_kept(
     root: Path, cheap: Cheap, elsewhere: list[subprocess.Popen[str]]
 ) -> None:
     make(root, FOLDERS, cheap)
-    other = hold(f"scratch_beside(Path({str(root / 'specimens' / '000009')!r}))", elsewhere)
+    other = hold(f"scratch_next_to(Path({str(root / 'specimens' / '000009')!r}))", elsewhere)
     (scratch,) = leftovers(root)
     make(root, FOLDERS, cheap)
     assert scratch.exists()
@@ -298,7 +298,7 @@ def test_a_lock_is_held_once_and_released(tmp_path: Path) -> None:
         pass
     with held(tmp_path / "lock"):
         pass
-    with scratch_beside(tmp_path / "a" / "b"):
+    with scratch_next_to(tmp_path / "a" / "b"):
         assert clear_dead_scratch(tmp_path) == 0
 
 

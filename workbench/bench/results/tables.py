@@ -106,8 +106,12 @@ def _spread(spread: Spread | None) -> str:
     return f"{spread.median:.3g} ({spread.low:.3g}{dash}{spread.high:.3g})"
 
 
-def _signed(one: Difference | None) -> str:
-    return f"{one.spread.median:+.3g} ({one.spread.low:+.3g} to {one.spread.high:+.3g})" if one else "–"
+def _signed(difference: Difference | None) -> str:
+    return (
+        f"{difference.spread.median:+.3g} ({difference.spread.low:+.3g} to {difference.spread.high:+.3g})"
+        if difference
+        else "–"
+    )
 
 
 def write_csv(rows: Sequence[Row], task: AnyTask, path: Path) -> None:

@@ -143,7 +143,7 @@ def _apart(starts: Iterator[Coordinates], most: int) -> Coordinates:
     return np.array(chosen)
 
 
-def _differ(one: Coordinates, other: Coordinates) -> bool:
-    apart_mm = np.abs(one - other)[[0, 1, 4]].max()
-    turn = abs((one[5] - other[5] + np.pi) % (2 * np.pi) - np.pi)
+def _differ(first: Coordinates, other: Coordinates) -> bool:
+    apart_mm = np.abs(first - other)[[0, 1, 4]].max()
+    turn = abs((first[5] - other[5] + np.pi) % (2 * np.pi) - np.pi)
     return bool(apart_mm > APART_MM or turn > APART_RAD)

@@ -113,12 +113,12 @@ def _near_edges(shares: Image, known: Mask) -> NDArray[np.uint8]:
     return np.asarray(known & ndimage.binary_dilation(edges), dtype=np.uint8)
 
 
-def _correlations(air: AirAround, shown: Image, places: Coordinates) -> Image:
-    """Return how the air of a CT at places (n, m, 3) correlates with ``shown`` (m,), (n,)."""
+def _correlations(air: AirAround, wall: Image, places: Coordinates) -> Image:
+    """Return how the air of a CT at places (n, m, 3) correlates with ``wall`` (m,), (n,)."""
     values = air.values[0, 0].numpy()
     index = np.rint((places - np.array(air.corner_mm)) / STEP_MM).astype(np.intp)
     x, y, z = (np.clip(index[..., axis], 0, values.shape[2 - axis] - 1) for axis in range(3))
     there = values[z, y, x]
     there = there - there.mean(axis=1, keepdims=True)
-    of = shown - shown.mean()
+    of = wall - wall.mean()
     return np.asarray(there @ of / np.sqrt((there**2).sum(axis=1) * (of**2).sum() + 1e-6))

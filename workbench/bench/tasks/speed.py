@@ -180,13 +180,13 @@ def _error_of_strips(case: SpeedCase, answer: Sequence[tuple[Image, Mask]]) -> f
     )
 
 
-def _level(strip: Image, seen: Mask) -> Image:
-    """Return the logarithms of the samples that are ``seen``, less the means of their rows and columns, (n,)."""
-    logs = np.where(seen, masked_gaussian(np.log(np.maximum(strip, 1e-3)), seen, BLUR_PX, BLUR_PX), 0)
+def _level(strip: Image, observed: Mask) -> Image:
+    """Return the logarithms of the samples that are ``observed``, less the means of their rows and columns, (n,)."""
+    logs = np.where(observed, masked_gaussian(np.log(np.maximum(strip, 1e-3)), observed, BLUR_PX, BLUR_PX), 0)
     for axis in (1, 0):
-        n_seen = np.maximum(seen.sum(axis, keepdims=True), 1)
-        logs = np.where(seen, logs - logs.sum(axis, keepdims=True) / n_seen, 0)
-    return np.asarray(logs[seen], np.float32)
+        n_seen = np.maximum(observed.sum(axis, keepdims=True), 1)
+        logs = np.where(observed, logs - logs.sum(axis, keepdims=True) / n_seen, 0)
+    return np.asarray(logs[observed], np.float32)
 
 
 def _error_of_threshold(case: SpeedCase, answer: float) -> float:

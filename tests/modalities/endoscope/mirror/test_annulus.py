@@ -48,9 +48,9 @@ def drawing(
     return np.clip(image, 0, 1).astype(np.float32)
 
 
-def assert_found(found: Annulus, expected: Annulus, atol: float = RING_PX) -> None:
+def assert_found(annulus: Annulus, expected: Annulus, atol: float = RING_PX) -> None:
     for name in ("inner_x_px", "inner_y_px", "inner_px", "outer_x_px", "outer_y_px", "outer_px"):
-        assert getattr(found, name) == pytest.approx(getattr(expected, name), abs=atol), name
+        assert getattr(annulus, name) == pytest.approx(getattr(expected, name), abs=atol), name
 
 
 def test_both_rims_are_found_each_with_its_own_centre() -> None:

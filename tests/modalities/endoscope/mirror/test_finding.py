@@ -36,10 +36,10 @@ def frame(
     return np.clip(image, 0, 1).astype(np.float32)
 
 
-def assert_is_true(found: Annulus) -> None:
+def assert_is_true(annulus: Annulus) -> None:
     """Within a hundredth of the radius: what moves is smoothed before it is measured."""
     for name in ("inner_x_px", "inner_y_px", "inner_px", "outer_x_px", "outer_y_px", "outer_px"):
-        assert getattr(found, name) == pytest.approx(getattr(TRUE, name), abs=4 * RING_PX), name
+        assert getattr(annulus, name) == pytest.approx(getattr(TRUE, name), abs=4 * RING_PX), name
 
 
 def test_a_rim_no_brighter_than_the_tip_is_found_by_what_moves() -> None:

@@ -16,7 +16,9 @@ def optics(half_angle_deg: float) -> ConeOptics:
     return ConeOptics(INNER_PX, OUTER_PX, float(np.deg2rad(half_angle_deg)), 430.0, 1.2, RADIUS_MM)
 
 
-def seen(mirror: ConeOptics, r_px: np.ndarray, angle: np.ndarray, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def place_on_wall(
+    mirror: ConeOptics, r_px: np.ndarray, angle: np.ndarray, off: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return z, from the apex, and θ about the bore's axis at ``off`` where rays at r, angle meet the wall."""
     a, d = mirror.half_angle_rad, mirror.mirror_distance_mm
     psi = np.arctan(r_px / mirror.focal_px)
@@ -29,11 +31,11 @@ def seen(mirror: ConeOptics, r_px: np.ndarray, angle: np.ndarray, off: np.ndarra
 def centre(mirror: ConeOptics, r_px: float, off: np.ndarray) -> np.ndarray:
     """Return the centre of the circle of constant z near ``r_px``, fitted to where that z is seen."""
     angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-    wanted = seen(mirror, np.array([r_px]), np.zeros(1), np.zeros(2))[0]
+    wanted = place_on_wall(mirror, np.array([r_px]), np.zeros(1), np.zeros(2))[0]
 
     def misfit(place: np.ndarray) -> np.ndarray:
         x, y = place[0] + r_px * np.cos(angle), place[1] + r_px * np.sin(angle)
-        return seen(mirror, np.hypot(x, y), np.arctan2(y, x), off)[0] - wanted
+        return place_on_wall(mirror, np.hypot(x, y), np.arctan2(y, x), off)[0] - wanted
 
     return np.asarray(least_squares(misfit, np.zeros(2)).x)
 
@@ -48,7 +50,7 @@ def test_the_axis_is_found_and_tells_where_the_wall_is(half_angle_deg: float) ->
     np.testing.assert_allclose(axis.shift_px, outer, atol=0.05)
     angle = np.linspace(0, 2 * np.pi, 32)
     cos, sin = axis.sway_rad(0.0, RADIUS_MM)
-    theta = seen(mirror, np.full(32, 130.0), angle, off)[1]
+    theta = place_on_wall(mirror, np.full(32, 130.0), angle, off)[1]
     off_by = np.angle(np.exp(1j * (theta - angle - cos * np.cos(angle) - sin * np.sin(angle))))
     assert np.abs(off_by).max() < 1e-3
 

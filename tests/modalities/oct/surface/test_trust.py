@@ -24,10 +24,10 @@ def test_something_opaque_and_its_shadow_are_not_trusted() -> None:
     assert good[150:].all()
 
 
-@pytest.mark.parametrize(("tail_sigmas", "told"), [(1.0, False), (2.0, True), (6.0, True)])
+@pytest.mark.parametrize(("tail_sigmas", "untrusted"), [(1.0, False), (2.0, True), (6.0, True)])
 @pytest.mark.parametrize("turn", [0, 300])
 def test_darkness_behind_something_bright_says_something_where_walls_are_not_as_dark(
-    tail_sigmas: float, told: bool, turn: int
+    tail_sigmas: float, untrusted: bool, turn: int
 ) -> None:
     """By the median of what is left 0.3 to 0.6 mm behind a wall, over the spread of the noise; also over the seam."""
     rng = np.random.default_rng(3)
@@ -38,7 +38,7 @@ def test_darkness_behind_something_bright_says_something_where_walls_are_not_as_
     image = (mean + rng.normal(0, 5, mean.shape)).astype(np.float32)
     good = trusted(np.roll(image, turn - 20, axis=0), row, BACKGROUND, SPACING)
     opaque = np.roll(np.arange(N_THETA) < 40, turn - 20)
-    assert (~good[opaque]).mean() == pytest.approx(float(told), abs=0.1)
+    assert (~good[opaque]).mean() == pytest.approx(float(untrusted), abs=0.1)
     assert good[~opaque].all()
 
 
