@@ -10,10 +10,10 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from endoct.base.compute.parallel import Progress
 from endoct.base.compute.worker_process import WorkerProcess, worker_process
 from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import abridged
-from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
 from endoct.synthetic.sample.parameters import Sample, Volume
 from endoct.synthetic.sample.presets import PRESETS, PresetName

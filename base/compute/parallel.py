@@ -1,7 +1,7 @@
 """Work for several processors: threads that map a function over items, and jobs that threads take from one list.
 
 Threads do where arrays are large, since NumPy and OpenCV let go of the interpreter meanwhile; for work on small ones
-there is :mod:`endoct.base.compute.worker_process`.
+there is :mod:`endoct.base.compute.worker_process`. Long work reports its progress to a function of its caller.
 """
 
 import itertools
@@ -16,6 +16,12 @@ In_co = TypeVar("In_co", covariant=True)
 Out = TypeVar("Out")
 Here = TypeVar("Here")
 There = TypeVar("There")
+
+Advance = Callable[[float], None]
+"""Called with the share of a stage that is done, 0 to 1."""
+
+Progress = Callable[[str, float], None]
+"""Called with the title of a stage and the share of it that is done."""
 
 
 class Indexable(Protocol[In_co]):

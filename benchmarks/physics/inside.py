@@ -12,9 +12,9 @@ from endoct.synthetic.bone.field import world_of
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.ct_scan import TISSUE_HU, Scan, scan
 from endoct.synthetic.draw import draw
-from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.beams import BONE_INDEX
 from endoct.synthetic.oct.bscan import render_bscans
+from endoct.synthetic.oct.sweep import build_appearance
 from endoct.synthetic.sample.parameters import Ct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 

@@ -16,8 +16,8 @@ from benchmarks.physics import catheter
 from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_row
 from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import build_wall
-from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
+from endoct.synthetic.oct.sweep import build_appearance
 from endoct.synthetic.sample.parameters import Sample, SheathLine
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.truth import recording

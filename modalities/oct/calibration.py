@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.modalities.oct.face.circle import Capillary
 from endoct.modalities.oct.face.course import Course
+from endoct.modalities.oct.face.face_circle import Capillary
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.second_look import RawLevels
+from endoct.modalities.oct.surface.wall_evidence import Background
 from endoct.modalities.oct.turning.rotation import Rotation
 from endoct.stitching.grid import SurfaceGrid
 

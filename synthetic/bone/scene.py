@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.cavities import OWN_SIDE, Cavities, Indices, Near, cavities, clearance, near
-from endoct.synthetic.bone.contents import Contents, contents_of_field, contents_of_planted
+from endoct.synthetic.bone.cell_contents import Contents, contents_of_field, contents_of_planted
 from endoct.synthetic.bone.field import STEEPEST, Field, joined_with_bore
 from endoct.synthetic.bone.rays import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, bore_relief, wall_grid

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Image
 from endoct.base.numeric.circle import pad_circle
 from endoct.synthetic.bone.baking import TracedElsewhere, bake
-from endoct.synthetic.bone.contents import Contents
+from endoct.synthetic.bone.cell_contents import Contents
 from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, textures

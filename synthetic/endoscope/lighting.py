@@ -1,7 +1,7 @@
 """How much light comes back from what the endoscope's pixels see, and at which gain a recording is taken.
 
 Light arrives straight from the source (:mod:`endoct.synthetic.endoscope.direct_light`) and by way of other bone
-(:mod:`endoct.synthetic.endoscope.bounces`). Bone sends it on evenly, as a matt surface does. A glossy surface also
+(:mod:`endoct.synthetic.endoscope.facets`). Bone sends it on evenly, as a matt surface does. A glossy surface also
 shines where it faces the ray, as source and lens lie together. What all frames of a recording share is worked out once.
 """
 
@@ -13,9 +13,8 @@ import numpy as np
 from endoct.base.arrays import Image, Mask
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.elementary import exp
-from endoct.synthetic.endoscope.bounces import Bounced, bounced
 from endoct.synthetic.endoscope.direct_light import Places, direct
-from endoct.synthetic.endoscope.facets import EVERY_COLUMN, Facets, facets_of, shade_of
+from endoct.synthetic.endoscope.facets import EVERY_COLUMN, Bounced, Facets, bounced, facets_of, shade_of
 from endoct.synthetic.endoscope.sight import Hits, View, Visible, follow, lookup, lookup_all, view, visible
 from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample
 

@@ -14,9 +14,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.base.compute.parallel import thread_map
+from endoct.base.compute.parallel import Advance, thread_map
 from endoct.synthetic.bone.wall import Wall
-from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.beams import Echoes, stream_position, trace
 from endoct.synthetic.oct.scattered_field import Scattered, scattered
 from endoct.synthetic.oct.spectrometer import (
@@ -29,8 +28,7 @@ from endoct.synthetic.oct.spectrometer import (
     logarithmic,
     reconstruct,
 )
-from endoct.synthetic.oct.sweep import BEYOND, sweeps
-from endoct.synthetic.progress import Advance
+from endoct.synthetic.oct.sweep import BEYOND, Appearance, sweeps
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator

@@ -26,14 +26,14 @@ from endoct.base.files.output import check_place
 from endoct.base.files.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.presets import PRESETS
-from endoct.workbench.dataset.files import DAMAGED, WRITTEN, count_damaged, settle_written, top_file
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
 from endoct.workbench.dataset.identity import NAME as IDENTITY
 from endoct.workbench.dataset.loader import Specimens
-from endoct.workbench.dataset.manifest import LICENCE, readme, write_manifest
-from endoct.workbench.dataset.manifest import NAME as MANIFEST
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
 from endoct.workbench.dataset.records import RECORDS, finished
+from endoct.workbench.dataset.set_files import DAMAGED, WRITTEN, count_damaged, settle_written, top_file
+from endoct.workbench.dataset.specimen_table import LICENCE, readme, write_manifest
+from endoct.workbench.dataset.specimen_table import NAME as MANIFEST
 from endoct.workbench.dataset.unit_files import Done, Make, make_here, make_on, make_unit, simulate_specimen
 from endoct.workbench.pipeline.settings import ranges_text
 from endoct.workbench.running.progress import SilentStages, Stages

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import scratch_next_to
-from endoct.workbench.dataset.files import digest_of, put_unit, store_and_digest
 from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
 from endoct.workbench.dataset.records import (
@@ -29,6 +28,7 @@ from endoct.workbench.dataset.records import (
     sound_record,
     write_record,
 )
+from endoct.workbench.dataset.set_files import digest_of, put_unit, store_and_digest
 from endoct.workbench.running.refusals import refusing_disk_errors
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from endoct.base.files.contents import output_digest
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.formats import Options
-from endoct.workbench.exporting.layers import Level, blocks, levels_of, read_level, thinned
+from endoct.workbench.exporting.image_layers import Level, blocks, levels_of, read_level, thinned
 from endoct.workbench.exporting.mark import BLANK, mark
 from endoct.workbench.exporting.source import Source
 from endoct.workbench.running.progress import Advance, Stages

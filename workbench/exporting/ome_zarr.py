@@ -13,7 +13,7 @@ from zarr.codecs import BloscCodec
 
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.formats import OmeVersion, Options
-from endoct.workbench.exporting.layers import (
+from endoct.workbench.exporting.image_layers import (
     LabelLayer,
     Layer,
     Level,

@@ -18,7 +18,6 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.linear_equations import solve
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, quantile
-from endoct.modalities.endoscope.mirror.disc_opening import opened
 
 MOST_GROWTH = 3.0
 """Of a circle's radius from what it was thought to be."""
@@ -246,7 +245,9 @@ def describe(image: Image, dark: float, ring: Ring) -> Ring:
 
 def without_thin_lines(image: Image) -> Image:
     """Return ``image`` without bright lines and spots narrower than a thirtieth of its shorter side; steps stay."""
-    return opened(image, 2 * round(0.8 * _reach(image)) + 1)
+    size = 2 * round(0.8 * _reach(image)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.morphologyEx(image, cv2.MORPH_OPEN, disc), dtype=np.float32)
 
 
 def dark_level(image: Image) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
-from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
+from endoct.modalities.oct.face.face_circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 

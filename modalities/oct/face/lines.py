@@ -15,7 +15,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.linear_equations import solve
 from endoct.modalities.oct.bscan import Raster
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.points import Points
 
 MOST_LINES = 10

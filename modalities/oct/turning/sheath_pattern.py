@@ -24,7 +24,7 @@ from endoct.base.compute.compiled import compiled
 from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import wrap_rad
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import LEAST_OFFSET_MM, Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.lines import Lines

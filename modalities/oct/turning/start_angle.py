@@ -20,7 +20,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.oct.bscan import mean_between
-from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
+from endoct.modalities.oct.face.face_circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces, starts_anywhere
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures

@@ -11,12 +11,11 @@ from tolerances import RAW_SPECTRA_DB, SPECKLE_GRAIN
 
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.oct.appearance import Appearance, build_appearance
 from endoct.synthetic.oct.beams import Echoes, trace
 from endoct.synthetic.oct.bscan import noise_free, offset, render_bscan, render_bscans, spectra
 from endoct.synthetic.oct.scattered_field import scattered
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, Spectrometer, chirp, roll_off, spectrometer
-from endoct.synthetic.oct.sweep import Sweep, Turn
+from endoct.synthetic.oct.sweep import Appearance, Sweep, Turn, build_appearance
 from endoct.synthetic.sample.parameters import LostAscans, Oct, Sample
 
 N = 1024

@@ -1,4 +1,7 @@
-"""Simulated specimens and folders of the user's own, as cases see them."""
+"""Simulated specimens and folders of the user's own as cases, also bores whose cells are all of one size.
+
+The simulator draws cells from 0.2 to 1.5 mm at once; cells of one size allow sweeps over that size.
+"""
 
 import math
 from collections.abc import Mapping, Sequence

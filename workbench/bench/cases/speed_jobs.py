@@ -1,4 +1,7 @@
-"""What is to be done as fast as possible: jobs of the sizes that rigs record, made of small simulated recordings."""
+"""Jobs to be done as fast as possible, of the sizes that rigs record, made of small simulated recordings.
+
+A recording of any length and size is made of a small one: its frames are resized and repeated, with noise.
+"""
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence

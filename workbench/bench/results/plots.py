@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from endoct.workbench.bench.results.summary import (
+from endoct.workbench.bench.results.score_summary import (
     CONDITION,
     SCORE,
     Difference,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.modalities.oct.face.circle import Capillary, Circle
+from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import N_RIPPLE, Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.lines import Lines

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL
 
-from endoct.modalities.oct.face.circle import circle_distance_mm
+from endoct.modalities.oct.face.face_circle import circle_distance_mm
 
 TURN = 2 * np.pi * np.arange(256) / 256
 

@@ -1,12 +1,25 @@
-"""What is written of a run: a line a row, in the order of the conditions and scores."""
+"""The tables that a run prints."""
 
 from dataclasses import replace
 from pathlib import Path
 
 from bench_tasks import DOUBLING, row
+from rich.console import Console
 
-from endoct.workbench.bench.results.summary import Difference, Spread
-from endoct.workbench.bench.results.tables import write_csv, write_differences
+from endoct.workbench.bench.results.result_tables import footnotes, table, write_csv, write_differences
+from endoct.workbench.bench.results.score_summary import Difference, Spread
+
+
+def test_a_line_a_method_with_counts_and_reasons() -> None:
+    rows = [row("right", "1", "ok", success=1.0, error=0.5), row("wrong", "1", "declined", success=0.0)]
+    console = Console(width=120)
+    with console.capture() as printed:
+        console.print(table(rows, DOUBLING))
+    header, right, wrong = printed.get().splitlines()
+    assert header.split() == ["method", "success", "(95", "%)", "error", "ok", "declined", "failed", "s"]
+    assert right.split()[:2] == ["right", "1/1"]
+    assert wrong.split()[-5:] == ["–", "0", "1", "0", "1"]
+    assert "error: error, 1" in footnotes(rows, DOUBLING)
 
 
 def test_rows_become_lines_with_gaps_where_there_is_nothing(tmp_path: Path) -> None:

@@ -7,11 +7,10 @@ import pytest
 
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
 from endoct.synthetic.oct.scattered_field import Scattered, scattered
 from endoct.synthetic.oct.scatterers import lattice
-from endoct.synthetic.oct.sweep import sweeps
+from endoct.synthetic.oct.sweep import build_appearance, sweeps
 from endoct.synthetic.sample.parameters import Oct, Sample
 from endoct.synthetic.sample.ranges import Range
 

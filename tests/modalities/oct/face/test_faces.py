@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.face.circle import Capillary, Circle
+from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import bridged, starts_anywhere, steady_slices
 
 

@@ -10,7 +10,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.parallel import thread_map
+from endoct.base.compute.parallel import Advance, thread_map
 from endoct.base.zarr.zarr_store import consolidate
 from endoct.synthetic.labels.frame_store import create
 from endoct.synthetic.labels.pullback import Pullback
@@ -18,7 +18,6 @@ from endoct.synthetic.model import Model
 from endoct.synthetic.oct.bscan import artificial, noise_free
 from endoct.synthetic.oct.reflectors import N_FACES, N_GHOSTS
 from endoct.synthetic.oct.spectrometer import spectrometer
-from endoct.synthetic.progress import Advance
 from endoct.synthetic.sample.presets import PRESETS
 
 FLAGS = (

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.base.compute.parallel import thread_map
+from endoct.base.compute.parallel import Advance, thread_map
 from endoct.base.zarr.zarr_store import consolidate
 from endoct.synthetic.endoscope.camera import PixelMaps, noise_free, pixel_maps, write_png
 from endoct.synthetic.labels.frame_store import create
 from endoct.synthetic.labels.pullback import Pullback
 from endoct.synthetic.model import Model
-from endoct.synthetic.progress import Advance
 
 SAME_PLACE_MM = 0.05
 """A pixel covers up to 0.02 mm of the wall; farther away lies something else, as the floor next to a lip."""

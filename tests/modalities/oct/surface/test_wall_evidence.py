@@ -8,7 +8,7 @@ import pytest
 from endoct.base.arrays import Image
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.evidence import (
+from endoct.modalities.oct.surface.wall_evidence import (
     LN_POWER_PER_SIGMA,
     LOOK_MM2,
     MOST_POWER,

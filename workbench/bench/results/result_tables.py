@@ -12,7 +12,7 @@ from rich.table import Table
 from endoct.base.errors import visible
 from endoct.base.files.files import spreadsheet_text
 from endoct.workbench.bench.checkpoint import Facts, machine, plan_facts
-from endoct.workbench.bench.results.summary import (
+from endoct.workbench.bench.results.score_summary import (
     COLUMNS,
     CONDITION,
     SCORE,
