@@ -92,7 +92,7 @@ def write_specimen(
     spectra: bool,
 ) -> None:
     """Write what :func:`simulate` says of ``sample``; ``processes`` trace parts of the wall and render frames."""
-    from endoct.synthetic.bone.baking import part_of_wall
+    from endoct.synthetic.bone.baked_maps import part_of_wall
 
     progress("wall", 0.0)
     parts = [process.call(part_of_wall, sample, k, len(processes)) for k, process in enumerate(processes)]
@@ -129,7 +129,7 @@ def write_specimen(
         write_spectra(folder / "oct-spectra", sample, model.wall, model.appearance, advance, workers)
         (folder / "oct-spectra" / "acquisition.toml").write_text(toml(spectra_sidecar(sample)), encoding="utf-8")
     if labels:
-        from endoct.synthetic.labels.writing import write_labels
+        from endoct.synthetic.labels.specimen_labels import write_labels
 
         write_labels(folder / "truth" / "labels", model, partial(progress, "labels"), workers)
 
@@ -138,7 +138,7 @@ def _prepare() -> None:
     """Load what it takes to trace the wall and to render frames; for a process of its own, which keeps to a thread."""
     import cv2
 
-    import endoct.synthetic.bone.baking
+    import endoct.synthetic.bone.baked_maps
     import endoct.synthetic.endoscope.camera  # noqa: F401
 
     cv2.setNumThreads(1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
 from endoct.base.numeric.circle import pad_circle
-from endoct.synthetic.bone.baking import TracedElsewhere, bake
+from endoct.synthetic.bone.baked_maps import TracedElsewhere, bake
 from endoct.synthetic.bone.cell_contents import Contents
 from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.maps import WallMaps

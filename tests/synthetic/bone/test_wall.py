@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from endoct.synthetic.bone.baking import Traced, part_of_wall
+from endoct.synthetic.bone.baked_maps import Traced, part_of_wall
 from endoct.synthetic.bone.cavities import cavities, clearance, covers, near
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.scene import crossings

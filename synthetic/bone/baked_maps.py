@@ -61,7 +61,7 @@ class _Radial:
 def traced_in_field(
     scene: Scene, field: Field, nodes: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]:
-    """Return what :mod:`endoct.synthetic.bone.baking` wants of ``nodes`` (n,), of those that lie in air or near it."""
+    """Return the values of the maps at ``nodes`` (n,), of those that lie in air or near it."""
     row, column = np.divmod(nodes, scene.grid.n_theta)
     theta = 2 * math.pi / scene.grid.n_theta * column
     own = scene.relief.displacement_mm.ravel()[nodes]
