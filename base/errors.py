@@ -64,7 +64,7 @@ def cause_of(error: BaseException) -> str:
 
 
 def system_cause(error: OSError) -> str:
-    """Return what the system says in an error: of NumPy, which asks it for no reason, that the disk took no more."""
+    """Return the system's reason for an error; NumPy gives none where a disk is full, so that is said for it."""
     if short := _SHORT_WRITE.fullmatch(str(error)):
         return f"the disk took only {short[2]} of {short[1]} numbers: it is full, or a limit is reached"
     return error.strerror or str(error)

@@ -9,7 +9,7 @@ from endoct.modalities.contract import Frame, Modality, Picture, Places, Seen
 from endoct.stitching.strip import Strip
 
 COLUMNS = 1440
-"""Of θ, where a frame shows a single row of the wall; every row of several has a quarter of them."""
+"""Places around a row where a frame shows a single row of the wall. With several rows, each has a quarter of them."""
 ROWS = 9
 
 

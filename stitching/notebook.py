@@ -86,7 +86,7 @@ def _png(rgb: NDArray[np.uint8]) -> bytes:
 NOT_OBSERVED = "#b9d0f2"
 TALLEST_IN, NARROWEST_IN = 7.0, 2.2
 COLUMNS = 1024
-"""Most pixels a plot has across; more cannot be told apart on a screen."""
+"""A plot has at most this many pixels across. More cannot be told apart on a screen."""
 
 
 def new_wall_axes(grid: SurfaceGrid, panels: int = 1) -> "list[Axes]":

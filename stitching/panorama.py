@@ -52,7 +52,7 @@ class AxialScale:
 
 FORMAT = "endoct-panorama-1"
 SURFACE = ("intensity", "valid", "weight", "depth_mm", "z", "theta")
-"""What a panorama's store calls its own; nothing per frame may have such a name."""
+"""These are the names of a panorama's own arrays in its store. Values per frame may have none of them."""
 _TAKEN = (*SURFACE, "volume")
 
 
@@ -227,7 +227,7 @@ class Panorama:
 
 
 LEAST_VALID_SHARE = 0.9
-"""Where less of the wall was observed, that is doubted."""
+"""A panorama of which less was observed is doubted."""
 
 
 def doubts_of_observed(panorama: Panorama) -> tuple[Doubt, ...]:

@@ -20,7 +20,7 @@ from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import NO_RANGES, Range
 
 SPECIMEN_VERSION = "1"
-"""Of what is written for a seed. To be raised with every change of its bytes, so that no data set mixes two."""
+"""Version of the bytes that are written for a seed. Every change of these raises it, so that no data set mixes two."""
 MOST_WORKERS = 4
 
 

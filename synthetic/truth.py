@@ -95,7 +95,7 @@ def recording(sample: Sample) -> dict[str, object]:
 
 
 def world(sample: Sample) -> dict[str, object]:
-    """Return where the bore lies in the patient, and so in a CT of him.
+    """Return where the bore lies in the patient, and therefore in the CT.
 
     ``coordinates``: what x, y and z of the world mean, mm: "ras", to the right, the front and the head, as in
     ``ct.nii.gz``, or "lps". ``bore_to_world``: rows of a matrix (4, 4), world = matrix · (x, y, z, 1) of the bore

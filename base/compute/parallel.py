@@ -75,7 +75,7 @@ def at_once(here: Callable[[], Here], there: Callable[[], There]) -> tuple[Here,
 
 
 class Jobs(Generic[Out]):
-    """``n`` jobs, each done once by whichever thread takes it first; the results come in order."""
+    """``n`` jobs, each done once, by the first thread to take it; results come in order."""
 
     def __init__(self, n: int) -> None:
         self._next = itertools.count()

@@ -10,7 +10,7 @@ from typing import IO, Generic, NamedTuple, TypeVar, cast, overload
 from endoct.base.errors import EndoctError, system_cause
 
 MOST_IN_MEMORY = 48 * 2**20
-"""Bytes: what a survey keeps of 150 slices fits in."""
+"""Bytes that stay in memory, enough for what a survey keeps of 150 slices."""
 
 Item = TypeVar("Item")
 

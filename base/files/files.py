@@ -57,16 +57,17 @@ def spreadsheet_text(text: str) -> str:
 
 
 SMALL_BYTES = 1_000_000
-"""Sidecars and the like have no more."""
+"""Sidecars and similar files are at most this large."""
 
 BLOCK_BYTES = 2**22
-"""Read at a time for a digest. Its thread waits for the interpreter at every block: 5 ms and more, if that is busy."""
+"""A digest reads this much at a time. Its thread waits for the interpreter at every block: 5 ms and more, if that is
+busy."""
 
 HELD_FOLDERS = Path("/proc/self/fd")
-"""Where paths lie that lead into folders which are held open, wherever these lie."""
+"""The system lists open folders here: a path through it leads into such a folder wherever that was moved."""
 
 State = dict[str, tuple[int, ...]]
-"""Of every file below a path: device, number, size, and the times of its last changes."""
+"""Device, number, size, and the times of the last changes of every file below a path."""
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from endoct.base.files.files import check_array_size, largest_array_bytes, open_
 _END, _END_BYTES, _LONGEST_COMMENT = b"PK\5\6", 22, 65_535
 _LOCATOR, _LOCATOR_BYTES = b"PK\6\7", 20
 _ENTRY_BYTES = 1000
-"""Of the list of members; a member's name and its other fields rarely take 100."""
+"""The list of members may take this much for each. A member's name and its other fields rarely take 100."""
 
 
 @contextmanager

@@ -135,7 +135,7 @@ def _call() -> Any:
 
 PREFIX = ".endoct-"
 GONE = ".endoct.gone-endoct-"
-"""How the name of a scratch folder begins that is being removed."""
+"""The name of a scratch folder that is being removed begins so."""
 LOCK_NAME = "lock"
 NEW, REPLACED = "new", "replaced"
 """Folders in a scratch folder: of what is made, and of what had to be moved aside for it."""
@@ -145,7 +145,8 @@ _SURELY_LOCKED_S = 5.0
 
 
 _QUIET_S, _LONGEST_AFTER_S = 0.2, 2.0
-"""How long nobody must have written into a folder that was removed, and how long that is waited for."""
+"""A removed folder must rest for the first of these times, in which nobody writes into it; the second limits the
+wait."""
 
 
 class HeldError(Exception):

@@ -132,12 +132,12 @@ OWN = Allowed(
     frozenset(("bool", *_WHOLE, "float16", "float32", "float64", TEXTS)),
     frozenset(("bytes", "vlen-utf8", "zstd", CHECKSUM)),
 )
-"""What endoct itself writes."""
+"""These are the types and codecs that endoct itself writes."""
 LABELS = Allowed(
     frozenset(("bool", *_WHOLE)),
     frozenset(("bytes", "transpose", "sharding_indexed", "zstd", "gzip", "blosc", "zlib", "lz4", CHECKSUM)),
 )
-"""What other programs write labels with."""
+"""These are the types and codecs that other programs write labels with."""
 
 
 @dataclass(frozen=True)

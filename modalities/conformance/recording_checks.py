@@ -29,10 +29,10 @@ from endoct.modalities.conformance.subject import (
 from endoct.modalities.contract import Channel, FrameStream, Sniff
 
 HEAVY = ("torch", "cv2")
-"""What a manifest must not import."""
+"""A manifest must not import these."""
 
 OPENING_SLACK_BYTES = 16 * 2**20
-"""What opening may hold in memory besides the first frame and its conversions."""
+"""Opening may take this much memory besides the first frame and its conversions."""
 
 
 def manifest_is_complete(subject: Subject) -> None:

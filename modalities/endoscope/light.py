@@ -100,7 +100,7 @@ def _add_groups(line: Image, n: int, total: Image) -> None:
 
 
 def least_saturated(dtype: np.dtype[Any], scale: float) -> float:
-    """Return the least saturated sample; of whole numbers it is one."""
+    """Return the smallest saturated sample; whole numbers have exactly one."""
     return SATURATED * scale if dtype.kind == "f" else ceil(SATURATED * scale)
 
 

@@ -28,7 +28,7 @@ from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.motion.feed import Feed, estimate_feed
 
 FEWEST_PAIRS = 5
-"""Of neighbouring frames that could be matched: fewer say nothing about the recording as a whole."""
+"""At least this many pairs of neighbouring frames must match. Fewer say nothing about the recording as a whole."""
 SURE_STRETCH = 3.0
 """Standard errors that the feed must be uneven by before another cone is assumed."""
 
@@ -139,7 +139,7 @@ def optics_with_rim(
 
 
 LARGEST = 0.1
-"""Of the bore's radius: more is not a probe off its axis but a drift that was measured wrongly."""
+"""A larger offset, as a part of the bore's radius, is no probe off its axis but a drift that was measured wrongly."""
 
 
 @dataclass(frozen=True)

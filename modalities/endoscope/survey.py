@@ -83,7 +83,7 @@ def _some(strips: Kept[LogStrip]) -> NDArray[np.float16]:
 
 
 def _views(nominal: Coordinates | None, band: Band, n_frames: int) -> float:
-    """Return how many different pieces of wall, the size of a large cell, a pixel of the probe has seen."""
+    """Return the number of different pieces of wall, as large as a large cell, that passed a pixel of the probe."""
     if nominal is None:
         return n_frames / 5
     return float(np.ptp(nominal)) / (0.5 * band.optics.visible_length_mm) if n_frames > 2 else 0.0

@@ -15,7 +15,7 @@ AT_A_TIME = 2**20  # samples: of a few whole strips, or of one part of all
 LEAST_PART = 256  # samples: with smaller ones than that, reading them takes longer than what is done with them
 
 Texture = tuple[Image, Mask]
-"""Edges in a strip, float32 (n_rows, n_theta), 0 where not seen, and what is seen."""
+"""Edges in a strip, float32 (n_rows, n_theta), 0 where not observed, and a mask of the observed samples."""
 
 
 class Strips(Protocol):
@@ -46,7 +46,7 @@ def keep_textures(
     parts = [slice(k, k + part) for k in range(0, prod(shape), part)]
 
     def put_away(blocks: Kept[Image], whole: bool) -> bool:
-        """Return False where strips that are said to be ``whole`` are not."""
+        """Return False if strips marked ``whole`` have gaps."""
         for those in groups:
             images = np.stack([_without_rows(visible_part(k), whole).ravel() for k in those])
             if whole and np.isnan(images).any():

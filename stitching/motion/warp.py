@@ -13,7 +13,7 @@ from endoct.base.numeric.ranks import robust_sigma
 MOST_ITERATIONS = 8
 CONVERGED = 0.01
 BLOCK = 16
-"""Columns that are asked at once whether they lie between the same two rows."""
+"""Columns that are tested together for lying between the same two rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
 
 @compiled
 def _reached(rows: Image, stretched: Image) -> tuple[int, int]:
-    """Return the first and the last row between which all lie that are moved by ``rows`` onto another strip's."""
+    """Return the first and last row of the range that ``rows`` moves onto another strip."""
     least, most = rows.min(), rows.max()
     first = last = -int(np.floor(most + stretched[0]))
     for k in range(stretched.size):
@@ -172,7 +172,7 @@ def _compare(
 def _count(
     observed: Mask, hidden: Image, hidden_below: Image, row: Image, top: int, last_row: np.float32, counts: Mask
 ) -> None:
-    """Say which samples are seen, and lie between two rows that are not hidden."""
+    """Mark the observed samples that lie between two rows that are not hidden."""
     for i in range(row.size):
         down = row[i] - np.float32(top)
         share = (np.float32(1) - down) * hidden[i] + down * hidden_below[i]
@@ -181,7 +181,7 @@ def _count(
 
 @compiled
 def _count_reached(observed: Mask, row: Image, last_row: np.float32, counts: Mask) -> None:
-    """Say which samples are seen, and lie between two rows."""
+    """Mark the observed samples that lie between two rows."""
     for i in range(row.size):
         counts[i] = observed[i] & (row[i] <= last_row)
 

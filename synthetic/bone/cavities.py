@@ -225,7 +225,7 @@ def _dot(row: tuple[Numbers, Numbers, Numbers], vector: Numbers) -> Numbers:
 
 
 def _parts(s: Numbers, w: Numbers, power: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Return N = (s^p + w^p)^(1/p), w ≥ 0, and s^p and w^p over the larger of the two."""
+    """Return N = (s^p + w^p)^(1/p), w ≥ 0, and s^p and w^p divided by the larger of the two."""
     log_s, log_w = log(np.maximum(s, 1e-6)), log(np.maximum(w, 1e-6))
     larger = np.maximum(log_s, log_w)
     s_p, w_p = exp(power * (log_s - larger)), exp(power * (log_w - larger))

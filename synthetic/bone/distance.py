@@ -42,7 +42,7 @@ def signed_distance(level: Image, spacing_mm: Coordinates) -> Image:
 
 
 def _next_to_surface(level: Image, spacing_mm: Coordinates) -> tuple[Mask, Image]:
-    """Return the voxels of which a neighbour is of the other kind, and how far from the surface these are, mm."""
+    """Return the voxels next to the surface, and their distances from it, mm."""
     beside, inverse_square = np.zeros(level.shape, np.bool_), np.zeros(level.shape, np.float32)
     for axis, step in enumerate(spacing_mm):
         to_crossing = np.full(level.shape, np.inf, np.float32)

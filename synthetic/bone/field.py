@@ -80,7 +80,7 @@ class Field:
         return np.where(below, (level - start) / np.maximum(sinks, 1e-6), np.float32(np.nan))
 
     def depth_mm(self, x: Numbers, y: Numbers, z: Numbers) -> Numbers:
-        """Return how far down places (n,) are."""
+        """Return the depth of places (n,) along ``down``."""
         down = self.down.astype(x.dtype)
         return np.asarray(x * down[0] + y * down[1] + z * down[2])
 
@@ -162,7 +162,7 @@ def _of_volume(volume: Volume, lattice: Lattice, reach_mm: float) -> tuple[Image
 
 
 def resampled(values: NDArray[Number], at: Lattice, places: Lattice, order: int) -> NDArray[Number]:
-    """Return values that lie at the places of one lattice at those of another, by splines of an ``order``.
+    """Resample values from one lattice to another by splines of the given ``order``.
 
     Beyond the border they are as at it, or of order 0 nothing.
     """
@@ -220,7 +220,7 @@ def _detail(sample: Sample, rms_mm: float) -> Image:
 
 
 def _bone_share(sample: Sample, field: Field) -> float:
-    """Return which part of the bore's wall is bone."""
+    """Return the share of the bore's wall that is bone."""
     theta = np.linspace(0, 2 * np.pi, WALL_PLACES, endpoint=False)
     z = np.arange(0, sample.bore.length_mm, 0.1)
     radius = sample.bore.diameter_mm / 2

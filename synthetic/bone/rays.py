@@ -27,7 +27,7 @@ class BoreAlong(Protocol):
     """The bore without cells, along n rays."""
 
     def of(self, which: Indices) -> Self:
-        """Return it for some of the rays only."""
+        """Return the bore along some of the rays."""
         ...
 
     def at(self, t: Numbers) -> tuple[Numbers, Numbers]:

@@ -154,14 +154,14 @@ def _candidates(scene: Scene, origin: Numbers, heading: Numbers) -> tuple[Indice
 
 
 def _at_radius(radius_mm: float, origin: Numbers, heading: Numbers) -> Numbers:
-    """Return how far along the ray it is ``radius_mm`` from the axis, going out; 0 where it never is."""
+    """Return the distance along each ray at which it leaves ``radius_mm`` about the axis; 0 where it never does."""
     x, y, dx, dy = origin[:, 0], origin[:, 1], heading[:, 0], heading[:, 1]
     a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - radius_mm**2
     return np.where(b * b > a * c, (np.sqrt(np.maximum(b * b - a * c, 0)) - b) / np.maximum(a, 1e-12), 0)
 
 
 def _blocks(count: Indices) -> list[tuple[Indices, int]]:
-    """Return the rays in blocks of one number of cells each."""
+    """Return the rays in blocks; all rays of a block have the same number of cells."""
     blocks = []
     for k in range(int(count.max(initial=-1)) + 1):
         which, size = np.flatnonzero(count == k), BLOCK // max(1, k)

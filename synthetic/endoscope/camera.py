@@ -129,7 +129,7 @@ def stored_frame(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index
 
 
 def noise_free(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> NDArray[np.uint8]:
-    """Return the twin of a frame without noise and compression, u8 as :func:`render_frame`."""
+    """Return a frame without noise and compression, u8 as :func:`render_frame`."""
     return displayed(_signal(sample, wall, lighting, frame_index), sample.endoscope.gamma)
 
 
@@ -237,7 +237,7 @@ class _Surround:
         self._glow, self._tip = glow.astype(np.float32), tip.astype(np.float32)
 
     def light(self, rows: slice) -> Image:
-        """Return that in some rows of the image, float32."""
+        """Return the surround in some rows of the image, float32."""
         camera = self._camera
         places = range(rows.start, rows.stop), range(camera.width_px)
         surround = _tabulated(self._glow, _distance_px(camera, self._frame_index, *places))

@@ -30,9 +30,9 @@ FIBRES = 6
 MIRROR_BEYOND = 1.05
 """Radius of the mirror over that of the part that the annulus shows."""
 LEAST = 1e-3
-"""Of what must be positive where light goes over the mirror, in mm or relative."""
+"""What must be positive where light goes over the mirror is at least this, in mm or relative."""
 PENUMBRA = 5.0
-"""How fast a shadow's edge goes from light to dark for one fibre: over about the distance between two of them."""
+"""A shadow's edge goes from light to dark for one fibre over about the distance between two fibres."""
 
 
 @dataclass(frozen=True, eq=False)

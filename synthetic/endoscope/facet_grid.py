@@ -19,7 +19,7 @@ from endoct.synthetic.endoscope.sight import lookup
 FACET_MM = 0.07
 LEVEL_MM = 0.1
 FLAT_MM = 0.02
-"""How far from the relief of its sample a place can be on the sample's own facet, where the wall there is steep."""
+"""Where the wall is steep, places on a sample's own facet are at most this far from the sample's relief."""
 
 Indices = NDArray[np.int32]
 
@@ -99,12 +99,12 @@ def facet_grid(wall: WallMaps) -> FacetGrid:
 
 
 def _count(lowest: Indices, highest: Indices) -> Indices:
-    """Return how many facets samples have."""
+    """Return the number of facets of each sample."""
     return np.asarray(1 + np.where(highest > lowest, highest - lowest + 1, 0), dtype=np.int32)
 
 
 def level_of(relief_mm: Image) -> Indices:
-    """Return the levels that depths below the nominal wall are on."""
+    """Return the level of each depth below the nominal wall."""
     return np.asarray(np.maximum(np.rint(relief_mm * np.float32(1 / LEVEL_MM)), 0), dtype=np.int32)
 
 
@@ -117,9 +117,9 @@ def neighbours(relief: Image) -> tuple[Image, Image, Image, Image]:
 RAYS = 48
 STEP_MM = 0.03
 OFF_MM = 0.004
-"""How far above its facet a ray starts."""
+"""A ray starts this far above its facet."""
 LONGEST_STEPS = 120
-"""After which a ray along the wall is taken to leave the bore."""
+"""A ray along the wall is taken to leave the bore after this many steps."""
 RAYS_AT_ONCE = 2**16
 GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
 
@@ -196,7 +196,7 @@ def _met(grid: FacetGrid, start: Image, way: Image) -> tuple[NDArray[np.intp], I
 
 
 def _innermost(grid: FacetGrid, start: Image, way: Image) -> tuple[Image, Image]:
-    """Return where rays enter and leave the middle of the bore, in which there is only air; never is ∞."""
+    """Return where rays enter and leave the middle of the bore, which holds only air; ∞ where they miss it."""
     least = np.float32(grid.radius_mm + float(grid.relief_mm.min()))
     a = np.maximum(way[0] * way[0] + way[1] * way[1], np.float32(1e-9))
     b = way[0] * start[0] + way[1] * start[1]

@@ -34,9 +34,9 @@ from endoct.synthetic.endoscope.sight import lookup, lookup_all
 from endoct.synthetic.sample.parameters import Endoscope
 
 WAYS = (-1, 0), (1, 0), (0, -1), (0, 1)
-"""To the neighbours of a sample, in z and in θ."""
+"""Steps to the neighbours of a sample, in z and in θ."""
 LOOKS = 8
-"""At the wall between two samples."""
+"""The wall between two samples is looked at this often."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def _albedo(wall: WallMaps, grid: FacetGrid) -> Image:
 EVERY_COLUMN = 2
 """Columns of the wall's maps to one of the shade's."""
 REACH = 1.2
-"""How far along the bore bone is looked for that may cast a shadow, in mm for each mm of depth: no light comes in at a
+"""Bone that may cast a shadow is searched this far along the bore, in mm for each mm of depth. No light comes in at a
 steeper slant."""
 GROWS = 1.1
 """Distances that are looked at lie one row apart at first, then in this ratio."""
@@ -193,7 +193,7 @@ def _distances(most: int) -> list[int]:
 BOUNCES = 5
 MOST_ALBEDO = 0.95
 REACH_MM = 2.0
-"""How far along the bore beyond the visible band light is followed."""
+"""Light is followed this far along the bore beyond the visible band."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +224,7 @@ class Bounced:
 
 
 def bounced(camera: Endoscope, frame_index: int, wall: WallMaps, facets: Facets, shade: Image) -> Bounced:
-    """Return what one frame's light is after it has been thrown from bone to bone."""
+    """Return the light of one frame after its reflections from bone to bone."""
     grid, middle = facets.grid, camera.z_mm[frame_index]
     reach = REACH_MM + camera.visible_length_mm / 2
     some = _rows(grid, middle - reach, middle + reach)
@@ -254,7 +254,7 @@ def bounced(camera: Endoscope, frame_index: int, wall: WallMaps, facets: Facets,
 
 
 def _rows(grid: FacetGrid, low_mm: float, high_mm: float) -> tuple[int, int]:
-    """Return the first of the rows between two places, and the one after the last; at least one."""
+    """Return the range of rows between two places, at least one row."""
     n = grid.relief_mm.shape[0]
     first = min(max(int((low_mm - grid.first_mm) / grid.dz_mm), 0), n - 1)
     return first, min(max(int((high_mm - grid.first_mm) / grid.dz_mm) + 1, first + 1), n)

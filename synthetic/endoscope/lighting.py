@@ -26,7 +26,7 @@ LINED_MM = 0.1
 RING_SIGMA_PX = 1.5
 CONTACT_SHADE = 0.5
 CONTACT_REACH = 1.3
-"""How far the shade around a crumb goes, in radii of the crumb."""
+"""The shade around a crumb reaches this many of its radii."""
 OBSCURED = 0.2
 
 
@@ -165,7 +165,7 @@ def _droplet_shine(camera: Endoscope, pixels: View) -> Image:
 
 
 def _put(crumb: Debris, maps: Image, wall: WallMaps, first_row: int) -> None:
-    """Lay a crumb on the wall's ``maps``: a rounded grain, and the dark line where it touches."""
+    """Draw a crumb into the wall's ``maps``: a rounded grain with a dark line of contact."""
     size, dz_mm, dtheta_mm = crumb.size_mm, wall.dz_mm, wall.dtheta_rad * wall.radius_mm
     middle = crumb.z_mm / dz_mm - first_row
     low, high = max(0, int(middle - 2 * size / dz_mm)), min(maps.shape[0], int(middle + 2 * size / dz_mm) + 2)

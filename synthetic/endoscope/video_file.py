@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError
 
 FRAME_RATE_HZ = 25
-"""Of the videos written: frames a second of playing time."""
+"""Videos are written to play at this rate."""
 ENCODER_OPTIONS = {"level": "3", "coder": "rice", "slices": "4", "slicecrc": "1", "g": "1"}
 
 

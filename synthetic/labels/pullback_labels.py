@@ -29,11 +29,11 @@ FLAGS = (
 )
 FACE, CATHETER, DETECTOR, AUTOCORRELATION, SATURATED = 1, 2, 4, 8, 16
 FAINTEST_DB = 0.0
-"""What is fainter than the noise is no artefact that one could see."""
+"""Artefacts fainter than the noise are not visible and are not labelled."""
 
 
 def artefacts(model: Model, slice_index: int) -> NDArray[np.uint8]:
-    """Return bit ``FLAGS`` of what outshines the noise, u8 (depth, A-scan).
+    """Return the bit ``FLAGS`` of artefacts brighter than the noise, u8 (depth, A-scan).
 
     A line covers the samples within its full width at half maximum, wherever it appears: mirrored ones too.
     """

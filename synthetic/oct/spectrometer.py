@@ -104,7 +104,7 @@ def floor(echoes: Sequence[float], depth_px: Coordinates, n: int) -> Coordinates
 
 @lru_cache(maxsize=16)
 def _echoes(bands_db: float, weights: tuple[float, ...], n: int) -> tuple[float, ...]:
-    """Return the shares of echoes, as their weights are to each other, that make so large a difference over depth."""
+    """Return the shares of echoes, in proportion to their weights, that cause this difference over depth."""
     if not bands_db or not any(weights):
         return ()
     depth_px, low, high = np.arange(n / 2), 0.0, 1 / sum(map(abs, weights))
@@ -179,7 +179,7 @@ def counts(instrument: Spectrometer, m: Coordinates, field: NDArray[np.complex64
 def digitised(
     rng: Generator, instrument: Spectrometer, m: Coordinates, mean_counts: Image, dark: Coordinates
 ) -> NDArray[np.uint16]:
-    """Return noisy u16 samples of 12 bits; what is brighter is cut.
+    """Return noisy u16 samples of 12 bits, clipped at the top.
 
     The noise is that of the reference, ``excess_noise_db`` over its shot noise, as hardly any light else arrives.
     """

@@ -91,7 +91,7 @@ def around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:
 
 @lru_cache(maxsize=16)
 def _smoothing(sigma_turns: float) -> Image:
-    """Return what a Gaussian leaves of each frequency around the ring, and nothing of the mean."""
+    """Return a Gaussian's response at each frequency around the ring, 0 for the mean."""
     left = np.exp(-0.5 * (2 * np.pi * sigma_turns * np.arange(AROUND // 2 + 1)) ** 2).astype(np.float32)
     left[0] = 0
     left.flags.writeable = False
@@ -180,7 +180,7 @@ def sweeps(
 
 
 def _slope(values: NDArray[np.complex128], z_mm: Coordinates) -> NDArray[np.complex128]:
-    """Return how ``values`` change with ``z_mm``, 0 where that stands still."""
+    """Return the slope of ``values`` over ``z_mm``, 0 where z does not change."""
     if values.size < 2:
         return np.zeros_like(values)
     rise, run = np.gradient(values), np.gradient(z_mm)

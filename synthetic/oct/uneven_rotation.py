@@ -31,7 +31,7 @@ def rotation_error(rng: Generator, n: int, peak_rad: float, stick_slip: float) -
 
 
 def _stick_slip(rng: Generator, n: int) -> Coordinates:
-    """Return the harmonics (n, order, 2) of a catheter that falls behind at one to three places a turn and catches up.
+    """Return the harmonics (n, order, 2) of a catheter that sticks at one to three places a turn and slips on.
 
     From slice to slice the places move a little, and so does how long it sticks.
     """
@@ -50,7 +50,7 @@ def _stick_slip(rng: Generator, n: int) -> Coordinates:
 
 
 def _peak(harmonics: Coordinates) -> float:
-    """Return the largest value that any of the courses (n, order, 2) takes."""
+    """Return the largest value of all courses (n, order, 2)."""
     orders, turn = np.arange(1, harmonics.shape[1] + 1), np.linspace(0, 2 * np.pi, TURN_SAMPLES, endpoint=False)
     waves = np.stack([np.cos(np.outer(orders, turn)), np.sin(np.outer(orders, turn))], axis=1)
     return float(np.abs(np.einsum("nkc,kct->nt", harmonics, waves)).max())

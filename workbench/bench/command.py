@@ -32,7 +32,7 @@ from endoct.workbench.running.progress import Stages
 MOST_LISTED = 20
 
 Lines = list[RenderableType]
-"""What people get to read."""
+"""Lines of text and tables for people to read."""
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,13 @@ DOUBTED = "doubted"
 """The score that says, as 1.0 or 0.0, that a method answered and called its own answer doubtful."""
 
 UP, DOWN = " up", " down"
-"""Endings of two methods that change one thing both ways; they share a line where differences are drawn."""
+"""Names of two methods that change one thing both ways end so. They share a line where differences are drawn."""
 
 Given = TypeVar("Given")
 Truth = TypeVar("Truth")
 Answer = TypeVar("Answer")
 Conditions = Mapping[str, float | str]
-"""How hard a case is, by name: numbers and words."""
+"""Conditions that make a case hard, by name: numbers and words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ def check_names(task: AnyTask, wanted: Sequence[str]) -> tuple[str, ...]:
 
 
 def load_method(task: AnyTask, name: str) -> Function:
-    """Import the method ``name`` of ``task``.
+    """Import and return the method ``name`` of ``task``.
 
     Raises :class:`EndoctError` for one that is not known or is registered twice, and whatever its import raises.
     """

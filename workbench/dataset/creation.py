@@ -164,7 +164,7 @@ def forecast(
     stages: Stages | None = None,
     make: Make = simulate_specimen,
 ) -> Forecast:
-    """Say what :func:`make_dataset` would take, by making one specimen in a temporary folder.
+    """Estimate the time and space of :func:`make_dataset` by making one specimen in a temporary folder.
 
     Nothing else is written. Raises :class:`EndoctError` as :func:`make_dataset` does.
     """
@@ -196,7 +196,7 @@ def forecast(
 
 
 def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str | None) -> tuple[Path, int]:
-    """Return the folder of the set and the number of processes; raise where they or the plan cannot be."""
+    """Return the folder of the set and the number of processes. Raises where they or the plan are impossible."""
     if workers is not None and scheduler is not None:
         raise EndoctError("--workers and --scheduler exclude one another", remedy="leave one of them out")
     if workers is not None and workers < 1:
@@ -214,7 +214,7 @@ def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str
 
 @contextmanager
 def _begun(root: Path, plan: Plan) -> Iterator[Event]:
-    """Hold the lock of ``root``, with the files that describe the set in it; leave nothing where nothing was made.
+    """Hold the lock of ``root`` and write the files that describe the set; leave nothing where no specimen was made.
 
     The event that is yielded is to be set once processes that outlive this one may make something.
     """
@@ -312,7 +312,7 @@ def _warm_up() -> None:
 def run_dataset(
     output: Path, plan: Plan, *, workers: int | None, scheduler: str | None, dry_run: bool, stages: Stages
 ) -> tuple[dict[str, object], list[str]]:
-    """Make the data set, or only say what it would take; return that as facts and as lines for people."""
+    """Make the data set, or only estimate it; return the result as facts and as lines for people."""
     if dry_run:
         return _dry_run(output, plan, workers, scheduler, stages)
     try:

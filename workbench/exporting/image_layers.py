@@ -18,7 +18,7 @@ Quantity = Literal["intensity", "relief"]
 Ids = NDArray[np.uint16]
 NOWHERE = -1
 FARTHEST_ROW = 0.75
-"""How far, in row spacings, a place may lie from the nearest row and still show what that observed."""
+"""A place shows what the nearest row observed up to this distance, in row spacings."""
 _EVEN = 1e-3
 """Rows that lie no farther from even steps, in row spacings, lie evenly."""
 

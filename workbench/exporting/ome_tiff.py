@@ -27,7 +27,7 @@ LARGE_PX = 2048
 """An image with a longer side has tiles and coarser levels."""
 STRIP_ROWS = 64
 _BIG_BYTES = 2_000_000_000
-"""From here on offsets of 64 bits: compression may bring nothing."""
+"""Larger files get offsets of 64 bits, as compression may save nothing."""
 
 
 def write_ome_tiff(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:

@@ -20,18 +20,19 @@ from endoct.modalities.endoscope.mirror.edges import edge_points
 from endoct.modalities.endoscope.mirror.rings import Ring, find_rings, fit_circle, rays
 
 GRAIN = 1 / 320
-"""Of the image's shorter side: noise is averaged over this (σ), and the wall's texture is coarser."""
+"""Noise is averaged over this σ, as a part of the image's shorter side. The wall's texture is coarser."""
 LEFT_PX = 0.3
-"""By how much frames are still displaced after their outer rims were laid on each other."""
+"""Frames remain displaced by about this much after their outer rims were laid on each other."""
 CLEAR_RIM = 0.8
 """Support from which on an edge of the movement is the rim; 1.2 to 1.5 in the simulator, others stay below 0.55."""
 NEARLY = 0.8
-"""Of the clearest edge's support: edges that are nearly as clear."""
+"""Edges with this part of the clearest edge's support count as nearly as clear."""
 REFINED = 0.015
 BRIGHT_SIDE, MOST_GAIN = 0.6, 2.0
-"""Which quantile of what is bright tells a frame's exposure, as part of it is cells, and how far that may change."""
+"""This quantile of the bright pixels gives a frame's exposure, as part of them are cells; the gain is limited to the
+second."""
 NOISE_SHARE = 3.0
-"""Times the movement outside the ring, where there is only noise, that of the wall must be to tell anything."""
+"""The wall must move this many times more than the noise outside the ring, or nothing is concluded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class Movement:
 
     @property
     def above_noise(self) -> Image:
-        """The movement, raised by the noise so that logarithms of what does not move are alike."""
+        """The movement plus the noise, so that the logarithm stays even where nothing moves."""
         return self.light + np.float32(self.noise)
 
 

@@ -76,7 +76,7 @@ def _outlying(place: Coordinates, located: Mask, tolerance_px: float) -> Mask:
 
 
 SAME_RIM = 0.03
-"""Of the outer rim's radius: within this the edges of light and of movement are one rim."""
+"""Edges of light and of movement within this part of the outer radius are the same rim."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,11 +20,11 @@ from endoct.base.numeric.linear_equations import solve
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, quantile
 
 MOST_GROWTH = 3.0
-"""Of a circle's radius from what it was thought to be."""
+"""A circle's radius may differ from its first estimate by at most this factor."""
 PICKS = 200
 """Circles that are tried."""
 NUMBERS = 512
-"""Of points, as many as there are rays, for which it is held which three each circle goes through."""
+"""The choices of three points are kept for up to this many points, as many as there are rays."""
 
 
 def consensus_circle(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coordinates:

@@ -28,7 +28,7 @@ from endoct.modalities.oct.surface.wall_evidence import Background, relative_pow
 BLOCK_MM = 0.03
 SEARCH_MM = 0.06
 REACHES_MM = ((0.2, 1), (0.12, 1), (0.08, 2), (0.05, 2), (0.05, 2))
-"""In every round of the fit: how far from it surfaces still count, and its number of harmonics."""
+"""Each round of the fit: the distance up to which surfaces count, and its number of harmonics."""
 STRONGEST = 2.0  # times the median evidence: a bright side does not outvote the rest
 LEAST_SEEN = 0.05
 BAND_MM = 0.02

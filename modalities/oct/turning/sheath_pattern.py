@@ -197,7 +197,7 @@ LEAST_PRESENCE = 0.6
 FEWEST_LINES = 2  # one alone may be anything
 CLEAR_MM = 0.04  # before the capillary's inner face
 BLURS = ((0.012, 0.2), (0.008, 0.15), (0.005, 0.1), (0.004, 0.08), (0.003, 0.05))
-"""Of the pattern, round by round: standard deviations along depth, mm, and around the turn, rad."""
+"""The pattern is blurred round by round by these standard deviations: along depth, mm, and around the turn, rad."""
 RIGID_RAD = 0.08
 
 

@@ -129,7 +129,7 @@ DEPTHS_MM = (0.05, 1.5)
 DEEPEST = 1.1
 """Depth over opening; this and the depths are those between which the phantom's holes are drawn."""
 TRIES = 20
-"""For each cell that would be needed if none met another."""
+"""Tries for each cell that would be needed if no two met."""
 
 
 def uniform_cells(rng: Generator, bore: Bore, opening_mm: float) -> tuple[Cell, ...]:

@@ -31,7 +31,7 @@ JOBS = "pullback", "strips", "threshold", "alignment", "spectra"
 N_DEPTH = 512
 N_SAMPLES = 1024
 CHIRP = np.polynomial.Polynomial([-0.48, 1.25467, -2.017e-4, -4.6e-8])
-"""Which even wavenumber a pixel of a spectrometer sees: a fit to the vectors of a Telesto."""
+"""The even wavenumber that each pixel of a spectrometer sees: a fit to the vectors of a Telesto."""
 REFLECTORS = 6
 
 

@@ -49,7 +49,7 @@ MOST_PANELS = 6
 FEWEST_IN_BIN, MOST_BINS = 4, 8
 UNANSWERED = "not answered"
 OF_ONE = "Jaccard", "precision", "recall", "share"
-"""How a task's words for a score begin that lies between 0 and 1."""
+"""The name of a score between 0 and 1 begins with one of these."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.task import DOUBTED, SUCCESS
 
 CONDITION, SCORE = "condition.", "score."
-"""Beginnings of the columns' names of conditions and scores."""
+"""The names of columns of conditions and scores begin with these."""
 TIMES = ["seconds", "cpu_seconds"]
 COLUMNS = ["case", "method", "status", "reason", *TIMES]
 

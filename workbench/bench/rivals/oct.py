@@ -19,7 +19,7 @@ from endoct.workbench.bench.tasks.oct import even
 
 N_BLOCKS = 8
 TURNING = ("start_angle", "turn_length", "rotation_", "lost_")
-"""How the values of a frame begin that a chain of shifts does not know."""
+"""Values per frame whose names begin so are unknown to a chain of shifts."""
 WINDOW = 6
 """Width of the window over which blocks are compared, in units of the distance between blocks."""
 

@@ -16,13 +16,13 @@ from endoct.workbench.bench.rivals.pose_starts import RANKED_BY, Matching, Score
 
 VOXEL_MM = 0.25
 WITHIN_MM = 0.15
-"""In front of the first layer and behind the last one is as on it."""
+"""In front of the first layer, and behind the last one, the air is that of the layer up to this distance."""
 LEAST_WEIGHT = 0.5
 BLURS_MM = (0.3, 0.0)
-"""Of the CT, in turn."""
+"""The CT is blurred by these, one after the other."""
 BINS, ITERATIONS, STEP, LEAST_STEP = 24, 60, 0.3, 1e-3
 EDGES = (0.05, 0.95)
-"""Shares of air between which a voxel is at an edge: with its neighbours these decide."""
+"""A voxel with a share of air between these is at an edge. Such voxels and their neighbours decide."""
 
 
 def simpleitk_matching(air: AirAround) -> Callable[[Observation, Panorama], Matching]:

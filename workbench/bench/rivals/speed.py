@@ -148,7 +148,7 @@ BEHIND_PX = 6
 """The face is blurred: what lies nearer behind it is the face itself."""
 BLOCK = 51
 CONTRAST = 0.3
-"""By how much a pixel is brighter than its surroundings, of full scale, to be on a line."""
+"""A pixel on a line is brighter than its surroundings by this part of full scale."""
 
 
 def by_the_paper(bscan: Any) -> tuple[Image, Image]:
