@@ -49,7 +49,7 @@ def simulate(
     :func:`endoct.synthetic.draw.draw`. ``volume`` is the user's bone to drill into
     (:func:`endoct.synthetic.bone.patient.stated_volume`). ``ct`` adds ``truth/ct.nii.gz`` with labels and cells,
     its true line and, in ``folder``, a plan off it (:mod:`endoct.synthetic.ct_scan`); ``cone_beam``
-    ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct`). ``sample``, the content of such a
+    ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct_scan`). ``sample``, the content of such a
     ``sample.json``, replays it; what is drawn from does not matter then. ``labels`` adds ``truth/labels``
     (:mod:`endoct.synthetic.labels`), ``spectra`` ``oct-spectra`` (:mod:`endoct.synthetic.oct.bscan`).
     ``on_progress(stage, fraction)`` is called from this thread.
