@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Pillow
 
 from endoct.base.arrays import Image, Mask
 from endoct.stitching.grid import SurfaceGrid
@@ -78,6 +77,8 @@ def _coarse(grid: SurfaceGrid, values: Image, valid: Mask) -> tuple[Image, Mask]
 
 
 def _png(rgb: NDArray[np.uint8]) -> bytes:
+    from PIL import Image as Pillow  # for notebooks only
+
     png = io.BytesIO()
     Pillow.fromarray(rgb).quantize(COLOURS).save(png, "PNG", optimize=True)
     return png.getvalue()
