@@ -103,21 +103,21 @@ def _expected(given: object) -> Expected:
     return None if low is None or high is None else (low, high)
 
 
-def _finite(what: str, given: object) -> float | None:
+def _finite(name: str, given: object) -> float | None:
     """Return a number as float; None for None, and for what is not finite."""
     if given is None:
         return None
     if isinstance(given, bool | str | bytes):
-        raise _unusable(what, given, "a number")
+        raise _unusable(name, given, "a number")
     try:
         value = float(given)  # type: ignore[arg-type]  # also numpy's numbers
     except OverflowError:
         return None
     except (TypeError, ValueError) as error:
-        raise _unusable(what, given, "a number") from error
+        raise _unusable(name, given, "a number") from error
     return value if math.isfinite(value) else None
 
 
-def _unusable(what: str, found: object, expected: str) -> EndoctError:
-    text = "a container" if isinstance(found, dict | list | tuple) else repr(found)[:80]
-    return EndoctError(f"the {what} of a doubt cannot be used", found=text, expected=expected)
+def _unusable(field: str, actual: object, expected: str) -> EndoctError:
+    text = "a container" if isinstance(actual, dict | list | tuple) else repr(actual)[:80]
+    return EndoctError(f"the {field} of a doubt cannot be used", found=text, expected=expected)

@@ -41,7 +41,7 @@ class NotSeen(EndoctError):
 
 
 @contextmanager
-def refusing(what: str, *, expected: str = "", remedy: str = "") -> Iterator[None]:
+def refusing(subject: str, *, expected: str = "", remedy: str = "") -> Iterator[None]:
     """Turn whatever a library raises about a file into one :class:`EndoctError` that names the cause.
 
     For the boundary where a file is handed to a library, which may raise anything on damaged or hostile bytes.
@@ -52,7 +52,7 @@ def refusing(what: str, *, expected: str = "", remedy: str = "") -> Iterator[Non
     except (EndoctError, MemoryError):
         raise
     except Exception as error:
-        raise EndoctError(what, found=cause_of(error), expected=expected, remedy=remedy) from error
+        raise EndoctError(subject, found=cause_of(error), expected=expected, remedy=remedy) from error
 
 
 def cause_of(error: BaseException) -> str:
@@ -64,7 +64,7 @@ def cause_of(error: BaseException) -> str:
 
 
 def system_cause(error: OSError) -> str:
-    """Return what the system says in an error: of NumPy, which asks it for no reason, that the disk took no more."""
+    """Return the system's reason for an error; NumPy gives none where a disk is full, so that is said for it."""
     if short := _SHORT_WRITE.fullmatch(str(error)):
         return f"the disk took only {short[2]} of {short[1]} numbers: it is full, or a limit is reached"
     return error.strerror or str(error)
@@ -80,5 +80,5 @@ def visible(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in text)
 
 
-def _rebuild(kind: type[EndoctError], what: str, found: str, expected: str, remedy: str) -> EndoctError:
-    return kind(what, found=found, expected=expected, remedy=remedy)
+def _rebuild(kind: type[EndoctError], problem: str, actual: str, expected: str, remedy: str) -> EndoctError:
+    return kind(problem, found=actual, expected=expected, remedy=remedy)

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import bootstrap
 
-from endoct.workbench.bench.results.files import write_csv
-from endoct.workbench.bench.results.summary import SCORE, columns_of, frame_of
+from endoct.workbench.bench.results.result_tables import write_csv
+from endoct.workbench.bench.results.score_summary import SCORE, columns_of, frame_of
 from endoct.workbench.bench.runner import Row, parse_seeds, run_method
 from endoct.workbench.bench.tasks import ablate
 from endoct.workbench.bench.tasks.comparison import ComparedPair, ComparisonCase, judge

@@ -199,14 +199,14 @@ def cluster() -> Iterator[tuple[int, object]]:
         finish()
 
 
-def differences(whole: Path, found: Path) -> str:
+def differences(whole: Path, actual: Path) -> str:
     """Say how a set differs from one that was made at once: in anything but records, which hold times."""
 
     def files(root: Path) -> dict[str, bytes]:
         every = (path for path in root.rglob("*") if path.is_file())
         return {path.relative_to(root).as_posix(): path.read_bytes() for path in every if path.parent.name != "records"}
 
-    one, other = files(whole), files(found)
+    one, other = files(whole), files(actual)
     return ", ".join(sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))[:3])
 
 

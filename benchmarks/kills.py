@@ -42,16 +42,16 @@ def arguments(command: str, count: int = 2) -> list[str]:
     }[command]
 
 
-def run(folder: Path, what: list[str], kill_after_s: float | None = None) -> float:
+def run(folder: Path, arguments: list[str], kill_after_s: float | None = None) -> float:
     """Run a command, or kill it after a while with all that it has started; return the seconds it took."""
     start = time.monotonic()
     process = subprocess.Popen(
-        [ENDOCT, *what], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        [ENDOCT, *arguments], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
     try:
         status = process.wait(kill_after_s)
         if status not in (0, 3):
-            raise RuntimeError(f"{what} ended with {status}")
+            raise RuntimeError(f"{arguments} ended with {status}")
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()

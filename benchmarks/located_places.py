@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from endoct.modalities.contract import Places
-from endoct.modalities.illustrating import illustrated
+from endoct.modalities.illustration import illustrated
 from endoct.synthetic.specimen import simulate
 from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
 from endoct.workbench.pipeline.unrolling import Unrolled, open_side, unroll_recording

@@ -57,18 +57,11 @@ TESTS: Mapping[str, tuple[str, ...]] = {
     "fusion/doubts.py": (f"{FUSION}/test_doubts.py",),
     "fusion/comparison.py": (f"{FUSION}/test_comparison.py",),
     "stitching/motion/feed.py": ("tests/stitching/motion/test_feed.py",),
-    "base/numeric/ranks.py": ("tests/base/numeric/test_robust.py",),
-    "modalities/oct/surface/wall.py": (
-        f"{OCT}/surface/test_wall.py",
-        f"{OCT}/surface/test_bore.py",
-    ),
-    "modalities/oct/surface/evidence.py": (f"{OCT}/surface/test_evidence.py",),
-    "modalities/oct/surface/levels.py": (
-        f"{OCT}/surface/test_levels.py",
-        f"{OCT}/surface/test_noise_floor.py",
-    ),
+    "base/numeric/ranks.py": ("tests/base/numeric/test_ranks.py",),
+    "modalities/oct/surface/wall.py": (f"{OCT}/surface/test_wall.py",),
+    "modalities/oct/surface/wall_evidence.py": (f"{OCT}/surface/test_wall_evidence.py",),
+    "modalities/oct/surface/levels.py": (f"{OCT}/surface/test_levels.py",),
     "modalities/oct/surface/second_look.py": (f"{OCT}/surface/test_second_look.py",),
-    "modalities/oct/surface/trust.py": (f"{OCT}/surface/test_trust.py",),
     "modalities/oct/surface/fixed_lines.py": (
         f"{OCT}/surface/test_lines_of_a_recording.py",
         f"{OCT}/surface/test_fixed_lines.py",
@@ -76,9 +69,9 @@ TESTS: Mapping[str, tuple[str, ...]] = {
     "modalities/oct/doubts.py": (f"{OCT}/test_doubts.py",),
     "modalities/oct/settle.py": (f"{OCT}/test_settle.py",),
     "modalities/oct/undistort.py": (f"{OCT}/test_undistort.py",),
-    "modalities/endoscope/doubts.py": (f"{ENDOSCOPE}/test_ring_doubts.py",),
-    "modalities/endoscope/motion/places.py": (f"{ENDOSCOPE}/motion/test_feed_and_nominal.py",),
-    "modalities/endoscope/motion/motion.py": (f"{ENDOSCOPE}/motion/test_offset.py",),
+    "modalities/endoscope/doubts.py": (f"{ENDOSCOPE}/test_doubts.py",),
+    "modalities/endoscope/frame_places.py": (f"{ENDOSCOPE}/test_frame_places.py",),
+    "modalities/endoscope/motion.py": (f"{ENDOSCOPE}/test_motion.py",),
 }
 """By module: the tests of its own."""
 NAMED: tuple[tuple[str, str, str, str], ...] = (
@@ -90,7 +83,7 @@ NAMED: tuple[tuple[str, str, str, str], ...] = (
     ),
     ("fusion/scoring/cells.py", " & ~side.mask", "", f"{FUSION}/scoring/test_budget.py"),
     ("modalities/oct/surface/wall.py", "lead = n_theta // 4", "lead = 0", f"{OCT}/surface/test_wall.py"),
-    ("base/numeric/ranks.py", "ERROR_PER_SIGMA = 1.25", "ERROR_PER_SIGMA = 1.0", "tests/base/numeric/test_robust.py"),
+    ("base/numeric/ranks.py", "ERROR_PER_SIGMA = 1.25", "ERROR_PER_SIGMA = 1.0", "tests/base/numeric/test_ranks.py"),
     ("synthetic/draw.py", " - min(0.0, advance)", "", "tests/synthetic/test_draw.py"),
     ("modalities/oct/settle.py", "(turn - 0.5)", "(turn + 0.5)", f"{OCT}/test_settle.py"),
 )

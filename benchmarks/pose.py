@@ -33,7 +33,7 @@ from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
 from endoct.fusion.pose.observation import Observation, observe
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
-from endoct.synthetic.ct.scanning import scan
+from endoct.synthetic.ct_scan import scan
 from endoct.synthetic.sample.parameters import Sample
 from endoct.workbench.bench.cases.bores import PoseCase, posed_case
 from endoct.workbench.bench.tasks.pose import judge, located
@@ -133,7 +133,7 @@ def judged(case: PoseCase, about: Row) -> Iterator[Row]:
             truth=replace(case.truth, sides=tuple(case.truth.sides[number] for number in numbers)),
         )
         scores = judge(one, located(answered.pose, one.given[0]))
-        yield {**about, "sides": sides, **_told(answered, of), **scores}
+        yield {**about, "sides": sides, **_row_of(answered, of), **scores}
 
 
 def _said(sides: Sequence[Observation], ct: CtVolume, plan: Trajectory, name: str) -> Iterator[Row]:
@@ -145,10 +145,10 @@ def _said(sides: Sequence[Observation], ct: CtVolume, plan: Trajectory, name: st
     found = [find_alone(air, side) for side in sides]
     for of in ([found[0]], [found[1]], found):
         names = "both" if len(of) > 1 else of[0].fit.sides[0].name
-        yield {"case": name, "sides": names, **_told(answer(air, plan, of), of)}
+        yield {"case": name, "sides": names, **_row_of(answer(air, plan, of), of)}
 
 
-def _told(answered: PoseAnswer, of: Sequence[Found]) -> Row:
+def _row_of(answered: PoseAnswer, of: Sequence[Found]) -> Row:
     return {
         "told": answered.reason is None,
         "agreement": max(one.fit.agreement[0] for one in of),

@@ -184,9 +184,9 @@ def evaluate(seed: int, methods: list[str]) -> list[dict[str, float | str]]:
     return rows
 
 
-def _apart_px(one: Alignment, other: Alignment, z_mm: np.ndarray) -> float:
-    turn_mm = RADIUS_MM * float(np.abs(wrap_rad(one.theta_shift_rad - other.theta_shift_rad)))
-    return max(turn_mm, float(np.abs(one.z_to_a(z_mm) - other.z_to_a(z_mm)).max())) / PX_MM
+def _apart_px(first: Alignment, other: Alignment, z_mm: np.ndarray) -> float:
+    turn_mm = RADIUS_MM * float(np.abs(wrap_rad(first.theta_shift_rad - other.theta_shift_rad)))
+    return max(turn_mm, float(np.abs(first.z_to_a(z_mm) - other.z_to_a(z_mm)).max())) / PX_MM
 
 
 def summarise(rows: list[dict[str, float | str]]) -> str:

@@ -31,8 +31,8 @@ RUNS_APART = ("seconds", "versions", "inputs")
 def make(endoct: Path, folder: Path, presets: list[str]) -> None:
     """Make every output below ``folder``."""
 
-    def run(name: str, *what: str | Path) -> None:
-        ended = subprocess.run([endoct, *what], cwd=folder, capture_output=True, text=True)
+    def run(name: str, *words: str | Path) -> None:
+        ended = subprocess.run([endoct, *words], cwd=folder, capture_output=True, text=True)
         (folder / f"{name}.status").write_text(f"{ended.returncode}\n")
         if ended.returncode not in (0, 3):
             print(f"{name}: {ended.stderr.strip()[-300:]}", flush=True)

@@ -17,7 +17,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from endoct.workbench.bench.cases.long_recordings import write_recording
+from endoct.workbench.bench.cases.speed_jobs import write_recording
 from endoct.workbench.running.measured import measure_program
 
 IMPORTED = "import xarray, zarr, endoct.workbench.api, endoct.modalities.{}.plugin"

@@ -84,9 +84,9 @@ class Recorder:
             self.page.mouse.wheel(0, by)
             self.keep()
 
-    def middle(self, what: str, x: float = 0.5, y: float = 0.5) -> tuple[float, float]:
-        """Return a place in the element that ``what`` selects, by shares of its width and height."""
-        box = self.page.locator(what).first.bounding_box()
+    def middle(self, selector: str, x: float = 0.5, y: float = 0.5) -> tuple[float, float]:
+        """Return a place in the element that ``selector`` selects, by shares of its width and height."""
+        box = self.page.locator(selector).first.bounding_box()
         return box["x"] + x * box["width"], box["y"] + y * box["height"]
 
 

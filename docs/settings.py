@@ -35,12 +35,12 @@ def table() -> str:
         blocks.append(f"## {title}\n\n| key | default | what |\n|---|---|---|")
         for name, field in model.model_fields.items():
             default = "" if field.default is None else f"`{str(field.default).lower()}`"
-            blocks.append(f"| `{name}` | {default} | {_what(field).replace('|', chr(92) + '|')} |")
+            blocks.append(f"| `{name}` | {default} | {_description(field).replace('|', chr(92) + '|')} |")
         blocks.append("")
     return "\n".join(blocks)
 
 
-def _what(field: FieldInfo) -> str:
+def _description(field: FieldInfo) -> str:
     """Return what a parameter is and, where it is one of a few words, which."""
     about = field.description or ""
     if get_origin(field.annotation) is not Literal:

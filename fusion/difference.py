@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from endoct.base.arrays import Mask
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
-from endoct.stitching.wall_plot import draw_wall
+from endoct.stitching.notebook import draw_wall
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

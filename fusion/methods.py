@@ -6,8 +6,8 @@ stranger's is chosen like one of ours.
 
 from typing import Literal
 
+from endoct.base.entry_points import load_function
 from endoct.base.errors import EndoctError, cause_of
-from endoct.base.registered import load_function
 
 OURS = "endoct"
 """The name of our own; what a comparison uses unless another is chosen."""

@@ -130,7 +130,7 @@ class Comparison:
 
         z in mm against θ in degrees; what was not observed stays pale blue. Needs matplotlib only when it is called.
         """
-        from endoct.stitching.wall_plot import draw_wall, new_wall_axes
+        from endoct.stitching.notebook import draw_wall, new_wall_axes
 
         (a, b), both = self.sides, self.sides[0].valid & self.sides[1].valid
         axes = new_wall_axes(self.grid, 2 if self.alignment is None else 3)

@@ -14,7 +14,7 @@ from endoct.stitching.per_frame import per_frame
 from endoct.stitching.strip import Strip
 
 OF_THE_SURFACE = frozenset({*SURFACE, "z_mm"})
-"""Names that numbers per frame cannot have: arrays of the panorama in its store."""
+"""Values per frame cannot have these names, which belong to the panorama's arrays."""
 
 
 def assemble(

@@ -52,7 +52,7 @@ class AxialScale:
 
 FORMAT = "endoct-panorama-1"
 SURFACE = ("intensity", "valid", "weight", "depth_mm", "z", "theta")
-"""What a panorama's store calls its own; nothing per frame may have such a name."""
+"""These are the names of a panorama's own arrays in its store. Values per frame may have none of them."""
 _TAKEN = (*SURFACE, "volume")
 
 
@@ -166,7 +166,7 @@ class Panorama:
 
         What was not observed stays pale blue. Needs matplotlib only when it is called.
         """
-        from endoct.stitching.wall_plot import draw_wall, new_wall_axes
+        from endoct.stitching.notebook import draw_wall, new_wall_axes
 
         axes = ax if ax is not None else new_wall_axes(self.grid)[0]
         image = draw_wall(axes, self.grid, self.intensity, self.valid)
@@ -227,7 +227,7 @@ class Panorama:
 
 
 LEAST_VALID_SHARE = 0.9
-"""Where less of the wall was observed, that is doubted."""
+"""A panorama of which less was observed is doubted."""
 
 
 def doubts_of_observed(panorama: Panorama) -> tuple[Doubt, ...]:

@@ -13,7 +13,7 @@ from endoct.base.arrays import Mask, readonly
 from endoct.base.errors import EndoctError
 
 _TEXT = re.compile(r"[\w ()/°%.,·+−-]{0,100}")
-"""What titles and units may hold: figures and pages show them, also those of a file from elsewhere."""
+"""Titles and units may hold these characters. They also come from files of others, and appear in figures and pages."""
 
 _UNITS = {"mm": "mm", "rad": "rad", "deg": "°", "px": "px", "hz": "Hz", "s": "s"}
 """Units by the last word of a name."""

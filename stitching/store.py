@@ -40,21 +40,21 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
     write_arrays(path, arrays, panorama.attributes(), coordinates=[frame_z] if frame_z in arrays else ())
 
 
-def stored_grid(attributes: Mapping[str, Any], shape: tuple[int, ...], what: str) -> SurfaceGrid:
+def stored_grid(attributes: Mapping[str, Any], shape: tuple[int, ...], subject: str) -> SurfaceGrid:
     """Return the full circle that a store describes, whose images of ``shape`` end in the dims (z, theta).
 
-    Raises :class:`EndoctError`, naming ``what``, where it describes none, or one that no bore has.
+    Raises :class:`EndoctError`, naming ``subject``, where it describes none, or one that no bore has.
     """
     if len(shape) < 2:
-        raise EndoctError(f"{what} has no surface", found=f"shape {shape}", expected="(z, θ)")
+        raise EndoctError(f"{subject} has no surface", found=f"shape {shape}", expected="(z, θ)")
     n_z, n_theta = shape[-2:]
     return SurfaceGrid.full_circle(
         n_z,
         n_theta,
-        z0_mm=number(attributes, "z0_mm", -1e4, 1e4, what),
-        dz_mm=number(attributes, "dz_mm", 1e-5, 1e3, what),
-        theta0_rad=number(attributes, "theta0_rad", -100, 100, what),
-        radius_mm=number(attributes, "radius_mm", 0.01, 1e3, what),
+        z0_mm=number(attributes, "z0_mm", -1e4, 1e4, subject),
+        dz_mm=number(attributes, "dz_mm", 1e-5, 1e3, subject),
+        theta0_rad=number(attributes, "theta0_rad", -100, 100, subject),
+        radius_mm=number(attributes, "radius_mm", 0.01, 1e3, subject),
     )
 
 
@@ -181,25 +181,27 @@ def _described(name: str, values: NDArray[Any], attributes: Mapping[str, Any]) -
     return PerFrame(values, attributes.get("units", ""), attributes["long_name"], trusted_when, usual)
 
 
-def _axial_scale(attributes: Mapping[str, Any], what: str) -> AxialScale:
+def _axial_scale(attributes: Mapping[str, Any], subject: str) -> AxialScale:
     """Return what the scale of z rests on; older stores do not say."""
     stored = attributes.get("axial_scale")
     if stored is None:
         return AxialScale()
-    found = an_object(json.loads(stored), f"the axial scale of {what}")
-    stated = an_object(found.get("stated"), f"what the axial scale of {what} rests on")
+    found = an_object(json.loads(stored), f"the axial scale of {subject}")
+    stated = an_object(found.get("stated"), f"what the axial scale of {subject} rests on")
     return AxialScale(stated, checked=found.get("checked") is True)
 
 
-def _provenance(attributes: Mapping[str, Any], what: str) -> tuple[dict[str, Any], tuple[str, ...], tuple[Doubt, ...]]:
+def _provenance(
+    attributes: Mapping[str, Any], subject: str
+) -> tuple[dict[str, Any], tuple[str, ...], tuple[Doubt, ...]]:
     """Return the provenance of a store without its notes and doubts, and these."""
     stored = attributes.get("provenance")
     if not isinstance(stored, str):
-        raise EndoctError(f"{what} does not say where it comes from", expected="'provenance' in its attributes")
-    found = an_object(json.loads(stored), f"the provenance of {what}")
-    notes = texts(found, "notes", f"the provenance of {what}")
-    doubts = tuple(as_doubt(one) for one in a_list(found, "doubts", f"the provenance of {what}"))
+        raise EndoctError(f"{subject} does not say where it comes from", expected="'provenance' in its attributes")
+    found = an_object(json.loads(stored), f"the provenance of {subject}")
+    notes = texts(found, "notes", f"the provenance of {subject}")
+    doubts = tuple(as_doubt(one) for one in a_list(found, "doubts", f"the provenance of {subject}"))
     for key in ("parameters", "inputs", "acquisition", "versions"):
         if found.get(key) is not None:
-            an_object(found[key], f"'{key}' in the provenance of {what}")
+            an_object(found[key], f"'{key}' in the provenance of {subject}")
     return {key: value for key, value in found.items() if key not in ("notes", "doubts")}, notes, doubts

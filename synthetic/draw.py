@@ -9,9 +9,9 @@ from numpy.random import Generator
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.synthetic.bone.cells import draw_cells
+from endoct.synthetic.bone.drawn_cells import draw_cells
 from endoct.synthetic.endoscope.cone import Cone, focal_length_px
-from endoct.synthetic.oct.motion import lost_ascans, rotation_error
+from endoct.synthetic.oct.uneven_rotation import lost_ascans, rotation_error
 from endoct.synthetic.sample.oct_parameters import N_BANDS
 from endoct.synthetic.sample.parameter_fields import Stated
 from endoct.synthetic.sample.parameters import (
@@ -110,35 +110,35 @@ def _pairs(values: Coordinates) -> tuple[tuple[float, float], ...]:
     return tuple((float(first), float(second)) for first, second in values)
 
 
-def _bore(one: Drawer, of_network: Drawer, of_density: Drawer, size: Preset, volume: Volume | None) -> Bore:
-    drawn = one.numbers(Bore)
+def _bore(drawer: Drawer, of_network: Drawer, of_density: Drawer, size: Preset, volume: Volume | None) -> Bore:
+    drawn = drawer.numbers(Bore)
     recorded_mm = size.pitch_mm * max(size.n_slices, size.n_frames)
     # room for two recordings that share no more than they must, with a visible band of up to 1.1 mm
-    length_mm = 2 * MARGIN_MM + (2 - size.shared) * recorded_mm + 1.1 + one.rng.uniform(0, 0.5)
+    length_mm = 2 * MARGIN_MM + (2 - size.shared) * recorded_mm + 1.1 + drawer.rng.uniform(0, 0.5)
     drawn["diameter_mm"] = round(drawn["diameter_mm"], 2)
     if volume is not None:
         length_mm = _length_mm(volume, recorded_mm)
         known = {"bone": "volume", "length_mm": length_mm, "volume": volume}
         return Bore.model_validate({**drawn, **known, "density": Density(**of_density.numbers(Density))})
-    bone = cast(Bone, one.word("bore.bone", dict.fromkeys(size.bone, 1.0)))
+    bone = cast(Bone, drawer.word("bore.bone", dict.fromkeys(size.bone, 1.0)))
     network = _network(of_network) if bone == "network" else None
     density = Density(**of_density.numbers(Density)) if bone == "network" else None
     known = {"bone": bone, "length_mm": length_mm, "network": network, "density": density}
     bore = Bore.model_validate({**drawn, **known})
-    return bore.model_copy(update={"cells": draw_cells(one.rng, bore)})
+    return bore.model_copy(update={"cells": draw_cells(drawer.rng, bore)})
 
 
 def _ct(bore_seed: int, ranges: Mapping[str, Range], stream: int) -> Ct:
     return Ct(**Drawer(generator(bore_seed, Stage.BORE, stream), ranges).numbers(Ct))
 
 
-def _network(one: Drawer) -> Network:
+def _network(drawer: Drawer) -> Network:
     """Draw a mastoid, and how the bore lies in the patient: inward, to the front, and about level."""
-    side = 1.0 if one.rng.random() < 0.5 else -1.0  # to the left of the patient, or to the right
-    entry = side * one.rng.uniform(45, 60), one.rng.uniform(0, 25), one.rng.uniform(-10, 25)
-    inward = np.array([-side, -one.rng.uniform(0.3, 0.8), one.rng.uniform(-0.3, 0.3)])
+    side = 1.0 if drawer.rng.random() < 0.5 else -1.0  # to the left of the patient, or to the right
+    entry = side * drawer.rng.uniform(45, 60), drawer.rng.uniform(0, 25), drawer.rng.uniform(-10, 25)
+    inward = np.array([-side, -drawer.rng.uniform(0.3, 0.8), drawer.rng.uniform(-0.3, 0.3)])
     x, y, z = (float(value) for value in inward / np.linalg.norm(inward))
-    drawn = one.numbers(Network)
+    drawn = drawer.numbers(Network)
     return Network(**drawn, entry_mm=entry, inward=(x, y, z))
 
 
@@ -175,11 +175,11 @@ def _positions(
     return oct_z - mouth, frame_z + start + visible_mm / 2 - mouth
 
 
-def _oct(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, length_mm: float) -> Oct:
+def _oct(drawer: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, length_mm: float) -> Oct:
     n = size.n_slices
     # a stream for each purpose, so that none depends on how much another takes
-    layers, wander, dirt, words, starts, turns, turning, losses, floor = one.rng.spawn(9)
-    sheath = _sheath(Drawer(layers, one.ranges), drawn)
+    layers, wander, dirt, words, starts, turns, turning, losses, floor = drawer.rng.spawn(9)
+    sheath = _sheath(Drawer(layers, drawer.ranges), drawn)
 
     # the catheter leaves room for the capillary's wall, and that wall takes what room there is
     room = drawn["capillary_outer_diameter_mm"] / 2 - sheath[-1].radius_mm
@@ -190,14 +190,14 @@ def _oct(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, 
     drawn["glass_mm"] = float(np.clip(drawn["glass_mm"], thin, np.clip(room - offset.max(), thin, thick)))
     direction = wander.uniform(0, 2 * np.pi) + wander.uniform(0.2, 1.2) * drift(wander, n)
 
-    said = Drawer(words, one.ranges)
+    said = Drawer(words, drawer.ranges)
     travel: Travel = "out" if said.word("oct.travel", {"out": 0.75, "in": 0.25}) == "out" else "in"
     forward = 1 if travel == "in" else -1
     scan = said.word("oct.scan", {"step": 1 - size.helical, "helical": size.helical})
     advance = forward * size.pitch_mm if scan == "helical" else 0.0
     start = said.word("oct.start", {"triggered": 1.0, "free": 0.0})
     jitter = drawn["start_jitter_rad"] * starts.normal(size=n)
-    specks = Drawer(dirt, one.ranges)
+    specks = Drawer(dirt, drawer.ranges)
     shadows = (specks.numbers(Shadow) for _ in range(dirt.poisson(0.5 * length_mm)))
     return Oct(
         **drawn,
@@ -223,8 +223,8 @@ def _oct(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, 
     )
 
 
-def _sheath(one: Drawer, drawn: Mapping[str, float]) -> tuple[SheathLine, ...]:
-    rng = one.rng
+def _sheath(drawer: Drawer, drawn: Mapping[str, float]) -> tuple[SheathLine, ...]:
+    rng = drawer.rng
     radii = np.array([0.12, 0.29, 0.355, 0.42]) + rng.uniform(-0.02, 0.02, 4)
     return tuple(
         SheathLine(
@@ -232,15 +232,15 @@ def _sheath(one: Drawer, drawn: Mapping[str, float]) -> tuple[SheathLine, ...]:
             wobble_mm=float(rng.uniform(3, 5)) * drawn["axial_pixel_mm"],
             phase_rad=float(rng.uniform(0, 2 * np.pi)),
             level_db=(level_db := drawn["sheath_db"] + float(rng.uniform(-4, 4))),
-            thickness_mm=one.number(SheathLine, "thickness_mm"),
+            thickness_mm=drawer.number(SheathLine, "thickness_mm"),
             band_db=level_db + drawn["sheath_band_db"],
         )
         for radius in radii[int(rng.random() < 0.5) :]
     )
 
 
-def _endoscope(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, bore: Bore) -> Endoscope:
-    n, rng = z_mm.size, one.rng
+def _endoscope(drawer: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordinates, bore: Bore) -> Endoscope:
+    n, rng = z_mm.size, drawer.rng
     width, height = size.image_px[int(rng.integers(len(size.image_px)))]
     outer = drawn["outer_share"] * height
     inner, focal = _fitting_annulus(drawn, drawn["inner_share"], outer, bore.diameter_mm / 2)
@@ -252,47 +252,47 @@ def _endoscope(one: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coordin
     probe = drawn["probe_drift_mm"] * np.stack([drift(rng, n), drift(rng, n)], axis=1)
     aside = rng.uniform(0, 2 * np.pi)
     probe += drawn["probe_offset_mm"] * np.array([math.cos(aside), math.sin(aside)])
-    travel: Travel = "in" if one.word("endoscope.travel", {"in": 0.75, "out": 0.25}) == "in" else "out"
+    travel: Travel = "in" if drawer.word("endoscope.travel", {"in": 0.75, "out": 0.25}) == "in" else "out"
     scale = height / 480  # the drawn sizes of dirt are those of an image of 480 rows
 
     def on_optics() -> dict[str, float]:
         r, angle = rng.uniform(inner, outer), rng.uniform(0, 2 * np.pi)
         return {"x_px": float(r * np.cos(angle)), "y_px": float(r * np.sin(angle))}
 
-    dirt = tuple(Speck(**_scaled(one.numbers(Speck), scale), **on_optics()) for _ in range(int(rng.integers(8, 26))))
+    dirt = tuple(Speck(**_scaled(drawer.numbers(Speck), scale), **on_optics()) for _ in range(int(rng.integers(8, 26))))
     droplets = tuple(
-        Droplet(**_scaled(one.numbers(Droplet), scale), **on_optics()) for _ in range(int(rng.integers(0, 4)))
+        Droplet(**_scaled(drawer.numbers(Droplet), scale), **on_optics()) for _ in range(int(rng.integers(0, 4)))
     )
-    crumbs = (one.numbers(Debris) for _ in range(rng.poisson(bore.length_mm)))
+    crumbs = (drawer.numbers(Debris) for _ in range(rng.poisson(bore.length_mm)))
     return Endoscope(
         **drawn,
         width_px=width,
         height_px=height,
-        colour=one.yes("endoscope.colour", 0.65),
+        colour=drawer.yes("endoscope.colour", 0.65),
         focal_px=focal,
         inner_px=inner,
         outer_px=outer,
         inner_shift_px=(float(rng.normal() * 0.008 * outer), float(rng.normal() * 0.008 * outer)),
-        focus_at_outer=one.yes("endoscope.focus_at_outer", 0.5),
+        focus_at_outer=drawer.yes("endoscope.focus_at_outer", 0.5),
         ring_px=float(rng.uniform(inner + 0.08 * (outer - inner), outer - 0.08 * (outer - inner))),
         dirt=dirt,
         droplets=droplets,
         debris=tuple(Debris(**crumb, z_mm=float(rng.uniform(0, bore.length_mm))) for crumb in crumbs),
-        storage="video" if one.word("endoscope.storage", {"png": 1.0, "video": 0.0}) == "video" else "png",
+        storage="video" if drawer.word("endoscope.storage", {"png": 1.0, "video": 0.0}) == "video" else "png",
         travel=travel,
         z_mm=_listed(z_mm[:: 1 if travel == "in" else -1]),
         roll_rad=_listed(np.mod(roll, 2 * np.pi)),
         centre_px=_pairs(centre),
         offset_mm=_pairs(probe),
-        states_optics=one.yes("endoscope.states_optics", 0.5),
-        states_annulus=one.yes("endoscope.states_annulus", 0.25),
-        stated_travel=_stated(one, "endoscope.stated_travel", travel),
+        states_optics=drawer.yes("endoscope.states_optics", 0.5),
+        states_annulus=drawer.yes("endoscope.states_annulus", 0.25),
+        stated_travel=_stated(drawer, "endoscope.stated_travel", travel),
     )
 
 
-def _stated(one: Drawer, path: str, travel: Travel) -> Stated:
+def _stated(drawer: Drawer, path: str, travel: Travel) -> Stated:
     """Return what the operator says of the travel: mostly what it was, unless the user varies it."""
-    word = one.word(path, {travel: 0.7, "unknown": 0.3})
+    word = drawer.word(path, {travel: 0.7, "unknown": 0.3})
     return "in" if word == "in" else "out" if word == "out" else "unknown"
 
 

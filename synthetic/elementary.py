@@ -26,7 +26,7 @@ def exp(x: Numbers) -> Numbers:
 
 
 def azimuth(x: Numbers, y: Numbers) -> Numbers:
-    """Return the arctangent of y/x for unit vectors, one shape, about [0, 2π): a coarse one, and what it lacks."""
+    """Return the angle of unit vectors (any shape), about [0, 2π): a coarse arctangent plus a correction."""
     coarse = _filled(cv2.phase, x, y)
     coarse += y * np.cos(coarse) - x * np.sin(coarse)
     return coarse

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from endoct.synthetic.bone.baking import TracedElsewhere
+from endoct.synthetic.bone.baked_maps import TracedElsewhere
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.endoscope.lighting import Lighting, lighting_of
-from endoct.synthetic.oct.appearance import Appearance, build_appearance
+from endoct.synthetic.oct.sweep import Appearance, build_appearance
 from endoct.synthetic.sample.parameters import Sample
 
 

@@ -16,12 +16,11 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from endoct.base.compute.parallel import Jobs
+from endoct.base.compute.parallel import Jobs, Progress
 from endoct.base.compute.worker_process import WorkerProcess
 from endoct.synthetic.endoscope.camera import StoredFrame, stored_frame
 from endoct.synthetic.model import Model
 from endoct.synthetic.oct.bscan import render_bscans
-from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, toml
@@ -99,7 +98,7 @@ def write_endoscope(folder: Path, sample: Sample, frames: Iterable[StoredFrame])
     """Write ``frame_0000.png`` … or ``frames.mkv``, and ``acquisition.toml``; ``frames`` in order."""
     folder.mkdir()
     if sample.endoscope.storage == "video":
-        from endoct.synthetic.endoscope.video import write_video  # only who writes one loads it
+        from endoct.synthetic.endoscope.video_file import write_video  # only who writes one loads it
 
         write_video(folder / "frames.mkv", cast(Iterable[NDArray[np.uint8]], frames))
     else:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from endoct.synthetic.oct.raw import CHIRP, OFFSET, SAMPLES
+from endoct.synthetic.oct.bscan import CHIRP, OFFSET, SAMPLES
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 

@@ -10,17 +10,17 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from endoct.base.compute.parallel import Progress
 from endoct.base.compute.worker_process import WorkerProcess, worker_process
 from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import abridged
-from endoct.synthetic.progress import Progress
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
 from endoct.synthetic.sample.parameters import Sample, Volume
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import NO_RANGES, Range
 
 SPECIMEN_VERSION = "1"
-"""Of what is written for a seed. To be raised with every change of its bytes, so that no data set mixes two."""
+"""Version of the bytes that are written for a seed. Every change of these raises it, so that no data set mixes two."""
 MOST_WORKERS = 4
 
 
@@ -48,10 +48,10 @@ def simulate(
     :func:`endoct.synthetic.truth.recording`), ``truth/sample.json``. ``bore_seed`` and ``ranges`` are those of
     :func:`endoct.synthetic.draw.draw`. ``volume`` is the user's bone to drill into
     (:func:`endoct.synthetic.bone.patient.stated_volume`). ``ct`` adds ``truth/ct.nii.gz`` with labels and cells,
-    its true line and, in ``folder``, a plan off it (:mod:`endoct.synthetic.ct.plan`); ``cone_beam``
-    ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct`). ``sample``, the content of such a
+    its true line and, in ``folder``, a plan off it (:mod:`endoct.synthetic.ct_scan`); ``cone_beam``
+    ``truth/cone_beam.nii.gz`` (:mod:`endoct.synthetic.ct_scan`). ``sample``, the content of such a
     ``sample.json``, replays it; what is drawn from does not matter then. ``labels`` adds ``truth/labels``
-    (:mod:`endoct.synthetic.labels`), ``spectra`` ``oct-spectra`` (:mod:`endoct.synthetic.oct.raw`).
+    (:mod:`endoct.synthetic.labels`), ``spectra`` ``oct-spectra`` (:mod:`endoct.synthetic.oct.bscan`).
     ``on_progress(stage, fraction)`` is called from this thread.
     ``workers`` processors render (default: all, at most four): a thread of this process, and worker processes that
     trace parts of the wall and render frames.
@@ -92,7 +92,7 @@ def write_specimen(
     spectra: bool,
 ) -> None:
     """Write what :func:`simulate` says of ``sample``; ``processes`` trace parts of the wall and render frames."""
-    from endoct.synthetic.bone.baking import part_of_wall
+    from endoct.synthetic.bone.baked_maps import part_of_wall
 
     progress("wall", 0.0)
     parts = [process.call(part_of_wall, sample, k, len(processes)) for k, process in enumerate(processes)]
@@ -113,8 +113,7 @@ def write_specimen(
         write_recordings(folder, model, processes, progress)
         truth.result()
     if sample.ct or sample.cone_beam:
-        from endoct.synthetic.ct.plan import write_lines
-        from endoct.synthetic.ct.scanning import write_ct
+        from endoct.synthetic.ct_scan import write_ct, write_lines
 
         progress("ct", 0.0)
         write_ct(folder / "truth", sample)
@@ -123,14 +122,14 @@ def write_specimen(
         progress("ct", 1.0)
     workers = 1 + len(processes)
     if spectra:
-        from endoct.synthetic.oct.raw import write_spectra
+        from endoct.synthetic.oct.bscan import write_spectra
         from endoct.synthetic.sidecars import spectra_sidecar, toml
 
         advance = partial(progress, "spectra")
         write_spectra(folder / "oct-spectra", sample, model.wall, model.appearance, advance, workers)
         (folder / "oct-spectra" / "acquisition.toml").write_text(toml(spectra_sidecar(sample)), encoding="utf-8")
     if labels:
-        from endoct.synthetic.labels.writing import write_labels
+        from endoct.synthetic.labels.specimen_labels import write_labels
 
         write_labels(folder / "truth" / "labels", model, partial(progress, "labels"), workers)
 
@@ -139,7 +138,7 @@ def _prepare() -> None:
     """Load what it takes to trace the wall and to render frames; for a process of its own, which keeps to a thread."""
     import cv2
 
-    import endoct.synthetic.bone.baking
+    import endoct.synthetic.bone.baked_maps
     import endoct.synthetic.endoscope.camera  # noqa: F401
 
     cv2.setNumThreads(1)

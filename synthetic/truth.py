@@ -95,14 +95,14 @@ def recording(sample: Sample) -> dict[str, object]:
 
 
 def world(sample: Sample) -> dict[str, object]:
-    """Return where the bore lies in the patient, and so in a CT of him.
+    """Return where the bore lies in the patient, and therefore in the CT.
 
     ``coordinates``: what x, y and z of the world mean, mm: "ras", to the right, the front and the head, as in
     ``ct.nii.gz``, or "lps". ``bore_to_world``: rows of a matrix (4, 4), world = matrix · (x, y, z, 1) of the bore
     frame. ``entry_mm`` is the mouth; ``target_mm`` what the drill aims at: the basal turn of a simulated cochlea, or
     what the user stated.
     """
-    from endoct.synthetic.bone.grown import world_of  # takes a while to load what only this bone needs
+    from endoct.synthetic.bone.field import world_of  # takes a while to load what only this bone needs
 
     volume = sample.bore.volume
     coordinates: Convention = "ras" if volume is None else volume.coordinates

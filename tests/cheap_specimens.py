@@ -51,10 +51,10 @@ class Cheap:
         with self.log.open("a") as file:
             file.write(line + "\n")
 
-    def noted(self, what: str) -> list[int]:
+    def noted(self, name: str) -> list[int]:
         """Return the indices of the specimens that were begun or ended, in that order."""
         lines = self.log.read_text().split("\n") if self.log.exists() else []
-        return [int(line.split()[1]) for line in lines if line.startswith(what)]
+        return [int(line.split()[1]) for line in lines if line.startswith(name)]
 
 
 def contents(root: Path) -> dict[str, bytes]:

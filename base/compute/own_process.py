@@ -11,8 +11,8 @@ import os
 import sys
 
 OBJECTS = 50_000
-"""More than there are until Python looks again for objects that refer to each other in circles. Its own 700 cost an
-eighth of the imports, for next to nothing."""
+"""Python looks for objects that refer to each other in circles only beyond this many. Its own 700 cost an eighth of
+the imports, for next to nothing."""
 
 
 def settle_in() -> None:

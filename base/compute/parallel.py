@@ -1,7 +1,7 @@
 """Work for several processors: threads that map a function over items, and jobs that threads take from one list.
 
 Threads do where arrays are large, since NumPy and OpenCV let go of the interpreter meanwhile; for work on small ones
-there is :mod:`endoct.base.compute.worker_process`.
+there is :mod:`endoct.base.compute.worker_process`. Long work reports its progress to a function of its caller.
 """
 
 import itertools
@@ -14,8 +14,14 @@ from typing import Generic, Protocol, TypeVar
 
 In_co = TypeVar("In_co", covariant=True)
 Out = TypeVar("Out")
-One = TypeVar("One")
-Two = TypeVar("Two")
+Here = TypeVar("Here")
+There = TypeVar("There")
+
+Advance = Callable[[float], None]
+"""Called with the share of a stage that is done, 0 to 1."""
+
+Progress = Callable[[str, float], None]
+"""Called with the title of a stage and the share of it that is done."""
 
 
 class Indexable(Protocol[In_co]):
@@ -46,30 +52,30 @@ def thread_map(function: Callable[[In_co], Out], items: Indexable[In_co], worker
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def at_once(one: Callable[[], One], two: Callable[[], Two]) -> tuple[One, Two]:
+def at_once(here: Callable[[], Here], there: Callable[[], There]) -> tuple[Here, There]:
     """Return what two functions return, the second called by a thread of its own meanwhile.
 
     Raises what they raise, of the first where both fail.
     """
-    other: Future[Two] = Future()
+    other: Future[There] = Future()
 
     def work() -> None:
         try:
-            other.set_result(two())
+            other.set_result(there())
         except BaseException as error:  # noqa: BLE001 - whatever it is, it belongs to the caller
             other.set_exception(error)
 
     thread = Thread(target=work)  # a pool of one takes twice as long to start
     thread.start()
     try:
-        first = one()
+        first = here()
     finally:
         thread.join()
     return first, other.result()
 
 
 class Jobs(Generic[Out]):
-    """``n`` jobs, each done once by whichever thread takes it first; the results come in order."""
+    """``n`` jobs, each done once, by the first thread to take it; results come in order."""
 
     def __init__(self, n: int) -> None:
         self._next = itertools.count()

@@ -27,8 +27,8 @@ from importlib import import_module
 from threading import Lock
 from typing import IO, Any, TypeVar
 
+from endoct.base.cleanup import undone_in_the_end
 from endoct.base.compute.own_process import settle_in
-from endoct.base.ending import undone_in_the_end
 from endoct.base.errors import EndoctError
 
 OUT_OF_MEMORY = 12
@@ -48,7 +48,7 @@ class Stored:
 
 
 class WorkerProcess:
-    """Calls functions in another process, one after another, in the order of the calls; made by :func:`worker_process`.
+    """Calls functions in another process, in the order of the calls; made by :func:`worker_process`.
 
     Functions are those of modules; arguments, results and messages are all that can be pickled.
     """
@@ -120,7 +120,7 @@ def worker_process() -> Iterator[WorkerProcess]:
 
 
 def serve() -> None:
-    """Answer the calls of one process, the parent of this one, until it closes its end or is no more."""
+    """Answer the calls of the parent process until it closes its end or has ended."""
     settle_in()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the caller is interrupted as well, and ends this process
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")

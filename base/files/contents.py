@@ -24,11 +24,11 @@ SMALL_FILES = (
     *(NAME, "result.json", "zarr.json", "comparison.zarr/zarr.json", "panoramas/*/zarr.json"),
     *("sample.json", "wall.zarr/zarr.json"),
 )
-"""By which an output is known: its list where it has one, and what says how its arrays came about."""
+"""An output is known by these: its list where it has one, and the files that say how its arrays came about."""
 SEALED_AT_ONCE = 8
 """Files: hundreds of small ones wait for the disk, not for a processor."""
 MOST_BYTES = 16_000_000
-"""Of the list, some 100 bytes a file; JSON takes twenty times that in memory."""
+"""The list may have this many bytes. It takes some 100 for each file, and twenty times that in memory."""
 
 _MARK = re.compile(rb"<!-- endoct-output-1 sha256 ([0-9a-f]{64}) -->\n\Z")
 

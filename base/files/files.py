@@ -24,25 +24,25 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
-def plain_name(name: object, what: str) -> str:
+def plain_name(name: object, subject: str) -> str:
     """Return ``name`` if it can be a part of a path: letters, digits, ``_``, ``.``, ``-``, the first no sign.
 
-    ``what`` says whose name it is. Raises :class:`EndoctError` for anything else, as ``../x``.
+    ``subject`` says whose name it is. Raises :class:`EndoctError` for anything else, as ``../x``.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise EndoctError(
-            f"the name of {what} cannot be used",
+            f"the name of {subject} cannot be used",
             found=repr(name)[:80],
             expected="letters, digits, '_', '.' and '-', at most 100, beginning with a letter or digit",
         )
     return name
 
 
-def inside(folder: Path, relative: object, what: str) -> Path:
-    """Return ``folder / relative``, which ``what`` names. Raises :class:`EndoctError` where that leads out of it."""
+def inside(folder: Path, relative: object, subject: str) -> Path:
+    """Return ``folder / relative``, which ``subject`` names. Raises :class:`EndoctError` where that leads out of it."""
     parts = relative.split("/") if isinstance(relative, str) else [""]
     if any(part in ("", ".", "..") or os.sep in part or "\0" in part or Path(part).is_absolute() for part in parts):
-        raise EndoctError(f"{what} names a place outside {folder}", found=repr(relative)[:80])
+        raise EndoctError(f"{subject} names a place outside {folder}", found=repr(relative)[:80])
     return folder.joinpath(*parts)
 
 
@@ -57,16 +57,17 @@ def spreadsheet_text(text: str) -> str:
 
 
 SMALL_BYTES = 1_000_000
-"""Sidecars and the like have no more."""
+"""Sidecars and similar files are at most this large."""
 
 BLOCK_BYTES = 2**22
-"""Read at a time for a digest. Its thread waits for the interpreter at every block: 5 ms and more, if that is busy."""
+"""A digest reads this much at a time. Its thread waits for the interpreter at every block: 5 ms and more, if that is
+busy."""
 
 HELD_FOLDERS = Path("/proc/self/fd")
-"""Where paths lie that lead into folders which are held open, wherever these lie."""
+"""The system lists open folders here: a path through it leads into such a folder wherever that was moved."""
 
 State = dict[str, tuple[int, ...]]
-"""Of every file below a path: device, number, size, and the times of its last changes."""
+"""Device, number, size, and the times of the last changes of every file below a path."""
 
 
 @contextmanager
@@ -216,12 +217,12 @@ def largest_array_bytes() -> int:
     return int(gigabytes * 1e9)
 
 
-def check_array_size(shape: Sequence[int], itemsize: int, what: str) -> None:
-    """Raise :class:`EndoctError` where an array of ``shape`` is larger than the limit; ``what`` asks for it."""
+def check_array_size(shape: Sequence[int], itemsize: int, subject: str) -> None:
+    """Raise :class:`EndoctError` where an array of ``shape`` is larger than the limit; ``subject`` asks for it."""
     n_bytes, limit = math.prod(map(int, shape)) * itemsize, largest_array_bytes()
     if n_bytes > limit:
         raise EndoctError(
-            f"{what} asks for too much memory",
+            f"{subject} asks for too much memory",
             found=f"{' × '.join(map(str, shape))} samples, {n_bytes / 1e9:.3g} GB",
             expected=f"{limit / 1e9:g} GB at most in one array",
             remedy=f"check the file; if it is right, set {VARIABLE} to more",

@@ -21,45 +21,47 @@ def read_object(path: Path, most_bytes: int = SMALL_BYTES) -> dict[str, Any]:
     return an_object(read_json(path, most_bytes), str(path))
 
 
-def an_object(value: object, what: str) -> dict[str, Any]:
-    """Return ``value`` if it is a JSON object. Raises :class:`EndoctError`, naming ``what``, where it is not."""
+def an_object(value: object, subject: str) -> dict[str, Any]:
+    """Return ``value`` if it is a JSON object. Raises :class:`EndoctError`, naming ``subject``, where it is not."""
     if not isinstance(value, dict):
-        raise EndoctError(f"{what} cannot be used", found=_shown(value), expected="a JSON object")
+        raise EndoctError(f"{subject} cannot be used", found=_quoted(value), expected="a JSON object")
     return value
 
 
-def number(of: Mapping[str, Any], key: str, least: float, most: float, what: str) -> float:
+def number(of: Mapping[str, Any], key: str, least: float, most: float, subject: str) -> float:
     """Return the number ``of[key]``. Raises :class:`EndoctError` where it is none, or not from ``least`` to ``most``.
 
     NaN is no number; truth values are none either.
     """
     value = of.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-        found = "nothing" if key not in of else _shown(value)
-        raise EndoctError(f"'{key}' of {what} cannot be used", found=found, expected=f"a number, {least:g} to {most:g}")
+        found = "nothing" if key not in of else _quoted(value)
+        raise EndoctError(
+            f"'{key}' of {subject} cannot be used", found=found, expected=f"a number, {least:g} to {most:g}"
+        )
     return float(value)
 
 
-def a_list(of: Mapping[str, Any], key: str, what: str) -> tuple[Any, ...]:
+def a_list(of: Mapping[str, Any], key: str, subject: str) -> tuple[Any, ...]:
     """Return the list ``of[key]``, empty where there is none. Raises :class:`EndoctError` where it is no list."""
     value = of.get(key, ())
     if not isinstance(value, list | tuple):
-        raise EndoctError(f"'{key}' of {what} cannot be used", found=_shown(value), expected="a list")
+        raise EndoctError(f"'{key}' of {subject} cannot be used", found=_quoted(value), expected="a list")
     return tuple(value)
 
 
-def texts(of: Mapping[str, Any], key: str, what: str) -> tuple[str, ...]:
+def texts(of: Mapping[str, Any], key: str, subject: str) -> tuple[str, ...]:
     """Return the list of texts ``of[key]``, empty where there is none.
 
     Raises :class:`EndoctError` where it is something else.
     """
     value = of.get(key, ())
     if not isinstance(value, list | tuple) or not all(isinstance(text, str) for text in value):
-        raise EndoctError(f"'{key}' of {what} cannot be used", found=_shown(value), expected="a list of texts")
+        raise EndoctError(f"'{key}' of {subject} cannot be used", found=_quoted(value), expected="a list of texts")
     return tuple(value)
 
 
-def _shown(value: object) -> str:
+def _quoted(value: object) -> str:
     """Return a value as a message shows it; a container by its kind, since it may be large."""
     if isinstance(value, dict | list | tuple):
         return "an object" if isinstance(value, dict) else "a list"

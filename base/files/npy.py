@@ -21,7 +21,7 @@ from endoct.base.files.files import check_array_size, largest_array_bytes, open_
 _END, _END_BYTES, _LONGEST_COMMENT = b"PK\5\6", 22, 65_535
 _LOCATOR, _LOCATOR_BYTES = b"PK\6\7", 20
 _ENTRY_BYTES = 1000
-"""Of the list of members; a member's name and its other fields rarely take 100."""
+"""The list of members may take this much for each. A member's name and its other fields rarely take 100."""
 
 
 @contextmanager
@@ -70,24 +70,26 @@ _MOST_HEADER = 10_000  # NumPy's own limit
 _HEADER_READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
-def read_npy(file: IO[bytes], what: str, parts: int = 1) -> NDArray[Any]:
+def read_npy(file: IO[bytes], subject: str, parts: int = 1) -> NDArray[Any]:
     """Return the array of a ``.npy`` file that is open: numbers, truth values or texts.
 
-    Raises :class:`EndoctError`, naming ``what``, where it is none, larger than ``parts`` times the limit of one array,
-    or cut off.
+    Raises :class:`EndoctError`, naming ``subject``, where it is none, is cut off, or is larger than ``parts`` times the
+    limit of one array.
     """
-    with refusing(f"{what} is no array of NumPy"):
-        shape, in_columns, dtype = read_header(file, what)
+    with refusing(f"{subject} is no array of NumPy"):
+        shape, in_columns, dtype = read_header(file, subject)
         if dtype.kind not in KINDS or dtype.itemsize == 0 or len(shape) > MOST_AXES or any(n < 0 for n in shape):
-            raise EndoctError(f"{what} is no array that is read", found=f"{dtype} {shape}", expected="numbers or texts")
+            raise EndoctError(
+                f"{subject} is no array that is read", found=f"{dtype} {shape}", expected="numbers or texts"
+            )
         n_bytes = math.prod(shape) * dtype.itemsize
         if n_bytes > parts * largest_array_bytes():
-            check_array_size(shape, dtype.itemsize, what)
+            check_array_size(shape, dtype.itemsize, subject)
         data = bytearray()  # grows with what is there: the file may have less than it says
         while len(data) < n_bytes and (piece := file.read(min(n_bytes - len(data), _PIECE))):
             data += piece
         if len(data) < n_bytes:
-            raise EndoctError(f"{what} is cut off", found=f"{len(data)} bytes", expected=f"{n_bytes}")
+            raise EndoctError(f"{subject} is cut off", found=f"{len(data)} bytes", expected=f"{n_bytes}")
         return np.frombuffer(data, dtype).reshape(shape, order="F" if in_columns else "C")
 
 
@@ -109,21 +111,21 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
                 np.lib.format.write_array(inner, array, allow_pickle=False)
 
 
-def read_header(file: IO[bytes], what: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+def read_header(file: IO[bytes], subject: str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     """Return what the header of a ``.npy`` file says: shape, whether in Fortran order, dtype; read up to its end.
 
-    Raises :class:`EndoctError`, naming ``what``, or what NumPy raises, where it is damaged.
+    Raises :class:`EndoctError`, naming ``subject``, or what NumPy raises, where it is damaged.
     """
     start = file.read(8)
     version = np.lib.format.read_magic(io.BytesIO(start))
     if version not in _HEADER_READERS:
-        raise EndoctError(f"{what} is no array that is read", found=f"version {version}", expected="1.0 or 2.0")
+        raise EndoctError(f"{subject} is no array that is read", found=f"version {version}", expected="1.0 or 2.0")
     length_bytes = file.read(2 if version == (1, 0) else 4)
     length = int.from_bytes(length_bytes, "little")
     if length > _MOST_HEADER:
-        raise EndoctError(f"{what} is no array of NumPy", found=f"a header of {length} bytes")
+        raise EndoctError(f"{subject} is no array of NumPy", found=f"a header of {length} bytes")
     try:
         shape, in_columns, dtype = _HEADER_READERS[version](io.BytesIO(length_bytes + file.read(length)))
     except MemoryError as error:  # what Python says of text nested too deeply
-        raise EndoctError(f"{what} is no array of NumPy", found="a damaged header") from error
+        raise EndoctError(f"{subject} is no array of NumPy", found="a damaged header") from error
     return shape, in_columns, dtype

@@ -17,7 +17,7 @@ from endoct.base.files.scratch import (
     keep_aside,
     put_new,
     remove_or_keep,
-    scratch_beside,
+    scratch_next_to,
     uninterrupted,
 )
 
@@ -61,7 +61,7 @@ def new_output(
     try:
         with ExitStack() as stack:
             try:
-                scratch = stack.enter_context(scratch_beside(place))
+                scratch = stack.enter_context(scratch_next_to(place))
                 made = scratch / NEW / place.name
                 made.parent.mkdir()
             except OSError as error:

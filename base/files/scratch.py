@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FrameType
 from typing import IO, Any
 
-from endoct.base.ending import exchanging, undone_in_the_end
+from endoct.base.cleanup import exchanging, undone_in_the_end
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import Contents, read_contents, remove_listed, sync
 from endoct.base.files.files import read_start
@@ -135,7 +135,7 @@ def _call() -> Any:
 
 PREFIX = ".endoct-"
 GONE = ".endoct.gone-endoct-"
-"""How the name of a scratch folder begins that is being removed."""
+"""The name of a scratch folder that is being removed begins so."""
 LOCK_NAME = "lock"
 NEW, REPLACED = "new", "replaced"
 """Folders in a scratch folder: of what is made, and of what had to be moved aside for it."""
@@ -145,7 +145,8 @@ _SURELY_LOCKED_S = 5.0
 
 
 _QUIET_S, _LONGEST_AFTER_S = 0.2, 2.0
-"""How long nobody must have written into a folder that was removed, and how long that is waited for."""
+"""A removed folder must rest for the first of these times, in which nobody writes into it; the second limits the
+wait."""
 
 
 class HeldError(Exception):
@@ -193,7 +194,7 @@ else:
 
 
 @contextmanager
-def scratch_beside(place: Path) -> Iterator[Path]:
+def scratch_next_to(place: Path) -> Iterator[Path]:
     """Yield a hidden folder next to ``place`` that is removed in the end; while it is in use, its lock is held."""
     place.parent.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{_short(place.name)}-", dir=place.parent))
@@ -360,7 +361,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
 
     For files that are endoct's by their name in a folder that is endoct's.
     """
-    with scratch_beside(path) as scratch:
+    with scratch_next_to(path) as scratch:
         made = scratch / path.name
         with made.open("wb") as file:
             yield file

@@ -56,7 +56,7 @@ def medians(samples: NDArray[Any]) -> NDArray[Any]:
 
 
 def ranked(samples: NDArray[Any], counted: Mask, rank: NDArray[np.intp]) -> NDArray[Any]:
-    """Return of every column of ``samples`` (n, n_columns) the ``counted`` one with so many smaller ones as ``rank``.
+    """Return from every column of ``samples`` (n, n_columns) the sample of that ``rank`` among the ``counted`` ones.
 
     ``rank`` is (n_columns,), less than n. Infinite where fewer count.
     """

@@ -25,13 +25,13 @@ _RAW, _REPEATED, _COMPRESSED = range(3)
 _PIECE = 1 << 20
 
 
-def expanded_bytes(data: bytes, codec: str, most: int, what: str) -> int:
+def expanded_bytes(data: bytes, codec: str, most: int, subject: str) -> int:
     """Return how many bytes ``data`` expands to, any number above ``most`` where it is more than that.
 
     ``codec`` is zstd, blosc, lz4, gzip or zlib, framed as Zarr has them. Takes no more than about ``most`` bytes of
-    memory. Raises :class:`EndoctError`, naming ``what``, where ``data`` is no such stream.
+    memory. Raises :class:`EndoctError`, naming ``subject``, where ``data`` is no such stream.
     """
-    with refusing(f"{what} is not compressed with {codec}, or damaged"):
+    with refusing(f"{subject} is not compressed with {codec}, or damaged"):
         return _CODECS[codec](data, most)
 
 
@@ -132,12 +132,12 @@ OWN = Allowed(
     frozenset(("bool", *_WHOLE, "float16", "float32", "float64", TEXTS)),
     frozenset(("bytes", "vlen-utf8", "zstd", CHECKSUM)),
 )
-"""What endoct itself writes."""
+"""These are the types and codecs that endoct itself writes."""
 LABELS = Allowed(
     frozenset(("bool", *_WHOLE)),
     frozenset(("bytes", "transpose", "sharding_indexed", "zstd", "gzip", "blosc", "zlib", "lz4", CHECKSUM)),
 )
-"""What other programs write labels with."""
+"""These are the types and codecs that other programs write labels with."""
 
 
 @dataclass(frozen=True)
@@ -334,13 +334,13 @@ def _lengths(folder: Path, metadata: object, *, least: int, like: tuple[int, ...
     return tuple(metadata)
 
 
-def _expect(folder: Path, what: str, found: Any, wanted: Sequence[Any]) -> Any:
+def _expect(folder: Path, subject: str, value: Any, wanted: Sequence[Any]) -> Any:
     # 1 == True: of equal values only those of one type are the same
-    if not any(type(found) is type(value) and found == value for value in wanted):
+    if not any(type(value) is type(wished) and value == wished for wished in wanted):
         raise EndoctError(
-            f"{folder} is not read because of its {what}",
-            found=repr(found)[:80],
+            f"{folder} is not read because of its {subject}",
+            found=repr(value)[:80],
             expected=", ".join(map(str, wanted)),
             remedy="save it with one of these",
         )
-    return found
+    return value

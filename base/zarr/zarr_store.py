@@ -30,7 +30,7 @@ MOST_TEXT_BYTES = 1_000_000
 _MOST_PADDED = 4
 """Chunks reach beyond the ends of an array; all of them together may have this many times the largest array."""
 _SLACK_BYTES = 65_536
-"""What does not shrink grows a little when it is compressed."""
+"""Data that cannot be compressed grow a little. A chunk may take this much more."""
 
 
 def check_array(array: Declared, *, whole: bool) -> None:

@@ -226,7 +226,7 @@ def _truth(path: Path) -> None:
 
 
 def _specimens(path: Path) -> None:
-    from endoct.workbench.dataset.reading import Specimens
+    from endoct.workbench.dataset.loader import Specimens
 
     specimens = Specimens(path)
     for index in range(len(specimens)):

@@ -37,10 +37,12 @@ def main() -> int:
         cells,
     )
     lines = [
-        line for figure in (*figures, plots.motion_of_oct, plots.motion_of_endoscope) for line in _told(figure(folder))
+        line
+        for figure in (*figures, plots.motion_of_oct, plots.motion_of_endoscope)
+        for line in _printed(figure(folder))
     ]
     if recordings := os.environ.get("ENDOCT_RECORDINGS"):
-        lines += list(_told(plots.real_speckle(folder, Path(recordings))))
+        lines += list(_printed(plots.real_speckle(folder, Path(recordings))))
     failed = sum(not line.holds for line in lines)
     held = sum(not math.isnan(line.expected) for line in lines)
     realism.hard_bscan(folder / "hard_bscan.png")
@@ -50,11 +52,11 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def _told(lines: Iterable[plots.Line]) -> Iterator[plots.Line]:
+def _printed(lines: Iterable[plots.Line]) -> Iterator[plots.Line]:
     for line in lines:
         mark = "" if line.holds else "  beyond"
         numbers = " ".join(f"{value:10.4g}" for value in (line.measured, line.expected, line.tolerance))
-        print(f"{line.what:64s} {numbers} {line.unit}{mark}", flush=True)
+        print(f"{line.name:64s} {numbers} {line.unit}{mark}", flush=True)
         yield line
 
 

@@ -15,9 +15,9 @@ from scipy.special import erf
 from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.oct.appearance import Appearance, build_appearance
 from endoct.synthetic.oct.beams import BONE_INDEX
 from endoct.synthetic.oct.bscan import render_bscan
+from endoct.synthetic.oct.sweep import Appearance, build_appearance
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 

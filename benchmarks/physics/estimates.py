@@ -14,8 +14,8 @@ from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame
 from endoct.synthetic.endoscope.lighting import lighting_of
-from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
+from endoct.synthetic.oct.sweep import build_appearance
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.sample.ranges import Range

@@ -8,13 +8,13 @@ from scipy import ndimage
 
 from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_row
 from endoct.base.arrays import Coordinates
-from endoct.synthetic.bone.grown import world_of
+from endoct.synthetic.bone.field import world_of
 from endoct.synthetic.bone.wall import build_wall
-from endoct.synthetic.ct.scanning import TISSUE_HU, Scan, scan
+from endoct.synthetic.ct_scan import TISSUE_HU, Scan, scan
 from endoct.synthetic.draw import draw
-from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.beams import BONE_INDEX
 from endoct.synthetic.oct.bscan import render_bscans
+from endoct.synthetic.oct.sweep import build_appearance
 from endoct.synthetic.sample.parameters import Ct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 

@@ -16,8 +16,8 @@ from benchmarks.physics import catheter
 from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_row
 from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import build_wall
-from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import render_bscan
+from endoct.synthetic.oct.sweep import build_appearance
 from endoct.synthetic.sample.parameters import Sample, SheathLine
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.truth import recording
@@ -28,7 +28,7 @@ BONE_ROWS = slice(8, 108)  # below the surface
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Comparison:
     """Measured values over ``x`` and what they should be."""
 
     x: Coordinates
@@ -97,7 +97,7 @@ def _peak(values: Coordinates) -> float:
     return float(np.exp(here + (before - after) ** 2 / (8 * (2 * here - before - after))))
 
 
-def speckle_over_speed(swing: float = 0.19, windows: int = 6, slices: int = 10) -> Found:
+def speckle_over_speed(swing: float = 0.19, windows: int = 6, slices: int = 10) -> Comparison:
     """Return the width of speckle in A-scans where the catheter turns at ``x`` times its mean speed."""
     sample = plain(**BRIGHT, rotation_error_rad=(((0.0, swing),),) * PRESETS["quick"].n_slices)
     grains = Grains.of(slices_db(sample, range(slices)), round(wall_row(sample)))
@@ -107,10 +107,10 @@ def speckle_over_speed(swing: float = 0.19, windows: int = 6, slices: int = 10) 
     parts = [slice(k * n // windows, (k + 1) * n // windows) for k in range(windows)]
     mean = np.array([1 / np.mean(1 / speed[part]) for part in parts])
     found = np.array([grains.within(part).width_px() for part in parts])
-    return Found(mean, found, np.sqrt(2) * sample.oct.lateral_resolution_mm / arc_mm / mean)
+    return Comparison(mean, found, np.sqrt(2) * sample.oct.lateral_resolution_mm / arc_mm / mean)
 
 
-def speed_from_speckle(slices: int = 12, window: int = 50, lag: int = 3) -> Found:
+def speed_from_speckle(slices: int = 12, window: int = 50, lag: int = 3) -> Comparison:
     """Return the catheter's speed over its mean, over its turn ``x`` in rad, as the likeness of A-scans tells it.
 
     It sticks and slips at three places, the same in every slice: behind by 0.02 rad within 0.5 rad, made up in 0.1.
@@ -134,10 +134,10 @@ def speed_from_speckle(slices: int = 12, window: int = 50, lag: int = 3) -> Foun
     found = np.sqrt(-np.log(np.clip(mean / of_power, 0.05, 0.999)))
     some = slice(None, None, window // 2)
     true = uniform_filter1d(1 + slope, window, mode="wrap")
-    return Found(at[some], (found / found.mean())[some], true[some])
+    return Comparison(at[some], (found / found.mean())[some], true[some])
 
 
-def speckle_around_an_offset(offset_mm: float = 0.22, windows: int = 8, slices: int = 6) -> Found:
+def speckle_around_an_offset(offset_mm: float = 0.22, windows: int = 8, slices: int = 6) -> Comparison:
     """Return the width of speckle in A-scans over the direction ``x`` from that of the catheter's offset, rad."""
     n_slices = PRESETS["quick"].n_slices
     base = plain(**BRIGHT, offset_mm=(offset_mm,) * n_slices, offset_direction_rad=(0.7,) * n_slices)
@@ -161,10 +161,10 @@ def speckle_around_an_offset(offset_mm: float = 0.22, windows: int = 8, slices: 
     found = np.array([Grains.of(level[..., centre == k], deepest[k]).width_px(rows=4) for k in range(windows)])
     mean = np.array([expected[centre == k].mean() for k in range(windows)])
     direction = np.array([np.angle(np.mean(np.exp(1j * (alpha - 0.7))[centre == k])) for k in range(windows)])
-    return Found(direction, found, mean)
+    return Comparison(direction, found, mean)
 
 
-def speckle_over_place() -> Found:
+def speckle_over_place() -> Comparison:
     """Return how the intensities of slices correlate that lie ``x`` mm apart, stopped at; noise taken away."""
     apart = np.array([0.0, 0.006, 0.012, 0.018, 0.024, 0.06, 0.2])
     base = plain(**BRIGHT)
@@ -175,7 +175,7 @@ def speckle_over_place() -> Found:
     found = np.mean(grains.intensity * grains.intensity[0], axis=(1, 2)) / np.sqrt(power * power[0]) / grains.clear
     found[0] *= grains.clear  # its noise is its own
     width = np.sqrt(2) * sample.oct.lateral_resolution_mm
-    return Found(apart, found, np.exp(-4 * np.log(2) * (apart / width) ** 2))
+    return Comparison(apart, found, np.exp(-4 * np.log(2) * (apart / width) ** 2))
 
 
 def repeated(moved_mm: float = 0.0, seed: int = 2000) -> float:
@@ -192,7 +192,7 @@ def repeated(moved_mm: float = 0.0, seed: int = 2000) -> float:
     return float(np.corrcoef(one.ravel(), two.ravel())[0, 1])
 
 
-def helical(windows: int = 20) -> Found:
+def helical(windows: int = 20) -> Comparison:
     """Return how a slice pulled on during its turn correlates with one stopped at, over their distance ``x``, mm."""
     base = plain(**BRIGHT)
     n = PRESETS["quick"].n_slices
@@ -206,10 +206,10 @@ def helical(windows: int = 20) -> Found:
     fine = 0.2 / windows * (np.arange(50) + 0.5) / 50 - 0.1 / windows
     width = np.sqrt(2) * base.oct.lateral_resolution_mm
     expected = np.exp(-4 * np.log(2) * ((x[:, None] + fine) / width) ** 2).mean(axis=1)
-    return Found(x, found, expected)
+    return Comparison(x, found, expected)
 
 
-def focus(lateral_mm: float, slices: int = 4) -> tuple[Found, Found]:
+def focus(lateral_mm: float, slices: int = 4) -> tuple[Comparison, Comparison]:
     """Return bone's loss in dB, and the width of its speckle in µm, with the focus ``x`` mm off the wall."""
     apart = np.array([0.0, 0.5, 1.0])
     losses, widths = [], []
@@ -225,8 +225,8 @@ def focus(lateral_mm: float, slices: int = 4) -> tuple[Found, Found]:
     loss = -10 * np.log10(np.array(losses) / losses[0])
     wider = np.sqrt(1 + (apart / rayleigh) ** 2)
     return (
-        Found(apart, loss, 10 * np.log10(1 + (apart / (2 * rayleigh)) ** 2)),
-        Found(apart, np.array(widths), 1e3 * np.sqrt(2) * lateral_mm * wider),
+        Comparison(apart, loss, 10 * np.log10(1 + (apart / (2 * rayleigh)) ** 2)),
+        Comparison(apart, np.array(widths), 1e3 * np.sqrt(2) * lateral_mm * wider),
     )
 
 

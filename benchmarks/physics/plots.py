@@ -21,7 +21,7 @@ from tests import tolerances as within
 class Line:
     """A line of the table: what, measured, expected (NaN: nothing), how far apart they may be, and the unit."""
 
-    what: str
+    name: str
     measured: float
     expected: float
     tolerance: float
@@ -199,10 +199,10 @@ def motion_of_oct(folder: Path, seed: int = 1000) -> Iterator[Line]:
     here = np.rad2deg(np.concatenate([one.error_rad[one.tells] for one in found]))
     there = np.rad2deg(np.concatenate([one.true_error_rad[one.tells] for one in found]))
     panels = [
-        _beside(
+        _panel_of(
             "Catheter's offset, x and y", "µm", 1e3 * np.r_[offset.real, offset.imag], 1e3 * np.r_[true.real, true.imag]
         ),
-        _beside("Error of rotation", "°", here[::4], there[::4]),
+        _panel_of("Error of rotation", "°", here[::4], there[::4]),
     ]
     save_panels(folder / "motion_oct.png", panels)
     worst = 1e3 * float(np.abs(offset - true).max())
@@ -243,7 +243,7 @@ def motion_of_endoscope(folder: Path, seed: int = 1000) -> Iterator[Line]:
     save_panels(folder / "motion_endoscope.png", panels)
 
 
-def _beside(name: str, unit: str, measured: Coordinates, expected: Coordinates) -> Panel:
+def _panel_of(name: str, unit: str, measured: Coordinates, expected: Coordinates) -> Panel:
     return Panel(name, f"true ({unit})", f"found ({unit})", f"rest ({unit})", [Curve(expected, measured, expected)])
 
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from benchmarks.physics.drawing import save
 from endoct.synthetic.bone.wall import build_wall
-from endoct.synthetic.ct.scanning import scan
+from endoct.synthetic.ct_scan import scan
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame
 from endoct.synthetic.endoscope.lighting import lighting_of
-from endoct.synthetic.oct.appearance import build_appearance
 from endoct.synthetic.oct.bscan import ascan_echoes, render_bscan
+from endoct.synthetic.oct.sweep import build_appearance
 
 SEED = 1000
 

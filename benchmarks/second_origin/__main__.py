@@ -34,7 +34,7 @@ def main() -> None:
     torch.set_num_threads(1)
     cases = (_case(bore) for bore in _bores(given))
     rows: list[Row] = []
-    found = impossible(list(cases)) if given.kind == "impossible" else _found(cases)
+    found = impossible(list(cases)) if given.kind == "impossible" else _judged(cases)
     for row in found:
         rows.append(row)
         words = [f"{key}={value:.4g}" if isinstance(value, float) else f"{key}={value}" for key, value in row.items()]
@@ -54,7 +54,7 @@ def _case(bore: BoneBore) -> PoseCase:
         return bore.case(Path(scratch) / "pair")
 
 
-def _found(cases: Iterator[PoseCase]) -> Iterator[Row]:
+def _judged(cases: Iterator[PoseCase]) -> Iterator[Row]:
     for case in cases:
         yield from judged(case, {"case": case.name})
 

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from endoct.base.errors import EndoctError
-from endoct.modalities.conformance import recordings, unrolling
+from endoct.modalities.conformance import recording_checks, unrolling_checks
 from endoct.modalities.conformance.subject import NotConforming, Subject, only_endoct_errors
 from endoct.modalities.contract import Manifest
 
@@ -34,29 +34,29 @@ __all__ = ["CHECKS", "Check", "NotConforming", "Subject", "check_modality"]
 Check = Callable[[Subject], None]
 
 CHECKS: tuple[Check, ...] = (
-    recordings.manifest_is_complete,
-    recordings.manifest_is_light,
-    recordings.sniff_claims_its_own,
-    recordings.sniff_declines_with_a_reason,
-    recordings.opening_reads_no_samples,
-    recordings.stream_is_a_sequence,
-    recordings.travel_turns_z_around,
-    recordings.stream_is_picklable,
-    recordings.frames_are_read_only,
-    unrolling.calibration_is_complete,
-    unrolling.survey_does_not_depend_on_workers,
-    unrolling.unrolling_is_pure,
-    unrolling.reading_once_changes_nothing,
-    unrolling.strips_lie_on_the_grid,
-    unrolling.strips_are_sound,
-    unrolling.theta_is_a_circle,
-    unrolling.settling_keeps_the_grid,
-    unrolling.volumes_are_written,
-    unrolling.illustrations_can_be_drawn,
-    unrolling.places_are_located,
-    unrolling.one_frame_is_a_recording,
-    unrolling.bad_frames_raise_endoct_errors,
-    recordings.bad_files_raise_endoct_errors,
+    recording_checks.manifest_is_complete,
+    recording_checks.manifest_is_light,
+    recording_checks.sniff_claims_its_own,
+    recording_checks.sniff_declines_with_a_reason,
+    recording_checks.opening_reads_no_samples,
+    recording_checks.stream_is_a_sequence,
+    recording_checks.travel_turns_z_around,
+    recording_checks.stream_is_picklable,
+    recording_checks.frames_are_read_only,
+    unrolling_checks.calibration_is_complete,
+    unrolling_checks.survey_does_not_depend_on_workers,
+    unrolling_checks.unrolling_is_pure,
+    unrolling_checks.reading_once_changes_nothing,
+    unrolling_checks.strips_lie_on_the_grid,
+    unrolling_checks.strips_are_sound,
+    unrolling_checks.theta_is_a_circle,
+    unrolling_checks.settling_keeps_the_grid,
+    unrolling_checks.volumes_are_written,
+    unrolling_checks.illustrations_can_be_drawn,
+    unrolling_checks.places_are_located,
+    unrolling_checks.one_frame_is_a_recording,
+    unrolling_checks.bad_frames_raise_endoct_errors,
+    recording_checks.bad_files_raise_endoct_errors,
 )
 """Every check: a function of a :class:`Subject` that raises :class:`NotConforming`."""
 

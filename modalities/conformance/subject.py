@@ -117,12 +117,12 @@ def refusal_allowed() -> Iterator[None]:
         demand("\n" not in str(error), f"an error is longer than one line: {error}")
 
 
-def pickled(value: Anything, what: str) -> Anything:
+def pickled(value: Anything, name: str) -> Anything:
     """Return ``value`` as another process would get it."""
     try:
         copy: Anything = pickle.loads(pickle.dumps(value))
     except Exception as error:
-        raise NotConforming(f"{what} cannot be pickled: {error}") from error
+        raise NotConforming(f"{name} cannot be pickled: {error}") from error
     return copy
 
 

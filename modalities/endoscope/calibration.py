@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.flatfield import FlatField
+from endoct.modalities.endoscope.frame_places import Places
 from endoct.modalities.endoscope.frames import Frames
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.optics import ConeOptics
-from endoct.modalities.endoscope.motion.motion import Centring, Motion, probe_offsets
-from endoct.modalities.endoscope.motion.places import Places
+from endoct.modalities.endoscope.motion import Centring, Motion, probe_offsets
 from endoct.stitching.grid import SurfaceGrid
 
 

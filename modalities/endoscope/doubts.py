@@ -8,23 +8,24 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.frames import Frames
-from endoct.modalities.endoscope.mirror.finding import FoundRing, Reference
-from endoct.modalities.endoscope.mirror.moving import NOISE_SHARE, movement_in_thirds, movement_within
+from endoct.modalities.endoscope.mirror.movement import NOISE_SHARE, movement_in_thirds, movement_within
+from endoct.modalities.endoscope.mirror.ring_search import FoundRing, Reference
 from endoct.modalities.endoscope.mirror.roundness import NOT_ROUND, Roundness
 from endoct.stitching.motion.feed import Feed
 
 FARTHEST_APART = 0.06
-"""Of the outer radius: centres of a mirror's rims. Below 0.025 in both simulators, 0.12 where the end of a bore was
-taken for a rim."""
+"""Centres of a mirror's rims are no farther apart, as a part of the outer radius. They are below 0.025 in both
+simulators, and at 0.12 where the end of a bore was taken for a rim."""
 MOST_SPREAD = 0.015
-"""Of the outer radius: the middle half of the frames have a rim's radius that alike; below 0.005 in both simulators."""
+"""The middle half of the frames have radii of a rim within this part of the outer radius. It is below 0.005 in both
+simulators."""
 MOST_SATURATED = 0.25
 DARK_CIRCLE = 0.4
-"""Of its brightness in the brightest frame: no wall is that dark for three quarters of the way around. Above 0.75 in
-both simulators, 0.11 beyond the end of a bore."""
+"""No wall is darker than this part of its brightness in the brightest frame for three quarters of the way around. It
+is above 0.75 in both simulators, and 0.11 beyond the end of a bore."""
 LEAST_MATCHED = 0.5
 STILL_WITHIN = 0.25
-"""Of the movement in the ring may be inside it, where noise makes 0.2 of it at the faintest light."""
+"""At most this part of the movement in the ring may be inside it. Noise makes 0.2 of it at the faintest light."""
 
 
 @dataclass(frozen=True)

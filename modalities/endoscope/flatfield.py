@@ -56,7 +56,7 @@ class FlatField:
 
 
 def enough_frames(n: int) -> list[int]:
-    """Return which of ``n`` frames, spread over all, a flat field is estimated from."""
+    """Return the indices of the frames, spread over all ``n``, from which a flat field is estimated."""
     return [int(k) for k in np.unique(np.linspace(0, n - 1, min(n, MOST_FRAMES)).round())]
 
 
@@ -115,7 +115,7 @@ def _evened(logs: Image, light: Image, usable: Mask, exposure: np.float32, even:
 
 
 def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:
-    """Return a quantile over the strips, NaN only where none has seen anything."""
+    """Return a quantile over the strips, NaN only where none has a sample."""
     result = np.empty(logs.shape[1:], np.float32)
     for row in range(logs.shape[1]):
         ordered = np.array(logs[:, row].T, np.float32, order="C")  # what is sorted lies in one piece
@@ -170,12 +170,12 @@ def _waving(weights: Coordinates, waves: Coordinates, along: Coordinates) -> Coo
     return np.asarray(even + along[:, None] * growing)
 
 
-def _row_quantiles(values: Coordinates, seen: Mask, share: float) -> Coordinates:
-    return np.array([quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, seen, strict=True)])
+def _row_quantiles(values: Coordinates, observed: Mask, share: float) -> Coordinates:
+    return np.array([quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, observed, strict=True)])
 
 
 def _pattern(residual: Image) -> Image:
-    """Return what stands out locally: the rest of cells along a line of the wall is smooth along r."""
+    """Return what stands out locally. Residues of cells along a line of the wall are smooth along r."""
     levels = np.clip(residual / 1.5 * 127 + 128, 0, 255).astype(np.uint8)
     reach = max(5, 2 * (residual.shape[0] // 6) + 1)
     padded = np.pad(levels, ((reach, reach), (0, 0)), mode="reflect" if residual.shape[0] > reach else "edge")

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.kept import Kept
 from endoct.base.compute.parallel import thread_map
 from endoct.base.compute.room import Room
+from endoct.base.compute.spool import Kept
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow
 from endoct.modalities.endoscope.mirror.band import Band, Circles, sample
-from endoct.modalities.endoscope.mirror.finding import Reference, settle_annuli
+from endoct.modalities.endoscope.mirror.ring_search import Reference, settle_annuli
 from endoct.modalities.endoscope.mirror.roundness import squared
 
 STRIP_COLUMNS = 1024

@@ -15,7 +15,7 @@ from endoct.base.arrays import Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.room import Room
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.modalities.kept_frames import kept_frames
+from endoct.modalities.frame_cache import kept_frames
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99
@@ -100,7 +100,7 @@ def _add_groups(line: Image, n: int, total: Image) -> None:
 
 
 def least_saturated(dtype: np.dtype[Any], scale: float) -> float:
-    """Return the least saturated sample; of whole numbers it is one."""
+    """Return the smallest saturated sample; whole numbers have exactly one."""
     return SATURATED * scale if dtype.kind == "f" else ceil(SATURATED * scale)
 
 

@@ -47,7 +47,7 @@ class EndoscopeModality:
         stream: FrameStream,
         parameters: EndoscopeParameters,  # noqa: ARG002 – the contract's
     ) -> AbstractContextManager[FrameStream]:
-        """Give the recording's frames without what nobody looks at, each read from ``stream`` once."""
+        """Return the recording's frames, reduced to what is needed and each read once from ``stream``."""
         return green_frames(stream)
 
     def unroll(self, frame: Frame, calibration: EndoscopeCalibration) -> Strip:

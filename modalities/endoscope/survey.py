@@ -6,18 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
-from endoct.base.compute.kept import Computed, Kept
+from endoct.base.compute.spool import Computed, Kept
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration, per_frame_values
 from endoct.modalities.endoscope.doubts import doubts_of_ring, evidence_of_ring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
+from endoct.modalities.endoscope.frame_places import place_frames
 from endoct.modalities.endoscope.frames import LogStrip, brightness_of_rows, examine_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band, Circles, recentred, stated_band
-from endoct.modalities.endoscope.mirror.finding import find_reference
-from endoct.modalities.endoscope.motion.motion import measure_centring, measure_motion, nominal_mm
-from endoct.modalities.endoscope.motion.places import place_frames
+from endoct.modalities.endoscope.mirror.ring_search import find_reference
+from endoct.modalities.endoscope.motion import measure_centring, measure_motion, nominal_mm
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.stitching.grid import SurfaceGrid
@@ -83,7 +83,7 @@ def _some(strips: Kept[LogStrip]) -> NDArray[np.float16]:
 
 
 def _views(nominal: Coordinates | None, band: Band, n_frames: int) -> float:
-    """Return how many different pieces of wall, the size of a large cell, a pixel of the probe has seen."""
+    """Return the number of different pieces of wall, as large as a large cell, that passed a pixel of the probe."""
     if nominal is None:
         return n_frames / 5
     return float(np.ptp(nominal)) / (0.5 * band.optics.visible_length_mm) if n_frames > 2 else 0.0

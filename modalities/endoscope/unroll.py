@@ -98,7 +98,7 @@ def _row_weight(calibration: EndoscopeCalibration, from_centre_mm: Coordinates, 
 
 
 @compiled
-def _average(light: Image, on_bone: Image, exposure: float, intensity: Image, seen: Mask) -> None:
+def _average(light: Image, on_bone: Image, exposure: float, intensity: Image, observed: Mask) -> None:
     """Write the means of ``light`` over its share ``on_bone``, of equal blocks, and where all of a block is seen."""
     by_row, by_column = light.shape[0] // intensity.shape[0], light.shape[1] // intensity.shape[1]
     per_sample = 1 / (exposure * by_row * by_column)
@@ -112,5 +112,5 @@ def _average(light: Image, on_bone: Image, exposure: float, intensity: Image, se
                 total[j] += ratio if bright[j] <= 1 else np.float32(np.nan)
         for j in range(intensity.shape[1]):
             of_block = total[j * by_column : (j + 1) * by_column].sum()
-            seen[i, j] = of_block == of_block  # not NaN
-            intensity[i, j] = of_block * per_sample if seen[i, j] else 0.0
+            observed[i, j] = of_block == of_block  # not NaN
+            intensity[i, j] = of_block * per_sample if observed[i, j] else 0.0

@@ -17,14 +17,14 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.room import Room
 from endoct.modalities.contract import Frame, FrameStream
-from endoct.modalities.kept_frames import kept_frames
+from endoct.modalities.frame_cache import kept_frames
 from endoct.modalities.oct.parameters import OctParameters
 
 _ROOM = Room()
 ROWS_TOGETHER = 32
 """Rows of a page that are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
 LEAST_SHARE = 1e-3
-"""Of an A-scan: less of it at a sector's edge does not count."""
+"""A smaller part of an A-scan at a sector's edge does not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ def mean_between(image: Image, first: NDArray[np.intp], last: NDArray[np.intp]) 
 
 @compiled
 def varying(image: NDArray[Any]) -> Mask:
-    """Return which A-scans of ``image`` (n, depth) hold more than one value, bool (n,)."""
+    """Return which A-scans of ``image`` (n, depth) are not constant, bool (n,)."""
     varies = np.zeros(len(image), np.bool_)
     for ascan in range(len(image)):
         for row in range(1, image.shape[1]):
@@ -265,7 +265,7 @@ def reduced_pullback(stream: FrameStream, parameters: OctParameters) -> Abstract
 
 
 def _saturated(frame: Frame) -> bool:
-    """Whether the median of some A-scans is the largest value that samples can have."""
+    """Whether the median of the A-scans is the largest value of their type."""
     if isinstance(frame, ReducedBscan):
         return frame.saturated
     if frame.samples.dtype.kind != "u":

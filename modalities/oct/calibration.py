@@ -1,20 +1,20 @@
-"""The result of surveying a pullback: everything besides a B-scan that is needed to unroll it."""
+"""What the survey of a pullback measured: all that unrolling needs besides a B-scan, and the values of every slice."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.modalities.oct.face.circle import Capillary
 from endoct.modalities.oct.face.course import Course
+from endoct.modalities.oct.face.face_circle import Capillary
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.second_look import RawLevels
+from endoct.modalities.oct.surface.wall_evidence import Background
 from endoct.modalities.oct.turning.rotation import Rotation
 from endoct.stitching.grid import SurfaceGrid
 
@@ -85,3 +85,39 @@ class OctCalibration:
     def rotation_of_theta(self, theta_rad: Coordinates) -> Coordinates:
         """Return the angle of a panorama's θ in the frame that slices share, A-scan 0 of even turns at 0; [0, 2π)."""
         return np.asarray(np.mod(self.acquisition.sense * (theta_rad - self.acquisition.theta_origin_rad), 2 * np.pi))
+
+
+def per_slice_values(
+    z_mm: Coordinates,
+    faces: Faces,
+    sines: Sequence[Sine],
+    rotation: Rotation,
+    glass: Glass,
+    acquisition: OctAcquisition,
+) -> dict[str, Coordinates | Mask]:
+    """Return the geometry of every slice, its quality and its rotation by name, each (n_slices, …)."""
+    capillary = faces.capillary
+    turned_rad = acquisition.sense * (capillary.direction_rad + rotation.start_rad)
+    return {
+        "z_mm": z_mm,
+        "sine_amplitude_mm": np.array([sine.amplitude_mm for sine in sines]),
+        "sine_omega": np.array([sine.omega for sine in sines]),
+        "sine_phase_rad": np.array([sine.phase_rad for sine in sines]),
+        "sine_offset_mm": np.array([sine.offset_mm for sine in sines]),
+        "offset_mm": capillary.offset_mm,
+        "offset_direction_rad": np.mod(acquisition.theta_origin_rad + turned_rad, 2 * np.pi),
+        "glass_mm": np.full_like(z_mm, glass.thickness_mm),
+        "inlier_fraction": faces.inlier_fraction,
+        "residual_mm": faces.residual_mm,
+        "bridged": faces.bridged,
+        "start_angle_rad": rotation.start_rad,
+        "start_angle_known": rotation.start_known,
+        "start_angle_sigma_rad": rotation.start_sigma_rad,
+        "turn_length": 1 + rotation.stretch,
+        "rotation_amplitude_rad": rotation.peak_rad(),
+        "rotation_known": rotation.shape_known,
+        "rotation_sigma_rad": rotation.shape_sigma_rad,
+        "rotation_harmonics_rad": rotation.smooth_rad,
+        "lost_at_rad": rotation.lost_at_rad,
+        "lost_rad": rotation.lost_rad,
+    }

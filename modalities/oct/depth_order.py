@@ -10,11 +10,11 @@ from endoct.modalities.oct.bscan import reduce_theta
 
 SECTORS = 128
 WINDOW = 0.05
-"""Of the depth: wider than the lines of sheath and capillary, narrower than what is seen of the tissue."""
+"""Part of the depth: wider than the lines of sheath and capillary, narrower than the visible tissue."""
 UPSIDE_DOWN = 0.4
-"""Where fewer of the sectors brighten so, in the mean of several B-scans, depth runs the wrong way."""
+"""Depth runs the wrong way where fewer of the sectors brighten so, in the mean of several B-scans."""
 STEADY = 0.1
-"""What nine in ten sectors reach at a depth is no tissue: the sheath fades with depth as tissue does, and the noise has
+"""What nine in ten sectors reach at a depth is no tissue: the sheath fades with depth as tissue does, and noise has
 bands."""
 
 

@@ -19,13 +19,13 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.fixed_lines import FixedLines
+from endoct.modalities.oct.surface.wall_evidence import Background
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.stitching.panorama import Panorama
 
 ODD_WALL_SHARE = 0.1
-"""Of the bore's radius: a wall that is farther off in the median is doubted, whatever it looks like."""
+"""A wall farther off than this part of the bore's radius, in the median, is doubted whatever it looks like."""
 ODD_PLAIN_SHARE = 0.018
 """The same for the plain wall of a drilled bore, which is known to a few µm (14 independent recordings, 11 simulated
 ones: within 0.6 %)."""
@@ -35,23 +35,26 @@ UNEVEN_RAD = 0.12
 """Departure from an even turn, in the median slice, beyond what catheters do: usually a few degrees, 10° at bends.
 The simulator's hardest slices have 0.09 rad; a step of 0.3 rad in every turn leaves 0.14 to 0.26 (8 recordings)."""
 LEAST_TURNS = 0.25
-"""Of the slices whose turn was measured."""
+"""Turns are judged where at least this part of the slices has a measured one."""
 MOST_BONE_BEFORE = 0.1
-"""Of the openings: of 48 simulated recordings (`hard`, `quick`, `mastoid`, seeds 100–129) and 34 of a second generator
-0.04 and less; 0.25 and more where wall was erased on purpose, and the cells then scored under 0.7."""
+"""At most this part of the openings may have bone before the surface. It is 0.04 and less in 48 simulated recordings
+(`hard`, `quick`, `mastoid`, seeds 100–129) and 34 of a second generator, and 0.25 and more where wall was erased on
+purpose; the cells then scored under 0.7."""
 MOST_DARK_WALL = 0.25
-"""Of the openings with these, where they are more than :data:`LEAST_DARK_WALL` of the wall."""
+"""At most this part of the openings may be dark A-scans, where these are more than :data:`LEAST_DARK_WALL` of the
+wall."""
 LEAST_DARK_WALL = 0.01
 MOST_FLOOR = 0.5
-"""Of the wall's contrast may the noise differ between depths: beyond it, bone may have been taken for noise."""
+"""The noise may differ between depths by this part of the wall's contrast. Beyond it, bone may have been taken for
+noise."""
 NEAREST_RAD = math.pi / 4
-"""To either side of where the wall is nearest."""
+"""The nearest wall reaches this far to either side of where the wall is nearest."""
 MOST_NEAREST_LOST = 0.2
-"""Of the wall nearest to the catheter may be not valid, if all else is."""
+"""At most this part of the wall nearest to the catheter may be invalid where everything else is valid."""
 LEAST_OFFSET_MM = 0.05
 """Nearer to the axis, no wall is the nearest."""
 LEAST_PLAIN = 0.3
-"""Of the wall: where less of it is plain, it is no drilled bore, and only its median counts."""
+"""Where less of the wall is plain, it is no drilled bore, and only its median counts."""
 
 
 @dataclass(frozen=True)

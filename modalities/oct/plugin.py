@@ -24,6 +24,7 @@ from endoct.modalities.oct.pictures import locate_in_bscan, picture_bscan
 from endoct.modalities.oct.settle import settle_pullback
 from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
+from endoct.modalities.oct.undistort import write_volume
 from endoct.modalities.oct.unroll import unroll_bscan
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
@@ -76,8 +77,6 @@ class OctModality:
 
     def write_volume(self, stream: FrameStream, calibration: OctCalibration, store: Path) -> None:
         """Write the dense hollow cylinder as the group ``volume`` of ``store``, one slice a chunk."""
-        from endoct.modalities.oct.volume import write_volume  # which loads zarr
-
         write_volume(stream, calibration, store)
 
 

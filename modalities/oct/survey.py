@@ -7,12 +7,12 @@ from typing import cast
 import numpy as np
 
 from endoct.base.arrays import Coordinates
-from endoct.base.compute.kept import Computed, Kept
 from endoct.base.compute.parallel import at_once, thread_map
+from endoct.base.compute.spool import Computed, Kept
 from endoct.base.errors import NotSeen
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.bscan import ascans_of, columns_of
-from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.calibration import OctCalibration, per_slice_values
 from endoct.modalities.oct.depth_order import UPSIDE_DOWN
 from endoct.modalities.oct.doubts import notes_on_survey
 from endoct.modalities.oct.face.course import Course, measure_course
@@ -22,7 +22,6 @@ from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.face.slices import SliceFeatures, examine_bscan
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.per_slice import per_slice_values
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_floor, measure_levels
 from endoct.modalities.oct.surface.second_look import measure_raw_levels

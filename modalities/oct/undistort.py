@@ -9,9 +9,12 @@ Three angles occur: θ of the panorama; the direction of a beam in the frame of 
 an A-scan, its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates them.
 
 B-scans are resampled on (θ, radius) about the capillary's axis: everything from there outward, sub-surface
-included.
+included. All of them together are the dense volume, a hollow cylinder in a panorama's store.
 """
 
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -19,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.modalities.contract import Frame
+from endoct.base.compute.parallel import thread_map
+from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.face.ripple import ripple_basis
+from endoct.modalities.oct.face.faces import ripple_basis
 
 
 def beam_angles_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> tuple[Coordinates, Mask]:
@@ -182,3 +186,29 @@ def resample(frame: Frame, calibration: OctCalibration, radii_mm: Coordinates, e
 def as_recorded(samples: Image, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return interpolated samples in the recording's type: whole numbers rounded, 0 for NaN."""
     return samples if dtype.kind == "f" else np.rint(np.nan_to_num(samples)).astype(dtype)
+
+
+def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) -> None:
+    """Write the group ``volume`` into the Zarr ``store``: ``intensity`` (z, theta, depth), one slice a chunk.
+
+    ``radius`` (mm, from the capillary's axis) lies along depth. Samples keep the recording's type; outside what
+    was recorded they are 0 (NaN in a float recording).
+    """
+    from endoct.base.zarr.zarr_store import Named, consolidate, new_array, write_arrays  # loads zarr
+
+    grid, radii = calibration.grid, volume_radii_mm(calibration)
+    dtype = stream[0].samples.dtype
+    arrays = {
+        "z": Named(("z",), calibration.row_z_mm, {"units": "mm"}),
+        "theta": Named(("theta",), grid.theta_rad, {"units": "rad"}),
+        "radius": Named(("depth",), radii, {"units": "mm"}),
+    }
+    group = write_arrays(store / "volume", arrays, {"radius_mm": grid.radius_mm}, coordinates=["radius"])
+    shape = grid.n_z, grid.n_theta, radii.size
+    array = new_array(group, "intensity", shape, dtype, ("z", "theta", "depth"), chunks=(1, *shape[1:]))
+    rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
+    slices: Iterable[Image] = thread_map(partial(resample, calibration=calibration, radii_mm=radii), stream)
+    for row, samples in zip(rows, slices, strict=True):
+        array[int(row)] = as_recorded(samples, dtype)
+    for place in (store / "volume", store):  # a reader may begin at either
+        consolidate(place)

@@ -11,8 +11,7 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.surface.fixed_lines import with_lines_of
 from endoct.modalities.oct.surface.line_removal import bridge_rows, without_lines
 from endoct.modalities.oct.surface.second_look import SecondLook, look_again
-from endoct.modalities.oct.surface.trust import trusted, wall_sigmas
-from endoct.modalities.oct.surface.wall import brightest, first_edge, maximum_intensity
+from endoct.modalities.oct.surface.wall import brightest, first_edge, maximum_intensity, trusted, wall_sigmas
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, face_depth_mm, radius_mm
 from endoct.stitching.strip import Strip
 

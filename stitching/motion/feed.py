@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.kept import Kept
+from endoct.base.compute.spool import Kept
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import turned_harmonic, wrap_rad
 from endoct.base.numeric.ranks import error_of_median

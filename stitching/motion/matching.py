@@ -8,8 +8,8 @@ import numpy as np
 from scipy import fft
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.kept import Kept
 from endoct.base.compute.parallel import thread_map
+from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import wrap_rad
 from endoct.stitching.motion.textures import Texture
 from endoct.stitching.motion.warp import Motion, refine_motion
@@ -74,7 +74,7 @@ class Matcher:
         self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
 
     def search(self, choices: Mapping[int, list[Windows | None]]) -> list[list[list[_Place]]]:
-        """Return the best place of every strip on one some steps earlier, within windows of which there are choices.
+        """Return the best place of every strip on the one some steps earlier, within a choice of windows.
 
         ``choices`` has them by steps, and so has the result lists of places by choice.
         """

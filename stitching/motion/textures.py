@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from endoct.base.arrays import Image, Mask
-from endoct.base.compute.kept import Kept
+from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import gaussian
 
 FEWEST_FOR_FIXED_PATTERN = 8
@@ -15,7 +15,7 @@ AT_A_TIME = 2**20  # samples: of a few whole strips, or of one part of all
 LEAST_PART = 256  # samples: with smaller ones than that, reading them takes longer than what is done with them
 
 Texture = tuple[Image, Mask]
-"""Edges in a strip, float32 (n_rows, n_theta), 0 where not seen, and what is seen."""
+"""Edges in a strip, float32 (n_rows, n_theta), 0 where not observed, and a mask of the observed samples."""
 
 
 class Strips(Protocol):
@@ -36,7 +36,7 @@ def keep_textures(
     towards zero.
     """
 
-    def seen(k: int) -> Image:
+    def visible_part(k: int) -> Image:
         sees = np.isfinite(strip := strips[k])
         return np.where(sees if valid is None else sees & valid[k], strip, np.nan).astype(np.float32)
 
@@ -46,9 +46,9 @@ def keep_textures(
     parts = [slice(k, k + part) for k in range(0, prod(shape), part)]
 
     def put_away(blocks: Kept[Image], whole: bool) -> bool:
-        """Return False where strips that are said to be ``whole`` are not."""
+        """Return False if strips marked ``whole`` have gaps."""
         for those in groups:
-            images = np.stack([_without_rows(seen(k), whole).ravel() for k in those])
+            images = np.stack([_without_rows(visible_part(k), whole).ravel() for k in those])
             if whole and np.isnan(images).any():
                 return False
             for part_of_all in parts:
@@ -57,7 +57,7 @@ def keep_textures(
 
     with ExitStack() as stack:  # every part of the first strips, then every part of the next
         blocks = stack.enter_context(Kept[Image]())
-        whole = not np.isnan(seen(0)).any()
+        whole = not np.isnan(visible_part(0)).any()
         if not put_away(blocks, whole):
             whole, blocks = False, stack.enter_context(Kept[Image]())
             put_away(blocks, whole)

@@ -7,13 +7,13 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.equations import solve
+from endoct.base.numeric.linear_equations import solve
 from endoct.base.numeric.ranks import robust_sigma
 
 MOST_ITERATIONS = 8
 CONVERGED = 0.01
 BLOCK = 16
-"""Columns that are asked at once whether they lie between the same two rows."""
+"""Columns that are tested together for lying between the same two rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
 
 @compiled
 def _reached(rows: Image, stretched: Image) -> tuple[int, int]:
-    """Return the first and the last row between which all lie that are moved by ``rows`` onto another strip's."""
+    """Return the first and last row of the range that ``rows`` moves onto another strip."""
     least, most = rows.min(), rows.max()
     first = last = -int(np.floor(most + stretched[0]))
     for k in range(stretched.size):
@@ -170,20 +170,20 @@ def _compare(
 
 @compiled
 def _count(
-    seen: Mask, hidden: Image, hidden_below: Image, row: Image, top: int, last_row: np.float32, counts: Mask
+    observed: Mask, hidden: Image, hidden_below: Image, row: Image, top: int, last_row: np.float32, counts: Mask
 ) -> None:
-    """Say which samples are seen, and lie between two rows that are not hidden."""
+    """Mark the observed samples that lie between two rows that are not hidden."""
     for i in range(row.size):
         down = row[i] - np.float32(top)
         share = (np.float32(1) - down) * hidden[i] + down * hidden_below[i]
-        counts[i] = seen[i] & (row[i] <= last_row) & (share <= 0)
+        counts[i] = observed[i] & (row[i] <= last_row) & (share <= 0)
 
 
 @compiled
-def _count_reached(seen: Mask, row: Image, last_row: np.float32, counts: Mask) -> None:
-    """Say which samples are seen, and lie between two rows."""
+def _count_reached(observed: Mask, row: Image, last_row: np.float32, counts: Mask) -> None:
+    """Mark the observed samples that lie between two rows."""
     for i in range(row.size):
-        counts[i] = seen[i] & (row[i] <= last_row)
+        counts[i] = observed[i] & (row[i] <= last_row)
 
 
 @compiled
@@ -263,8 +263,8 @@ def _equations(
 
 
 @compiled
-def _lay(image: Image, seen: Mask, layers: Image) -> None:
-    """Write ``image``, its slopes along rows and columns, and where it is not ``seen`` if there is a layer for it.
+def _lay(image: Image, observed: Mask, layers: Image) -> None:
+    """Write ``image``, its slopes along rows and columns, and where it is not ``observed`` if there is a layer for it.
 
     The first column is there again as the last.
     """
@@ -277,7 +277,7 @@ def _lay(image: Image, seen: Mask, layers: Image) -> None:
             layers[1, k, j] = (image[after, j] - image[before, j]) * per_row
         if layers.shape[0] > 3:
             for j in range(n_theta):
-                layers[3, k, j] = np.float32(0) if seen[k, j] else np.float32(1)
+                layers[3, k, j] = np.float32(0) if observed[k, j] else np.float32(1)
         for j in range(n_theta):
             layers[2, k, j] = (image[k, (j + 1) % n_theta] - image[k, j - 1]) * np.float32(0.5)
         layers[:, k, n_theta] = layers[:, k, 0]

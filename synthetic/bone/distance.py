@@ -16,7 +16,7 @@ def signed_distance(level: Image, spacing_mm: Coordinates) -> Image:
     is no surface the distance is ±1000.
     """
     air = level > 0
-    beside, own = _beside_surface(level, spacing_mm)
+    beside, own = _next_to_surface(level, spacing_mm)
     if not beside.any():
         return np.where(air, np.float32(1000), np.float32(-1000))
     normal = np.stack([np.gradient(level, float(step), axis=axis) for axis, step in enumerate(spacing_mm)])
@@ -41,8 +41,8 @@ def signed_distance(level: Image, spacing_mm: Coordinates) -> Image:
     return np.where(air, distance, -distance)
 
 
-def _beside_surface(level: Image, spacing_mm: Coordinates) -> tuple[Mask, Image]:
-    """Return the voxels of which a neighbour is of the other kind, and how far from the surface these are, mm."""
+def _next_to_surface(level: Image, spacing_mm: Coordinates) -> tuple[Mask, Image]:
+    """Return the voxels next to the surface, and their distances from it, mm."""
     beside, inverse_square = np.zeros(level.shape, np.bool_), np.zeros(level.shape, np.float32)
     for axis, step in enumerate(spacing_mm):
         to_crossing = np.full(level.shape, np.inf, np.float32)

@@ -1,13 +1,22 @@
-"""Air in three-dimensional bone: how far each place is from the nearest surface, and which cell it belongs to."""
+"""The air of three-dimensional bone: how far each place is from the nearest surface, and in which cell it lies."""
 
+import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.synthetic.bone.lattice import trilinear
+from endoct.base.errors import EndoctError
+from endoct.modalities.ct.trajectory import axes_at
+from endoct.synthetic.bone.lattice import Lattice, trilinear
+from endoct.synthetic.bone.network import air_on
+from endoct.synthetic.bone.patient import Bone, bone_around, bore_to_lps, cells_around, check_bone_share
 from endoct.synthetic.elementary import Numbers
+from endoct.synthetic.sample.parameters import Sample, Volume
+from endoct.synthetic.sample.randomness import Stage, generator
 
 STEEPEST = 1.25  # of the clearance between nodes: 1 for a distance, more for what detail is added
 Vectors = tuple[Numbers, Numbers, Numbers]
@@ -71,7 +80,7 @@ class Field:
         return np.where(below, (level - start) / np.maximum(sinks, 1e-6), np.float32(np.nan))
 
     def depth_mm(self, x: Numbers, y: Numbers, z: Numbers) -> Numbers:
-        """Return how far down places (n,) are."""
+        """Return the depth of places (n,) along ``down``."""
         down = self.down.astype(x.dtype)
         return np.asarray(x * down[0] + y * down[1] + z * down[2])
 
@@ -92,3 +101,131 @@ def joined_with_bore(bore_mm: Numbers, field_mm: Numbers) -> Numbers:
     """Return the clearance of the bore and of the air in bone together, rounded where both surfaces meet."""
     blend = np.maximum(EDGE_MM - np.abs(bore_mm - field_mm), 0)
     return np.asarray(np.maximum(bore_mm, field_mm) + blend * blend / (4 * EDGE_MM))
+
+
+Number = TypeVar("Number", np.float32, np.int32)
+
+REACH_MM = 4.2  # from the axis, as far as the OCT's beams are followed; beyond, everything goes on as it is there
+FILLINGS_STREAM, DETAIL_STREAM = 101, 102  # of the wall's generators, beyond those of its textures
+DETAIL_NODES, DETAIL_STEP_MM, DETAIL_SIGMA_NODES = 64, 0.02, 1.5
+WALL_PLACES = 64
+NETWORK_STEP_MM, VOLUME_STEPS_MM = 0.06, (0.04, 0.1)
+FILLED_EVERY = 3  # nodes at which the extent of a cell is looked up
+
+
+def build_field(sample: Sample) -> Field:
+    """Return the air in the bone of ``sample``, which is three-dimensional."""
+    volume, network = sample.bore.volume, sample.bore.network
+    step, detail = NETWORK_STEP_MM, 0.0
+    if network is not None:
+        detail = network.detail_mm
+    if volume is not None:
+        step, detail = _finer_than(bone_around(volume, REACH_MM)), volume.detail_mm
+    lattice = Lattice.around_bore(sample.bore.length_mm, REACH_MM, step)
+    clearance, cell = air_in_bone(sample, lattice, REACH_MM)
+    field = _filled(sample, lattice, step, clearance, cell, detail)
+    if volume is not None:
+        check_bone_share(_bone_share(sample, field), volume)
+    return field
+
+
+def _finer_than(bone: Bone) -> float:
+    return float(np.clip(bone.lattice.spacing_mm.min() / 2, *VOLUME_STEPS_MM))
+
+
+def air_in_bone(sample: Sample, lattice: Lattice, reach_mm: float) -> tuple[Image, NDArray[np.int32]]:
+    """Return the clearance and the cell of every place of ``lattice``, within ``reach_mm`` of the bore's axis.
+
+    ``lattice`` is in the bore frame. float32, mm, > 0 in air; int32, 0 for no cell. Raises :class:`EndoctError` for
+    bone whose cells are planted.
+    """
+    if sample.bore.volume is not None:
+        return _of_volume(sample.bore.volume, lattice, reach_mm)
+    return air_on(sample, lattice)
+
+
+def world_of(sample: Sample) -> Coordinates:
+    """Return the transform (4, 4) from the bore frame to the patient's, LPS."""
+    if sample.bore.volume is not None:
+        return bore_to_lps(sample.bore.volume)
+    if sample.bore.network is None:
+        raise EndoctError("this bone is of no patient", found=sample.bore.bone, expected="bone in three dimensions")
+    return axes_at(np.array(sample.bore.network.entry_mm), np.array(sample.bore.network.inward))
+
+
+def _of_volume(volume: Volume, lattice: Lattice, reach_mm: float) -> tuple[Image, NDArray[np.int32]]:
+    to_lps, bone, beside = bore_to_lps(volume), bone_around(volume, reach_mm), bone_around(volume, REACH_MM)
+    distance = resampled(bone.distance_mm, bone.lattice, lattice.moved(to_lps), order=3)
+    # beyond what the recordings can reach cells have no number
+    cell = resampled(cells_around(volume, REACH_MM), beside.lattice, lattice.moved(to_lps), order=0)
+    return distance, np.asarray(cell, dtype=np.int32)
+
+
+def resampled(values: NDArray[Number], at: Lattice, places: Lattice, order: int) -> NDArray[Number]:
+    """Resample values from one lattice to another by splines of the given ``order``.
+
+    Beyond the border they are as at it, or of order 0 nothing.
+    """
+    matrix = (places.steps_mm @ np.linalg.inv(at.steps_mm)).T
+    offset, mode = at.index_of(places.origin_mm), "nearest" if order else "constant"
+    return np.asarray(
+        ndimage.affine_transform(values, matrix, offset, places.shape, values.dtype, order=order, mode=mode)
+    )
+
+
+def _filled(
+    sample: Sample, lattice: Lattice, step_mm: float, clearance: Image, cell: NDArray[np.int32], detail_mm: float
+) -> Field:
+    """Return the field of these nodes, with dust and fluid in the shares that the sample gives."""
+    n = int(cell.max(initial=0))
+    rng = generator(sample.bore_seed, Stage.WALL, FILLINGS_STREAM)
+    down = rng.normal(size=3)
+    down /= np.linalg.norm(down)
+    filled, height = rng.random((2, n))
+    dust, fluid = np.full(n + 1, math.inf, np.float32), np.full(n + 1, math.inf, np.float32)
+    if n and sample.bore.dust + sample.bore.fluid > 0:
+        some = slice(None, None, FILLED_EVERY)
+        in_air = clearance[some, some, some] > 0
+        x, y, z = (one[some, some, some][in_air] for one in lattice.places())
+        depth, of, numbers = (
+            x * down[0] + y * down[1] + z * down[2],
+            cell[some, some, some][in_air],
+            np.arange(1, n + 1),
+        )
+        top, floor = ndimage.minimum(depth, of, numbers), ndimage.maximum(depth, of, numbers)
+        surface = np.asarray(floor - (0.1 + 0.6 * height) * (floor - top))
+        dust[1:] = np.where(filled < sample.bore.dust, surface, math.inf)
+        wet = (filled >= sample.bore.dust) & (filled < sample.bore.dust + sample.bore.fluid)
+        fluid[1:] = np.where(wet, surface, math.inf)
+    return Field(
+        clearance_mm=clearance,
+        cell=cell,
+        origin_mm=lattice.origin_mm,
+        step_mm=step_mm,
+        down=down,
+        level_mm=fluid,
+        dust_mm=dust,
+        detail=_detail(sample, detail_mm),
+        detail_step_mm=DETAIL_STEP_MM,
+    )
+
+
+def _detail(sample: Sample, rms_mm: float) -> Image:
+    if rms_mm == 0:
+        return np.zeros((0, 0, 0), np.float32)
+    rng = generator(sample.bore_seed, Stage.WALL, DETAIL_STREAM)
+    noise = rng.standard_normal((DETAIL_NODES,) * 3, dtype=np.float32)
+    noise = ndimage.gaussian_filter(noise, DETAIL_SIGMA_NODES, mode="wrap")
+    return np.asarray(noise * (rms_mm / noise.std()), dtype=np.float32)
+
+
+def _bone_share(sample: Sample, field: Field) -> float:
+    """Return the share of the bore's wall that is bone."""
+    theta = np.linspace(0, 2 * np.pi, WALL_PLACES, endpoint=False)
+    z = np.arange(0, sample.bore.length_mm, 0.1)
+    radius = sample.bore.diameter_mm / 2
+    x, y, z = (
+        np.broadcast_to(one, (z.size, theta.size)).ravel().astype(np.float32)
+        for one in (radius * np.cos(theta), radius * np.sin(theta), z[:, None])
+    )
+    return float(np.mean(field.air_mm(x, y, z) <= 0))

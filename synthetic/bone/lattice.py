@@ -98,7 +98,7 @@ class Lattice:
 
 
 def trilinear(values: Image, index: list[Numbers], *, wrap: bool) -> Numbers:
-    """Return values (k, j, i) at fractional indices, three of (n,), repeated beyond the border or as at it."""
+    """Return values (k, j, i) at fractional indices, three of (n,), repeated or clamped beyond the border."""
     whole, part = [], []
     for at, n in zip(index, values.shape, strict=True):
         if not wrap:

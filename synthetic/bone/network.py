@@ -126,7 +126,7 @@ def _packed(rng: Generator, network: Network, length_mm: float) -> tuple[Coordin
 
 
 def _ellipsoids(rng: Generator, radius: Coordinates) -> Coordinates:
-    """Return the axes (n, 3, 3) of ellipsoids that are up to half as long again one way, at random directions."""
+    """Return the axes (n, 3, 3) of ellipsoids, stretched by up to one half along a random direction."""
     n = len(radius)
     first = rng.normal(size=(n, 3))
     first /= np.linalg.norm(first, axis=1)[:, None]
@@ -198,7 +198,7 @@ def _with_sinus_and_antrum(
 
 
 def _roughen(sample: Sample, lattice: Lattice, clearance: Image) -> None:
-    """Move the surfaces to and fro by a random field that is repeated; septa get thinner, thicker and holes by that."""
+    """Roughen the surfaces with a repeated random field, which makes septa thinner, thicker or perforated."""
     network = sample.bore.network
     if network is None or network.unevenness_mm == 0:
         return

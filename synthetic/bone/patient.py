@@ -37,10 +37,10 @@ from endoct.synthetic.sample.parameters import Volume
 BONE_HU = 300.0
 """Half way from air (−1000) to dense cortical bone (1600), where a blurred surface between them lies."""
 MARGIN_MM = 1.5
-"""Of bone beyond what is asked for, so that distances there are right."""
+"""Bone is read this much beyond the part asked for, so that distances there are right."""
 CHAMBER_MM = 1.2
 LEAST_BONE = 0.3
-"""Of the bore's wall."""
+"""At least this part of the bore's wall must be bone."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """The bone: air in a bore and in its cells, as clearances from which rays can be traced.
 
 The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r;
-that of a cell is :mod:`endoct.synthetic.bone.cavity`'s; :mod:`endoct.synthetic.bone.tracing` joins them and follows
+that of a cell is :mod:`endoct.synthetic.bone.cavities`'s; :mod:`endoct.synthetic.bone.rays` joins them and follows
 the rays.
 """
 
@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.synthetic.bone.cavities import Cavities, cavities
-from endoct.synthetic.bone.cavity import OWN_SIDE, Indices, Near, clearance, near
-from endoct.synthetic.bone.contents import Contents, contents_of_field, contents_of_planted
+from endoct.synthetic.bone.cavities import OWN_SIDE, Cavities, Indices, Near, cavities, clearance, near
+from endoct.synthetic.bone.cell_contents import Contents, contents_of_field, contents_of_planted
 from endoct.synthetic.bone.field import STEEPEST, Field, joined_with_bore
+from endoct.synthetic.bone.rays import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, bore_relief, wall_grid
-from endoct.synthetic.bone.tracing import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
 from endoct.synthetic.elementary import Numbers, azimuth
 from endoct.synthetic.sample.parameters import Sample
 
@@ -73,7 +72,7 @@ def build_scene(sample: Sample, workers: int = 1) -> Scene:
     around = np.abs(np.diff(relief.displacement_mm, axis=1)).max(initial=0) / grid.dtheta_mm
     field = None
     if sample.bore.network is not None or sample.bore.volume is not None:
-        from endoct.synthetic.bone.grown import build_field  # takes a while to load what only this bone needs
+        from endoct.synthetic.bone.field import build_field  # takes a while to load what only this bone needs
 
         field = build_field(sample)
     return Scene(
@@ -155,14 +154,14 @@ def _candidates(scene: Scene, origin: Numbers, heading: Numbers) -> tuple[Indice
 
 
 def _at_radius(radius_mm: float, origin: Numbers, heading: Numbers) -> Numbers:
-    """Return how far along the ray it is ``radius_mm`` from the axis, going out; 0 where it never is."""
+    """Return the distance along each ray at which it leaves ``radius_mm`` about the axis; 0 where it never does."""
     x, y, dx, dy = origin[:, 0], origin[:, 1], heading[:, 0], heading[:, 1]
     a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - radius_mm**2
     return np.where(b * b > a * c, (np.sqrt(np.maximum(b * b - a * c, 0)) - b) / np.maximum(a, 1e-12), 0)
 
 
 def _blocks(count: Indices) -> list[tuple[Indices, int]]:
-    """Return the rays in blocks of one number of cells each."""
+    """Return the rays in blocks; all rays of a block have the same number of cells."""
     blocks = []
     for k in range(int(count.max(initial=-1)) + 1):
         which, size = np.flatnonzero(count == k), BLOCK // max(1, k)
@@ -258,7 +257,7 @@ def _normal(scene: Scene, rays: Near, bore: _BoreAlong, t: Numbers) -> Numbers:
         for way in (NORMAL_MM, -NORMAL_MM):
             clear = bore.shifted(axis, way).at(t)[0]
             if rays.cell.shape[1]:
-                cells = clearance(scene.cells.inverse, _beside(scene, rays, axis, way), t).air_mm
+                cells = clearance(scene.cells.inverse, _moved_along(scene, rays, axis, way), t).air_mm
                 clear = joined(clear, cells, rays.edge)
             moved.append(clear)
         slopes.append(moved[0] - moved[1])
@@ -267,7 +266,7 @@ def _normal(scene: Scene, rays: Near, bore: _BoreAlong, t: Numbers) -> Numbers:
     return normal
 
 
-def _beside(scene: Scene, rays: Near, axis: int, way_mm: float) -> Near:
+def _moved_along(scene: Scene, rays: Near, axis: int, way_mm: float) -> Near:
     """Return the rays moved along one of the axes."""
     u, v, w = (way_mm * scene.cells.axes[:, row, axis].astype(rays.power.dtype)[rays.cell] for row in range(3))
     return replace(rays, u=rays.u + u, v=rays.v + v, w=rays.w + w)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
 from endoct.base.numeric.circle import pad_circle
-from endoct.synthetic.bone.baking import TracedElsewhere, bake
-from endoct.synthetic.bone.contents import Contents
+from endoct.synthetic.bone.baked_maps import TracedElsewhere, bake
+from endoct.synthetic.bone.cell_contents import Contents
 from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, textures
@@ -53,7 +53,7 @@ def albedo_of(
 
 
 def _albedo_of_density(density: BoneDensity, grid: WallGrid, relief_mm: Image) -> Image:
-    """Return what density does to the albedo where the wall lies, looked up on a grid ``COARSER`` times coarser."""
+    """Return the factor of density in the wall's albedo, looked up on a grid ``COARSER`` times coarser."""
     rows, columns = (-(-n // COARSER) for n in (grid.n_z, grid.n_theta))
     z = ((np.arange(rows) + 0.5) * (grid.n_z / rows) - 0.5).astype(np.float32)[:, None]
     theta = ((np.arange(columns) + 0.5) * (grid.n_theta / columns) - 0.5).astype(np.float32)

@@ -16,8 +16,7 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.endoscope.cone import band_centre_mm
-from endoct.synthetic.endoscope.light import light, obscured
-from endoct.synthetic.endoscope.lighting import Lighting, lit_frame
+from endoct.synthetic.endoscope.lighting import Lighting, light, lit_frame, obscured
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
 from endoct.synthetic.sample.randomness import Stage, bell, generator
@@ -130,7 +129,7 @@ def stored_frame(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index
 
 
 def noise_free(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> NDArray[np.uint8]:
-    """Return the twin of a frame without noise and compression, u8 as :func:`render_frame`."""
+    """Return a frame without noise and compression, u8 as :func:`render_frame`."""
     return displayed(_signal(sample, wall, lighting, frame_index), sample.endoscope.gamma)
 
 
@@ -238,7 +237,7 @@ class _Surround:
         self._glow, self._tip = glow.astype(np.float32), tip.astype(np.float32)
 
     def light(self, rows: slice) -> Image:
-        """Return that in some rows of the image, float32."""
+        """Return the surround in some rows of the image, float32."""
         camera = self._camera
         places = range(rows.start, rows.stop), range(camera.width_px)
         surround = _tabulated(self._glow, _distance_px(camera, self._frame_index, *places))

@@ -119,7 +119,7 @@ def focal_length_px(optics: Mapping[str, float], inner_px: float, outer_px: floa
 
 
 def _undistorted(image: Reals, k1: float) -> Reals:
-    """Return t of t·(1 + k1·t²) = ``image``, by Newton's method; the distortion is a mild one."""
+    """Solve t·(1 + k1·t²) = ``image`` for t by Newton's method; the distortion is mild."""
     t = image
     for _ in range(NEWTON_STEPS if k1 else 0):
         t = t - (t * (1 + k1 * t**2) - image) / (1 + 3 * k1 * t**2)
@@ -143,7 +143,7 @@ class Rays:
     z1: Image
 
     def of(self, chosen: NDArray[np.intp]) -> "Rays":
-        """Return some of the rays."""
+        """Return a part of the rays."""
         parts = self.theta_rad, self.u0, self.u1, self.v0, self.v1, self.z0, self.z1
         return Rays(*(values.take(chosen) for values in parts))
 

@@ -19,7 +19,7 @@ from endoct.synthetic.endoscope.cone import Rays, band_centre_mm, rays_of
 from endoct.synthetic.sample.parameters import Endoscope
 
 STEP_ACROSS_MM = 0.01
-"""How far a ray goes along the wall between two looks: no farther than the wall's maps are fine."""
+"""A ray goes this far along the wall between two looks, about the resolution of the wall's maps."""
 LONGEST_STEP_MM = 0.25
 CLEARANCE_MM = 0.002
 LOOKUP_COLUMNS = 2**14
@@ -232,7 +232,7 @@ def follow(wall: Visible, camera: Endoscope, frame_index: int, pixels: View) -> 
 
 
 def _march(wall: Visible, rays: Rays) -> Image:
-    """Return t where each ray falls behind the relief.
+    """Return the t at which each ray passes behind the relief.
 
     A step goes as far as the ray stays over one place of the maps, so that no septum is stepped over; the place
     itself then follows from the last two looks by the rule of false position.
@@ -270,7 +270,7 @@ def _march(wall: Visible, rays: Rays) -> Image:
 
 
 def _moved(values: Image, to: Image, share: Image) -> None:
-    """Move values by a share of 0 or 1: what a mask does, which takes six times as long where it changes often."""
+    """Move values by a share of 0 or 1. A mask does the same, but is six times slower where it changes often."""
     way = to - values
     way *= share
     values += way

@@ -1,11 +1,16 @@
-"""Where the beams of a turning, off-axis catheter meet the capillary and the bore's wall.
+"""Where the beams of a turning, off-axis catheter meet the capillary and the bore's wall, and how wide they are there.
 
 Everything is in the bore frame: x = r cos θ, y = r sin θ, z along the bore. The capillary's axis departs from the
 bore's with ``tilt_rad``; the catheter lies at e from the capillary's axis, and a beam leaves it at α. Both
 faces of the glass bend it. A round wall keeps n·r·sin(incidence) constant along a ray (Bouguer), so with e·sin(α − β)
 as that constant, β the direction of e, every angle and length has a closed form.
+
+Along its optical path a beam is Gaussian: narrowest at its focus, wider and weaker away from it. Light passes the spot
+twice, and its full width at half maximum is ``lateral_resolution_mm`` at the focus. The beam's own waist is therefore
+w₀ = that/√ln 2, and its Rayleigh length π·w₀²/λ.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -240,3 +245,34 @@ def _shadow_db(oct_: Oct, z_mm: Coordinates, face_rad: Coordinates) -> Coordinat
         around = wrap_rad(face_rad - dirt.theta_rad) / dirt.sigma_theta_rad
         loss += dirt.loss_db * np.exp(-((0.5 * (along**2 + around**2)) ** 2))
     return loss
+
+
+FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
+
+
+def rayleigh_mm(oct_: Oct) -> float:
+    """Return the way from the focus on which the beam widens by √2."""
+    return math.pi * oct_.lateral_resolution_mm**2 / math.log(2) / oct_.wavelength_mm
+
+
+def widening(oct_: Oct, path_mm: Coordinates) -> Coordinates:
+    """Return how much wider the beam is at ``path_mm`` than at its focus."""
+    wider: Coordinates = 1 + ((path_mm - oct_.focus_mm) / rayleigh_mm(oct_)) ** 2
+    return wider**0.5
+
+
+def spot_sigma_mm(oct_: Oct, path_mm: Coordinates) -> Coordinates:
+    """Return the standard deviation of the field that scatterers are weighted with: √2 of that of its square."""
+    sigma: Coordinates = math.sqrt(2) * oct_.lateral_resolution_mm / FWHM * widening(oct_, path_mm)
+    return sigma
+
+
+def coupling(oct_: Oct, path_mm: Coordinates) -> Coordinates:
+    """Return the share of the intensity that finds its way back from a diffuse wall at ``path_mm``, 1 from the focus.
+
+    All of the light falls on the wall wherever that is. What comes back into the fibre falls off as the beam's own
+    intensity on its axis, but with an apparent Rayleigh length: twice the beam's by van Leeuwen et al. (2003).
+    """
+    apart = (path_mm - oct_.focus_mm) / (oct_.diffuse_rayleigh * rayleigh_mm(oct_))
+    share: Coordinates = 1 / (1 + apart**2)
+    return share

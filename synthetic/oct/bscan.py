@@ -1,7 +1,12 @@
-"""B-scans and raw spectra of the OCT: beams, what they bring back, and the spectrometer that records it."""
+"""B-scans and raw spectra of the OCT: beams, what they bring back, and the spectrometer that records it.
 
+Raw spectra are written as the rig writes them: headerless little-endian u16, with two vectors.
+"""
+
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,10 +14,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.parallel import Advance, thread_map
 from endoct.synthetic.bone.wall import Wall
-from endoct.synthetic.oct.appearance import Appearance
 from endoct.synthetic.oct.beams import Echoes, stream_position, trace
-from endoct.synthetic.oct.field import Scattered, scattered
+from endoct.synthetic.oct.scattered_field import Scattered, scattered
 from endoct.synthetic.oct.spectrometer import (
     FULL_SCALE,
     Spectrometer,
@@ -23,7 +28,7 @@ from endoct.synthetic.oct.spectrometer import (
     logarithmic,
     reconstruct,
 )
-from endoct.synthetic.oct.sweep import BEYOND, sweeps
+from endoct.synthetic.oct.sweep import BEYOND, Appearance, sweeps
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator
@@ -171,3 +176,40 @@ def ascan_echoes(sample: Sample, wall: Wall, slice_index: int) -> Echoes:
     """Return what the beam of every A-scan recorded of a slice meets."""
     position = stream_position(sample.oct, slice_index, PRESETS[sample.preset].n_ascans)
     return trace(sample, wall.scene, slice_index, position.astype(np.float64))
+
+
+SAMPLES, CHIRP, OFFSET = "spectra.bin", "Chirp.bin", "Offset.bin"
+CHAIN = (
+    "counts x electrons_per_count, minus Offset.bin, minus the mean over the A-scans of a slice; interpolate the "
+    "values, which lie at Chirp.bin, at 0, 1, ... samples - 1; Hann window; FFT; keep the first half; squared "
+    "magnitude; 10 log10"
+)
+
+
+def write_spectra(
+    folder: Path, sample: Sample, wall: Wall, appearance: Appearance, advance: Advance, workers: int
+) -> None:
+    """Write ``spectra.bin`` (slice, A-scan, sample), ``Chirp.bin``, ``Offset.bin`` and ``spectra.json``.
+
+    A-scans lie one behind the other. The vectors are little-endian float64, one value a sample: its place on even
+    wavenumbers, and what the detector gives in the dark, in electrons.
+    """
+    folder.mkdir()
+    size = PRESETS[sample.preset]
+    n = 2 * size.n_depth
+    with (folder / SAMPLES).open("wb") as file:
+        slices = thread_map(lambda i: spectra(sample, wall, appearance, i), range(size.n_slices), workers)
+        for i, ascans in enumerate(slices, 1):
+            file.write(np.ascontiguousarray(ascans, dtype="<u2").tobytes())
+            advance(i / size.n_slices)
+    (folder / CHIRP).write_bytes(chirp(n).astype("<f8").tobytes())
+    (folder / OFFSET).write_bytes(offset(sample).astype("<f8").tobytes())
+    about = {
+        "slices": size.n_slices,
+        "ascans": size.n_ascans,
+        "samples": n,
+        "electrons_per_count": sample.oct.electrons_per_count,
+        "axial_pixel_mm": sample.oct.axial_pixel_mm,
+        "chain": CHAIN,
+    }
+    (folder / "spectra.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")

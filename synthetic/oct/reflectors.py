@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import fft, sparse
 
 from endoct.base.arrays import Coordinates
-from endoct.synthetic.oct.focus import spot_sigma_mm
+from endoct.synthetic.oct.beams import spot_sigma_mm
 from endoct.synthetic.oct.spectrometer import centred, roll_off
 from endoct.synthetic.oct.sweep import REACH, Sweep, around
 from endoct.synthetic.sample.randomness import Stage, bell, generator
@@ -31,8 +31,8 @@ def reflectors(sweep: Sweep) -> tuple[list[Coordinates], list[Coordinates]]:
     oct_, echoes, turn = sweep.oct_, sweep.echoes, sweep.turn
     light_db = -echoes.shadow_db
 
-    def course(what: int, rms_db: float, sigma_turns: float) -> Coordinates:
-        rng = generator(sweep.seed, Stage.LEVELS, sweep.slice_index, what)
+    def course(stream: int, rms_db: float, sigma_turns: float) -> Coordinates:
+        rng = generator(sweep.seed, Stage.LEVELS, sweep.slice_index, stream)
         return rms_db * around(rng, turn, sigma_turns)
 
     def glossy(incidence_rad: Coordinates) -> Coordinates:

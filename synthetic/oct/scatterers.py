@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.density import BoneDensity
 from endoct.synthetic.elementary import Numbers
-from endoct.synthetic.oct.beams import BONE_INDEX
-from endoct.synthetic.oct.focus import FWHM, spot_sigma_mm
+from endoct.synthetic.oct.beams import BONE_INDEX, FWHM, spot_sigma_mm
 from endoct.synthetic.oct.sweep import REACH, Sweep
 from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import Stage, bells, generator
@@ -67,7 +66,7 @@ class Lattice:
 
 
 def lattice(seed: int, radius_mm: float, oct_: Oct) -> Lattice:
-    """Return the lattice of a bore, one and the same for all usual instruments, finer by 2, 4, … for finer ones."""
+    """Return the lattice of a bore: the same for all usual instruments, finer by 2, 4, … for finer ones."""
     sigma_mm = math.sqrt(2) * oct_.lateral_resolution_mm / FWHM
     across = 2 ** max(0, math.ceil(math.log2(LAYER_MM / sigma_mm) - 1e-6))
     deep = 2 ** max(0, math.ceil(math.log2(RING_MM * BONE_INDEX / oct_.axial_pixel_mm)))
@@ -130,7 +129,7 @@ def nodes(sweep: Sweep, places: Lattice) -> Nodes:
 
 
 def _rising(theta: Coordinates, columns: Coordinates) -> tuple[Coordinates, Coordinates]:
-    """Return the columns at which the catheter had got farther than ever before."""
+    """Return the columns at which the catheter reached a new farthest place."""
     new = np.flatnonzero(theta >= np.maximum.accumulate(theta))
     return theta[new], columns[new]
 
@@ -187,7 +186,7 @@ def _amplitude(density: BoneDensity, places: Lattice, passed: Nodes, outward: Nu
 
 
 def _sigma_across_mm(sweep: Sweep) -> float:
-    """Return how wide the spot is across the turn; as wide as where most of the wall is."""
+    """Return the width of the spot across the turn, taken at the depth of most of the wall."""
     usual = np.nanmedian(sweep.echoes.wall_path_mm, keepdims=True)
     return float(spot_sigma_mm(sweep.oct_, usual)[0])
 

@@ -104,7 +104,7 @@ def floor(echoes: Sequence[float], depth_px: Coordinates, n: int) -> Coordinates
 
 @lru_cache(maxsize=16)
 def _echoes(bands_db: float, weights: tuple[float, ...], n: int) -> tuple[float, ...]:
-    """Return the shares of echoes, as their weights are to each other, that make so large a difference over depth."""
+    """Return the shares of echoes, in proportion to their weights, that cause this difference over depth."""
     if not bands_db or not any(weights):
         return ()
     depth_px, low, high = np.arange(n / 2), 0.0, 1 / sum(map(abs, weights))
@@ -166,9 +166,9 @@ def dark_counts(rng: Generator, oct_: Oct, n: int) -> Coordinates:
     return oct_.dark_counts + oct_.dark_pattern_counts * rng.standard_normal(n)
 
 
-def counts(one: Spectrometer, m: Coordinates, field: NDArray[np.complex64]) -> Image:
+def counts(instrument: Spectrometer, m: Coordinates, field: NDArray[np.complex64]) -> Image:
     """Return what the detector counts on average, float32 (A-scan, sample), of a field at samples ``m``."""
-    reference = one.reference(m).astype(np.float32)
+    reference = instrument.reference(m).astype(np.float32)
     total = field.real + np.float32(1)
     total *= total
     total += field.imag * field.imag
@@ -177,15 +177,15 @@ def counts(one: Spectrometer, m: Coordinates, field: NDArray[np.complex64]) -> I
 
 
 def digitised(
-    rng: Generator, one: Spectrometer, m: Coordinates, mean_counts: Image, dark: Coordinates
+    rng: Generator, instrument: Spectrometer, m: Coordinates, mean_counts: Image, dark: Coordinates
 ) -> NDArray[np.uint16]:
-    """Return noisy u16 samples of 12 bits; what is brighter is cut.
+    """Return noisy u16 samples of 12 bits, clipped at the top.
 
     The noise is that of the reference, ``excess_noise_db`` over its shot noise, as hardly any light else arrives.
     """
-    sigma = np.sqrt(one.noise_counts2 * one.reference(m)).astype(np.float32)
+    sigma = np.sqrt(instrument.noise_counts2 * instrument.reference(m)).astype(np.float32)
     noisy = bell(rng, mean_counts.size).reshape(mean_counts.shape)
-    noisy = _banded(noisy, one.echoes)
+    noisy = _banded(noisy, instrument.echoes)
     noisy *= sigma
     noisy += mean_counts
     noisy += dark.astype(np.float32) + np.float32(0.5)  # rounds
@@ -206,23 +206,23 @@ def _banded(noise: Image, echoes: Sequence[float]) -> Image:
     return banded
 
 
-def reconstruct(oct_: Oct, one: Spectrometer, spectra: NDArray[np.uint16]) -> NDArray[np.uint8]:
+def reconstruct(oct_: Oct, instrument: Spectrometer, spectra: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Return the B-scan of spectra (A-scan, n) at even wavenumbers: u8 (n/2, A-scan), logarithmic.
 
     Minus the mean over A-scans (which holds the offset), Hann, FFT, half of it, squared magnitude, logarithm.
     """
     mean = (np.sum(spectra, axis=0, dtype=np.uint64) / spectra.shape[0]).astype(np.float32)
-    return logarithmic(oct_, one, spectra, mean)
+    return logarithmic(oct_, instrument, spectra, mean)
 
 
 def logarithmic(
-    oct_: Oct, one: Spectrometer, spectra: NDArray[np.uint16] | Image, background: Image
+    oct_: Oct, instrument: Spectrometer, spectra: NDArray[np.uint16] | Image, background: Image
 ) -> NDArray[np.uint8]:
     """Return the same with a given background (n,) in counts."""
     n_ascans, n = spectra.shape
     samples = np.empty((n // 2, n_ascans), np.uint8)
-    coherent = float(np.sum(one.reference(np.arange(n, dtype=np.float64)) * one.window))
-    window = (one.window / (one.unit * coherent)).astype(np.float32)
+    coherent = float(np.sum(instrument.reference(np.arange(n, dtype=np.float64)) * instrument.window))
+    window = (instrument.window / (instrument.unit * coherent)).astype(np.float32)
     scale, floor = 10 / math.log(10) / oct_.db_per_count, oct_.floor_count + LOG_BIAS_DB / oct_.db_per_count
     for first in range(0, n_ascans, BLOCK):
         fringes = spectra[first : first + BLOCK].astype(np.float32)

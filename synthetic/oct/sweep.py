@@ -1,4 +1,4 @@
-"""One turn of the beam over the wall: the columns of a slice, and what their beams meet.
+"""One turn of the beam over the wall: the columns of a slice, what their beams meet, and how bright the wall is there.
 
 The columns lie on the ring that they were taken on, and some things change smoothly around it.
 """
@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
@@ -16,12 +17,50 @@ from scipy import fft
 from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.density import BoneDensity, density_of
 from endoct.synthetic.bone.wall import Wall
-from endoct.synthetic.oct.appearance import Appearance
-from endoct.synthetic.oct.beams import Echoes, capillary_axis_mm, stream_position, trace_slices
-from endoct.synthetic.oct.focus import spot_sigma_mm
+from endoct.synthetic.oct.beams import Echoes, capillary_axis_mm, spot_sigma_mm, stream_position, trace_slices
 from endoct.synthetic.oct.spectrometer import Spectrometer, spectrometer
 from endoct.synthetic.sample.parameters import Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
+from endoct.synthetic.sample.randomness import Stage, generator, smooth_field
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """Maps (z, θ) of the wall; row k is z = k·``dz_mm``, the columns span a turn.
+
+    ``wall_db``: its scattering against the mean, dB. ``glint_db``: level of specular spots, dB, −60 elsewhere.
+    """
+
+    dz_mm: float
+    wall_db: Image
+    glint_db: Image
+
+    def at(self, image: Image, z_mm: Coordinates, theta_rad: Coordinates) -> Coordinates:
+        """Return one of the maps at scattered places (1-D arrays of one length), bilinear, cyclic in θ."""
+        rows = np.clip(z_mm / self.dz_mm, 0, image.shape[0] - 1).astype(np.float32)
+        columns = (np.mod(theta_rad, 2 * np.pi) / (2 * np.pi) * image.shape[1]).astype(np.float32)
+        values = cv2.remap(image, columns[None], rows[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+        return np.asarray(values[0], dtype=np.float64)
+
+
+def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance:
+    """Return the wall's patches and its specular spots, on the wall's grid made ``coarser`` times coarser."""
+    oct_, seed = sample.oct, sample.bore_seed
+    n_z, n_theta = (-(-n // coarser) for n in wall.relief_mm.shape)
+    dz_mm, dtheta_mm = wall.dz_mm * coarser, 2 * np.pi / n_theta * wall.radius_mm
+    wall_db = oct_.patchiness_db * smooth_field(
+        generator(seed, Stage.PATCHES, 0), (n_z, n_theta), 0.35 / dz_mm, 0.35 / dtheta_mm
+    )
+    wall_db += (
+        0.5
+        * oct_.patchiness_db
+        * smooth_field(generator(seed, Stage.PATCHES, 1), (n_z, n_theta), 0.06 / dz_mm, 0.06 / dtheta_mm)
+    )
+    glint_db = np.full((n_z, n_theta), -60, np.float32)
+    z, theta, brighter = generator(seed, Stage.GLINTS).random((oct_.n_glints, 3)).T
+    glint_db[(z * n_z).astype(np.intp), (theta * n_theta).astype(np.intp)] = oct_.wall_db + 4 + 12 * brighter
+    return Appearance(dz_mm, wall_db, np.asarray(cv2.dilate(glint_db, np.ones((2, 3))), np.float32))
+
 
 AROUND = 1024  # places around a turn at which what changes smoothly is drawn
 
@@ -52,7 +91,7 @@ def around(rng: Generator, turn: Turn, sigma_turns: float) -> Coordinates:
 
 @lru_cache(maxsize=16)
 def _smoothing(sigma_turns: float) -> Image:
-    """Return what a Gaussian leaves of each frequency around the ring, and nothing of the mean."""
+    """Return a Gaussian's response at each frequency around the ring, 0 for the mean."""
     left = np.exp(-0.5 * (2 * np.pi * sigma_turns * np.arange(AROUND // 2 + 1)) ** 2).astype(np.float32)
     left[0] = 0
     left.flags.writeable = False
@@ -68,7 +107,7 @@ class Sweep:
     """The instrument, the columns of one slice, and what their beams meet; arrays have one value a column.
 
     ``echoes``: surfaces. ``wall_db`` and ``glint_db``: how brightly the wall and its specular spots scatter there, see
-    :class:`endoct.synthetic.oct.appearance.Appearance`. ``radius_mm``: of the bore. ``catheter_mm``: off the bore's
+    :class:`endoct.synthetic.oct.sweep.Appearance`. ``radius_mm``: of the bore. ``catheter_mm``: off the bore's
     axis, x + iy; ``lean``: by how much it moves off the capillary's axis for each mm along it, the same way.
     ``density``: of the bone, None where it is even.
     ``seed`` and ``bore_seed`` key what is random of the recording and of the bone.
@@ -141,7 +180,7 @@ def sweeps(
 
 
 def _slope(values: NDArray[np.complex128], z_mm: Coordinates) -> NDArray[np.complex128]:
-    """Return how ``values`` change with ``z_mm``, 0 where that stands still."""
+    """Return the slope of ``values`` over ``z_mm``, 0 where z does not change."""
     if values.size < 2:
         return np.zeros_like(values)
     rise, run = np.gradient(values), np.gradient(z_mm)

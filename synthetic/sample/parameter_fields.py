@@ -18,11 +18,11 @@ Angle = Annotated[float, Field(ge=-1000, le=1000)]
 """rad."""
 Pixel = Annotated[float, Field(ge=-1e4, le=1e4)]
 MOST_LISTED = 5000
-"""Of anything of which a sample lists several."""
+"""A sample lists at most this many of anything."""
 MOST_HARMONICS = 64
 LARGEST_SEED = 2**64
 STATED_ONLY = "stated only"
-"""Of a field's schema: words that follow from what the user states and cannot be drawn."""
+"""This key of a field's schema marks words that follow from what the user states and cannot be drawn."""
 
 
 def drawn(low: float, high: float, about: str, allowed: tuple[float, float] | None = None) -> float:

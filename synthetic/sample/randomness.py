@@ -12,7 +12,7 @@ BELL_WORDS = 2**14  # drawn at once, for four numbers each
 
 
 class Stage(IntEnum):
-    """What a stream of random numbers is for: one for each purpose, so that none depends on what another takes."""
+    """Purposes of random numbers. Each has a stream of its own, so that none depends on what another draws."""
 
     DRAW = 0
     WALL = 1

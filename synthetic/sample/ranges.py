@@ -115,5 +115,5 @@ class Drawer:
         return str(self.rng.choice(words, p=[weight / sum(weights) for weight in weights]))
 
     def yes(self, path: str, share: float) -> bool:
-        """Draw a yes with probability ``share``."""
+        """Draw True with probability ``share``."""
         return self.word(path, {"true": share, "false": 1 - share}) == "true"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bore_pairs import Pair
 
-from endoct.base import registered
+from endoct.base import entry_points
 from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
@@ -29,7 +29,7 @@ def register(monkeypatch: pytest.MonkeyPatch) -> Register:
         module.function = function  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, "somebodys_methods", module)
         entry = EntryPoint("theirs", "somebodys_methods:function", f"endoct.bench.{task}")
-        monkeypatch.setattr(registered, "entry_points", lambda *, group: EntryPoints([entry]).select(group=group))
+        monkeypatch.setattr(entry_points, "entry_points", lambda *, group: EntryPoints([entry]).select(group=group))
         return COARSE.model_copy(update={f"{task}_method": "theirs"})
 
     return of

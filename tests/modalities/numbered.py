@@ -9,8 +9,8 @@ from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.numbering import Positions, positions_along
 
 
-def _alike(one: Path, other: Path) -> bool:
-    return one == other
+def _alike(first: Path, other: Path) -> bool:
+    return first == other
 
 
 def positions_by_number(files: Sequence[Path], pitch_mm: float) -> Positions:

@@ -30,11 +30,11 @@ class Outward:
     travel_known: bool = True
 
 
-def assembled(*told: dict[str, float]) -> Panorama:
+def assembled(*values: dict[str, float]) -> Panorama:
     ones = np.ones((1, 8))
     z_mm = GRID.z_mm[::-1]
     return assemble(
-        [Strip(z_mm[k : k + 1], GRID.theta_rad, ones, ones, ones > 0, ones, told[k]) for k in range(3)],
+        [Strip(z_mm[k : k + 1], GRID.theta_rad, ones, ones, ones > 0, ones, values[k]) for k in range(3)],
         Outward(),
         OCT,
     )

@@ -25,9 +25,14 @@ from endoct.fusion.scoring.cells import Cell
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench import cli
-from endoct.workbench.bench.results.files import write_csv, write_differences
-from endoct.workbench.bench.results.summary import Difference, Spread
-from endoct.workbench.bench.results.tables import difference_table, footnotes, table
+from endoct.workbench.bench.results.result_tables import (
+    difference_table,
+    footnotes,
+    table,
+    write_csv,
+    write_differences,
+)
+from endoct.workbench.bench.results.score_summary import Difference, Spread
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.tasks.segmentation import TASK
 from endoct.workbench.commands.console import TextConsole, print_json, print_line

@@ -10,7 +10,7 @@ from mock_comparison import Kind, write_comparison
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME
 from endoct.base.files.output import new_output
-from endoct.workbench.dataset.building import make_dataset
+from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.page.report import write_report
 from endoct.workbench.running.kinds import COMPARISON

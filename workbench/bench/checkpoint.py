@@ -30,7 +30,7 @@ from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.running.refusals import refusing_disk_errors
 
 Facts = dict[str, object]
-"""What can be written as JSON."""
+"""Values that can be written as JSON, by name."""
 
 
 def plan_facts(plan: Plan) -> Facts:

@@ -12,10 +12,17 @@ from rich.table import Table
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import check_output, new_output
 from endoct.workbench.bench.checkpoint import Checkpoint, Facts, open_checkpoint
-from endoct.workbench.bench.results.files import bench_facts, write_csv, write_differences, write_json
 from endoct.workbench.bench.results.plots import draw_differences, draw_plots
-from endoct.workbench.bench.results.summary import Difference, by_word, differences, score_names
-from endoct.workbench.bench.results.tables import difference_table, footnotes, table
+from endoct.workbench.bench.results.result_tables import (
+    bench_facts,
+    difference_table,
+    footnotes,
+    table,
+    write_csv,
+    write_differences,
+    write_json,
+)
+from endoct.workbench.bench.results.score_summary import Difference, by_word, differences, score_names
 from endoct.workbench.bench.runner import Plan, Row, narrowed, parse_seeds, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
 from endoct.workbench.pipeline.settings import range_text
@@ -25,7 +32,7 @@ from endoct.workbench.running.progress import Stages
 MOST_LISTED = 20
 
 Lines = list[RenderableType]
-"""What people get to read."""
+"""Lines of text and tables for people to read."""
 
 
 @dataclass(frozen=True)

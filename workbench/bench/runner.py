@@ -18,8 +18,8 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from endoct.base.entry_points import Function
 from endoct.base.errors import EndoctError
-from endoct.base.registered import Function
 from endoct.workbench.bench.task import (
     AnyCase,
     AnyTask,
@@ -261,7 +261,7 @@ def narrowed(task: AnyTask, wanted: Sequence[str], sweep: str | None = None) -> 
 
 
 def middle(range_: Range) -> Range:
-    """Return the middle of a range without width, or its first word alone."""
+    """Return a range narrowed to its middle, or to its first word."""
     if known := [word for word in range_ if isinstance(word, str)]:
         return (known[0],)
     value = sum(number for number in range_ if not isinstance(number, str)) / 2

@@ -15,8 +15,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from endoct.base.entry_points import Function, entry_named, unknown_name
 from endoct.base.errors import EndoctError
-from endoct.base.registered import Function, entry_named, unknown_name
 from endoct.synthetic.sample.ranges import Range as Range  # what a condition is drawn from
 
 SUCCESS = "success"
@@ -26,13 +26,13 @@ DOUBTED = "doubted"
 """The score that says, as 1.0 or 0.0, that a method answered and called its own answer doubtful."""
 
 UP, DOWN = " up", " down"
-"""Endings of two methods that change one thing both ways; they share a line where differences are drawn."""
+"""Names of two methods that change one thing both ways end so. They share a line where differences are drawn."""
 
 Given = TypeVar("Given")
 Truth = TypeVar("Truth")
 Answer = TypeVar("Answer")
 Conditions = Mapping[str, float | str]
-"""How hard a case is, by name: numbers and words."""
+"""Conditions that make a case hard, by name: numbers and words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,18 +170,18 @@ def check_names(task: AnyTask, wanted: Sequence[str]) -> tuple[str, ...]:
         raise EndoctError(f"no method is registered for '{task.name}'", remedy=f"register one under {_group(task)}")
     for name in wanted:
         if name not in known:
-            unknown_name(name, known, _what(task))
+            unknown_name(name, known, _kind(task))
     if len(set(wanted)) < len(wanted):
         raise EndoctError("a method is named twice", found=", ".join(wanted), expected="each once")
     return tuple(wanted) or known
 
 
 def load_method(task: AnyTask, name: str) -> Function:
-    """Import the method ``name`` of ``task``.
+    """Import and return the method ``name`` of ``task``.
 
     Raises :class:`EndoctError` for one that is not known or is registered twice, and whatever its import raises.
     """
-    method = task.methods.get(name) or entry_named(name, _registered(task), _what(task)).load()
+    method = task.methods.get(name) or entry_named(name, _registered(task), _kind(task)).load()
     if not callable(method):
         raise EndoctError(f"the method '{name}' is no function", found=type(method).__name__)
     loaded: Function = method
@@ -192,14 +192,14 @@ def origin(task: AnyTask, name: str) -> str:
     """Return where a method comes from: its function and the version of the package that registers it."""
     if name in task.methods:
         return "endoct"
-    entry = entry_named(name, _registered(task), _what(task))
+    entry = entry_named(name, _registered(task), _kind(task))
     package = f" ({entry.dist.name} {entry.dist.version})" if entry.dist is not None else ""
     return f"{entry.value}{package}"
 
 
 def module_of(task: AnyTask, name: str) -> str:
     """Return the module that a method is in, without importing it."""
-    return "endoct" if name in task.methods else entry_named(name, _registered(task), _what(task)).module
+    return "endoct" if name in task.methods else entry_named(name, _registered(task), _kind(task)).module
 
 
 def _group(task: AnyTask) -> str:
@@ -210,5 +210,5 @@ def _registered(task: AnyTask) -> EntryPoints:
     return entry_points(group=_group(task))
 
 
-def _what(task: AnyTask) -> str:
+def _kind(task: AnyTask) -> str:
     return f"method for '{task.name}'"

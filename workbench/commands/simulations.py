@@ -148,7 +148,7 @@ def dataset(
         dry_run: make one specimen in a temporary folder and estimate what all would take
         json: print the result as JSON
     """
-    from endoct.workbench.dataset.building import run_dataset
+    from endoct.workbench.dataset.creation import run_dataset
     from endoct.workbench.dataset.plan import Plan
     from endoct.workbench.pipeline.settings import parse_vary
 

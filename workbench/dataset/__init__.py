@@ -8,16 +8,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from endoct.workbench.dataset.building import make_dataset
+    from endoct.workbench.dataset.creation import make_dataset
+    from endoct.workbench.dataset.loader import Specimens
     from endoct.workbench.dataset.plan import Plan
-    from endoct.workbench.dataset.reading import Specimens
 
 __all__ = ["Plan", "Specimens", "make_dataset"]
 
 _MODULES = {
     "Plan": "endoct.workbench.dataset.plan",
-    "Specimens": "endoct.workbench.dataset.reading",
-    "make_dataset": "endoct.workbench.dataset.building",
+    "Specimens": "endoct.workbench.dataset.loader",
+    "make_dataset": "endoct.workbench.dataset.creation",
 }
 
 

@@ -10,16 +10,16 @@ from pathlib import Path
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import read_object
 from endoct.synthetic.specimen import SPECIMEN_VERSION
-from endoct.workbench.dataset.files import top_file
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.dataset.records import RECORDS, made_beyond
+from endoct.workbench.dataset.set_files import top_file
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import ranges_text
 
 NAME = "dataset.json"
 LICENCE = "CC0-1.0"
 FOLDERS = "specimens", "shards", RECORDS
-"""Of a set, that come into it with its units."""
+"""These folders of a set appear with its units."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def read_identity(root: Path) -> Identity:
 
 
 def check_worker(root: Path) -> None:
-    """Raise :class:`EndoctError` where this process does not see the data set, or would make it otherwise."""
+    """Raise :class:`EndoctError` where this process cannot see the data set, or would make it differently."""
     import socket
 
     where = f"the worker on {socket.gethostname()}"

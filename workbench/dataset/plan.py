@@ -91,7 +91,7 @@ def split_of(plan: Plan, index: int) -> Split:
 
 
 def units(plan: Plan) -> Iterator[Unit]:
-    """Yield the units of the set, as far as may be in the order of their specimens.
+    """Yield the units of the set, in the order of their specimens where possible.
 
     A shard holds specimens of one split; the last of each split may have fewer than the others.
     """

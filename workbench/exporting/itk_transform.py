@@ -33,12 +33,12 @@ def write_itk_transform(source: Source, path: Path, options: Options, stages: St
     return {"from": start, "to": end, "matrix": matrix.tolist(), "offset_mm": offset_mm.tolist()}
 
 
-def save_affine(matrix: Coordinates, offset_mm: Coordinates, what: str, path: Path) -> None:
-    """Write the affine transform that takes a point to matrix (3, 3) @ point + offset (3,); ``what`` it does."""
+def save_affine(matrix: Coordinates, offset_mm: Coordinates, title: str, path: Path) -> None:
+    """Write the affine transform that takes a point to matrix (3, 3) @ point + offset (3,); ``title`` it does."""
     lines = [
         "#Insight Transform File V1.0",
         f"# {BLANK}",
-        f"# {what}",
+        f"# {title}",
         "#Transform 0",
         "Transform: AffineTransform_double_3_3",
         f"Parameters: {' '.join(repr(float(value)) for value in (*matrix.ravel(), *offset_mm))}",

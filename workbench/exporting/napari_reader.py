@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.exporting.layers import contrast_of, levels_of, read_level, thinned
+from endoct.workbench.exporting.image_layers import contrast_of, levels_of, read_level, thinned
 from endoct.workbench.exporting.source import Source, open_source
 
 LayerData = tuple[Any, dict[str, Any], str]

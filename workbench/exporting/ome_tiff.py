@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from endoct.base.files.contents import output_digest
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.formats import Options
-from endoct.workbench.exporting.layers import Level, blocks, levels_of, read_level, thinned
+from endoct.workbench.exporting.image_layers import Level, blocks, levels_of, read_level, thinned
 from endoct.workbench.exporting.mark import BLANK, mark
 from endoct.workbench.exporting.source import Source
 from endoct.workbench.running.progress import Advance, Stages
@@ -27,7 +27,7 @@ LARGE_PX = 2048
 """An image with a longer side has tiles and coarser levels."""
 STRIP_ROWS = 64
 _BIG_BYTES = 2_000_000_000
-"""From here on offsets of 64 bits: compression may bring nothing."""
+"""Larger files get offsets of 64 bits, as compression may save nothing."""
 
 
 def write_ome_tiff(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:

@@ -13,7 +13,7 @@ from zarr.codecs import BloscCodec
 
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.formats import OmeVersion, Options
-from endoct.workbench.exporting.layers import (
+from endoct.workbench.exporting.image_layers import (
     LabelLayer,
     Layer,
     Level,
@@ -29,7 +29,8 @@ from endoct.workbench.running.progress import Stages
 CHUNK_PX = 512
 UNIT = "millimeter"
 COLOURS = "FF00FF", "00FF00"
-"""Of the two sides: where both are bright the sum is white, and no kind of colour blindness mixes the two up."""
+"""Colours of the two sides. Where both are bright the sum is white, and no kind of colour blindness mixes the two
+up."""
 
 
 def write_ome_zarr(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:

@@ -20,7 +20,7 @@ from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import is_panorama
 from endoct.stitching.store import read_outline as read_panorama
-from endoct.workbench.exporting.layers import Ids, LabelLayer, Layer, even_rows, lies_evenly
+from endoct.workbench.exporting.image_layers import Ids, LabelLayer, Layer, even_rows, lies_evenly
 
 Kind = Literal["panorama", "comparison", "truth"]
 TRUTH = "truth"

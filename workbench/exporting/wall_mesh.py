@@ -13,7 +13,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
 from endoct.fusion.geometry.resample import column_weights, resample
 from endoct.workbench.exporting.formats import VERTEX_MM, Options
-from endoct.workbench.exporting.layers import Layer, blocks, contrast_of
+from endoct.workbench.exporting.image_layers import Layer, blocks, contrast_of
 from endoct.workbench.exporting.source import Source
 from endoct.workbench.running.progress import Advance, Stages
 

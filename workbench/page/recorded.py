@@ -21,7 +21,7 @@ from PIL import Image as Pillow
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import digests
 from endoct.modalities.contract import Frame, FrameStream, Manifest, Picture, Seen
-from endoct.modalities.illustrating import illustrated
+from endoct.modalities.illustration import illustrated
 from endoct.modalities.registry import open_recording
 from endoct.stitching.store import PanoramaOutline
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from endoct.base.compute.own_process import give_back
-from endoct.modalities.illustrating import illustrated
+from endoct.modalities.illustration import illustrated
 from endoct.workbench.pipeline.unrolling import Unrolled
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 

@@ -21,15 +21,17 @@ from endoct.modalities.endoscope.mirror.rings import (
 
 LEAST_SUPPORT = 0.25
 FAINTEST_SUPPORT = 0.1
-"""Of an inner rim where there is no clearer one, and of rims that lie where those of other frames do."""
+"""An inner rim needs this support where there is no clearer one, and so do rims that lie where those of other frames
+do."""
 LARGEST_RADIUS_RATIO = 0.85
 SMALLEST_RADIUS_RATIO = 0.1
 FARTHEST_CENTRES = 0.2
 LEAST_LASTING = 0.5
-"""Of an inner rim's contrast must remain farther out: a specular ring on the mirror is bright, and ends."""
+"""At least this part of an inner rim's contrast remains farther out. A specular ring on the mirror is bright, and
+ends."""
 NEAR_REACHES = (0.06, 0.03, 0.015)
 FAR_REACHES = (0.3, 0.1, 0.03, 0.015)
-"""In which an edge is looked for about a rim, ever shorter, as parts of the outer radius."""
+"""An edge is looked for this far from a rim, as parts of the outer radius, in one round after the other."""
 REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check that the frames show the mirror's ring"
 
 

@@ -16,8 +16,8 @@ from endoct.base.compute.room import Room
 from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.annulus import Annulus
-from endoct.modalities.endoscope.mirror.finding import Reference
 from endoct.modalities.endoscope.mirror.optics import ConeOptics, assumed_cone, stated_optics
+from endoct.modalities.endoscope.mirror.ring_search import Reference
 
 LEAST_ROWS, MOST_ROWS = 8, 96
 RIM_PX = 2.0

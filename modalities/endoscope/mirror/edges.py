@@ -9,11 +9,11 @@ from endoct.modalities.endoscope.mirror.rings import N_RAYS, Ring
 
 STEP_PX = 0.5
 MARGIN = 2
-"""Samples at both ends of a ray where no edge is looked for."""
+"""This many samples at both ends of a ray are not searched for edges."""
 SIGMA = 2.0
 _AWAY = np.arange(1, 9)
 TAPS = _AWAY / SIGMA**2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2) / (1 + 2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2).sum())
-"""Of the derivative of a Gaussian, in samples: those of one side."""
+"""One side of the derivative of a Gaussian, in samples."""
 
 
 def edge_points(image: Image, ring: Ring, reach_px: float) -> tuple[Coordinates, Coordinates]:
@@ -37,7 +37,7 @@ def edge_points(image: Image, ring: Ring, reach_px: float) -> tuple[Coordinates,
 def _steepest(
     image: Image, x_px: float, y_px: float, cos: Coordinates, sin: Coordinates, radii: Coordinates, sign: float
 ) -> tuple[Coordinates, Coordinates]:
-    """Return radius and slope of the steepest edge of one ``sign`` on each ray from a centre; outside is no edge."""
+    """Return radius and slope of the steepest edge of one ``sign`` on each ray; there is no edge outside the image."""
     n, reach, zero = radii.size, TAPS.size, np.float32(0)
     last_x, last_y = np.float32(image.shape[1] - 1), np.float32(image.shape[0] - 1)
     last_left, last_top = np.int32(image.shape[1] - 2), np.int32(image.shape[0] - 2)

@@ -18,14 +18,14 @@ from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 
 DISAGREEMENT = 0.05
 ASSUMED_DISTANCE = 1.25
-"""Of an unknown pupil from the cone's apex, in radii of the bore: 0.8 to 1.5 in the simulator."""
+"""An unknown pupil is assumed this far from the cone's apex, in radii of the bore. The simulator has 0.8 to 1.5."""
 ASSUMED_LENGTH = 0.65
-"""Of the bore that the annulus shows, in radii of the bore, until the feed says more."""
+"""The annulus is assumed to show this length of the bore, in radii, until the feed says more."""
 CONE_KEYS = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
 STEEPEST = 0.6
 """Largest tan ψ of an assumed cone."""
 ASSUMED_ANGLES_RAD = np.deg2rad(34.0), np.deg2rad(56.0)
-"""Half angles within which a cone is fitted."""
+"""A cone's half angle is fitted between these."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class ConeOptics:
         return z
 
     def _undistorted(self, r_px: Coordinates) -> Coordinates:
-        """tan ψ of an image radius; the fixed point of the distortion, which is a mild one."""
+        """tan ψ of an image radius: the fixed point of the mild distortion."""
         image = r_px / self.focal_px
         t = image
         for _ in range(20 if self.distortion else 0):

@@ -16,16 +16,15 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.equations import solve
+from endoct.base.numeric.linear_equations import solve
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, quantile
-from endoct.modalities.endoscope.mirror.disc_opening import opened
 
 MOST_GROWTH = 3.0
-"""Of a circle's radius from what it was thought to be."""
+"""A circle's radius may differ from its first estimate by at most this factor."""
 PICKS = 200
 """Circles that are tried."""
 NUMBERS = 512
-"""Of points, as many as there are rays, for which it is held which three each circle goes through."""
+"""The choices of three points are kept for up to this many points, as many as there are rays."""
 
 
 def consensus_circle(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coordinates:
@@ -136,7 +135,7 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
     for _ in range(count):
         path = radii[trace_closed(gain)]
         gain[np.abs(radii[None, :] - path[:, None]) <= reach] = 0
-        seen = _seen(inside, radii, path)
+        seen = _visible(inside, radii, path)
         if seen.sum() < FEWEST_POINTS:
             break
         ring = fit_circle(*_points(x, y, path, seen), (x, y, float(np.median(path))))
@@ -246,7 +245,9 @@ def describe(image: Image, dark: float, ring: Ring) -> Ring:
 
 def without_thin_lines(image: Image) -> Image:
     """Return ``image`` without bright lines and spots narrower than a thirtieth of its shorter side; steps stay."""
-    return opened(image, 2 * round(0.8 * _reach(image)) + 1)
+    size = 2 * round(0.8 * _reach(image)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.morphologyEx(image, cv2.MORPH_OPEN, disc), dtype=np.float32)
 
 
 def dark_level(image: Image) -> float:
@@ -306,19 +307,19 @@ def _retrace(image: Image, dark: float, ring: tuple[float, float, float], rising
     path = radii[
         trace_closed(np.where(inside, np.clip(response, 0, MOST_CONTRAST), 0.0).astype(np.float32), most_step=1)
     ]
-    seen = _seen(inside, radii, path)
+    seen = _visible(inside, radii, path)
     if seen.sum() < FEWEST_POINTS:
         return ring
     return fit_circle(*_points(x, y, path, seen), ring)
 
 
-def _seen(inside: Mask, radii: Coordinates, path: Coordinates) -> Mask:
+def _visible(inside: Mask, radii: Coordinates, path: Coordinates) -> Mask:
     return np.asarray(inside[np.arange(path.size), np.searchsorted(radii, path).clip(0, radii.size - 1)])
 
 
-def _points(x: float, y: float, path: Coordinates, seen: Mask) -> tuple[Coordinates, Coordinates]:
+def _points(x: float, y: float, path: Coordinates, visible: Mask) -> tuple[Coordinates, Coordinates]:
     angle = 2 * np.pi / path.size * np.arange(path.size)
-    return (x + path * np.cos(angle))[seen], (y + path * np.sin(angle))[seen]
+    return (x + path * np.cos(angle))[visible], (y + path * np.sin(angle))[visible]
 
 
 def _distances(ring: tuple[float, float, float], x: float, y: float, n_rays: int) -> Coordinates:

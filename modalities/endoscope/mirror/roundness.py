@@ -12,13 +12,13 @@ from endoct.modalities.endoscope.mirror.edges import edge_points
 from endoct.modalities.endoscope.mirror.rings import Ring
 
 REACH = 0.14
-"""Of the radius, within which the rim is looked for: a circle through part of an ellipse is off its rest."""
+"""The rim is looked for within this part of the radius, since a circle through part of an ellipse misses the rest."""
 LEAST_SEEN = 0.7
-"""Of the circle must show the rim: an ellipse through less is anything."""
+"""At least this part of the rim must be visible. An ellipse fitted to less is arbitrary."""
 NEAR = 0.012
-"""Of the radius: a rim's points that are farther from the ellipse than this are not the rim's."""
+"""Points farther from the ellipse than this part of the radius do not belong to the rim."""
 NOT_ROUND = 0.01
-"""Between the axes, from which on a ring is not round; below 0.002 in both simulators."""
+"""A ring is not round from this relative difference of its axes on. It is below 0.002 in both simulators."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Roundness:
 
     @property
     def out_of_round(self) -> float:
-        """By what part the rim's longest diameter exceeds its shortest."""
+        """Relative excess of the rim's longest diameter over its shortest."""
         return float(np.hypot(self.wide - 1, self.oblique - 1))
 
 
@@ -44,7 +44,7 @@ ROUND = Roundness(1.0, 1.0)
 
 
 def measure_roundness(images: Sequence[Image], outer: Ring) -> Roundness:
-    """Return how round the outer rim is in grey images, the median over those that show enough of it."""
+    """Return the roundness of the outer rim: the median over the grey images that show enough of it."""
     measured = [one for image in images if (one := _of_image(image, locate_outer_rim(image, outer)[0])) is not None]
     if 2 * len(measured) < len(images):
         return ROUND

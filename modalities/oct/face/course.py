@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.base.numeric.harmonics import harmonics
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.points import Points, tukey_weight
 from endoct.modalities.oct.face.slices import SliceFeatures
 
 REACH_MM = 0.015, 0.009, 0.009
-"""How far from the face points still count, in every round of the fit."""
+"""Points count up to this distance from the face, in each round of the fit."""
 LEAST_COLUMNS = 60
 UNEVEN_RAD = 0.01
 """Usual first harmonic of the departure from even rotation that all slices share,"""
@@ -29,7 +29,7 @@ LINE_MM = 0.0003
 UNKNOWN_GLASS = 1.05, 0.05
 """κR where the glass is not known, and its standard error: glass of 0 to 0.3 mm."""
 LEAST_CERTAIN = 0.25
-"""Of κ: with a larger standard error nothing is said."""
+"""Nothing is concluded where the standard error of κ is larger."""
 SURE_SIGMAS = 3.0
 
 

@@ -1,6 +1,8 @@
 """Where the capillary's outer face lies in every slice, by that slice and its neighbours.
 
-A slice that strays from its neighbours is not taken; what lies between known ones is bridged.
+A slice that strays from its neighbours is not used, and gaps between known slices are bridged. The face departs from
+a circle by a few micrometres, as rotation is uneven and glass oblique. These ripples are harmonics of the beam's angle
+from order 2 on: the axis's offset and depth take up the orders 0 and 1.
 """
 
 from collections.abc import Sequence
@@ -8,15 +10,15 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import NotSeen
-from endoct.modalities.oct.face.circle import Capillary, Circle
+from endoct.base.numeric.harmonics import harmonics
+from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.lines import fit_circle
 from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line, shows_catheter
-from endoct.modalities.oct.face.points import Points
-from endoct.modalities.oct.face.ripple import fit_ripple
+from endoct.modalities.oct.face.points import Points, tukey_weight
 from endoct.modalities.oct.face.sine import Sine, slice_sine
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
@@ -81,7 +83,7 @@ class Faces:
     Attributes: ``capillary``, a circle each; ``bridged``, bool (n_slices,), where it is interpolated from neighbours;
     ``inlier_fraction``, float64 (n_slices,), of columns that show the face; ``residual_mm``, float64 (n_slices,), root
     mean square of these; ``ripple_mm``, float64 (n_slices, N_RIPPLE), where the face departs from the circle, see
-    :mod:`endoct.modalities.oct.face.ripple`.
+    :mod:`endoct.modalities.oct.face.faces`.
     """
 
     capillary: Capillary
@@ -208,3 +210,23 @@ def _no_capillary(instead: str) -> NotSeen:
         remedy="check capillary_outer_diameter_mm, bore_diameter_mm and axial_pixel_mm, look at the B-scans, "
         "or give the depth of the outer face as start_offset_mm",
     )
+
+
+RIPPLE_HARMONICS = 6
+N_RIPPLE = 2 * (RIPPLE_HARMONICS - 1)
+DAMPING = 0.05  # of the points' weight: a face seen in part does not swing where it is not seen
+
+
+def ripple_basis(angle_rad: ArrayLike) -> Coordinates:
+    """Return cosines, then sines of harmonics 2 to ``RIPPLE_HARMONICS`` of the angles (n,), float64 (n, N_RIPPLE)."""
+    waves = harmonics(angle_rad, range(2, RIPPLE_HARMONICS + 1))
+    return np.concatenate([waves[:, 0::2], waves[:, 1::2]], axis=1)
+
+
+def fit_ripple(points: Points, circle: Circle, tolerance_mm: float) -> Coordinates:
+    """Return the factors of :func:`ripple_basis`, float64 (N_RIPPLE,), mm, from ``points`` near ``circle``."""
+    residual = points.beyond_mm(circle)
+    weight = tukey_weight(residual, 2 * tolerance_mm) * points.strength
+    basis = ripple_basis(points.angle_rad)
+    normal = basis.T @ (weight[:, None] * basis) + DAMPING * max(float(weight.sum()), 1.0) * np.eye(N_RIPPLE)
+    return np.asarray(np.linalg.solve(normal, basis.T @ (weight * residual)))

@@ -14,7 +14,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
-from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
+from endoct.modalities.oct.face.face_circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 
@@ -23,7 +23,7 @@ THICKNESS_MM = (0.04, 0.45)
 STEP_MM = 0.0025
 WIDTH_MM = 0.008  # of the inner face's line
 LEAST_OFFSET_MM = 0.05  # nearer to the axis a sheath line's own wobble looks the same, and nothing bends
-LEAST_SHOWN = 0.07  # of the columns
+LEAST_SHARE = 0.07  # of the columns
 LEAST_PRESENCE = 0.5  # of the slices
 
 
@@ -95,18 +95,18 @@ def _thickness_mm(slices: Sequence[SliceFeatures], faces: Faces, index: float) -
     capillary = faces.capillary
     tried_mm = np.arange(*THICKNESS_MM, STEP_MM)
     off_axis = np.flatnonzero(~faces.bridged & (capillary.offset_mm > LEAST_OFFSET_MM))
-    shown = [_shown(slices[i], capillary.circle(i), tried_mm, index) for i in map(int, off_axis)]
-    if not shown:
+    shares = [_share_with_points(slices[i], capillary.circle(i), tried_mm, index) for i in map(int, off_axis)]
+    if not shares:
         return 0.0
-    share = np.array(shown)
+    share = np.array(shares)
     best = int(np.argmax(share.sum(axis=0)))
     near = slice(max(best - 1, 0), best + 2)
-    if np.mean(share[:, near].max(axis=1) > LEAST_SHOWN) < LEAST_PRESENCE:
+    if np.mean(share[:, near].max(axis=1) > LEAST_SHARE) < LEAST_PRESENCE:
         return 0.0
     return float(np.average(tried_mm[near], weights=share[:, near].sum(axis=0)))
 
 
-def _shown(features: SliceFeatures, face: Circle, tried_mm: Coordinates, index: float) -> Coordinates:
+def _share_with_points(features: SliceFeatures, face: Circle, tried_mm: Coordinates, index: float) -> Coordinates:
     """The share of columns with a point where the inner face would be, for each thickness of the glass."""
     points = features.points
     across = face.x_mm * np.sin(points.angle_rad) - face.y_mm * np.cos(points.angle_rad)

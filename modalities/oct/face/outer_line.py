@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.numeric.ranks import medians
-from endoct.modalities.oct.face.circle import Capillary
+from endoct.modalities.oct.face.face_circle import Capillary
 from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition

@@ -16,7 +16,7 @@ from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.circle import pad_circle
 from endoct.base.numeric.ranks import median, quantile_pair, robust_sigma
 from endoct.modalities.oct.bscan import Raster
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.parameters import OctParameters
 
 WAVELET, MODE = pywt.Wavelet("db2"), "periodization"

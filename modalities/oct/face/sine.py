@@ -1,7 +1,7 @@
 """The paper's sine f(x) = A sin(ωx + φ) + D for the depth of the capillary's outer face.
 
 Laves 2019, Image undistortion. With ω = 1, A = e and φ = −β − π/2 it is the first order of the circle that a catheter
-sees which lies off the axis by e in the direction β (:mod:`endoct.modalities.oct.face.circle`).
+sees which lies off the axis by e in the direction β (:mod:`endoct.modalities.oct.face.face_circle`).
 """
 
 import math
@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.equations import solve
-from endoct.modalities.oct.face.circle import Circle
+from endoct.base.numeric.linear_equations import solve
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.parameters import OctParameters
 

@@ -10,7 +10,7 @@ from endoct.base.compute.compiled import compiled
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, reduced, sector_angles_rad
 from endoct.modalities.oct.depth_order import share_brightening
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.lines import Lines, find_lines
 from endoct.modalities.oct.face.points import Points, line_points
 from endoct.modalities.oct.manifest import OctAcquisition

@@ -18,14 +18,14 @@ from scipy.ndimage import label, maximum_filter1d, percentile_filter, uniform_fi
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric import ranks
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
 from endoct.modalities.oct.surface.line_removal import without_lines
+from endoct.modalities.oct.surface.wall_evidence import Background
 
 LINE_SIGMAS = 1.0
 SKIRT_SIGMAS = 0.12

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.modalities.oct.surface.evidence import Background
+from endoct.modalities.oct.surface.wall_evidence import Background
 
 
 class Bridges(NamedTuple):

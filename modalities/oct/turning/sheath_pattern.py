@@ -21,10 +21,10 @@ from scipy.ndimage import gaussian_filter1d
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.kept import Kept
+from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import wrap_rad
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import LEAST_OFFSET_MM, Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.lines import Lines
@@ -197,7 +197,7 @@ LEAST_PRESENCE = 0.6
 FEWEST_LINES = 2  # one alone may be anything
 CLEAR_MM = 0.04  # before the capillary's inner face
 BLURS = ((0.012, 0.2), (0.008, 0.15), (0.005, 0.1), (0.004, 0.08), (0.003, 0.05))
-"""Of the pattern, round by round: standard deviations along depth, mm, and around the turn, rad."""
+"""The pattern is blurred round by round by these standard deviations: along depth, mm, and around the turn, rad."""
 RIGID_RAD = 0.08
 
 
@@ -222,7 +222,7 @@ def sheath_mark(slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, mm_
     direction = np.zeros((3, len(slices)))
     with Kept[Sight]() as sights:
         for i, features in enumerate(slices):
-            sights.append(_seen(features, faces.capillary.circle(i), depth_mm, clear_mm))
+            sights.append(_sight(features, faces.capillary.circle(i), depth_mm, clear_mm))
         pattern = Pattern.of(depth_mm.size)
         middle = sights[len(sights) // 2]
         pattern.add(middle, middle.halves(depth_mm.size), 0.0)
@@ -254,7 +254,7 @@ def _n_lines(slices: Sequence[SliceFeatures], faces: Faces, mm_per_px: float) ->
     return count
 
 
-def _seen(features: SliceFeatures, face: Circle, depth_mm: Coordinates, clear_mm: float) -> Sight:
+def _sight(features: SliceFeatures, face: Circle, depth_mm: Coordinates, clear_mm: float) -> Sight:
     """What is seen before the capillary's inner face."""
     points = features.points.where(features.points.beyond_mm(face) < -clear_mm)
     angle = 2 * np.pi * np.arange(N_ANGLES) / N_ANGLES

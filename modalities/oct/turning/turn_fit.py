@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.equations import solve
+from endoct.base.numeric.linear_equations import solve
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
+from endoct.modalities.oct.face.faces import N_RIPPLE, ripple_basis
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass, face_distance
 from endoct.modalities.oct.face.points import Points
-from endoct.modalities.oct.face.ripple import N_RIPPLE, ripple_basis
 from endoct.modalities.oct.turning.rotation import N_SMOOTH, smooth_basis
 
 ROUNDNESS_MM = 0.0007  # the face's departure from a circle, each harmonic

@@ -12,9 +12,9 @@ from functools import cache
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.kept import Computed
+from endoct.base.compute.spool import Computed
 from endoct.base.numeric.ranks import robust_sigmas
-from endoct.modalities.oct.face.circle import Capillary, Circle
+from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import Faces, refit_faces, starts_anywhere
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures

@@ -11,7 +11,7 @@ import pytest
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
 
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.equations import solve
+from endoct.base.numeric.linear_equations import solve
 
 
 def twice(value: float) -> float:

@@ -18,8 +18,8 @@ def count_to(send: Send, last: int) -> int:
     return last
 
 
-def refuse(what: str) -> None:
-    raise EndoctError(what, found="nothing", expected="something", remedy="look again")
+def refuse(subject: str) -> None:
+    raise EndoctError(subject, found="nothing", expected="something", remedy="look again")
 
 
 def divide(a: float, b: float) -> float:
@@ -40,8 +40,8 @@ def sleep(send: Send) -> None:
 
 
 class OddError(OSError):
-    def __init__(self, one: int, two: int, three: int) -> None:
-        super().__init__(f"{one} {two} {three}")
+    def __init__(self, first: int, two: int, three: int) -> None:
+        super().__init__(f"{first} {two} {three}")
 
 
 def run_out_of_memory() -> None:

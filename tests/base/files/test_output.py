@@ -244,24 +244,24 @@ def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("there", ["nothing", "old"])
-@pytest.mark.parametrize("what", ["file", "folder", "another run's", "file within"])
+@pytest.mark.parametrize("kind", ["file", "folder", "another run's", "file within"])
 def test_what_somebody_puts_there_meanwhile_stays_and_so_does_the_new_one(
-    there: str, what: str, tmp_path: Path
+    there: str, kind: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     if there == "old":
         write(out, "old")
 
     def somebody() -> None:
-        if what == "file within":
+        if kind == "file within":
             out.mkdir(exist_ok=True)
             (out / "notes").write_text("mine")
             return
         if out.exists():
             out.rename(tmp_path / "moved")
-        if what == "file":
+        if kind == "file":
             out.write_text("mine")
-        elif what == "folder":
+        elif kind == "folder":
             _add("notes")(out)
         else:
             write(out, "another")

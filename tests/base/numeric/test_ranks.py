@@ -2,8 +2,19 @@
 
 import numpy as np
 import pytest
+from tolerances import MEDIAN_ERROR
 
-from endoct.base.numeric.ranks import median, medians, quantile, quantile_pair, quantiles, ranked
+from endoct.base.numeric.ranks import (
+    error_of_median,
+    median,
+    medians,
+    quantile,
+    quantile_pair,
+    quantiles,
+    ranked,
+    robust_sigma,
+    robust_sigmas,
+)
 
 SAMPLES = np.random.default_rng(1).normal(size=(37, 20)).astype(np.float32)
 
@@ -55,3 +66,23 @@ def test_ranked_takes_what_counts() -> None:
     np.testing.assert_array_equal(least, np.where(counted, SAMPLES, np.inf).min(axis=0))
     too_far = ranked(SAMPLES, counted, np.full(20, 36))
     assert np.isinf(too_far).all()
+
+
+def test_outliers_hardly_move_the_spread() -> None:
+    samples = np.random.default_rng(0).normal(0, 2, 20_000)
+    samples[::10] = 1e6
+    assert robust_sigma(samples) == pytest.approx(2, rel=0.2)
+    assert robust_sigma(samples.astype(np.float32)) == pytest.approx(robust_sigma(samples), rel=1e-6)
+
+
+def test_columns_have_a_spread_each() -> None:
+    deviations = np.random.default_rng(1).normal(0, (1, 3), (1000, 2))
+    np.testing.assert_array_equal(robust_sigmas(deviations), [robust_sigma(column) for column in deviations.T])
+
+
+def test_a_median_errs_as_stated() -> None:
+    """Over 2000 medians of 80 samples each, their errors over what is stated have a root mean square of 1."""
+    samples = np.random.default_rng(2).normal(3, 2, (2000, 80))
+    medians = np.median(samples, axis=1)
+    stated = [error_of_median(row - median) for row, median in zip(samples, medians, strict=True)]
+    assert np.sqrt(np.mean(((medians - 3) / stated) ** 2)) == pytest.approx(1, abs=MEDIAN_ERROR)

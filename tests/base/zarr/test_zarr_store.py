@@ -77,9 +77,9 @@ def test_other_files_in_a_store_disturb_nobody(store: Path) -> None:
 
 
 def test_what_consolidated_metadata_say_does_not_count(store: Path) -> None:
-    def lie(told: dict[str, Any]) -> None:
-        told["consolidated_metadata"]["metadata"]["intensity"]["shape"] = [10**6, 10**6]
-        del told["consolidated_metadata"]["metadata"]["weight"]
+    def lie(metadata: dict[str, Any]) -> None:
+        metadata["consolidated_metadata"]["metadata"]["intensity"]["shape"] = [10**6, 10**6]
+        del metadata["consolidated_metadata"]["metadata"]["weight"]
 
     edit(store / "zarr.json", lie)
     assert load_panorama(store).intensity.shape == GRID.shape
@@ -254,8 +254,8 @@ def test_a_store_of_zarr_2_is_no_panorama(tmp_path: Path) -> None:
 
 
 def test_an_array_without_samples_states_no_chunks_however_long_it_is(store: Path) -> None:
-    def empty(told: dict[str, Any]) -> None:
-        told["shape"], told["chunk_grid"]["configuration"]["chunk_shape"] = [2**62, 0], [1, 1]
+    def empty(metadata: dict[str, Any]) -> None:
+        metadata["shape"], metadata["chunk_grid"]["configuration"]["chunk_shape"] = [2**62, 0], [1, 1]
 
     edit(store / "intensity" / "zarr.json", empty)
     with pytest.raises(EndoctError):

@@ -15,7 +15,7 @@ from endoct.modalities.ct.ct_volume import CtVolume, holds_labels, read_ct, with
 from endoct.modalities.ct.label_names import read_label_names
 from endoct.modalities.ct.trajectory import Trajectory, as_point
 from endoct.synthetic.bone.lattice import Lattice
-from endoct.synthetic.ct.scanning import _write as write_as_simulated
+from endoct.synthetic.ct_scan import _write as write_as_simulated
 
 NAMES = {1: "facial nerve", 2: "cochlea", 3: "chorda tympani"}
 SNAP = """\ufeff################################################

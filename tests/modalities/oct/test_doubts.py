@@ -11,7 +11,7 @@ from tolerances import AGREEING_RTOL
 from endoct.base.errors import NotSeen
 from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_surface, plain_wall
-from endoct.modalities.oct.surface.evidence import Background
+from endoct.modalities.oct.surface.wall_evidence import Background
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import BORE_MM, CAPILLARY_MM, PIXEL_MM, Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
@@ -166,3 +166,10 @@ def test_a_nearest_wall_that_is_lost_is_doubted(unrolled: UnrollPhantom, offset_
         away = wrap_rad(panorama.grid.theta_rad - nearest_rad[:, None] - turned_rad)
         lost = replace(panorama, valid=panorama.valid & (np.abs(away) > 0.3))
         assert codes_of_surface(lost) == (["nearest-wall-lost"] if doubted else [])
+
+
+def test_a_wrong_first_sample_is_noted(unrolled: UnrollPhantom) -> None:
+    right = unrolled(Phantom(sidecar={"first_sample_mm": 0.0}))[1]
+    wrong = unrolled(Phantom(sidecar={"first_sample_mm": 0.5}))[1]
+    assert not any("first_sample_mm" in note for note in right.notes)
+    assert any("first_sample_mm" in note for note in wrong.notes)

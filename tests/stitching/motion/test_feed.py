@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from tolerances import FEED_ATOL_MM, ROLL_ATOL_RAD
 
-from endoct.base.compute.kept import Computed, Kept
+from endoct.base.compute.spool import Computed, Kept
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian, wrap_rad
 from endoct.stitching.motion import textures

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.base.compute.kept import Kept
+from endoct.base.compute.spool import Kept
 from endoct.stitching.motion.matching import Matcher
 from endoct.stitching.motion.textures import Texture
 

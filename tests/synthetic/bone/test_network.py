@@ -14,7 +14,7 @@ from endoct.synthetic.bone.anatomy import (
     sinus_and_antrum,
     structures,
 )
-from endoct.synthetic.bone.grown import REACH_MM
+from endoct.synthetic.bone.field import REACH_MM
 from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.bone.network import air_on, sites
 from endoct.synthetic.bone.wall import build_wall

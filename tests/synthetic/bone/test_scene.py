@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from endoct.base.arrays import Coordinates
-from endoct.synthetic.bone.cavity import covers, near
+from endoct.synthetic.bone.cavities import covers, near
 from endoct.synthetic.bone.scene import Crossings, build_scene, crossings, joined
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Sample

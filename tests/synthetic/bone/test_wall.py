@@ -6,9 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from endoct.synthetic.bone.baking import Traced, part_of_wall
-from endoct.synthetic.bone.cavities import cavities
-from endoct.synthetic.bone.cavity import clearance, covers, near
+from endoct.synthetic.bone.baked_maps import Traced, part_of_wall
+from endoct.synthetic.bone.cavities import cavities, clearance, covers, near
 from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.scene import crossings
 from endoct.synthetic.bone.wall import Wall, build_wall

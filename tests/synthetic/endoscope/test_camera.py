@@ -11,8 +11,7 @@ from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import compressed, displayed, noise_free, noisy, pixel_maps, render_frame
 from endoct.synthetic.endoscope.cone import cone_of, focal_length_px
-from endoct.synthetic.endoscope.light import light
-from endoct.synthetic.endoscope.lighting import lighting_of, lit_frame
+from endoct.synthetic.endoscope.lighting import light, lighting_of, lit_frame
 from endoct.synthetic.endoscope.sight import View, follow, view
 from endoct.synthetic.sample.parameters import Debris, Droplet, Sample, Speck
 

@@ -77,12 +77,12 @@ def closed_form_mm(camera: Endoscope, r_px: Coordinates, radius_mm: float = RADI
     return -d * math.cos(2 * a) + (radius_mm + d * math.sin(2 * a)) * m, m
 
 
-def pixels(seen: PixelMaps) -> tuple[Coordinates, Coordinates, Coordinates, Coordinates]:
+def pixels(maps: PixelMaps) -> tuple[Coordinates, Coordinates, Coordinates, Coordinates]:
     """Radius and angle in the image, z from the apex, and θ, of the pixels that see the wall."""
-    row, column = np.nonzero(seen.valid)
+    row, column = np.nonzero(maps.valid)
     dx, dy = column - CENTRE[0], row - CENTRE[1]
-    z = seen.z_mm[row, column].astype(float) - APEX_MM
-    return np.hypot(dx, dy), np.arctan2(dy, dx), z, seen.theta_rad[row, column].astype(float)
+    z = maps.z_mm[row, column].astype(float) - APEX_MM
+    return np.hypot(dx, dy), np.arctan2(dy, dx), z, maps.theta_rad[row, column].astype(float)
 
 
 def apart(a: Coordinates, b: Coordinates) -> Coordinates:

@@ -11,12 +11,11 @@ from tolerances import RAW_SPECTRA_DB, SPECKLE_GRAIN
 
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.oct.appearance import Appearance, build_appearance
 from endoct.synthetic.oct.beams import Echoes, trace
 from endoct.synthetic.oct.bscan import noise_free, offset, render_bscan, render_bscans, spectra
-from endoct.synthetic.oct.field import scattered
+from endoct.synthetic.oct.scattered_field import scattered
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, Spectrometer, chirp, roll_off, spectrometer
-from endoct.synthetic.oct.sweep import Sweep, Turn
+from endoct.synthetic.oct.sweep import Appearance, Sweep, Turn, build_appearance
 from endoct.synthetic.sample.parameters import LostAscans, Oct, Sample
 
 N = 1024
@@ -90,18 +89,20 @@ def _flat(n: int, path_mm: float) -> Echoes:
     )
 
 
-def _seen(oct_: Oct, one: Spectrometer, echoes: Echoes, seed: int = 0) -> NDArray[np.complex128]:
+def _field_of(oct_: Oct, instrument: Spectrometer, echoes: Echoes, seed: int = 0) -> NDArray[np.complex128]:
     """Return the field in depth, (column, 512), 0 dB a magnitude of 1."""
     n = echoes.alpha_rad.size
     sweep = Sweep(
-        oct_, one, Turn(N_RING, 0, n), echoes, np.zeros(n), np.full(n, -60.0), RADIUS_MM,
+        oct_, instrument, Turn(N_RING, 0, n), echoes, np.zeros(n), np.full(n, -60.0), RADIUS_MM,
         catheter_mm=0, lean=0, density=None, seed=seed, bore_seed=seed, slice_index=0,
     )  # fmt: skip
     light = scattered(sweep)
     m = np.arange(N, dtype=np.float64)
-    reference = one.reference(m)
+    reference = instrument.reference(m)
     field = np.concatenate([part for _, part in light.field(0, 1, N, with_line=False)]).real * 2 * reference
-    depth = np.fft.rfft(field * one.window, axis=1)[:, :512] / (one.unit * np.sum(reference * one.window))
+    depth = np.fft.rfft(field * instrument.window, axis=1)[:, :512] / (
+        instrument.unit * np.sum(reference * instrument.window)
+    )
     return np.asarray(depth, dtype=np.complex128)
 
 
@@ -109,7 +110,7 @@ def _seen(oct_: Oct, one: Spectrometer, echoes: Echoes, seed: int = 0) -> NDArra
 def speckle(sample: Sample) -> NDArray[np.complex128]:
     oct_ = _even(sample).model_copy(update={"roll_off_db": 30.0})  # so that nothing folds back
     one = spectrometer(oct_, N)
-    flattened = _seen(oct_, one, _flat(N_RING, 1.0)) / roll_off(oct_, np.arange(512.0), N)
+    flattened = _field_of(oct_, one, _flat(N_RING, 1.0)) / roll_off(oct_, np.arange(512.0), N)
     return flattened[:, 210:330]
 
 
@@ -144,7 +145,7 @@ def test_the_surface_of_bone_is_where_its_path_ends(sample: Sample) -> None:
     oct_ = _even(sample)
     one = spectrometer(oct_, N)
     for path_mm in (1.0, 1.00125, 1.0025):
-        mean = np.mean(np.abs(_seen(oct_, one, _flat(N_RING, path_mm))) ** 2, axis=0)
+        mean = np.mean(np.abs(_field_of(oct_, one, _flat(N_RING, path_mm))) ** 2, axis=0)
         # what folds back from beyond the full depth is a twentieth
         assert mean[:195].max() < 0.1 * mean[215:260].mean(), "no bone above its surface"
         # half of the plateau at the surface
@@ -156,7 +157,7 @@ def test_behind_a_septum_there_is_a_gap_and_weaker_bone(sample: Sample) -> None:
     oct_ = _even(sample).model_copy(update={"attenuation_mm": 0.2})
     one = spectrometer(oct_, N)
     thin = replace(_flat(N_RING, 1.0), exit_path_mm=np.full(N_RING, 1.155), reentry_path_mm=np.full(N_RING, 1.5))
-    mean = np.mean(np.abs(_seen(oct_, one, thin)) ** 2, axis=0) / roll_off(oct_, np.arange(512.0), N) ** 2
+    mean = np.mean(np.abs(_field_of(oct_, one, thin)) ** 2, axis=0) / roll_off(oct_, np.arange(512.0), N) ** 2
     assert 10 * math.log10(mean[240:290].mean() / mean[205]) < -25
     # 0.155 mm of light's way is 0.1 mm of bone with an index of 1.55
     lost_db = 10 * math.log10(mean[305:310].mean() / mean[205:210].mean())
@@ -165,7 +166,7 @@ def test_behind_a_septum_there_is_a_gap_and_weaker_bone(sample: Sample) -> None:
 
 def test_a_full_turn_closes(sample: Sample) -> None:
     oct_ = _even(sample)
-    field = _seen(oct_, spectrometer(oct_, N), _flat(N_RING + 100, 1.0))
+    field = _field_of(oct_, spectrometer(oct_, N), _flat(N_RING + 100, 1.0))
     np.testing.assert_allclose(field[20:80, 220:], field[N_RING + 20 : N_RING + 80, 220:], atol=1e-2)
 
 

@@ -36,7 +36,7 @@ def oct_() -> Oct:
 
 
 @pytest.fixture(scope="module")
-def one(oct_: Oct) -> Spectrometer:
+def instrument(oct_: Oct) -> Spectrometer:
     return spectrometer(oct_, N)
 
 
@@ -45,15 +45,15 @@ def _field(*reflectors: tuple[float, complex]) -> NDArray[np.complex64]:
     return np.asarray(total, dtype=np.complex64)[None]
 
 
-def _depth(one: Spectrometer, fringes: NDArray[np.float64], finer: int = 1) -> NDArray[np.float64]:
+def _depth(instrument: Spectrometer, fringes: NDArray[np.float64], finer: int = 1) -> NDArray[np.float64]:
     """Return power against that of a reflector at 0 dB, ``finer`` bins a pixel."""
-    coherent = float(np.sum(one.reference(M) * one.window))
-    spectrum = np.fft.rfft(fringes * one.window, finer * N) / (coherent * one.unit)
+    coherent = float(np.sum(instrument.reference(M) * instrument.window))
+    spectrum = np.fft.rfft(fringes * instrument.window, finer * N) / (coherent * instrument.unit)
     return np.asarray(np.abs(spectrum) ** 2, dtype=np.float64)
 
 
-def _without_reference(one: Spectrometer, field: NDArray[np.complex64]) -> NDArray[np.float64]:
-    return counts(one, M, field)[0].astype(np.float64) - one.reference(M)
+def _without_reference(instrument: Spectrometer, field: NDArray[np.complex64]) -> NDArray[np.float64]:
+    return counts(instrument, M, field)[0].astype(np.float64) - instrument.reference(M)
 
 
 @pytest.mark.parametrize("place", [40.0, 150.25, 333.5])
@@ -84,28 +84,28 @@ def test_sensitivity_rolls_off_as_sinc_and_gauss(oct_: Oct) -> None:
     np.testing.assert_array_equal(roll_off(steep, np.array([-100.0]), N), roll_off(steep, np.array([100.0]), N))
 
 
-def test_levels_are_those_over_the_mean_noise(oct_: Oct, one: Spectrometer) -> None:
+def test_levels_are_those_over_the_mean_noise(oct_: Oct, instrument: Spectrometer) -> None:
     rng = np.random.default_rng(1)
-    reference = np.broadcast_to(counts(one, M, np.zeros((1, N), np.complex64)), (400, N))
-    noise = digitised(rng, one, M, reference, DARK) - reference[0] - 80
-    power = np.stack([_depth(one, a_scan) for a_scan in noise])[:, 20:500]
+    reference = np.broadcast_to(counts(instrument, M, np.zeros((1, N), np.complex64)), (400, N))
+    noise = digitised(rng, instrument, M, reference, DARK) - reference[0] - 80
+    power = np.stack([_depth(instrument, a_scan) for a_scan in noise])[:, 20:500]
     assert 10 * math.log10(power.mean()) == pytest.approx(0, abs=LEVEL_DB)
-    reflector = _depth(one, _without_reference(one, _field((200.0, one.unit * 10 ** (30 / 20)))))
+    reflector = _depth(instrument, _without_reference(instrument, _field((200.0, instrument.unit * 10 ** (30 / 20)))))
     assert 10 * math.log10(reflector[200]) == pytest.approx(30, abs=LEVEL_DB)
     # white scatterers of unit level, one a pixel
-    scatterers = rng.standard_normal((400, N, 2)) @ np.array([1, 1j]) * math.sqrt(one.bone_unit2 / 2)
+    scatterers = rng.standard_normal((400, N, 2)) @ np.array([1, 1j]) * math.sqrt(instrument.bone_unit2 / 2)
     field = N * np.fft.ifft(scatterers, axis=1).astype(np.complex64)
-    linear = 2 * field.real * one.reference(M)
-    power = np.stack([_depth(one, a_scan) for a_scan in linear])[:, 20:500]
+    linear = 2 * field.real * instrument.reference(M)
+    power = np.stack([_depth(instrument, a_scan) for a_scan in linear])[:, 20:500]
     # fringes show every scatterer's mirror image as well
     assert 10 * math.log10(power.mean() / 2) == pytest.approx(0, abs=LEVEL_DB)
 
 
-def test_the_floor_of_a_bscan_is_the_stated_count(oct_: Oct, one: Spectrometer) -> None:
-    reference = np.broadcast_to(counts(one, M, np.zeros((1, N), np.complex64)), (600, N))
-    spectra = digitised(np.random.default_rng(2), one, M, reference, DARK)
+def test_the_floor_of_a_bscan_is_the_stated_count(oct_: Oct, instrument: Spectrometer) -> None:
+    reference = np.broadcast_to(counts(instrument, M, np.zeros((1, N), np.complex64)), (600, N))
+    spectra = digitised(np.random.default_rng(2), instrument, M, reference, DARK)
     high = oct_.model_copy(update={"floor_count": 150.0})  # u8 cuts off none of the darkest
-    samples = reconstruct(high, one, spectra)
+    samples = reconstruct(high, instrument, spectra)
     assert samples.shape == (512, 600)
     floor = samples[20:].astype(np.float64)
     assert floor.mean() == pytest.approx(150.0, abs=0.5)
@@ -114,32 +114,32 @@ def test_the_floor_of_a_bscan_is_the_stated_count(oct_: Oct, one: Spectrometer) 
     assert skew == pytest.approx(-1.14, abs=0.05)
 
 
-def test_what_lies_before_zero_delay_is_seen_mirrored(one: Spectrometer) -> None:
-    power = _depth(one, _without_reference(one, _field((-37.0, 1e-3))), 16)
+def test_what_lies_before_zero_delay_is_seen_mirrored(instrument: Spectrometer) -> None:
+    power = _depth(instrument, _without_reference(instrument, _field((-37.0, 1e-3))), 16)
     assert np.argmax(power) / 16 == pytest.approx(37, abs=POINT_SPREAD_PX)
 
 
-def test_what_lies_beyond_full_depth_folds_back(one: Spectrometer) -> None:
-    power = _depth(one, _without_reference(one, _field((600.0, 1e-3))), 16)
+def test_what_lies_beyond_full_depth_folds_back(instrument: Spectrometer) -> None:
+    power = _depth(instrument, _without_reference(instrument, _field((600.0, 1e-3))), 16)
     assert np.argmax(power) / 16 == pytest.approx(N - 600, abs=POINT_SPREAD_PX)
 
 
-def test_two_reflectors_leave_an_echo_at_the_difference_of_their_paths(one: Spectrometer) -> None:
+def test_two_reflectors_leave_an_echo_at_the_difference_of_their_paths(instrument: Spectrometer) -> None:
     a, b = 0.02, 0.01
-    power = _depth(one, _without_reference(one, _field((180.0, a), (240.0, b))))
+    power = _depth(instrument, _without_reference(instrument, _field((180.0, a), (240.0, b))))
     near = power[50:70]
     assert int(np.argmax(near)) + 50 == 60
-    assert 10 * math.log10(near.max()) == pytest.approx(20 * math.log10(a * b / one.unit), abs=LEVEL_DB)
+    assert 10 * math.log10(near.max()) == pytest.approx(20 * math.log10(a * b / instrument.unit), abs=LEVEL_DB)
 
 
-def test_an_overflowing_ascan_streaks_over_all_depths(oct_: Oct, one: Spectrometer) -> None:
+def test_an_overflowing_ascan_streaks_over_all_depths(oct_: Oct, instrument: Spectrometer) -> None:
     field = np.repeat(_field((100.3, 0.002)), 60, axis=0)
     field *= np.exp(2j * np.pi * np.linspace(0, 7, 60))[:, None].astype(np.complex64)
     field[30] *= 400  # +52 dB
-    spectra = digitised(np.random.default_rng(3), one, M, counts(one, M, field), DARK)
+    spectra = digitised(np.random.default_rng(3), instrument, M, counts(instrument, M, field), DARK)
     assert spectra[30].max() == FULL_SCALE
     assert np.delete(spectra, 30, axis=0).max() < FULL_SCALE
-    samples = reconstruct(oct_, one, spectra)
+    samples = reconstruct(oct_, instrument, spectra)
     deep = samples[250:].astype(np.float64).mean(axis=0)
     assert deep[30] > np.delete(deep, 30).mean() + 10 / 0.3
 

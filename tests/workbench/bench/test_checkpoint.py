@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bench_tasks import install
+from bench_tasks import DOUBLING, install
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench import checkpoint
-from endoct.workbench.bench.checkpoint import Facts, plan_facts
+from endoct.workbench.bench.checkpoint import Facts, machine, plan_facts
 from endoct.workbench.bench.command import Request, run_bench
 from endoct.workbench.bench.runner import Plan
-from endoct.workbench.bench.task import Case, Range, Task, draw, load_task
+from endoct.workbench.bench.task import AnyTask, Case, Range, Task, draw, load_task
 from endoct.workbench.running.progress import SilentStages
 
 
@@ -106,3 +106,10 @@ def test_others_methods_count_by_their_modules() -> None:
     assert set(checkpoint._source(plan)) == {"endoct"}
     assert checkpoint._files("csv") == [Path(csv.__file__)]
     assert checkpoint._files("no_such_module_anywhere.at_all") == []
+
+
+def test_facts_can_be_written_as_json(doubling: AnyTask) -> None:
+    facts = plan_facts(Plan("doubling", ("right",), (3,), 1, DOUBLING.ranges))
+    assert json.loads(json.dumps(facts)) == facts
+    assert facts["conditions"] == {"size": [0.0, 1.0], "kind": ["plain", "odd"]}
+    assert {"processor", "cores", "cores_usable", "system"} <= set(json.loads(json.dumps(machine())))

@@ -17,7 +17,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench import simulate
 from endoct.workbench.dataset import Specimens
-from endoct.workbench.dataset.reading import read_from_shard, read_specimen
+from endoct.workbench.dataset.loader import read_from_shard, read_specimen
 from endoct.workbench.pipeline.truth import Truth, load_truth, true_cells, true_pose
 
 ROW = {"index": "0", "name": "s000000", "split": "train", "path": "s000000", "bore.length_mm": "5.0"}

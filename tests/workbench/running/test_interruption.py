@@ -46,7 +46,7 @@ COMMAND = """
 import hashlib, os, sys, time
 from pathlib import Path
 from endoct.base.compute.parallel import thread_map
-from endoct.base.files.scratch import TemporaryFolder, scratch_beside
+from endoct.base.files.scratch import TemporaryFolder, scratch_next_to
 from endoct.base.compute.worker_process import worker_process
 from endoct.workbench import cli
 
@@ -59,7 +59,7 @@ def begun():
     Path("begun").touch()
 
 def run():
-    with TemporaryFolder("busy"), scratch_beside(Path("out/place")) as scratch, worker_process() as process:
+    with TemporaryFolder("busy"), scratch_next_to(Path("out/place")) as scratch, worker_process() as process:
         (scratch / "half").write_text("written")
         process.call(time.sleep, 600)
         Path("worker").write_text(str(process._process.pid))

@@ -22,7 +22,7 @@ from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
 from endoct.workbench.posing.pose import read_plan
 
 PLAN_ASIDE_MM, PLAN_TILT_DEG = 1.0, 2.0
-"""How far a plan lies off the bore at most, where nothing else is wanted."""
+"""A plan lies at most this far off the bore, where nothing else is wanted."""
 PLAN_FILE, TRUE_LINE = "plan.mrk.json", "bore.mrk.json"
 MOST_SIDES = 2
 MOST_SAMPLE_BYTES = 16_000_000

@@ -1,11 +1,16 @@
-"""Simulated specimens and folders of the user's own, as cases see them."""
+"""Simulated specimens and folders of the user's own as cases, also bores whose cells are all of one size.
 
+The simulator draws cells from 0.2 to 1.5 mm at once; cells of one size allow sweeps over that size.
+"""
+
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 import tifffile
+from numpy.random import Generator
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
@@ -14,9 +19,11 @@ from endoct.fusion.files.masks import read_mask
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES
 from endoct.stitching.panorama import Panorama
+from endoct.synthetic.bone.cut_wall import CutWall
+from endoct.synthetic.bone.drawn_cells import draw_holes
+from endoct.synthetic.sample.parameters import Bore, Cell
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import PARTS, choices, default_ranges
-from endoct.workbench.bench.cases.uniform_cells import uniform_cells
 from endoct.workbench.bench.task import Range, rng_of
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 
@@ -115,3 +122,40 @@ def recordings_in(specimen: Path) -> list[Path]:
     if not recordings:
         raise EndoctError(f"{specimen} holds no recording", expected="oct/ or endoscope/ with an acquisition.toml")
     return sorted(recordings, key=lambda path: path.name not in MODALITIES)
+
+
+LEAST_MM = 0.2
+DEPTHS_MM = (0.05, 1.5)
+DEEPEST = 1.1
+"""Depth over opening; this and the depths are those between which the phantom's holes are drawn."""
+TRIES = 20
+"""Tries for each cell that would be needed if no two met."""
+
+
+def uniform_cells(rng: Generator, bore: Bore, opening_mm: float) -> tuple[Cell, ...]:
+    """Return drilled holes ``opening_mm`` across that cut away the share of the wall that the ``bore`` wants.
+
+    Holes as the phantom has them, brought to that size, each with the depth that one of that size could have, and
+    laid anywhere. Raises :class:`EndoctError` where there is no room for so many.
+    """
+    wall, holes = CutWall(bore), [_brought_to(hole, opening_mm) for hole in draw_holes(rng, bore)]
+    needed = bore.cell_fraction * math.pi * bore.diameter_mm * bore.length_mm / (math.pi / 4 * opening_mm**2)
+    for _ in range(TRIES * math.ceil(needed)):
+        if wall.enough:
+            break
+        place = {"z_mm": float(rng.uniform(0, bore.length_mm)), "theta_rad": float(rng.uniform(0, 2 * math.pi))}
+        wall.take(holes[int(rng.integers(len(holes)))].model_copy(update=place))
+    return wall.all_taken()
+
+
+def _brought_to(hole: Cell, opening_mm: float) -> Cell:
+    slant = math.sqrt(math.cos(hole.lean_rad))  # a leaning hole's opening is an ellipse
+    share = math.log(hole.depth_mm / DEPTHS_MM[0]) / math.log(_deepest_mm(hole.diameter_mm / slant) / DEPTHS_MM[0])
+    depth_mm = DEPTHS_MM[0] * (_deepest_mm(opening_mm) / DEPTHS_MM[0]) ** min(1.0, share)
+    fill_mm = min(depth_mm, hole.fill_mm * depth_mm / hole.depth_mm)
+    diameter_mm = max(LEAST_MM, opening_mm * slant)
+    return hole.model_copy(update={"diameter_mm": diameter_mm, "depth_mm": depth_mm, "fill_mm": fill_mm})
+
+
+def _deepest_mm(opening_mm: float) -> float:
+    return min(DEPTHS_MM[1], DEEPEST * opening_mm)

@@ -21,7 +21,7 @@ RADIUS_MM, LENGTH_MM, PITCH_MM = 1.25, 6.0, 0.2
 N_ASCANS, N_COLUMNS, ROW_MM = 1000, 1024, 0.02
 SHALLOWEST_MM, DEEPEST_MM = 0.05, 1.5
 SQUARENESS = 8.0
-"""Of a cell's profile: 2 is a bowl; drilled holes of the simulator have 5 to 12."""
+"""Exponent of a cell's profile. 2 is a bowl; drilled holes of the simulator have 5 to 12."""
 RANGES: Mapping[str, Range] = {
     "signal_db": (3.0, 30.0),
     "cell_mm": (0.2, 1.5),

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from endoct.workbench.bench.results.summary import (
+from endoct.workbench.bench.results.score_summary import (
     CONDITION,
     SCORE,
     Difference,
@@ -49,7 +49,7 @@ MOST_PANELS = 6
 FEWEST_IN_BIN, MOST_BINS = 4, 8
 UNANSWERED = "not answered"
 OF_ONE = "Jaccard", "precision", "recall", "share"
-"""How a task's words for a score begin that lies between 0 and 1."""
+"""The name of a score between 0 and 1 begins with one of these."""
 
 
 @dataclass(frozen=True)

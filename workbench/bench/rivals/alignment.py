@@ -21,7 +21,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.alignment import orientations_between
 
 SLOW_PX = 4
-"""How many samples of A across a pixel is for those that would take minutes otherwise."""
+"""Methods that would take minutes otherwise get pixels as large as this many samples of A."""
 BLUR_PX = 1.0
 MOST_FEATURES = 10_000
 """The strongest of an image: noise has 70 000, and matching those with one another takes minutes for every try."""

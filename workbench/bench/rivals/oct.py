@@ -15,11 +15,11 @@ from skimage.registration import phase_cross_correlation
 from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.registry import open_recording
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.tasks.oct_variants import even
+from endoct.workbench.bench.tasks.oct import even
 
 N_BLOCKS = 8
 TURNING = ("start_angle", "turn_length", "rotation_", "lost_")
-"""How the values of a frame begin that a chain of shifts does not know."""
+"""Values per frame whose names begin so are unknown to a chain of shifts."""
 WINDOW = 6
 """Width of the window over which blocks are compared, in units of the distance between blocks."""
 

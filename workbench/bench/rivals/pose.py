@@ -34,7 +34,8 @@ from endoct.workbench.bench.tasks.pose import Located, judged_side
 
 STARTS = 8
 SCALES = (0.985, 0.99, 0.995, 1.005, 1.01, 1.015)
-"""Of z, tried at the best result: a drive's pitch is known to 1 % or so, and no method here fits it."""
+"""These scales of z are tried at the best result: a drive's pitch is known to 1 % or so, and no method here fits
+it."""
 
 Library = Callable[[AirAround], Callable[[Observation, Panorama], Matching]]
 """The air in a CT to how a side is matched with it."""

@@ -19,16 +19,18 @@ from endoct.workbench.bench.task import NotInstalled
 
 LEAST_WEIGHT = 0.5
 FLOORS_MM = (0.15, 0.6)
-"""How far behind the wall a floor is taken for one: nearer it is the wall's roughness, farther an echo is faint."""
+"""A floor is believed between these distances behind the wall: a nearer one is roughness, and a farther echo is
+faint."""
 FLOOR_STEP_MM = 0.2
 NEAR_MM, TABLE_MM = 0.4, 0.2
 DISTANCES_MM, LEAST_REACH_MM = (0.8, 0.4, 0.2), 0.4
-"""Beyond which points do not correspond, in turn; a robust kernel of that width has a little more reach."""
+"""Points farther apart do not correspond, in one round after the other. A robust kernel of that width reaches a little
+farther."""
 NEIGHBOURS = 10
-"""Of a point of the CT's surface that its normal is estimated from."""
+"""A normal of the CT's surface is estimated from this many neighbouring points."""
 JUDGED_WITHIN_MM = 0.3
 WITHIN_MM = 6.5
-"""Of the plan lies what a bore may meet."""
+"""A bore may meet what lies within this distance of the plan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,7 @@ class Points:
     normals: Coordinates
 
     def thinned(self, most: int) -> "Points":
-        """Return every so manyth of them."""
+        """Return every n-th point, some ``most`` of them or up to twice as many."""
         step = max(1, len(self.places) // most)
         return Points(self.places[::step], self.normals[::step])
 

@@ -25,7 +25,7 @@ from endoct.workbench.bench.tasks.pose import LocatedSide
 ASIDE_MM, ASIDE_STEP_MM = 1.5, 0.5
 TILTS_RAD = tuple(float(np.radians(tilt)) for tilt in (-1.2, 0.0, 1.2))
 DEPTH_MM, DEPTH_STEP_MM = 2.0, 0.3
-"""How far a side may reach beyond the plan."""
+"""A side may reach this far beyond the plan; starts are this far apart along it."""
 TURNS = 36
 APART_MM, APART_RAD = 0.6, 0.25
 AT_A_TIME = 400_000
@@ -143,7 +143,7 @@ def _apart(starts: Iterator[Coordinates], most: int) -> Coordinates:
     return np.array(chosen)
 
 
-def _differ(one: Coordinates, other: Coordinates) -> bool:
-    apart_mm = np.abs(one - other)[[0, 1, 4]].max()
-    turn = abs((one[5] - other[5] + np.pi) % (2 * np.pi) - np.pi)
+def _differ(first: Coordinates, other: Coordinates) -> bool:
+    apart_mm = np.abs(first - other)[[0, 1, 4]].max()
+    turn = abs((first[5] - other[5] + np.pi) % (2 * np.pi) - np.pi)
     return bool(apart_mm > APART_MM or turn > APART_RAD)

@@ -16,13 +16,13 @@ from endoct.workbench.bench.rivals.pose_starts import RANKED_BY, Matching, Score
 
 VOXEL_MM = 0.25
 WITHIN_MM = 0.15
-"""In front of the first layer and behind the last one is as on it."""
+"""In front of the first layer, and behind the last one, the air is that of the layer up to this distance."""
 LEAST_WEIGHT = 0.5
 BLURS_MM = (0.3, 0.0)
-"""Of the CT, in turn."""
+"""The CT is blurred by these, one after the other."""
 BINS, ITERATIONS, STEP, LEAST_STEP = 24, 60, 0.3, 1e-3
 EDGES = (0.05, 0.95)
-"""Shares of air between which a voxel is at an edge: with its neighbours these decide."""
+"""A voxel with a share of air between these is at an edge. Such voxels and their neighbours decide."""
 
 
 def simpleitk_matching(air: AirAround) -> Callable[[Observation, Panorama], Matching]:
@@ -113,12 +113,12 @@ def _near_edges(shares: Image, known: Mask) -> NDArray[np.uint8]:
     return np.asarray(known & ndimage.binary_dilation(edges), dtype=np.uint8)
 
 
-def _correlations(air: AirAround, shown: Image, places: Coordinates) -> Image:
-    """Return how the air of a CT at places (n, m, 3) correlates with ``shown`` (m,), (n,)."""
+def _correlations(air: AirAround, wall: Image, places: Coordinates) -> Image:
+    """Return how the air of a CT at places (n, m, 3) correlates with ``wall`` (m,), (n,)."""
     values = air.values[0, 0].numpy()
     index = np.rint((places - np.array(air.corner_mm)) / STEP_MM).astype(np.intp)
     x, y, z = (np.clip(index[..., axis], 0, values.shape[2 - axis] - 1) for axis in range(3))
     there = values[z, y, x]
     there = there - there.mean(axis=1, keepdims=True)
-    of = shown - shown.mean()
+    of = wall - wall.mean()
     return np.asarray(there @ of / np.sqrt((there**2).sum(axis=1) * (of**2).sum() + 1e-6))

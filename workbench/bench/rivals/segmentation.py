@@ -24,7 +24,7 @@ from endoct.stitching.panorama import Panorama
 
 BLUR_MM = 0.015
 WINDOW_MM = 1.5
-"""Of local thresholds: some three typical cells across."""
+"""Window of local thresholds, some three typical cells across."""
 
 
 def li_raw(panorama: Panorama) -> Mask:

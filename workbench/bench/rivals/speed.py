@@ -7,21 +7,30 @@ from typing import Any
 
 import cv2
 import numpy as np
-from skimage.filters import threshold_li
+from scipy import ndimage
+from skimage.exposure import equalize_adapthist
+from skimage.filters import threshold_li, threshold_local
+from skimage.measure import ransac
+from skimage.restoration import denoise_wavelet
 from skimage.transform import warp_polar
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.registry import open_recording
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import per_frame
 from endoct.workbench.bench.cases.speed_jobs import Work, grey, levels_db, view_of
 from endoct.workbench.bench.rivals.alignment import ecc, phase_correlation
-from endoct.workbench.bench.rivals.pullback_chains import Chain, by_the_paper, by_the_textbook, unroll_by
 from endoct.workbench.bench.task import Declined
 from endoct.workbench.running.measured import Measured, measure_calls
 
 MOST_ROUNDS = 1000
+Chain = Callable[[Any], tuple[Image, Image]]
+"""From a B-scan (A-scan, depth) to the depth behind the face, px, and the brightness of the wall in each A-scan."""
 
 
 def literal(work: Work) -> Measured[Any]:
@@ -130,3 +139,105 @@ _TEXTBOOK: dict[str, Callable[..., Any]] = {
     "spectra": _levels,
 }
 _OPENCV: dict[str, Callable[..., Any]] = {"strips": _strips_by_opencv, "alignment": ecc}
+
+
+MEDIAN = 3
+TRIALS = 200
+TOLERANCE_PX = 3.0
+BEHIND_PX = 6
+"""The face is blurred: what lies nearer behind it is the face itself."""
+BLOCK = 51
+CONTRAST = 0.3
+"""A pixel on a line is brighter than its surroundings by this part of full scale."""
+
+
+def by_the_paper(bscan: Any) -> tuple[Image, Image]:
+    """Unroll a B-scan as Laves 2019 (Image undistortion) says, each step by the function scikit-image has for it.
+
+    Wavelets take the noise away, contrast is equalised, a local threshold leaves lines; a sine is fitted by RANSAC to
+    every pixel that is not zero; the image is moved by its inverse and cropped behind it, and projected.
+    """
+    image = bscan.astype(np.float32) / max(float(bscan.max()), 1.0)
+    enhanced = equalize_adapthist(np.clip(denoise_wavelet(image), 0, 1))
+    ascan, depth = np.nonzero(enhanced > threshold_local(enhanced, BLOCK, offset=-CONTRAST))
+    return _behind_face(image, _angles(len(image))[ascan], depth)
+
+
+def by_the_textbook(bscan: Any) -> tuple[Image, Image]:
+    """Unroll a B-scan the short way: a median filter, and a sine through the strongest rise of each A-scan."""
+    image = ndimage.median_filter(bscan, MEDIAN).astype(np.float32)
+    rise = np.argmax(ndimage.gaussian_filter1d(image, 2.0, axis=1, order=1), axis=1)
+    return _behind_face(image, _angles(len(image)), rise)
+
+
+def unroll_by(chain: Chain, folder: Path, few: int) -> Panorama:
+    """Return the first ``few`` slices of a pullback unrolled by ``chain``, at every A-scan."""
+    _, stream = open_recording(folder)
+    acquisition = stream.acquisition
+    if not isinstance(acquisition, OctAcquisition):
+        raise TypeError(acquisition)
+    frames = [stream[index] for index in range(few)]
+    rows = [chain(frame.samples) for frame in frames]
+    depth_mm = np.stack([depth_px for depth_px, _ in rows]) * acquisition.mm_per_px
+    z_mm = np.array([frame.z_mm for frame in frames])
+    order = np.argsort(z_mm)
+    grid = SurfaceGrid.full_circle(
+        few,
+        depth_mm.shape[1],
+        z0_mm=float(z_mm.min()),
+        dz_mm=acquisition.pullback_pitch_mm,
+        radius_mm=acquisition.bore_radius_mm,
+    )
+    valid: Mask = np.ones(depth_mm.shape, np.bool_)
+    return Panorama(
+        grid,
+        np.stack([brightest for _, brightest in rows])[order],
+        depth_mm[order],
+        valid,
+        valid.astype(np.float32),
+        "oct",
+        False,
+        False,
+        frame_dim="slice",
+        per_frame=per_frame({"slice_index": np.arange(few)[order], "slice_z_mm": z_mm[order]}, {}),
+        provenance={"acquisition": acquisition.model_dump(mode="json", exclude_none=True)},
+    )
+
+
+class _Sine:
+    """A sine once around, as scikit-image's `ransac` wants a model."""
+
+    @classmethod
+    def from_estimate(cls, data: Coordinates) -> "_Sine":
+        model = cls()
+        model.estimate(data)
+        return model
+
+    def estimate(self, data: Coordinates) -> bool:
+        self.params = np.linalg.lstsq(_basis(data[:, 0]), data[:, 1])[0]
+        return True
+
+    def residuals(self, data: Coordinates) -> Coordinates:
+        return np.asarray(np.abs(data[:, 1] - _basis(data[:, 0]) @ self.params))
+
+
+def _basis(theta_rad: Coordinates) -> Coordinates:
+    return np.stack([np.sin(theta_rad), np.cos(theta_rad), np.ones(theta_rad.size)], axis=1)
+
+
+def _angles(n_ascans: int) -> Coordinates:
+    return np.asarray(2 * np.pi / n_ascans * np.arange(n_ascans))
+
+
+def _behind_face(image: Image, theta_rad: Coordinates, depth_px: Any) -> tuple[Image, Image]:
+    """Return how far behind a sine through points the brightest sample of each A-scan lies, px, and its brightness."""
+    n_ascans, n_depth = image.shape
+    points = np.stack([theta_rad, depth_px], axis=1)
+    options = {"min_samples": 3, "residual_threshold": TOLERANCE_PX, "max_trials": TRIALS, "stop_probability": 1}
+    model, _ = ransac(points, _Sine, rng=np.random.default_rng(0), **options)
+    face = _basis(_angles(n_ascans)) @ model.params
+    depth = np.arange(BEHIND_PX, n_depth)
+    places = np.broadcast_arrays(np.arange(n_ascans)[:, np.newaxis], face[:, np.newaxis] + depth)
+    level = ndimage.map_coordinates(image, places, order=1, cval=0.0)
+    brightest = np.argmax(level, axis=1)
+    return depth[brightest].astype(np.float32), np.asarray(level[np.arange(n_ascans), brightest], np.float32)

@@ -25,7 +25,7 @@ ASHLAR_SIGMA_PX = 2.0
 FEWEST_ROWS = 8
 
 Shift = tuple[float, float, bool]
-"""By how many rows and columns the content lies lower than in the strip before, and whether that is known."""
+"""Rows and columns by which the content lies lower than in the strip before, and whether that is known."""
 Pairwise = Callable[[Image, Image, float], Shift]
 """(strip, the next one, nominal rows) → the shift between them."""
 UNKNOWN: Shift = (np.nan, np.nan, False)

@@ -27,7 +27,7 @@ MAIN = "main"
 class Step:
     """A step of the main comparison, and the settings that switch it off."""
 
-    what: str
+    title: str
     oct: PartSettings = field(default_factory=dict)
     endoscope: PartSettings = field(default_factory=dict)
     compare: PartSettings = field(default_factory=dict)

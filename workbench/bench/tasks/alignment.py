@@ -27,7 +27,7 @@ PX_MM = 2 * np.pi * RADIUS_MM / N_THETA
 BLOB_PX = (15.0, 70.0)
 """Radii of blobs, drawn evenly in their logarithm: 0.12 to 0.54 mm across."""
 EDGE_PX = 2.0
-"""Over how much an edge of a blob is blurred."""
+"""A blob's edge is blurred over this distance."""
 SPECKLE: Mapping[str, float] = {"low": 0.1, "middle": 0.3, "high": 0.6}
 """Contrast of the speckle, scatter over mean of the intensity, by what the condition "noise" says."""
 SUCCESS_PX = 2.0

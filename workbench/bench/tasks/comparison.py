@@ -23,7 +23,7 @@ from endoct.workbench.pipeline.truth import held_against, load_truth
 Part = Literal["oct", "endoscope", "compare"]
 PartSettings = Mapping[str, object]
 Settings = Mapping[Part, PartSettings]
-"""By part, the parameters that differ from their defaults."""
+"""Parameters that differ from their defaults, by part."""
 RANGES: Mapping[str, Range] = {"preset": PRESET_WORDS}
 USUAL: Mapping[str, Range] = {"preset": ("quick",)}
 SCORES: Mapping[str, str] = {

@@ -4,7 +4,7 @@ Specimens are simulated, small (16 slices of 512 A-scans). A method's cells are 
 rows; the one angle that no OCT recording knows, common to all its slices, is the one that fits best, for every method.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.cases.specimens import simulated
 from endoct.workbench.bench.task import SUCCESS, Case, Range, Task, draw
+from endoct.workbench.bench.tasks.ablate import STEPS
 from endoct.workbench.pipeline.truth import Pose, Truth, load_truth, true_cells, true_pose
 
 CAPILLARY_MM = 1.7
@@ -172,3 +173,28 @@ TASK = Task(
     own=own_cases,
     against="endoct",
 )
+
+
+def _without(*steps: str) -> Callable[[Path], Panorama]:
+    """Return the method that unrolls as `endoct unroll` does, with ``steps`` off."""
+    settings = {name: value for step in steps for name, value in STEPS[step].oct.items()}
+
+    def method(recording: Path) -> Panorama:
+        from endoct.workbench.api import unroll
+
+        return unroll(recording, settings=settings)
+
+    return method
+
+
+ours = _without()
+without_rotation = _without("no-rotation")
+without_turn_length = _without("no-turn-length")
+without_start_angle = _without("no-start-angle")
+without_lost_ascans = _without("no-lost-ascans")
+even = _without("no-turning")
+sine = _without("no-circle")
+# Laves 2019, with our wall, and as published: the brightest sample for the wall
+sine_even = _without("no-turning", "no-circle")
+literal = _without("literal")
+brightest = _without("no-turning", "no-edge")

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 BEYOND_MM = 5.0
 SUCCESS_MM = 0.5
-"""What a bore past the facial nerve has to be known to."""
+"""A bore past the facial nerve has to be known to this accuracy."""
 CHI_SQUARE_95 = 5.991
-"""Of two degrees of freedom."""
+"""The 95 % quantile of χ² with two degrees of freedom."""
 CT_VOXEL_MM = "ct.voxel_mm"
 SIDES: Mapping[str, Sequence[str]] = {
     "both": ("oct", "endoscope"),

@@ -28,7 +28,7 @@ from endoct.workbench.bench.tasks.comparison import (
 FactorCase = Case[tuple[Specimen, float], Path]
 FACTOR = 1.5
 NOT_TUNED = {"oct": {"seed"}, "endoscope": set[str](), "compare": {"z_scale_min", "z_scale_max"}}
-"""Numbers that are no amount: a name, and bounds about 1."""
+"""These numbers are no amounts: a seed, and bounds about 1."""
 
 
 def scaled(part: Part, name: str, default: float, power: int, specimen: Specimen, factor: float) -> ComparedPair:

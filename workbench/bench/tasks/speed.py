@@ -33,9 +33,9 @@ from endoct.workbench.bench.tasks import alignment, oct
 from endoct.workbench.running.measured import Measured, endoct_command, measure_calls, measure_program
 
 ASCANS_PER_S = 14_000 / 0.154
-"""Of the scanner whose B-scans have 14 000 A-scans: 91 kHz, 390 turns a minute."""
+"""Rate of the scanner whose B-scans have 14 000 A-scans: 91 kHz, 390 turns a minute."""
 FRAMES_PER_S = 30.0
-"""Of an endoscope's camera."""
+"""Rate of an endoscope's camera."""
 TOLERANCE: Mapping[str, float] = {
     "pullback": 0.2,
     "strips": 0.2,  # the light and the probe's own pattern are in the frames
@@ -43,13 +43,13 @@ TOLERANCE: Mapping[str, float] = {
     "alignment": alignment.SUCCESS_PX,
     "spectra": 0.5,
 }
-"""By how much an answer may be off, as the score ``error`` says it for each job."""
+"""Largest score ``error`` that an answer may have, for each job."""
 WINDOW = "hann"
 CLEAR_DB = 20.0
-"""Levels of spectra below this may be noise; reflectors of the job have 25 to 30 dB."""
+"""Levels of spectra below this may be noise. Reflectors of the job have 25 to 30 dB."""
 BLUR_PX = 2.0
 EVERY = 50
-"""Of the A-scans of the spectra, one is checked."""
+"""One in this many A-scans of the spectra is checked."""
 FEW_STRIPS = 3
 
 PULLBACK: Mapping[str, Range] = {
@@ -58,7 +58,7 @@ PULLBACK: Mapping[str, Range] = {
     "rotation_error_deg": (2.0, 2.0),
     "turn_jitter": (0.01, 0.01),
 }
-"""Of the task "oct": a pullback without particular difficulties."""
+"""Conditions of the task "oct" for a pullback without particular difficulties."""
 RANGES: Mapping[str, Range] = {
     "job": JOBS,
     "repeats": (5.0, 5.0),
@@ -180,13 +180,13 @@ def _error_of_strips(case: SpeedCase, answer: Sequence[tuple[Image, Mask]]) -> f
     )
 
 
-def _level(strip: Image, seen: Mask) -> Image:
-    """Return the logarithms of the samples that are ``seen``, less the means of their rows and columns, (n,)."""
-    logs = np.where(seen, masked_gaussian(np.log(np.maximum(strip, 1e-3)), seen, BLUR_PX, BLUR_PX), 0)
+def _level(strip: Image, observed: Mask) -> Image:
+    """Return the logarithms of the samples that are ``observed``, less the means of their rows and columns, (n,)."""
+    logs = np.where(observed, masked_gaussian(np.log(np.maximum(strip, 1e-3)), observed, BLUR_PX, BLUR_PX), 0)
     for axis in (1, 0):
-        n_seen = np.maximum(seen.sum(axis, keepdims=True), 1)
-        logs = np.where(seen, logs - logs.sum(axis, keepdims=True) / n_seen, 0)
-    return np.asarray(logs[seen], np.float32)
+        n_seen = np.maximum(observed.sum(axis, keepdims=True), 1)
+        logs = np.where(observed, logs - logs.sum(axis, keepdims=True) / n_seen, 0)
+    return np.asarray(logs[observed], np.float32)
 
 
 def _error_of_threshold(case: SpeedCase, answer: float) -> float:

@@ -26,7 +26,7 @@ MADE = "made"
 RIGHT_MM, RIGHT_DEG = 0.03, 1.0
 """A pair is right where feed and roll are within these; 1° is 0.02 mm along the wall."""
 MOST_WRONG, LEAST_RIGHT = 0.02, 0.8
-"""Shares of the pairs with which an answer counts as a success."""
+"""An answer succeeds with at most the first share of pairs wrong, and at least the second right."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from tolerances import RING_PX
 from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.light import reduced_light
 from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, find_annulus, follow
-from endoct.modalities.endoscope.mirror.finding import settle_annuli
+from endoct.modalities.endoscope.mirror.ring_search import settle_annuli
 from endoct.modalities.endoscope.mirror.rings import fit_circle, trace_closed
 
 TRUE = Annulus(152.3, 118.1, 52.7, 155.6, 121.4, 104.2)
@@ -48,9 +48,9 @@ def drawing(
     return np.clip(image, 0, 1).astype(np.float32)
 
 
-def assert_found(found: Annulus, expected: Annulus, atol: float = RING_PX) -> None:
+def assert_found(annulus: Annulus, expected: Annulus, atol: float = RING_PX) -> None:
     for name in ("inner_x_px", "inner_y_px", "inner_px", "outer_x_px", "outer_y_px", "outer_px"):
-        assert getattr(found, name) == pytest.approx(getattr(expected, name), abs=atol), name
+        assert getattr(annulus, name) == pytest.approx(getattr(expected, name), abs=atol), name
 
 
 def test_both_rims_are_found_each_with_its_own_centre() -> None:

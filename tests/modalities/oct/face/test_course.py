@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tolerances import COURSE_RTOL
 
-from endoct.modalities.oct.face.circle import Capillary, Circle
 from endoct.modalities.oct.face.course import Course, measure_course
+from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.lines import fit_circle
 from endoct.modalities.oct.face.points import Points

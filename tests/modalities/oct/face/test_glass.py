@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tolerances import COORDINATE_ATOL
 
-from endoct.modalities.oct.face.circle import circle_distance_mm
+from endoct.modalities.oct.face.face_circle import circle_distance_mm
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 
 TURN = 2 * np.pi * np.arange(64) / 64

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endoct.modalities.oct.face.circle import Circle, circle_distance_mm
+from endoct.modalities.oct.face.face_circle import Circle, circle_distance_mm
 from endoct.modalities.oct.face.lines import fit_circle
 from endoct.modalities.oct.face.points import Points
 

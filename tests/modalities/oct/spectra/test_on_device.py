@@ -42,8 +42,8 @@ def assert_same(reference: Reconstruction, spectra: NDArray[Any], electrons: flo
     assert_same_amplitudes(expected, found, electrons * np.abs(spectra.astype(int)).max())
 
 
-def assert_same_amplitudes(expected: NDArray[Any], found: NDArray[Any], largest: float) -> None:
-    theirs, ours = (10 ** (levels_db(bscan) / 20) for bscan in (expected, found))
+def assert_same_amplitudes(expected: NDArray[Any], computed: NDArray[Any], largest: float) -> None:
+    theirs, ours = (10 ** (levels_db(bscan) / 20) for bscan in (expected, computed))
     a_count = 10 ** (ON_DEVICE_COUNTS / COUNTS_PER_DB / 20) - 1
     assert (np.abs(ours - theirs) - np.maximum(theirs, ours) * a_count).max() <= ON_DEVICE_AMPLITUDE * largest
 

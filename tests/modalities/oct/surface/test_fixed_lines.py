@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.face.circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.evidence import Background
 from endoct.modalities.oct.surface.fixed_lines import with_lines_of
 from endoct.modalities.oct.surface.line_removal import bridge_rows, without_lines
 from endoct.modalities.oct.surface.wall import first_edge
+from endoct.modalities.oct.surface.wall_evidence import Background
 from tests.modalities.oct.surface.drawn_bscans import FIRST_ROW, N_DEPTH, N_THETA, PIXEL_MM, SPACING, SPECKLE, speckled
 
 

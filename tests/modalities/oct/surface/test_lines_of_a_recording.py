@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.modalities.oct.face.circle import Capillary, Circle
-from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.face.face_circle import Capillary, Circle
+from endoct.modalities.oct.face.faces import N_RIPPLE, Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.points import Points
-from endoct.modalities.oct.face.ripple import N_RIPPLE
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.modalities.oct.face.circle import Capillary, Circle
+from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.points import Points

@@ -1,12 +1,14 @@
 """Where turns start, measured from lines drawn by formula and on a phantom."""
 
 import numpy as np
-from tolerances import FREE_START_RAD, START_RAD
+import pytest
+from tolerances import COORDINATE_ATOL, FREE_START_RAD, START_RAD
 
 from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.turning import start_angle
 from endoct.modalities.oct.turning.rotation import Rotation, even_rotation
 from endoct.modalities.oct.turning.start_angle import measure_starts
 from tests.modalities.oct.phantom import Phantom
@@ -101,3 +103,34 @@ def test_an_angle_common_to_all_slices_only_rolls_the_panorama(unrolled: UnrollP
     assert rolled.depth_mm is not None
     shifted = np.roll(straight.depth_mm, 180, axis=1)
     assert np.mean(np.abs(shifted - rolled.depth_mm) > 0.03) < 0.02
+
+
+def by_matrix(moved: np.ndarray, sigma: np.ndarray, usual: float, creep: float) -> tuple[np.ndarray, np.ndarray]:
+    """The least squares for starts as written down: all unknowns, the landmark's directions too, by all rows."""
+    n, seen = moved.size, np.flatnonzero(np.isfinite(sigma))
+    creeping = (np.eye(n, k=1) - np.eye(n)) / creep
+    creeping[-1] = start_angle.MEAN_WEIGHT / n
+    sights = (np.eye(n)[seen], -np.eye(n)[seen])  # the landmark is seen at its direction less the start
+    matrix = np.block([[np.zeros((n, n)), creeping], [np.eye(n) / usual, np.zeros((n, n))]])
+    matrix = np.vstack([matrix, np.hstack(sights[::-1]) / sigma[seen, None]])
+    values = np.concatenate([np.zeros(2 * n), moved[seen] / sigma[seen]])
+    weight = np.ones(values.size)
+    for _ in range(start_angle.ROBUST_STEPS):
+        weighted = matrix * weight[:, None]
+        covariance = np.linalg.inv(weighted.T @ weighted)
+        solution = covariance @ (weighted.T @ (weight * values))
+        weight[n:] = 1 / np.sqrt(1 + ((matrix @ solution - values)[n:] / 2) ** 2)
+    return solution[:n], np.sqrt(np.diag(covariance)[:n])
+
+
+@pytest.mark.parametrize("n", [2, 3, 120])
+def test_starts_are_those_of_least_squares_over_everything(n: int) -> None:
+    rng = np.random.default_rng(3)
+    seen = (rng.random(n) < 0.9) | (np.arange(n) < 2)
+    moved = np.where(seen, 0.005 * rng.normal(size=n) + np.cumsum(0.0017 * rng.normal(size=n)), 0.0)
+    moved[np.flatnonzero(seen)[n // 6]] += 0.2
+    sigma = np.where(seen, rng.uniform(0.001, 0.004, n), np.inf)
+    for estimate, expected in zip(
+        start_angle.separated(moved, sigma, 0.005, 0.0017), by_matrix(moved, sigma, 0.005, 0.0017), strict=True
+    ):
+        np.testing.assert_allclose(estimate, expected, rtol=0, atol=COORDINATE_ATOL)

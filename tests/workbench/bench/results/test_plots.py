@@ -6,7 +6,7 @@ from pathlib import Path
 from bench_tasks import row
 
 from endoct.workbench.bench.results.plots import draw_plots
-from endoct.workbench.bench.results.summary import score_names, summarise
+from endoct.workbench.bench.results.score_summary import score_names, summarise
 from endoct.workbench.bench.tasks.ablate import TASK
 
 

@@ -9,8 +9,7 @@ import pytest
 from rich.table import Table
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.bench.cases.long_recordings import place_of
-from endoct.workbench.bench.cases.speed_jobs import Work
+from endoct.workbench.bench.cases.speed_jobs import Work, place_of
 from endoct.workbench.bench.command import Request, run_bench
 from endoct.workbench.bench.rivals.speed import literal, opencv, reading, textbook
 from endoct.workbench.bench.task import Case, Declined

@@ -1,0 +1,203 @@
+"""The cells that are drawn with a bore: holes drilled into bone substitute, or a pneumatised mastoid.
+
+In the drilled phantom, holes of several diameters and directions cross the bore. In the mastoid, air cells of many
+sizes are widest behind the wall, with thin septa between them. A cell is placed next to an earlier one: at a distance
+of about ``septum_mm``, or, for the share ``communicating``, so close that the two run into each other. Distances are
+taken along the line through the centres.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Coordinates
+from endoct.synthetic.bone.cavities import frame
+from endoct.synthetic.bone.cut_wall import CutWall, drawn_contents, drawn_outline
+from endoct.synthetic.sample.parameters import Bore, Cell
+
+
+def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
+    """Draw planted cells until ``bore.cell_fraction`` of the wall is cut away, or at most 0.02 more, never over 0.295.
+
+    Bone in three dimensions has none. Raises :class:`EndoctError` where there is no room for so many.
+    """
+    if bore.bone == "phantom":
+        return draw_holes(rng, bore)
+    return draw_network(rng, bore) if bore.bone == "mastoid" else ()
+
+
+HOLE_TRIES = 20  # for each mm² to be cut away, and at least ten times as many
+MOST_LEAN_RAD = 0.6
+
+
+def draw_holes(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
+    """Draw holes until the wanted part of the wall is cut away.
+
+    Raises :class:`EndoctError` where it cannot be, after a bounded number of tries.
+    """
+    wall = CutWall(bore)
+    wanted_mm2 = bore.cell_fraction * math.pi * bore.diameter_mm * bore.length_mm
+    for _ in range(10 * HOLE_TRIES + math.ceil(HOLE_TRIES * wanted_mm2)):
+        if wall.enough:
+            break
+        wall.take(_hole(rng, bore))
+    return wall.all_taken()
+
+
+def _hole(rng: Generator, bore: Bore) -> Cell:
+    opening = float(np.exp(rng.uniform(np.log(0.2), np.log(1.5))))
+    depth = float(np.exp(rng.uniform(np.log(0.05), np.log(min(1.5, 1.1 * opening)))))
+    # a shallow hole that leans more would leave the wall on one side
+    lean = rng.uniform(0, min(MOST_LEAN_RAD, math.atan(1.2 * depth / opening)))
+    contents: dict[str, Any] = drawn_contents(rng, bore, depth)
+    return Cell(
+        z_mm=float(rng.uniform(0, bore.length_mm)),
+        theta_rad=float(rng.uniform(0, 2 * np.pi)),
+        diameter_mm=max(0.2, opening * math.sqrt(math.cos(lean))),
+        depth_mm=depth,
+        bulge_mm=0.0,
+        aspect=float(rng.uniform(0.85, 1)),
+        tilt_rad=float(rng.uniform(0, np.pi)),
+        lean_rad=lean,
+        lean_direction_rad=float(rng.uniform(0, 2 * np.pi)),
+        squareness=float(rng.uniform(5, 12)),
+        outline=drawn_outline(rng, 0.08, 6),
+        **contents,
+    )
+
+
+CELL_TRIES = 120  # for each mm² to be cut away, and at least ten times as many
+SEED_SHARE = 0.12  # of cells that start a group of their own
+MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45  # of the log-normal openings
+SMALLER_AFTER = 12  # tries in vain, after each of which cells are drawn a tenth smaller
+HARMONICS = 4
+
+
+def draw_network(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
+    """Draw air cells until the wanted part of the wall is cut away.
+
+    Raises :class:`EndoctError` where it cannot be, after a bounded number of tries.
+    """
+    wall, packed = CutWall(bore), _Packed(bore.diameter_mm / 2)
+    wanted_mm2 = bore.cell_fraction * math.pi * bore.diameter_mm * bore.length_mm
+    vain = 0
+    for _ in range(10 * CELL_TRIES + math.ceil(CELL_TRIES * wanted_mm2)):
+        if wall.enough:
+            break
+        cell = _cell(rng, bore, 0.9 ** (vain / SMALLER_AFTER))
+        joins = rng.random() < bore.communicating
+        gap = -rng.uniform(0.02, 0.08) if joins else bore.septum_mm * rng.uniform(0.85, 1.15)
+        share, direction = rng.random(), rng.uniform(0, 2 * np.pi)
+        chosen = int(rng.integers(2**31))
+        neighbour = None
+        if packed.cells and share > SEED_SHARE:
+            neighbour = chosen % len(packed.cells)
+            cell = packed.placed_next_to(cell, neighbour, direction, gap)
+        fits = 0 <= cell.z_mm <= bore.length_mm and packed.fits(cell, neighbour, 0.8 * bore.septum_mm, gap)
+        if fits and wall.take(cell):
+            packed.add(cell)
+            vain = 0
+        else:
+            vain += 1
+    return wall.all_taken()
+
+
+def _cell(rng: Generator, bore: Bore, scale: float) -> Cell:
+    opening = float(np.clip(scale * MEDIAN_OPENING_MM * np.exp(SPREAD * rng.normal()), 0.2, 1.5))
+    squareness = float(rng.uniform(2, 3))
+    depth = float(np.clip(opening * np.exp(rng.normal() * 0.4 - 0.1), 0.05, 1.5))
+    # how far the widest part is behind the wall, against the semi-axis along the cell
+    behind = float(rng.uniform(0, 0.8)) if rng.random() < 0.75 else 0.0
+    along = depth / (1 + behind)
+    widest = opening / (1 - behind**squareness) ** (1 / squareness)
+    contents: dict[str, Any] = drawn_contents(rng, bore, depth)
+    return Cell(
+        z_mm=float(rng.uniform(0, bore.length_mm)),
+        theta_rad=float(rng.uniform(0, 2 * np.pi)),
+        diameter_mm=min(2.0, widest),
+        depth_mm=depth,
+        bulge_mm=depth - along,
+        aspect=float(rng.uniform(0.65, 1)),
+        tilt_rad=float(rng.uniform(0, np.pi)),
+        lean_rad=float(rng.uniform(0, min(0.4, math.atan(depth / opening)))),
+        lean_direction_rad=float(rng.uniform(0, 2 * np.pi)),
+        squareness=squareness,
+        outline=drawn_outline(rng, 0.12, HARMONICS),
+        **contents,
+    )
+
+
+class _Packed:
+    """The cells put down so far, as arrays."""
+
+    def __init__(self, radius_mm: float) -> None:
+        self.radius_mm = radius_mm
+        self.cells: list[Cell] = []
+        self._centre = np.zeros((16, 3))
+        self._axes = np.zeros((16, 3, 3))
+        self._power = np.zeros(16)
+        self._closed = np.zeros(16)
+        self._outline = np.zeros((16, HARMONICS, 2))
+
+    def add(self, cell: Cell) -> None:
+        n = len(self.cells)
+        if n == len(self._centre):
+            for name in ("_centre", "_axes", "_power", "_closed", "_outline"):
+                values = getattr(self, name)
+                setattr(self, name, np.concatenate([values, np.zeros_like(values)]))
+        self._centre[n], self._axes[n], _ = frame(cell, self.radius_mm)
+        self._power[n], self._outline[n] = cell.squareness, cell.outline
+        self._closed[n] = cell.bulge_mm > 0
+        self.cells.append(cell)
+
+    def placed_next_to(self, cell: Cell, neighbour: int, direction_rad: float, gap_mm: float) -> Cell:
+        """Return ``cell`` moved along the wall to where it leaves ``gap_mm`` to the neighbour."""
+        other = self.cells[neighbour]
+        away = (cell.diameter_mm + other.diameter_mm) / 2
+        for _ in range(3):
+            theta = other.theta_rad + away * math.sin(direction_rad) / self.radius_mm
+            moved = {"z_mm": other.z_mm + away * math.cos(direction_rad), "theta_rad": theta % (2 * math.pi)}
+            cell = cell.model_copy(update=moved)
+            away = min(math.pi, max(0.0, away + gap_mm - float(self._gaps(cell, [neighbour])[0])))
+        return cell
+
+    def fits(self, cell: Cell, neighbour: int | None, least_mm: float, gap_mm: float) -> bool:
+        """Whether the cell leaves ``least_mm`` to all, and about ``gap_mm`` to the neighbour it was placed next to."""
+        n = len(self.cells)
+        close = np.flatnonzero(np.abs(self._centre[:n, 2] - cell.z_mm) < 3.0)
+        gaps = self._gaps(cell, close)
+        if neighbour is not None:
+            gap_there = gaps[close == neighbour]
+            if not gap_there.size or abs(float(gap_there[0]) - gap_mm) > 0.01:
+                return False
+            gaps = gaps[close != neighbour]
+        return bool(np.all(gaps >= least_mm))
+
+    def _gaps(self, cell: Cell, others: Sequence[int] | NDArray[np.intp]) -> Coordinates:
+        """Return the bone between the cell and others along the lines of their centres, mm; negative where none."""
+        centre, axes, _ = frame(cell, self.radius_mm)
+        between = self._centre[others] - centre
+        apart = np.linalg.norm(between, axis=1)
+        unit = between / np.maximum(apart, 1e-9)[:, None]
+        outline = np.asarray(cell.outline)[None]
+        own = _reach(axes[None], np.array([cell.squareness]), np.array([float(cell.bulge_mm > 0)]), outline, unit)
+        theirs = _reach(self._axes[others], self._power[others], self._closed[others], self._outline[others], -unit)
+        gaps: Coordinates = apart - own - theirs
+        return gaps
+
+
+def _reach(
+    axes: Coordinates, power: Coordinates, closed: Coordinates, outline: Coordinates, unit: Coordinates
+) -> Coordinates:
+    """Return how far cavities reach from their centres in the directions ``unit`` (n, 3), mm."""
+    u, v, w = np.einsum("nij,nj->in", axes, unit)
+    angle = np.arctan2(v, u)
+    order = np.arange(2, 2 + outline.shape[1])[None, :] * angle[:, None]
+    edge = 1 + np.sum(outline[:, :, 0] * np.cos(order) + outline[:, :, 1] * np.sin(order), axis=1)
+    norm = ((np.hypot(u, v) / edge) ** power + np.maximum(w, -closed * w) ** power) ** (1 / power)
+    reach: Coordinates = 1 / norm
+    return reach

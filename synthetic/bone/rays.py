@@ -1,0 +1,170 @@
+"""Rays through air and bone: where they first meet a surface, leave bone, or enter fluid.
+
+The clearance of bore and cells together is a polynomial smooth maximum over each cell's ``edge_mm``, which adds at
+most a quarter of it. Rays step by what no surface can be nearer than, but at least ``STEP_MM``, within which the
+surface then follows from the secant rule.
+"""
+
+import math
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Mask
+from endoct.synthetic.bone.cavities import Cavities, Indices, Near, chosen, clearance
+from endoct.synthetic.elementary import Numbers
+
+STEP_MM = 0.004
+BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache
+# after so many steps few rays are left: these are looked at in so many places at once, as calls cost more than looks;
+# not the number of rays decides, so that where a ray ends does not depend on which others are traced with it
+STEPS, LOOKS = 10, 16
+MOST_AT_REST = 0.25  # of rays that have ended and are carried along: to sort them out costs as much as a step
+
+
+class BoreAlong(Protocol):
+    """The bore without cells, along n rays."""
+
+    def of(self, which: Indices) -> Self:
+        """Return the bore along some of the rays."""
+        ...
+
+    def at(self, t: Numbers) -> tuple[Numbers, Numbers]:
+        """Return the clearance at ``t`` (n,), mm, and the largest rate at which it can fall along the ray."""
+        ...
+
+
+def joined(bore_mm: Numbers, cells_mm: Numbers, edge_mm: Numbers) -> Numbers:
+    """Return the clearance of bore (n,) and cells (n, k) together, (n,): rounded at rims, sharp between cells."""
+    if not cells_mm.shape[1]:
+        return bore_mm
+    bore = bore_mm[:, None]
+    blend = np.maximum(edge_mm - np.abs(bore - cells_mm), 0)
+    return _most(np.maximum(bore, cells_mm) + blend * blend / (4 * edge_mm))
+
+
+def _most(values: Numbers) -> Numbers:
+    """Return the largest of each row of (n, k)."""
+    return values[:, 0] if values.shape[1] == 1 else values.max(1)
+
+
+def first_solid(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limit: Numbers) -> Numbers:
+    """Return where rays that are in air at ``start`` (n,) first meet a surface, NaN beyond ``limit`` (n,)."""
+    return _first_crossing(cells, rays, bore, start, limit, 1)
+
+
+def first_air(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limit: Numbers) -> Numbers:
+    """Return where rays that are in bone at ``start`` first leave it, NaN beyond ``limit``."""
+    return _first_crossing(cells, rays, bore, start + STEP_MM / 2, limit, -1)
+
+
+def _first_crossing(cells: Cavities, rays: Near, bore: BoreAlong, start: Numbers, limit: Numbers, sign: int) -> Numbers:
+    """Return where sign·clearance of rays first falls to 0 between ``start`` and ``limit``, NaN where it does not."""
+    crossing = np.full_like(start, math.nan)
+    which = np.flatnonzero(start <= limit)
+    part, along, t, stop = rays.of(which), bore.of(which), start[which], limit[which]
+    last, last_clear = t, np.zeros_like(t)
+    ends: list[tuple[NDArray[Any], ...]] = []
+    for _ in range(STEPS):
+        if not len(which):
+            break
+        clear, step = _look(cells, part, along, t, sign)
+        ahead = t + np.maximum(step, STEP_MM)
+        on = (clear > 0) & (ahead < stop)
+        if np.count_nonzero(on) >= (1 - MOST_AT_REST) * len(which):
+            # those that have ended stay where they are
+            last, last_clear = np.where(on, t, last), np.where(on, clear, last_clear)
+            t = np.where(on, ahead, t)
+            continue
+        met, kept = np.flatnonzero(clear <= 0), np.flatnonzero(on)
+        ends.append(tuple(values.take(met) for values in (which, last, last_clear, t, clear)))
+        last, last_clear, t, stop = (values.take(kept) for values in (t, clear, ahead, stop))
+        which = which.take(kept)
+        part, along = part.of(kept), along.of(kept)
+    while len(which):
+        each = np.repeat(np.arange(len(which)), LOOKS)
+        further = STEP_MM * np.arange(LOOKS - 1, dtype=t.dtype)
+        places = np.concatenate([last[:, None], t[:, None] + further], axis=1)
+        looked = _look(cells, part.of(each), along.of(each), places.ravel(), sign)
+        clear, step = (values.reshape(-1, LOOKS) for values in looked)
+        past = (clear <= 0) & (places <= stop[:, None])
+        is_met = past.any(1)
+        met = np.flatnonzero(is_met)
+        high = past[met].argmax(1)
+        pairs = (values[met, at] for at in (np.maximum(high - 1, 0), high) for values in (places, clear))
+        ends.append((which[met], *pairs))
+        ahead = places[:, -1] + np.maximum(step[:, -1], STEP_MM)
+        kept = np.flatnonzero(~is_met & (ahead < stop))
+        last, t, stop = (values.take(kept) for values in (places[:, -1], ahead, stop))
+        which = which.take(kept)
+        part, along = part.of(kept), along.of(kept)
+    if ends:
+        at, low, at_low, high, at_high = (np.concatenate(parts) for parts in zip(*ends, strict=True))
+        middle = _between(low, at_low, high, at_high)
+        clear = _look(cells, rays.of(at), bore.of(at), middle, sign)[0]
+        short = clear > 0
+        low, at_low = np.where(short, middle, low), np.where(short, clear, at_low)
+        high, at_high = np.where(short, high, middle), np.where(short, at_high, clear)
+        crossing[at] = _between(low, at_low, high, at_high)
+    return crossing
+
+
+def _look(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers, sign: int) -> tuple[Numbers, Numbers]:
+    """Return sign·clearance at ``t``, and how far its sign surely does not change."""
+    bore_mm, falls = bore.at(t)
+    if not rays.cell.shape[1]:
+        return sign * bore_mm, sign * bore_mm / falls
+    each = clearance(cells.inverse, rays, t)
+    clear = sign * joined(bore_mm, each.air_mm, rays.edge)
+    if sign > 0:
+        step = np.maximum(bore_mm / falls, _most(each.step_mm))
+        # in the rounding of a rim neither bore nor cell, only their joint clearance is positive
+        return clear, np.maximum(step, 0.5 * clear * (step <= 0))
+    step = -_most(each.step_mm)
+    near_rim = bore_mm > -2 * _most(rays.edge)
+    return clear, np.where(near_rim, np.minimum(step, 0.5 * clear), step)
+
+
+def _between(low: Numbers, at_low: Numbers, high: Numbers, at_high: Numbers) -> Numbers:
+    """Return where a clearance that is ``at_low`` > 0 and ``at_high`` ≤ 0 is 0, were it linear."""
+    return low + np.clip(at_low / np.maximum(at_low - at_high, 1e-12), 0, 1) * (high - low)
+
+
+def owner_of(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers) -> tuple[Indices, Mask]:
+    """Return 1 + index of the cavity whose surface is at ``t`` (n,), 0 for the bore's, and whether it is dust."""
+    nobody = np.zeros(len(t), np.intp)
+    if not rays.cell.shape[1]:
+        return nobody, nobody > 0
+    each = clearance(cells.inverse, rays, t)
+    slot = each.air_mm.argmax(1)
+    of_cell = chosen(each.air_mm, slot) > bore.at(t)[0]
+    number = np.where(of_cell, rays.numbers(slot), 0)
+    if each.in_dust is None:
+        return number, nobody > 0
+    return number, of_cell & chosen(each.in_dust, slot)
+
+
+def first_fluid(cells: Cavities, rays: Near, start: Numbers, limit: Numbers) -> Numbers:
+    """Return where rays enter fluid between ``start`` and ``limit`` (n,), NaN where they do not."""
+    surface = cells.fluid[rays.cell].astype(rays.power.dtype)
+    nearest = np.full_like(start, math.inf)
+    for slot in range(rays.cell.shape[1]):
+        level = np.broadcast_to(surface[:, slot], start.shape)
+        which = np.flatnonzero(np.isfinite(level))
+        if not len(which):
+            continue
+        one = rays.of(which).alone(slot)
+        sinks = one.dw[:, 0] * one.along[:, 0]
+        below = sinks > 0
+        with np.errstate(divide="ignore", invalid="ignore"):  # a ray along the fluid's surface is above it or below
+            plane = (level[which] - one.bulge[:, 0] - one.w[:, 0] * one.along[:, 0]) / sinks
+        t = np.where(below, np.maximum(plane, start[which]), start[which])
+        stop = np.where(below, limit[which], np.minimum(plane, limit[which]))
+        while len(which):
+            step = clearance(cells.inverse, one, t).step_mm[:, 0]
+            inside = (step > 0) & (t < stop)
+            nearest[which[inside]] = np.minimum(nearest[which[inside]], t[inside])
+            on = np.flatnonzero(~inside & (t < stop))
+            which, t, stop, one = which[on], (t + np.maximum(-step, STEP_MM))[on], stop[on], one.of(on)
+    return np.where(np.isfinite(nearest), nearest, math.nan)

@@ -1,1 +1,0 @@
-"""The CT of a simulated bone."""

@@ -1,0 +1,115 @@
+"""Places of the wall in frames as recorded: against the simulator's truth, and against how frames are unrolled."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tolerances import LOCATED_ASCANS, LOCATED_DEPTH_PX, LOCATED_PX, TABLED_PX
+
+from benchmarks.located_places import oct_errors, pixel_errors, table_errors
+from endoct.base.errors import EndoctError
+from endoct.modalities.contract import Picture, Places, Seen
+from endoct.modalities.illustration import illustrated, places_of
+from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, radius_mm, theta_at_radius
+from endoct.synthetic.specimen import simulate
+from endoct.workbench.page.recorded import picture_json
+from endoct.workbench.pipeline.unrolling import open_side, unroll_recording
+from endoct.workbench.report.pictures import load_pictures, save_pictures
+from endoct.workbench.running.progress import SilentStages
+
+
+@pytest.fixture(scope="module")
+def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("located") / "specimen"
+    simulate(folder, preset="learning", seed=1001, labels=True)
+    return folder
+
+
+def unrolled(path: Path, **settings: object) -> Any:
+    return unroll_recording(open_side(path, modality=None, settings=settings), SilentStages())
+
+
+def test_the_beam_and_the_sample_that_see_a_place(specimen: Path) -> None:
+    around, along = oct_errors(specimen)
+    assert around.size > 3000
+    assert np.median(np.abs(around)) < LOCATED_ASCANS
+    assert np.median(np.abs(along)) < LOCATED_DEPTH_PX
+
+
+def test_the_pixel_that_sees_a_place(specimen: Path) -> None:
+    missed_px = pixel_errors(specimen)
+    assert missed_px.size > 20_000
+    assert np.median(missed_px) < LOCATED_PX
+
+
+@pytest.mark.parametrize("name", ["oct", "endoscope"])
+def test_between_the_places_of_a_table(specimen: Path, name: str) -> None:
+    assert np.percentile(table_errors(specimen, name), 99) < TABLED_PX
+
+
+@pytest.mark.parametrize("undistort", ["eccentric", "sine"])
+def test_it_undoes_how_a_bscan_is_unrolled(specimen: Path, undistort: str) -> None:
+    made = unrolled(specimen / "oct", undistort=undistort)
+    calibration, index = made.calibration, 5
+    theta_rad = calibration.grid.theta_rad
+    nominal, recorded = beam_angles_rad(calibration, index, theta_rad)
+    for depth_mm in (0.0, 0.4):
+        radius = np.full(theta_rad.size, calibration.grid.radius_mm + depth_mm)
+        deep = depth_at_radius_mm(calibration, index, nominal, radius)
+        assert radius_mm(calibration, index, nominal, deep) == pytest.approx(radius)
+    at_bore = theta_at_radius(calibration, index, nominal, np.full(theta_rad.size, calibration.grid.radius_mm))
+    apart = np.angle(np.exp(1j * (at_bore - theta_rad)))[recorded]
+    assert np.abs(apart).max() < 1e-3  # the glass's bend is found by three rounds
+    # the brightest sample of the strip's column is that of the A-scan that is located
+    strip = made.manifest.load().unroll(made.stream[index], calibration)
+    places = Places(theta_rad, np.full(theta_rad.size, strip.z_mm[0]), strip.depth_mm[0].astype(float))
+    found = made.manifest.load().locate(index, places, calibration)
+    assert found["bscan-undistorted"][recorded, 1] == pytest.approx(places.depth_mm[recorded] + radius[0] - 0.4)
+    wall = next(p for p in made.manifest.load().illustrate(made.stream[index], calibration) if p.name == "bscan")
+    at = np.round(found["bscan"][:, 0] / calibration.grid.dtheta_rad).astype(int) % theta_rad.size
+    drawn_mm = wall.curves["wall"][at, 1]
+    known = recorded & strip.valid[0] & np.isfinite(drawn_mm)
+    assert np.median(np.abs(found["bscan"][known, 1] - drawn_mm[known])) < 1e-3
+
+
+def test_places_that_a_frame_does_not_show_are_not_seen(specimen: Path) -> None:
+    for name, far_mm in (("oct", 1.0), ("endoscope", 5.0)):
+        made = unrolled(specimen / name)
+        _, places = places_of(made.manifest.load().unroll(made.stream[3], made.calibration))
+        away = Places(places.theta_rad, places.z_mm + far_mm, places.depth_mm)
+        for xy in made.manifest.load().locate(3, away, made.calibration).values():
+            assert np.isnan(xy).all()
+
+
+def test_a_plug_in_that_does_not_locate_is_illustrated_all_the_same() -> None:
+    picture = Picture("one", "one", np.zeros((4, 4)), "x (px)", "y (px)", (0.0, 3.0), (0.0, 3.0))
+
+    class Without:
+        def illustrate(self, frame: Any, calibration: Any) -> tuple[Picture, ...]:
+            return (picture,)
+
+    assert illustrated(Without(), None, None) == (picture,)  # type: ignore[arg-type]
+    assert picture_json(picture, None)["seen"] is None
+
+
+def test_what_is_seen_is_kept_with_pictures(tmp_path: Path) -> None:
+    xy = np.array([[[0.5, 1.0], [2.5, np.nan], [np.nan, np.nan], [0.25, 3.0]]])
+    seen = Seen(np.array([1.5]), xy)
+    picture = Picture("one", "one", np.zeros((4, 4)), "θ (rad)", "y (mm)", (0.0, 6.0), (0.0, 3.0), seen=seen)
+    save_pictures(tmp_path, "oct", "0001", [picture])
+    (loaded,) = load_pictures(tmp_path)["oct"][1]
+    assert loaded.seen is not None
+    np.testing.assert_array_equal(loaded.seen.xy, xy)
+    assert picture_json(loaded, None)["seen"] == {
+        "z_mm": [1.5],
+        "x": [[0.5, 2.5, None, 0.25]],
+        "y": [[1.0, None, None, 3.0]],
+    }
+    (path,) = tmp_path.glob("*.npz")
+    for z_mm, wrong in ((seen.z_mm, xy[..., :1]), (np.array([np.nan]), xy), (seen.z_mm, np.full_like(xy, np.inf))):
+        arrays = dict(np.load(path))
+        np.savez_compressed(path, **{**arrays, "seen_z_mm": z_mm, "seen_xy": wrong})
+        with pytest.raises(EndoctError):
+            load_pictures(tmp_path)
+        np.savez_compressed(path, **arrays)
