@@ -1,7 +1,7 @@
 """The public Python interface: what the command line does, as functions."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +12,10 @@ from endoct.modalities.device import Device, check_device
 from endoct.modalities.registry import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
+from endoct.workbench.report.figures.rendered import FIGURES
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY
 from endoct.workbench.running.progress import Stages, stages_for
-from endoct.workbench.running.second_process import one_blas_thread, second_process
+from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 
 if TYPE_CHECKING:
     from endoct.fusion.sides import Comparison
@@ -55,39 +56,21 @@ def unroll(
     ('z', 'theta')
     """
     check_device(device)
-    stages = stages_for(progress)
-    path = Path(path)
+    stages, path = stages_for(progress), Path(path)
     if output is None:
-        from endoct.workbench.pipeline.unrolling import unroll_path
-
         if volume:
             raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
-        return unroll_path(path, stages, modality=modality, settings=settings or {}, device=device).panorama
-    # the second process loads its libraries while this one does
-    with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch, second_process() as process:
-        if process is not None:
-            process.preload("endoct.workbench.report.figures.of_one")
-        from endoct.workbench.pipeline.unrolling import unroll_path, write_volume
+        from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
 
-        made = unroll_path(path, stages, modality=modality, settings=settings or {}, device=device)
-        from endoct.workbench.report.figures.requested import begin_drawing, begin_drawing_frames
+        recording = open_recording(path, modality=modality, settings=settings, device=device)
+        return unroll_recording(recording, stages).panorama
+    with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as store, scheduler() as second:
+        second.load(FIGURES)
+        from endoct.workbench.pipeline.unrolled_store import unroll_into
+        from endoct.workbench.pipeline.unrolling import open_recording
 
-        of_wall = begin_drawing(made.panorama, process)
-        from endoct.stitching.store import save_panorama
-        from endoct.workbench.pipeline.sample_frames import save_sample_frames
-        from endoct.workbench.report.side_findings import recording_in
-
-        save_panorama(made.panorama, scratch)
-        if volume:
-            write_volume(made, scratch, stages)
-        with stages.stage("report"):
-            save_sample_frames(made, scratch, made.panorama.modality)
-            side = recording_in(scratch, made.panorama)
-            of_frames = begin_drawing_frames(side, process)
-            from endoct.workbench.page.report import write_recording_report  # a page is loaded while frames are drawn
-
-            write_recording_report(scratch, side, of_wall, of_frames)
-    return made.panorama
+        recording = open_recording(path, modality=modality, settings=settings, device=device)
+        return unroll_into(store, recording, stages, second, volume=volume)
 
 
 @one_blas_thread()
@@ -135,10 +118,10 @@ def compare(
             inputs = [*given, *masks, *([] if placed is None else [placed])]
             made = new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs)
             folder = until_done.enter_context(made)
-        # it loads its libraries while this process does, and has ended before what was made is put in its place
-        process = until_done.enter_context(second_process() if output is not None or len(given) == 2 else nullcontext())
-        if process is not None and not isinstance(b, Panorama):
-            process.call(load_ahead, Path(b), modality_b)
+        # it has ended before what was made is put in its place
+        second = until_done.enter_context(scheduler(needed=output is not None or len(given) == 2))
+        if not isinstance(b, Panorama):
+            second.begin(load_ahead, Path(b), modality_b)
         from endoct.fusion.parameters import CompareParameters
         from endoct.workbench.pipeline.comparing import compare_sources
         from endoct.workbench.pipeline.sources import Source
@@ -153,7 +136,7 @@ def compare(
             truth=masks,
             stages=stages_for(progress),
             session=placed,
-            process=process,
+            scheduler=second,
         )
 
 

@@ -89,10 +89,10 @@ def report(folder: Positional[Path]) -> int:
         folder: a folder written by `endoct compare`, or a panorama written by `endoct unroll`
     """
     from endoct.workbench.page.report import write_report
-    from endoct.workbench.running.second_process import second_process
+    from endoct.workbench.running.scheduler import scheduler
 
-    with command_stages(False).stage("report"), second_process() as process:
-        path = write_report(folder, process)
+    with command_stages(False).stage("report"), scheduler() as second:
+        path = write_report(folder, second)
     print_line(f"report: {path}")
     return DONE
 

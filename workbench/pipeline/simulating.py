@@ -15,7 +15,7 @@ from endoct.synthetic.sample.ranges import NO_RANGES, Range
 from endoct.synthetic.specimen import simulate as render
 from endoct.workbench.running.kinds import SPECIMEN
 from endoct.workbench.running.progress import Stages, stages_for
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.running.scheduler import one_blas_thread
 
 Point = tuple[float, float, float]
 MOST_SAMPLE_BYTES = 16_000_000

@@ -1,21 +1,17 @@
 """`endoct pose --plan-only` as a function: how well a bore could be told, by CT and plan alone."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import check_unchanged, digests, state_of
 from endoct.base.files.output import new_output
 from endoct.modalities.ct.stored import Convention
-from endoct.modalities.ct.trajectory import Point, write_line
+from endoct.modalities.ct.trajectory import Point
 from endoct.modalities.device import Device, check_device
-from endoct.workbench.pipeline.inputs import json_text
-from endoct.workbench.pipeline.volumes import facts_of
-from endoct.workbench.posing.pose import Planned, pose_versions, read_plan
+from endoct.workbench.posing.plan import read_plan
 from endoct.workbench.running.kinds import POSE
 from endoct.workbench.running.progress import Stages, stages_for
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.running.scheduler import one_blas_thread
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.outlook_result import OutlookResult
@@ -77,64 +73,11 @@ def pose_outlook(
                 expected=f"{LEAST_SEEN_MM:g} mm to the length of the plan, {length:.1f} mm",
                 remedy="check --seen, entry and target",
             )
-        return _rehearsed(planned, radius_mm, seen, device, folder, stages_for(progress))
+        from endoct.workbench.posing.rehearsing import rehearse  # torch is loaded once the plan is known to be readable
+
+        return rehearse(planned, radius_mm, seen, folder, device=device, stages=stages_for(progress))
 
     if output is None:
         return run(None)
     with new_output(Path(output), POSE, overwrite=overwrite, inputs=inputs) as scratch:
         return run(scratch)
-
-
-def _rehearsed(
-    planned: Planned,
-    radius_mm: float,
-    seen_mm: float,
-    device: Device,
-    folder: Path | None,
-    stages: Stages,
-) -> "OutlookResult":
-    from endoct.fusion.pose.air import air_around
-    from endoct.fusion.pose.outlook import REHEARSALS, SEED, Outlook, Prospect, rehearsed, wall_of_plan
-    from endoct.fusion.pose.outlook import facts_of as wall_facts
-    from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
-    from endoct.workbench.posing.each_side import one_thread
-    from endoct.workbench.posing.outlook_result import OutlookResult
-    from endoct.workbench.posing.result import Made
-
-    start = time.perf_counter()
-    files = {path: state_of(path) for path in planned.files}
-    with stages.stage("CT around the plan"):
-        air = air_around(planned.ct, planned.plan)
-        wall = wall_of_plan(air, radius_mm)
-    prospects = []
-    for instrument in (WITH_DEPTH, BY_CELLS):
-        with stages.stage(f"rehearsals by {instrument.name}") as advance:
-            tried = []
-            for number in range(REHEARSALS):
-                with one_thread():
-                    tried.append(rehearsed(air, instrument, radius_mm, seen_mm, number, device))
-                advance((number + 1) / REHEARSALS)
-        prospects.append(Prospect(instrument.name, tuple(tried)))
-    made = Made(
-        inputs={name: digest for path in planned.files for name, digest in digests(path).items()},
-        versions=pose_versions(),
-        parameters={"device": device, "radius_mm": radius_mm, "seen_mm": seen_mm, "seed": SEED},
-        seconds={
-            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
-            "in all, before the files": round(time.perf_counter() - start, 3),
-        },
-    )
-    volumes = {"ct": facts_of(planned.ct, "CT", planned.coordinates)}
-    outlook = Outlook(wall_facts(wall), tuple(prospects))
-    result = OutlookResult(outlook, planned.plan, planned.coordinates, wall, made, volumes)
-    for path, state in files.items():
-        check_unchanged(path, state)
-    if folder is not None:
-        from endoct.workbench.posing.outlook_page import write_outlook_page  # only who draws loads matplotlib
-
-        folder.mkdir()
-        (folder / "outlook.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
-        write_line(planned.plan, "plan", folder / "plan.mrk.json")
-        with stages.stage("report"):
-            write_outlook_page(result, radius_mm, folder)
-    return result

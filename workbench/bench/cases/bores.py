@@ -19,7 +19,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.bench.task import Case
 from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
-from endoct.workbench.posing.pose import read_plan
+from endoct.workbench.posing.plan import read_plan
 
 PLAN_ASIDE_MM, PLAN_TILT_DEG = 1.0, 2.0
 """How far a plan lies off the bore at most, where nothing else is wanted."""

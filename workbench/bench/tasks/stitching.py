@@ -72,9 +72,9 @@ def own_cases(specimen: Path) -> list[StitchingCase]:
 
 def _of_recording(specimen: Path) -> StitchingCase:
     """Return the case of a simulated endoscope recording: its strips as unrolled, each in its own frame."""
-    from endoct.workbench.pipeline.unrolling import open_side
+    from endoct.workbench.pipeline.unrolling import open_recording
 
-    side = open_side(specimen / "endoscope", modality="endoscope", settings={})
+    side = open_recording(specimen / "endoscope", modality="endoscope")
     modality: Any = side.manifest.load()
     calibration = modality.survey(side.stream, side.parameters)
     n = len(side.stream)
