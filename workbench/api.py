@@ -1,19 +1,22 @@
-"""The public Python interface: what the command line does, as functions."""
+"""The public Python interface: what the command line does, as functions.
 
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+Each takes a request of :mod:`endoct.workbench.requests`, or its parts. What works is loaded when a function is called,
+so that a second process loads its libraries at the same time.
+"""
+
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import new_output
-from endoct.modalities.acquisition import validate
-from endoct.modalities.device import Device, check_device
+from endoct.modalities.device import check_device
 from endoct.modalities.registry import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.report.figures.rendered import FIGURES
-from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY
+from endoct.workbench.requests import CompareRequest, UnrollRequest, by_request
+from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY, output_if_any
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 
@@ -24,27 +27,17 @@ if TYPE_CHECKING:
 __all__ = ["compare", "demo", "summarise", "unroll"]
 
 
+@by_request(UnrollRequest)
 @one_blas_thread()
-def unroll(
-    path: Path | str,
-    output: Path | str | None = None,
-    *,
-    modality: str | None = None,
-    settings: Mapping[str, object] | None = None,
-    volume: bool = False,
-    device: Device = "cpu",
-    overwrite: bool = False,
-    progress: bool | Stages = True,
-) -> Panorama:
+def unroll(request: UnrollRequest) -> Panorama:
     """Unroll the recording at ``path`` into a panorama of the wall, written to ``output`` where one is given.
 
     The store that is written holds a report, ``report.html``, and pictures of a few frames.
 
-    ``settings`` replaces keys of the sidecar and parameters of the plug-in, as ``--set`` does; ``volume`` adds the
-    dense hollow cylinder to the output; ``device`` is where to compute what the plug-in can compute elsewhere than on
-    the CPU (:class:`~endoct.modalities.contract.OnDeviceModality`); ``progress=False`` displays none. Raises
-    :class:`EndoctError` where the recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not
-    set.
+    Arguments are those of :class:`~endoct.workbench.requests.UnrollRequest`. ``settings`` replaces keys of the sidecar
+    and parameters of the plug-in, as ``--set`` does; ``device`` is where to compute what the plug-in can compute
+    elsewhere than on the CPU (:class:`~endoct.modalities.contract.OnDeviceModality`). Raises :class:`EndoctError` where
+    the recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -55,50 +48,32 @@ def unroll(
     >>> wall.to_xarray()["depth_mm"].dims
     ('z', 'theta')
     """
-    check_device(device)
-    stages, path = stages_for(progress), Path(path)
-    if output is None:
-        if volume:
-            raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
-        from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
-
-        recording = open_recording(path, modality=modality, settings=settings, device=device)
-        return unroll_recording(recording, stages).panorama
-    with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as store, scheduler() as second:
+    check_device(request.device)
+    if request.volume and request.output is None:
+        raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
+    inputs, stages = [Path(request.path)], stages_for(request.progress)
+    with (
+        output_if_any(request.output, PANORAMA, overwrite=request.overwrite, inputs=inputs) as store,
+        scheduler(needed=store is not None) as second,
+    ):
         second.load(FIGURES)
-        from endoct.workbench.pipeline.unrolled_store import unroll_into
-        from endoct.workbench.pipeline.unrolling import open_recording
+        from endoct.workbench.pipeline.unrolled_store import unroll_source
 
-        recording = open_recording(path, modality=modality, settings=settings, device=device)
-        return unroll_into(store, recording, stages, second, volume=volume)
+        return unroll_source(request, store, stages, second)
 
 
+@by_request(CompareRequest)
 @one_blas_thread()
-def compare(
-    a: Panorama | Path | str,
-    b: Panorama | Path | str,
-    output: Path | str | None = None,
-    *,
-    modality_a: str | None = None,
-    modality_b: str | None = None,
-    settings: Mapping[str, object] | None = None,
-    settings_a: Mapping[str, object] | None = None,
-    settings_b: Mapping[str, object] | None = None,
-    truth: Sequence[Path | str] = (),
-    session: Path | str | None = None,
-    device: Device = "cpu",
-    overwrite: bool = False,
-    progress: bool | Stages = True,
-) -> "Comparison":
+def compare(request: CompareRequest) -> "Comparison":
     """Compare two sides: panoramas at hand, or paths of recordings, panoramas or mask images.
 
-    The comparison, with its report, is written to the folder ``output`` where one is given. ``settings`` are
-    parameters of the comparison; ``settings_a`` and ``settings_b`` replace keys of a side's sidecar and parameters of
-    its plug-in: the same names as for ``--set``, ``--set-a`` and ``--set-b``. ``truth`` are masks to score both sides
-    against, ``session`` a file with landmark pairs that correct and check the alignment; ``device`` is that of
-    :func:`unroll`, for recordings; ``progress=False`` displays none. Where the two could not be aligned, the
-    comparison's ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting,
-    a session or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
+    The comparison, with its report, is written to the folder ``output`` where one is given. Arguments are those of
+    :class:`~endoct.workbench.requests.CompareRequest`. ``settings`` are parameters of the comparison; ``settings_a``
+    and ``settings_b`` replace keys of a side's sidecar and parameters of its plug-in: the same names as for ``--set``,
+    ``--set-a`` and ``--set-b``. ``session`` is a file with landmark pairs that correct and check the alignment;
+    ``device`` is that of :func:`unroll`, for recordings. Where the two could not be aligned, the comparison's
+    ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting, a session or
+    the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -108,36 +83,20 @@ def compare(
     >>> comparison.grid.n_theta, comparison.alignment is None
     (512, False)
     """
-    check_device(device)
-    given = [Path(one) for one in (a, b) if not isinstance(one, Panorama)]
-    masks = tuple(Path(path) for path in truth)
-    placed = None if session is None else Path(session)
-    with ExitStack() as until_done:
-        folder = None
-        if output is not None:
-            inputs = [*given, *masks, *([] if placed is None else [placed])]
-            made = new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs)
-            folder = until_done.enter_context(made)
+    check_device(request.device)
+    recorded = [Path(side) for side in (request.a, request.b) if not isinstance(side, Panorama)]
+    also = [Path(path) for path in (*request.truth, request.session) if path is not None]
+    stages = stages_for(request.progress)
+    with (
+        output_if_any(request.output, COMPARISON, overwrite=request.overwrite, inputs=[*recorded, *also]) as folder,
         # it has ended before what was made is put in its place
-        second = until_done.enter_context(scheduler(needed=output is not None or len(given) == 2))
-        if not isinstance(b, Panorama):
-            second.begin(load_ahead, Path(b), modality_b)
-        from endoct.fusion.parameters import CompareParameters
+        scheduler(needed=folder is not None or len(recorded) == 2) as second,
+    ):
+        if not isinstance(request.b, Panorama):
+            second.begin(load_ahead, Path(request.b), request.modality_b)
         from endoct.workbench.pipeline.comparing import compare_sources
-        from endoct.workbench.pipeline.sources import Source
 
-        return compare_sources(
-            (
-                Source(a if isinstance(a, Panorama) else Path(a), modality_a, settings_a or {}, device),
-                Source(b if isinstance(b, Panorama) else Path(b), modality_b, settings_b or {}, device),
-            ),
-            folder,
-            parameters=validate(CompareParameters, settings or {}, "the settings of the comparison"),
-            truth=masks,
-            stages=stages_for(progress),
-            session=placed,
-            scheduler=second,
-        )
+        return compare_sources(request, folder, stages, second)
 
 
 def summarise(

@@ -1,9 +1,9 @@
 """Two sides to one comparison, step by step."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
@@ -13,34 +13,47 @@ from endoct.fusion.files.masks import mask_on, read_mask
 from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.sides import Comparison
+from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.pipeline.comparison_folder import REPORT, ComparisonFolder, Pictured
 from endoct.workbench.pipeline.hand_masks import score_drawings
 from endoct.workbench.pipeline.inputs import doubt_of_inputs, versions
-from endoct.workbench.pipeline.sources import Ready, Source, inputs_of, open_both, read_sides, unroll_sources
+from endoct.workbench.pipeline.settings import parse
+from endoct.workbench.pipeline.sources import (
+    Ready,
+    Source,
+    inputs_of,
+    open_both,
+    read_sides,
+    source_of,
+    unroll_sources,
+)
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Unrolled
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import ALONE, Scheduler
 
+if TYPE_CHECKING:
+    from endoct.workbench.requests import CompareRequest
+
 
 def compare_sources(
-    sources: tuple[Source, Source],
-    output: Path | None,
-    *,
-    parameters: CompareParameters,
-    truth: Sequence[Path] = (),
-    session: Path | None = None,
-    stages: Stages,
-    scheduler: Scheduler = ALONE,
+    request: "CompareRequest", output: Path | None, stages: Stages, scheduler: Scheduler = ALONE
 ) -> Comparison:
-    """Compare the two sides, and write everything `endoct compare` promises into ``output`` where one is given.
+    """Compare two sides, and write everything `endoct compare` promises into ``output`` where one is given.
 
-    Raises :class:`EndoctError` where a side cannot be used, or is changed while it is read, and where the ``session``
-    was made on other sides.
+    Raises :class:`EndoctError` where a side or a setting cannot be used, or something is changed while it is read, and
+    where the session was made on other sides.
     """
     start = time.perf_counter()
-    also = (*truth, *(() if session is None else (session,)))
+    parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")
+    truth = [Path(path) for path in request.truth]
+    session = None if request.session is None else Path(request.session)
+    sources = (
+        source_of(request.a, request.modality_a, request.settings_a, request.device),
+        source_of(request.b, request.modality_b, request.settings_b, request.device),
+    )
+    also = [*truth, *(() if session is None else (session,))]
     paths = [source.path for source in sources if source.path is not None]  # panoramas at hand lie nowhere
     files = {path: state_of(path) for path in (*paths, *also)}
     # whatever cannot be used is refused before the work of unrolling is done

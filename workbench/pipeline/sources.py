@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +25,13 @@ from endoct.modalities.device import Device
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
+from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.unrolling import Recording, Unrolled, open_recording, unroll_recording
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, one_blas_thread
+
+if TYPE_CHECKING:
+    from endoct.workbench.requests import Recorded, Settings
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,11 @@ class Source:
     def path(self) -> Path | None:
         """Where it lies; None for a panorama at hand."""
         return self.given if isinstance(self.given, Path) else None
+
+
+def source_of(given: "Recorded", modality: str | None, settings: "Settings", device: Device) -> Source:
+    """Return the source that a request states. Raises :class:`EndoctError` for settings that cannot be read."""
+    return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), device)
 
 
 Opened = Recording | Panorama | DrawnMask | Path

@@ -1,7 +1,7 @@
 """The store of an unrolled recording: its panorama, the volume, pictures of a few frames, and a report."""
 
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -11,28 +11,36 @@ from endoct.modalities.contract import VolumetricModality
 from endoct.modalities.illustrating import illustrated
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.workbench.pipeline.unrolling import Recording, Unrolled, Watched, unroll_recording
+from endoct.workbench.pipeline.settings import parse
+from endoct.workbench.pipeline.unrolling import Unrolled, Watched, open_recording, unroll_recording
 from endoct.workbench.report.figures.begun import begin_pictures, begin_wall
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 from endoct.workbench.report.side_findings import recording_in
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler
 
+if TYPE_CHECKING:
+    from endoct.workbench.requests import UnrollRequest
+
 PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Where along the recording pictures of frames are taken."""
 
 
-def unroll_into(store: Path, recording: Recording, stages: Stages, scheduler: Scheduler, *, volume: bool) -> Panorama:
-    """Unroll a recording and write everything `endoct unroll` promises into ``store``.
+def unroll_source(request: "UnrollRequest", store: Path | None, stages: Stages, scheduler: Scheduler) -> Panorama:
+    """Unroll a recording, and write everything `endoct unroll` promises into ``store`` where one is given.
 
-    ``volume``: also the dense hollow cylinder. Raises what :func:`unroll_recording` raises, and :class:`EndoctError`
-    where the modality has no volume.
+    Raises :class:`EndoctError` where the recording cannot be used or shows no wall, or the modality has no volume.
     """
+    recording = open_recording(
+        Path(request.path), modality=request.modality, settings=parse(request.settings), device=request.device
+    )
     unrolled = unroll_recording(recording, stages)
     panorama = unrolled.panorama
+    if store is None:
+        return panorama
     of_wall = begin_wall(panorama, scheduler)
     save_panorama(panorama, store)
-    if volume:
+    if request.volume:
         write_volume(unrolled, store, stages)
     with stages.stage("report"):
         save_sample_frames(unrolled, store, panorama.modality)

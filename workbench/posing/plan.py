@@ -2,11 +2,16 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.ct_volume import CtVolume, check_within, in_world, meaning_of, read_ct, with_label_names
 from endoct.modalities.ct.stored import Convention
 from endoct.modalities.ct.trajectory import Point, Trajectory, read_line
+from endoct.workbench.pipeline.settings import parse_place
+
+if TYPE_CHECKING:
+    from endoct.workbench.requests import PlanRequest
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +58,13 @@ def read_plan(
     check_within(volume, trajectory, meaning, "the CT")
     files = _files_read(ct, volume)
     return Planned(volume, trajectory, meaning, files if plan is None else (*files, plan))
+
+
+def read_requested(ct: Path | str, request: "PlanRequest") -> Planned:
+    """Return the CT and the plan of a request, as :func:`read_plan`."""
+    entry_mm, target_mm = parse_place("entry", request.entry_mm), parse_place("target", request.target_mm)
+    plan = None if request.plan is None else Path(request.plan)
+    return read_plan(Path(ct), entry_mm, target_mm, plan, request.coordinates)
 
 
 def with_labels(planned: Planned, labels: Path, names: Path | str | None, coordinates: Convention | None) -> Planned:
