@@ -9,6 +9,7 @@ from endoct.base.arrays import Mask
 from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.base.registered import OURS
 from endoct.fusion.doubts import (
     doubt_of_twist,
     doubts_by_hand,
@@ -25,7 +26,6 @@ from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.landmarks import LandmarkPair
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
-from endoct.fusion.methods import OURS
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
     BELIEVABLE,

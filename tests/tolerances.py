@@ -223,3 +223,6 @@ TARGET_OFF_MM = 0.1
 
 # Counts of an image that another processor may round otherwise.
 COUNTS_BY_ROUNDING = 1
+
+CHOSEN_FEED_MM, CHOSEN_ROLL_RAD = 0.017, 0.015
+"""Feed and roll of a toy wall by a library's cross-correlation: a row of 0.017 mm, and under a column of 0.025 rad."""

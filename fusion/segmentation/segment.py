@@ -14,9 +14,9 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.base.numeric.ranks import robust_sigma
+from endoct.base.registered import OURS, answer_by
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.methods import OURS, answer_by
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
@@ -202,7 +202,7 @@ def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
     Raises :class:`EndoctError` where there is no such method, it fails, or answers something else than a mask, bool
     (n_z, n_theta).
     """
-    mask = np.asarray(answer_by("segmentation", name, panorama))
+    mask = np.asarray(answer_by("segmentation", name, panorama, setting="segmentation_method"))
     if mask.shape != panorama.grid.shape or mask.dtype != np.bool_:
         raise EndoctError(
             f"the segmentation method '{name}' answers no mask",

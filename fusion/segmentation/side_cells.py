@@ -4,10 +4,10 @@ from typing import Literal
 
 from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
+from endoct.base.registered import OURS
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.methods import OURS
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import doubts_of_observed
