@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.output import new_output
 from endoct.modalities.device import check_device
 from endoct.modalities.registry import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
+from endoct.workbench.pipeline.demonstration import demonstrate
 from endoct.workbench.report.figures.rendered import FIGURES
 from endoct.workbench.requests import CompareRequest, UnrollRequest, by_request
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY, output_if_any
@@ -120,24 +120,14 @@ def summarise(
     >>> next(row["specimens"] for row in tables["summary"] if row["score"] == "jaccard")
     1
     """
-    from endoct.workbench.pipeline.summarising import summarise as summarise_comparisons
     from endoct.workbench.pipeline.summarising import write_summary
-    from endoct.workbench.pipeline.summarising_poses import are_poses, summarise_poses
+    from endoct.workbench.pipeline.summarising_poses import summarise_any
 
     first, second = [Path(f) for f in folders], [Path(f) for f in against]
-
-    def summarised() -> "dict[str, list[Row]]":
-        if not are_poses([*first, *second]):
-            return summarise_comparisons(first, second, repeats=repeats)
-        if second or repeats:
-            raise EndoctError("poses are summarised one by one", remedy="leave out --against and --repeats")
-        return summarise_poses(first)
-
-    if output is None:
-        return summarised()
-    with new_output(Path(output), SUMMARY, overwrite=overwrite, inputs=[*first, *second]) as scratch:
-        tables = summarised()
-        write_summary(tables, scratch)
+    with output_if_any(output, SUMMARY, overwrite=overwrite, inputs=[*first, *second]) as folder:
+        tables = summarise_any(first, second, repeats=repeats)
+        if folder is not None:
+            write_summary(tables, folder)
     return tables
 
 
@@ -158,7 +148,6 @@ def demo(
     >>> comparison.names
     ('endoscope', 'oct')
     """
-    from endoct.workbench.pipeline.demonstration import demonstrate
     from endoct.workbench.pipeline.simulating import simulate
 
     stages = stages_for(progress)

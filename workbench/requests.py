@@ -18,6 +18,7 @@ from endoct.synthetic.sample.presets import PresetName
 
 P = ParamSpec("P")
 Request = TypeVar("Request")
+Asked = TypeVar("Asked", contravariant=True)
 Out = TypeVar("Out", covariant=True)
 
 if TYPE_CHECKING:  # what Python takes; below, what the command line makes of its words
@@ -239,11 +240,11 @@ class OutlookRequest(PlanRequest):
     seen_mm: float | None = None
 
 
-class ByRequest(Protocol[P, Request, Out]):
+class ByRequest(Protocol[P, Asked, Out]):
     """A function that takes a request, or what one is made of."""
 
     @overload
-    def __call__(self, request: Request, /) -> Out: ...
+    def __call__(self, request: Asked, /) -> Out: ...
 
     @overload
     def __call__(self, *given: P.args, **options: P.kwargs) -> Out: ...

@@ -4,6 +4,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tifffile
 
@@ -68,3 +69,13 @@ def test_what_files_leave_open_reaches_the_panorama(short: Path, tmp_path: Path)
     assert "5 as 3" in doubt.what
     assert any("slice_002 (1).tif" in note for note in panorama.notes)
     assert any("slice_002 (1).tif" in note for note in describe(tmp_path)["notes"])
+
+
+def test_a_recording_is_unrolled_by_the_method_that_is_chosen(short: Path) -> None:
+    ours = unroll(short / "endoscope", progress=False)
+    theirs = unroll(short / "endoscope", settings={"feed_method": "cross-correlation-prepared"}, progress=False)
+    assert [doubt.code for doubt in theirs.doubts if doubt.code == "feed-by-method"] == ["feed-by-method"]
+    assert theirs.provenance["parameters"]["feed_method"] == "cross-correlation-prepared"
+    assert np.ptp(theirs.z_mm) == pytest.approx(np.ptp(ours.z_mm), rel=0.05)
+    with pytest.raises(EndoctError, match="unknown stitching method: 'ashlr'"):
+        unroll(short / "endoscope", settings={"feed_method": "ashlr"}, progress=False)

@@ -17,6 +17,7 @@ from endoct.modalities.ct.stored import SIGNS, SUFFIXES
 from endoct.modalities.ct.trajectory import Trajectory, read_line
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
+from endoct.workbench import api
 from endoct.workbench.bench.task import Case
 from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
 from endoct.workbench.posing.plan import read_plan
@@ -165,9 +166,7 @@ def own_cases(folder: Path) -> list[PoseCase]:
 
 def load_side(folder: Path, name: str) -> Panorama:
     """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
-    from endoct.workbench.api import unroll
-
-    return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else unroll(folder / name)
+    return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else api.unroll(folder / name)
 
 
 def ct_of(folder: Path) -> Path:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from endoct.stitching.panorama import Panorama
+from endoct.workbench import api
 from endoct.workbench.bench.tasks.ablate import STEPS
 
 
@@ -12,9 +13,7 @@ def _without(*steps: str) -> Callable[[Path], Panorama]:
     settings = {name: value for step in steps for name, value in STEPS[step].oct.items()}
 
     def method(recording: Path) -> Panorama:
-        from endoct.workbench.api import unroll
-
-        return unroll(recording, settings=settings)
+        return api.unroll(recording, settings=settings)
 
     return method
 

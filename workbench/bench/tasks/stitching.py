@@ -21,6 +21,7 @@ from endoct.workbench.bench.cases import toy_strips
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, simulated
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
 from endoct.workbench.pipeline.truth import load_truth
+from endoct.workbench.pipeline.unrolling import open_recording
 
 MADE = "made"
 RIGHT_MM, RIGHT_DEG = 0.03, 1.0
@@ -72,8 +73,6 @@ def own_cases(specimen: Path) -> list[StitchingCase]:
 
 def _of_recording(specimen: Path) -> StitchingCase:
     """Return the case of a simulated endoscope recording: its strips as unrolled, each in its own frame."""
-    from endoct.workbench.pipeline.unrolling import open_recording
-
     side = open_recording(specimen / "endoscope", modality="endoscope")
     modality: Any = side.manifest.load()
     calibration = modality.survey(side.stream, side.parameters)

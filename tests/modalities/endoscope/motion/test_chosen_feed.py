@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint, EntryPoints
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -21,7 +20,6 @@ from endoct.modalities.endoscope.motion.chosen_feed import by_method
 from endoct.modalities.endoscope.motion.motion import Motion
 from endoct.stitching.motion.feed import Feed
 from endoct.stitching.strip import Strip
-from endoct.workbench import unroll
 
 ROWS, COLUMNS, N = 60, 256, 6
 BAND = Band(assumed_cone(60.0, 210.0, 1.0, 1.25), np.linspace(-0.5, 0.5, ROWS))
@@ -128,14 +126,3 @@ def test_a_wrong_answer_is_one_line(register: Callable[..., str], theirs: Callab
     with pytest.raises(EndoctError, match=message) as caught:
         by_method(motion(), register(theirs), textures(), BAND, NOMINAL_MM)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.slow
-def test_a_recording_is_unrolled_by_the_method_that_is_chosen(short: Path) -> None:
-    ours = unroll(short / "endoscope", progress=False)
-    theirs = unroll(short / "endoscope", settings={"feed_method": "cross-correlation-prepared"}, progress=False)
-    assert [doubt.code for doubt in theirs.doubts if doubt.code == "feed-by-method"] == ["feed-by-method"]
-    assert theirs.provenance["parameters"]["feed_method"] == "cross-correlation-prepared"
-    assert np.ptp(theirs.z_mm) == pytest.approx(np.ptp(ours.z_mm), rel=0.05)
-    with pytest.raises(EndoctError, match="unknown stitching method: 'ashlr'"):
-        unroll(short / "endoscope", settings={"feed_method": "ashlr"}, progress=False)
