@@ -16,8 +16,7 @@ from endoct.workbench.page.shown import Shown
 from endoct.workbench.report.figures.begun import Figures, begin_both, begin_pictures, begin_wall, drawn_of
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.report.findings import Findings, read_findings
-from endoct.workbench.report.illustrated import recording_sections, report_sections
-from endoct.workbench.report.sections import Section
+from endoct.workbench.report.sections import Section, recording_sections, report_sections
 from endoct.workbench.report.side_findings import SideFindings, recording_in
 from endoct.workbench.running.kinds import FIGURES, REPORT
 from endoct.workbench.running.scheduler import ALONE, Scheduler
