@@ -1,13 +1,20 @@
-"""Functions that packages register under a name, as entry points: endoct's own and strangers' alike."""
+"""Functions that packages register under a name, as entry points: endoct's own and strangers' alike.
+
+Methods of the research bench are such functions: whoever processes a recording or compares two can choose one of them
+by its name.
+"""
 
 import difflib
 from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import NoReturn
 
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, cause_of
 
 Function = Callable[..., object]
+
+OURS = "endoct"
+"""The name of our own method of a task; what is used unless another is chosen."""
 
 
 def entry_named(name: str, entries: EntryPoints, kind: str) -> EntryPoint:
@@ -41,6 +48,25 @@ def load_function(group: str, name: str, kind: str) -> Function:
         raise EndoctError(f"the {kind} '{name}' is no function", found=type(function).__name__)
     loaded: Function = function
     return loaded
+
+
+def answer_by(task: str, name: str, *given: object, setting: str) -> object:
+    """Return what the method ``name`` of a ``task`` of the bench answers to what it is ``given``.
+
+    ``setting`` is the one that chose it. Raises :class:`EndoctError` where there is no such method, or it raises
+    anything.
+    """
+    method = load_function(f"endoct.bench.{task}", name, f"{task} method")
+    try:
+        return method(*given)
+    except EndoctError:
+        raise
+    except Exception as error:  # a stranger's function may raise anything
+        raise EndoctError(
+            f"the {task} method '{name}' gives no answer",
+            found=cause_of(error),
+            remedy=f"choose another one, or leave {setting} out",
+        ) from error
 
 
 def unknown_name(name: str, known: Sequence[str], kind: str) -> NoReturn:

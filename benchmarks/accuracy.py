@@ -24,7 +24,7 @@ from endoct.workbench.bench.results.score_summary import SCORE, columns_of, fram
 from endoct.workbench.bench.runner import Row, parse_seeds, run_method
 from endoct.workbench.bench.tasks import ablate
 from endoct.workbench.bench.tasks.comparison import ComparedPair, ComparisonCase, judge
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.running.scheduler import one_blas_thread
 
 
 def judge_with_budget(case: ComparisonCase, answer: ComparedPair) -> Mapping[str, float]:

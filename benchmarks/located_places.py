@@ -19,7 +19,7 @@ from endoct.modalities.contract import Places
 from endoct.modalities.illustration import illustrated
 from endoct.synthetic.specimen import simulate
 from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
-from endoct.workbench.pipeline.unrolling import Unrolled, open_side, unroll_recording
+from endoct.workbench.pipeline.unrolling import Unrolled, open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
 
 EVERY = 7
@@ -31,7 +31,7 @@ def oct_errors(specimen: Path) -> tuple[np.ndarray, np.ndarray]:
     made, pose = _unrolled(specimen / "oct")
     with xr.open_zarr(specimen / "truth/labels/oct.zarr") as labels:
         truth = {name: labels[name].values for name in ("theta_rad", "z_mm", "radius_mm", "surface_row", "cell_id")}
-    calibration, modality = made.calibration, made.manifest.load()
+    calibration, modality = made.calibration, made.recording.manifest.load()
     n_slices, n_ascans = truth["theta_rad"].shape
     around, along = [], []
     for index in range(n_slices):
@@ -52,7 +52,7 @@ def oct_errors(specimen: Path) -> tuple[np.ndarray, np.ndarray]:
 def pixel_errors(specimen: Path) -> np.ndarray:
     """Return by how many pixels places of the wall are missed in the endoscope's frames, float64 (n,)."""
     made, pose = _unrolled(specimen / "endoscope")
-    modality, missed = made.manifest.load(), []
+    modality, missed = made.recording.manifest.load(), []
     order = np.argsort(pose.z_bore_mm)
     with xr.open_zarr(specimen / "truth/labels/endoscope.zarr") as labels:
         for index in range(labels.sizes["frame"]):
@@ -71,8 +71,8 @@ def pixel_errors(specimen: Path) -> np.ndarray:
 def table_errors(specimen: Path, name: str) -> np.ndarray:
     """Return by how many pixels of a picture the table misses what ``locate`` says, halfway between its entries."""
     made, _ = _unrolled(specimen / name)
-    index = len(made.stream) // 2
-    frame, modality = made.stream[index], made.manifest.load()
+    index = len(made.recording.stream) // 2
+    frame, modality = made.recording.stream[index], made.recording.manifest.load()
     missed = []
     for picture in illustrated(modality, frame, made.calibration):
         if picture.seen is None or picture.name not in ("bscan", "frame"):
@@ -98,7 +98,7 @@ def _short(step: np.ndarray, label: str) -> np.ndarray:
 
 
 def _unrolled(path: Path) -> tuple[Unrolled, Pose]:
-    made = unroll_recording(open_side(path, modality=None, settings={}), SilentStages())
+    made = unroll_recording(open_recording(path), SilentStages())
     return made, true_pose(made.panorama, load_truth(path.parent))
 
 

@@ -77,8 +77,8 @@ TESTS: Mapping[str, tuple[str, ...]] = {
 NAMED: tuple[tuple[str, str, str, str], ...] = (
     (
         "fusion/comparison.py",
-        'one = Surface("", *placement.mask(a.segmentation.mask, a.side.panorama.valid))',
-        'one = Surface("", placement.mask(a.segmentation.mask, a.side.panorama.valid)[0], np.ones_like(observed))',
+        'one = Surface("", *placement.mask(cells[0].mask, a.panorama.valid))',
+        'one = Surface("", placement.mask(cells[0].mask, a.panorama.valid)[0], np.ones_like(b.panorama.valid))',
         f"{FUSION}/test_comparison.py",
     ),
     ("fusion/scoring/cells.py", " & ~side.mask", "", f"{FUSION}/scoring/test_budget.py"),

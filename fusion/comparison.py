@@ -1,6 +1,6 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from endoct.base.arrays import Mask
 from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
+from endoct.base.entry_points import OURS
 from endoct.base.errors import EndoctError
 from endoct.fusion.doubts import (
     doubt_of_twist,
@@ -25,7 +26,6 @@ from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.landmarks import LandmarkPair
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
-from endoct.fusion.methods import OURS
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
     BELIEVABLE,
@@ -45,7 +45,8 @@ from endoct.fusion.result import Believable, ByHand, CorrectedTwist, OwnRows, Re
 from endoct.fusion.scoring.overlap import find_sites, overlap
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
 from endoct.fusion.scoring.surface import Surface
-from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_sides
+from endoct.fusion.segmentation.segment import Segmentation
+from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_sides
 from endoct.fusion.sides import Comparison, Placed, place
 from endoct.stitching.panorama import Panorama
 
@@ -129,8 +130,8 @@ def _compared(
         search_result, by_hand = judged.alignment, judged.said
     # segment
     alignment = search_result if isinstance(search_result, Alignment) else None
-    segmented = segment_sides(a, b, alignment, parameters, parameters.polarity)
-    compared = _placed(segmented, search_result, by_hand, parameters, when_placed)
+    cells = segment_sides(a, b, alignment, parameters, parameters.polarity)
+    compared = _placed((a, b), cells, search_result, by_hand, parameters, when_placed)
     noted: dict[str, object] = {"notes": {b.name: on_bore}} if on_bore else {}
     if of_method:
         noted["doubts"] = (*of_method, *compared.result.doubts)
@@ -140,35 +141,40 @@ def _compared(
 
 
 def compare_placed(
-    a: SegmentedSide, b: SegmentedSide, alignment: Alignment, parameters: CompareParameters
+    both: tuple[Side, Side],
+    cells: tuple[Segmentation, Segmentation],
+    alignment: Alignment,
+    parameters: CompareParameters,
 ) -> Comparison:
-    """Compare two sides with their cells, of which it is known how B lies in A's frame: nothing is searched for."""
-    return _placed((a, b), alignment, None, parameters)
+    """Compare two sides by their ``cells``, of which it is known how B lies in A's frame: nothing is searched for."""
+    return _placed(both, cells, alignment, None, parameters)
 
 
 def _placed(
-    segmented: tuple[SegmentedSide, SegmentedSide],
+    both: tuple[Side, Side],
+    cells: tuple[Segmentation, Segmentation],
     search_result: Alignment | NotAligned,
     by_hand: ByHand | None,
     parameters: CompareParameters,
     when_placed: Callable[[Placed], None] = lambda _: None,
 ) -> Comparison:
     alignment = search_result if isinstance(search_result, Alignment) else None
-    a, b = (each.side for each in segmented)
+    a, b = both
     # place
     samplings = Sampling(a.grid, IN_PLACE), Sampling(b.grid, alignment or IN_PLACE)
     grid = common_grid(*samplings, dz_mm=parameters.dz_mm, n_theta=parameters.n_theta)
-    sides = place(segmented[0], samplings[0], grid), place(segmented[1], samplings[1], grid)
+    sides = place(a, cells[0], samplings[0], grid), place(b, cells[1], samplings[1], grid)
     when_placed(Placed(grid, sides, alignment is not None))
     # score
     scored, parts = at_once(
         lambda: score_sides(sides, grid, samplings if alignment else None, parameters.tolerance_mm),
         lambda: parts_out_of_place(a.evidence, b.evidence, alignment) if alignment else (),
     )
-    own_rows = _on_own_rows(*segmented, alignment) if alignment else None
-    result = _result(search_result, segmented, (sides[0].valid, sides[1].valid), grid.dz_mm, scored, own_rows)
+    own_rows = _on_own_rows(both, cells, alignment) if alignment else None
+    by_name = {a.name: cells[0], b.name: cells[1]}
+    result = _result(search_result, by_name, (sides[0].valid, sides[1].valid), grid.dz_mm, scored, own_rows)
     # doubt
-    doubts = [doubt for each in segmented for doubt in each.doubts]
+    doubts = [*doubts_of_side(a, cells[0]), *doubts_of_side(b, cells[1])]
     if alignment is not None:
         is_by_hand = by_hand is not None and by_hand.corrected
         doubts = [
@@ -193,14 +199,14 @@ def _doubts_of_scale(a: Side, b: Side, alignment: Alignment, parameters: Compare
         yield from doubts_of_scale(alignment, farther, parameters, a, b)
 
 
-def _on_own_rows(a: SegmentedSide, b: SegmentedSide, alignment: Alignment) -> OwnRows:
+def _on_own_rows(both: tuple[Side, Side], cells: tuple[Segmentation, Segmentation], alignment: Alignment) -> OwnRows:
     """Return the overlap on B's own samples, to which A is brought; B is not interpolated at all."""
-    grid, observed = b.side.grid, b.side.panorama.valid
-    placement = Placement.averaging(a.side.grid, alignment.inverse(), grid)
-    one = Surface("", *placement.mask(a.segmentation.mask, a.side.panorama.valid))
-    two = Surface("", b.segmentation.mask, observed)
-    sites = find_sites(one.mask, two.mask, one.valid & observed, grid.dz_mm * grid.dtheta_mm)
-    return OwnRows(rows_of=b.side.name, **dict(overlap(one, two, sites)))
+    a, b = both
+    placement = Placement.averaging(a.grid, alignment.inverse(), b.grid)
+    one = Surface("", *placement.mask(cells[0].mask, a.panorama.valid))
+    two = Surface("", cells[1].mask, b.panorama.valid)
+    sites = find_sites(one.mask, two.mask, one.valid & two.valid, b.grid.dz_mm * b.grid.dtheta_mm)
+    return OwnRows(rows_of=b.name, **dict(overlap(one, two, sites)))
 
 
 def _reached(valid: Mask) -> Mask:
@@ -214,19 +220,18 @@ def _reached(valid: Mask) -> Mask:
 
 def _result(
     search_result: Alignment | NotAligned,
-    segmented: tuple[SegmentedSide, SegmentedSide],
+    cells: Mapping[str, Segmentation],
     valid: tuple[Mask, Mask],
     dz_mm: float,
     scored: Scored,
     own_rows: OwnRows | None,
 ) -> Result:
-    by_name = {each.side.name: each for each in segmented}
-    cells = {name: each.segmentation for name, each in by_name.items()}
+    first, second = cells
     aligned, scores = isinstance(search_result, Alignment), scored.scores
     covered = _reached(valid[0]) & _reached(valid[1])
     both = valid[0] & valid[1]
     return Result(
-        sides=(segmented[0].side.name, segmented[1].side.name),
+        sides=(first, second),
         aligned=aligned,
         reason=None if isinstance(search_result, Alignment) else search_result.reason,
         alignment=StoredAlignment.of(search_result) if isinstance(search_result, Alignment) else None,
@@ -236,7 +241,7 @@ def _result(
         dice=scores.grid.dice if scores else None,
         threshold={name: Threshold(value=s.threshold, unit=s.unit, of=s.of) for name, s in cells.items()},
         polarity={name: s.polarity for name, s in cells.items()},
-        polarity_from={name: each.polarity_from for name, each in by_name.items()},
+        polarity_from={name: s.polarity_from for name, s in cells.items()},
         scores=scores.model_copy(update={"own_rows": own_rows}) if scores else None,
         budget=scored.budget,
         bootstrap=BOOTSTRAP,

@@ -8,13 +8,15 @@ import numpy as np
 from endoct.base.arrays import Image, readonly
 from endoct.base.doubt import Doubt
 from endoct.fusion.difference import COLOURS, draw_difference
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.overlap import difference
 from endoct.fusion.scoring.surface import Surface
-from endoct.fusion.segmentation.segmented_side import SegmentedSide
+from endoct.fusion.segmentation.segment import Segmentation
+from endoct.fusion.segmentation.side_cells import contrast_of
 from endoct.stitching.grid import SurfaceGrid
 
 if TYPE_CHECKING:
@@ -31,13 +33,14 @@ class PlacedSide(Surface):
     mask, valid: bool, cells and what the side observed. ``labels`` numbers the cells.
     intensity: float32, 0 where not valid.
     depth_mm: float32, NaN where the side has none.
-    source: the side on its own samples: panorama, evidence, segmentation. None, as ``relief_mm`` and ``contrast`` are,
-        where the comparison was read from a store.
+    source, cells: the side on its own samples, and its cells there. None, as ``relief_mm`` and ``contrast`` are, where
+        the comparison was read from a store.
     """
 
     intensity: Image
     depth_mm: Image
-    source: SegmentedSide | None = None
+    source: Side | None = None
+    cells: Segmentation | None = None
 
     def __repr__(self) -> str:
         cells = (self.mask & self.valid).sum() / max(1, self.valid.sum())
@@ -143,19 +146,20 @@ class Comparison:
         return axes
 
 
-def place(source: SegmentedSide, sampling: Sampling, grid: SurfaceGrid) -> PlacedSide:
-    """Return a side on ``grid``, ``sampling`` saying where its samples lie."""
-    panorama, placement = source.side.panorama, sampling.onto(grid)
+def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid) -> PlacedSide:
+    """Return a side with its ``cells`` on ``grid``, ``sampling`` saying where its samples lie."""
+    panorama, placement = side.panorama, sampling.onto(grid)
     intensity, valid = placement.image(panorama.intensity, panorama.valid)
-    relief, contrast, depth_mm = source.side.relief, source.contrast, panorama.depth_mm
+    relief, contrast, depth_mm = side.relief, contrast_of(side, cells), panorama.depth_mm
     nowhere = np.full(grid.shape, np.nan, np.float32)
     return PlacedSide(
-        name=source.side.name,
-        mask=placement.mask(source.segmentation.mask, panorama.valid)[0],
+        name=side.name,
+        mask=placement.mask(cells.mask, panorama.valid)[0],
         valid=valid,
         relief_mm=None if relief is None else placement.known(relief.values, relief.valid),
         contrast=None if contrast is None else placement.known(contrast.values, contrast.valid),
         intensity=intensity,
         depth_mm=nowhere if depth_mm is None else placement.known(depth_mm, panorama.valid & np.isfinite(depth_mm)),
-        source=source,
+        source=side,
+        cells=cells,
     )

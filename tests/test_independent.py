@@ -52,7 +52,7 @@ def bore() -> Bore:
 
 
 def test_shares_nothing_with_the_simulator_or_a_plugin():
-    of_fusion = {"evidence.side", "segmentation.parameters", "segmentation.segmented_side", "sides"}
+    of_fusion = {"evidence.side", "segmentation.parameters", "segmentation.segment", "segmentation.side_cells", "sides"}
     ours = {"endoct.workbench", *(f"endoct.fusion.{name}" for name in of_fusion)}
     allowed = {"ours.py": ours, "run.py": {"endoct.base.errors"}}
     for path in FOLDER.glob("*.py"):

@@ -226,3 +226,5 @@ COUNTS_BY_ROUNDING = 1
 
 # Where a turn ends in a stream of A-scans that repeats itself: one A-scan.
 A_SCAN = 1.0
+CHOSEN_FEED_MM, CHOSEN_ROLL_RAD = 0.017, 0.015
+"""Feed and roll of a toy wall by a library's cross-correlation: a row of 0.017 mm, and under a column of 0.025 rad."""

@@ -1,20 +1,24 @@
-"""The public Python interface: what the command line does, as functions."""
+"""The public Python interface: what the command line does, as functions.
 
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+Each takes a request of :mod:`endoct.workbench.requests`, or its parts. What works is loaded when a function is called,
+so that a second process loads its libraries at the same time.
+"""
+
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.output import new_output
-from endoct.modalities.acquisition import validate
-from endoct.modalities.device import Device, check_device
+from endoct.modalities.device import check_device
 from endoct.modalities.registry import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY
+from endoct.workbench.pipeline.demonstration import demonstrate
+from endoct.workbench.report.figures.rendered import FIGURES
+from endoct.workbench.requests import CompareRequest, UnrollRequest, by_request
+from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY, output_if_any
 from endoct.workbench.running.progress import Stages, stages_for
-from endoct.workbench.running.second_process import one_blas_thread, second_process
+from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 
 if TYPE_CHECKING:
     from endoct.fusion.sides import Comparison
@@ -23,27 +27,17 @@ if TYPE_CHECKING:
 __all__ = ["compare", "demo", "summarise", "unroll"]
 
 
+@by_request(UnrollRequest)
 @one_blas_thread()
-def unroll(
-    path: Path | str,
-    output: Path | str | None = None,
-    *,
-    modality: str | None = None,
-    settings: Mapping[str, object] | None = None,
-    volume: bool = False,
-    device: Device = "cpu",
-    overwrite: bool = False,
-    progress: bool | Stages = True,
-) -> Panorama:
+def unroll(request: UnrollRequest) -> Panorama:
     """Unroll the recording at ``path`` into a panorama of the wall, written to ``output`` where one is given.
 
     The store that is written holds a report, ``report.html``, and pictures of a few frames.
 
-    ``settings`` replaces keys of the sidecar and parameters of the plug-in, as ``--set`` does; ``volume`` adds the
-    dense hollow cylinder to the output; ``device`` is where to compute what the plug-in can compute elsewhere than on
-    the CPU (:class:`~endoct.modalities.contract.OnDeviceModality`); ``progress=False`` displays none. Raises
-    :class:`EndoctError` where the recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not
-    set.
+    Arguments are those of :class:`~endoct.workbench.requests.UnrollRequest`. ``settings`` replaces keys of the sidecar
+    and parameters of the plug-in, as ``--set`` does; ``device`` is where to compute what the plug-in can compute
+    elsewhere than on the CPU (:class:`~endoct.modalities.contract.OnDeviceModality`). Raises :class:`EndoctError` where
+    the recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -54,68 +48,32 @@ def unroll(
     >>> wall.to_xarray()["depth_mm"].dims
     ('z', 'theta')
     """
-    check_device(device)
-    stages = stages_for(progress)
-    path = Path(path)
-    if output is None:
-        from endoct.workbench.pipeline.unrolling import unroll_path
+    check_device(request.device)
+    if request.volume and request.output is None:
+        raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
+    inputs, stages = [Path(request.path)], stages_for(request.progress)
+    with (
+        output_if_any(request.output, PANORAMA, overwrite=request.overwrite, inputs=inputs) as store,
+        scheduler(needed=store is not None) as second,
+    ):
+        second.load(FIGURES)
+        from endoct.workbench.pipeline.unrolled_store import unroll_source
 
-        if volume:
-            raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
-        return unroll_path(path, stages, modality=modality, settings=settings or {}, device=device).panorama
-    # the second process loads its libraries while this one does
-    with new_output(Path(output), PANORAMA, overwrite=overwrite, inputs=[path]) as scratch, second_process() as process:
-        if process is not None:
-            process.preload("endoct.workbench.report.figures.of_one")
-        from endoct.workbench.pipeline.unrolling import unroll_path, write_volume
-
-        made = unroll_path(path, stages, modality=modality, settings=settings or {}, device=device)
-        from endoct.workbench.report.figures.requested import begin_drawing, begin_drawing_frames
-
-        of_wall = begin_drawing(made.panorama, process)
-        from endoct.stitching.store import save_panorama
-        from endoct.workbench.pipeline.sample_frames import save_sample_frames
-        from endoct.workbench.report.side_findings import recording_in
-
-        save_panorama(made.panorama, scratch)
-        if volume:
-            write_volume(made, scratch, stages)
-        with stages.stage("report"):
-            save_sample_frames(made, scratch, made.panorama.modality)
-            side = recording_in(scratch, made.panorama)
-            of_frames = begin_drawing_frames(side, process)
-            from endoct.workbench.page.report import write_recording_report  # a page is loaded while frames are drawn
-
-            write_recording_report(scratch, side, of_wall, of_frames)
-    return made.panorama
+        return unroll_source(request, store, stages, second)
 
 
+@by_request(CompareRequest)
 @one_blas_thread()
-def compare(
-    a: Panorama | Path | str,
-    b: Panorama | Path | str,
-    output: Path | str | None = None,
-    *,
-    modality_a: str | None = None,
-    modality_b: str | None = None,
-    settings: Mapping[str, object] | None = None,
-    settings_a: Mapping[str, object] | None = None,
-    settings_b: Mapping[str, object] | None = None,
-    truth: Sequence[Path | str] = (),
-    session: Path | str | None = None,
-    device: Device = "cpu",
-    overwrite: bool = False,
-    progress: bool | Stages = True,
-) -> "Comparison":
+def compare(request: CompareRequest) -> "Comparison":
     """Compare two sides: panoramas at hand, or paths of recordings, panoramas or mask images.
 
-    The comparison, with its report, is written to the folder ``output`` where one is given. ``settings`` are
-    parameters of the comparison; ``settings_a`` and ``settings_b`` replace keys of a side's sidecar and parameters of
-    its plug-in: the same names as for ``--set``, ``--set-a`` and ``--set-b``. ``truth`` are masks to score both sides
-    against, ``session`` a file with landmark pairs that correct and check the alignment; ``device`` is that of
-    :func:`unroll`, for recordings; ``progress=False`` displays none. Where the two could not be aligned, the
-    comparison's ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting,
-    a session or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
+    The comparison, with its report, is written to the folder ``output`` where one is given. Arguments are those of
+    :class:`~endoct.workbench.requests.CompareRequest`. ``settings`` are parameters of the comparison; ``settings_a``
+    and ``settings_b`` replace keys of a side's sidecar and parameters of its plug-in: the same names as for ``--set``,
+    ``--set-a`` and ``--set-b``. ``session`` is a file with landmark pairs that correct and check the alignment;
+    ``device`` is that of :func:`unroll`, for recordings. Where the two could not be aligned, the comparison's
+    ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting, a session or
+    the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -125,36 +83,20 @@ def compare(
     >>> comparison.grid.n_theta, comparison.alignment is None
     (512, False)
     """
-    check_device(device)
-    given = [Path(one) for one in (a, b) if not isinstance(one, Panorama)]
-    masks = tuple(Path(path) for path in truth)
-    placed = None if session is None else Path(session)
-    with ExitStack() as until_done:
-        folder = None
-        if output is not None:
-            inputs = [*given, *masks, *([] if placed is None else [placed])]
-            made = new_output(Path(output), COMPARISON, overwrite=overwrite, inputs=inputs)
-            folder = until_done.enter_context(made)
-        # it loads its libraries while this process does, and has ended before what was made is put in its place
-        process = until_done.enter_context(second_process() if output is not None or len(given) == 2 else nullcontext())
-        if process is not None and not isinstance(b, Panorama):
-            process.call(load_ahead, Path(b), modality_b)
-        from endoct.fusion.parameters import CompareParameters
+    check_device(request.device)
+    recorded = [Path(side) for side in (request.a, request.b) if not isinstance(side, Panorama)]
+    also = [Path(path) for path in (*request.truth, request.session) if path is not None]
+    stages = stages_for(request.progress)
+    with (
+        output_if_any(request.output, COMPARISON, overwrite=request.overwrite, inputs=[*recorded, *also]) as folder,
+        # it has ended before what was made is put in its place
+        scheduler(needed=folder is not None or len(recorded) == 2) as second,
+    ):
+        if not isinstance(request.b, Panorama):
+            second.begin(load_ahead, Path(request.b), request.modality_b)
         from endoct.workbench.pipeline.comparing import compare_sources
-        from endoct.workbench.pipeline.sources import Source
 
-        return compare_sources(
-            (
-                Source(a if isinstance(a, Panorama) else Path(a), modality_a, settings_a or {}, device),
-                Source(b if isinstance(b, Panorama) else Path(b), modality_b, settings_b or {}, device),
-            ),
-            folder,
-            parameters=validate(CompareParameters, settings or {}, "the settings of the comparison"),
-            truth=masks,
-            stages=stages_for(progress),
-            session=placed,
-            process=process,
-        )
+        return compare_sources(request, folder, stages, second)
 
 
 def summarise(
@@ -178,24 +120,14 @@ def summarise(
     >>> next(row["specimens"] for row in tables["summary"] if row["score"] == "jaccard")
     1
     """
-    from endoct.workbench.pipeline.summarising import summarise as summarise_comparisons
     from endoct.workbench.pipeline.summarising import write_summary
-    from endoct.workbench.pipeline.summarising_poses import are_poses, summarise_poses
+    from endoct.workbench.pipeline.summarising_poses import summarise_any
 
     first, second = [Path(f) for f in folders], [Path(f) for f in against]
-
-    def summarised() -> "dict[str, list[Row]]":
-        if not are_poses([*first, *second]):
-            return summarise_comparisons(first, second, repeats=repeats)
-        if second or repeats:
-            raise EndoctError("poses are summarised one by one", remedy="leave out --against and --repeats")
-        return summarise_poses(first)
-
-    if output is None:
-        return summarised()
-    with new_output(Path(output), SUMMARY, overwrite=overwrite, inputs=[*first, *second]) as scratch:
-        tables = summarised()
-        write_summary(tables, scratch)
+    with output_if_any(output, SUMMARY, overwrite=overwrite, inputs=[*first, *second]) as folder:
+        tables = summarise_any(first, second, repeats=repeats)
+        if folder is not None:
+            write_summary(tables, folder)
     return tables
 
 
@@ -216,7 +148,6 @@ def demo(
     >>> comparison.names
     ('endoscope', 'oct')
     """
-    from endoct.workbench.pipeline.demonstration import demonstrate
     from endoct.workbench.pipeline.simulating import simulate
 
     stages = stages_for(progress)

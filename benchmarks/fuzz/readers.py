@@ -159,20 +159,20 @@ def _report(path: Path) -> None:
     from endoct.workbench.page.frozen import frozen_data, frozen_page
     from endoct.workbench.page.opening import open_shown
     from endoct.workbench.report.findings import read_findings
-    from endoct.workbench.report.illustrated import report_sections
+    from endoct.workbench.report.sections import report_sections
 
     shown = open_shown(path)
     frozen_page(shown, report_sections(read_findings(path), []), frozen_data(shown))
 
 
 def _figures(path: Path) -> None:
-    from endoct.workbench.report.figures.of_both import drawings_of
-    from endoct.workbench.report.figures.of_one import drawn
+    from endoct.workbench.report.figures.begun import begin_both, drawn_of
     from endoct.workbench.report.findings import read_findings
-    from endoct.workbench.report.illustrated import report_sections
+    from endoct.workbench.report.sections import report_sections
+    from endoct.workbench.running.scheduler import ALONE
 
     findings = read_findings(path)
-    report_sections(findings, drawn(drawings_of(findings)))
+    report_sections(findings, drawn_of(findings, begin_both(findings, ALONE, with_sides=True)))
 
 
 def _exports(path: Path) -> None:

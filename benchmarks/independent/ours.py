@@ -10,7 +10,8 @@ from benchmarks.independent.judge import Wall
 from benchmarks.independent.truth import Place
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.segmented_side import SegmentedSide, segment_side
+from endoct.fusion.segmentation.segment import Segmentation
+from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_side
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.workbench import compare, unroll
 
@@ -52,21 +53,22 @@ def endoct_answer(folder: Path) -> Answer:
 def endoct_oct(folder: Path) -> tuple[Wall, tuple[str, ...]]:
     """Return endoct's wall and cells by a pullback alone, and the codes of its doubts."""
     panorama = unroll(folder, progress=False)
-    found = segment_side(Side(panorama.modality, panorama), SegmentParameters(), "dark")
-    return _wall_of(found), tuple(doubt.code for doubt in found.doubts)
+    side = Side(panorama.modality, panorama)
+    cells = segment_side(side, SegmentParameters(), "dark")
+    return _wall_of(side, cells), tuple(doubt.code for doubt in doubts_of_side(side, cells))
 
 
 def _wall(side: PlacedSide) -> Wall:
-    if side.source is None:
+    if side.source is None or side.cells is None:
         raise ValueError("a comparison at hand has its sides' own samples")
-    return _wall_of(side.source)
+    return _wall_of(side.source, side.cells)
 
 
-def _wall_of(source: SegmentedSide) -> Wall:
-    panorama = source.side.panorama
+def _wall_of(side: Side, cells: Segmentation) -> Wall:
+    panorama = side.panorama
     return Wall(
         panorama.intensity,
-        source.segmentation.mask,
+        cells.mask,
         panorama.valid,
         panorama.grid.z_mm,
         panorama.grid.theta_rad,

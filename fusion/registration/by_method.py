@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.base.doubt import Doubt
+from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.evidence import clipped, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
-from endoct.fusion.methods import answer_by
 from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame
 
 
@@ -21,7 +21,7 @@ def align_by_method(a: Side, b: Side, name: str) -> Alignment | NotAligned:
     Raises :class:`EndoctError` where there is no such method, it fails, or answers something else than an alignment by
     which the two share some wall.
     """
-    answer = answer_by("alignment", name, a.panorama, b.panorama)
+    answer = answer_by("alignment", name, a.panorama, b.panorama, setting="alignment_method")
     if isinstance(answer, NotAligned):
         return answer
     if not isinstance(answer, Alignment) or not _is_possible(answer):

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from endoct.fusion.methods import OURS
+from endoct.base.entry_points import OURS
 
 
 class SegmentParameters(BaseModel):

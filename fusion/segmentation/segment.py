@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
+from endoct.base.entry_points import OURS, answer_by
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.methods import OURS, answer_by
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
@@ -113,8 +113,9 @@ class Segmentation:
     """Cells of one side on its own samples.
 
     ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
-    where the mask was given; ``polarity`` is None where depth or a mask says what is a cell; ``believability`` says how
-    far these are to be trusted as cells, None where the mask was given, or a method was chosen ``by_method``'s name.
+    where the mask was given; ``polarity`` is whether cells are dark or bright, and ``polarity_from`` how that is known,
+    in words, None where depth or a mask says what is a cell; ``believability`` says how far these are to be trusted as
+    cells, None where the mask was given, or a method was chosen ``by_method``'s name.
     """
 
     mask: Mask
@@ -124,6 +125,7 @@ class Segmentation:
     polarity: Polarity | None
     believability: Believability | None = None
     by_method: str | None = None
+    polarity_from: str | None = None
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
@@ -149,7 +151,7 @@ def segment(
     return find_cells(side.cell_evidence(parameters.segment, polarity), parameters).mask
 
 
-def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentation:
+def find_cells(evidence: Evidence, parameters: SegmentParameters, polarity_from: str | None = None) -> Segmentation:
     """Return the cells that ``evidence`` shows: Li's threshold, then opening, closing, and small ones removed.
 
     Where Li's threshold lies within the wall's own relief there are hardly any cells, and it is raised beyond that.
@@ -191,7 +193,7 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters) -> Segmentatio
     believability = believability_of(
         evidence.valid, smooth, mask, threshold, dark=dark, with_outlines=clear is not None
     )
-    return Segmentation(mask, threshold, unit, of, polarity, believability)
+    return Segmentation(mask, threshold, unit, of, polarity, believability, polarity_from=polarity_from)
 
 
 def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
@@ -200,7 +202,7 @@ def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
     Raises :class:`EndoctError` where there is no such method, it fails, or answers something else than a mask, bool
     (n_z, n_theta).
     """
-    mask = np.asarray(answer_by("segmentation", name, panorama))
+    mask = np.asarray(answer_by("segmentation", name, panorama, setting="segmentation_method"))
     if mask.shape != panorama.grid.shape or mask.dtype != np.bool_:
         raise EndoctError(
             f"the segmentation method '{name}' answers no mask",

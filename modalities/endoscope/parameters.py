@@ -2,6 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from endoct.base.entry_points import OURS
+
 
 class EndoscopeParameters(BaseModel):
     """Processing parameters of the endoscope, all with defaults."""
@@ -16,6 +18,11 @@ class EndoscopeParameters(BaseModel):
     )
     n_theta: int | None = Field(
         default=None, ge=64, le=65536, description="columns of the panorama; by default 2048, 1024 for small images"
+    )
+    feed_method: str = Field(
+        default=OURS,
+        max_length=100,
+        description="method that finds feed and roll, by its name in `endoct bench stitching`",
     )
     feed_sigma: float = Field(
         default=0.2, ge=1e-3, le=1, description="uncertainty of the nominal feed, relative; three of it are searched"

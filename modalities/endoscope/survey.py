@@ -7,9 +7,12 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.spool import Computed, Kept
+from endoct.base.doubt import Doubt
+from endoct.base.entry_points import OURS
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration, per_frame_values
+from endoct.modalities.endoscope.chosen_feed import by_method
 from endoct.modalities.endoscope.doubts import doubts_of_ring, evidence_of_ring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
 from endoct.modalities.endoscope.frame_places import place_frames
@@ -40,6 +43,10 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
         rows = np.array([brightness_of_rows(strips[k]) for k in range(len(strips))]) - exposure[:, None]
         even = Computed(len(strips), lambda k: even_strip(strips[k], flat, exposure[k]))
         motion, on_motion = measure_motion(even, stated, nominal, acquisition, parameters)
+        of_method: tuple[Doubt, ...] = ()
+        if parameters.feed_method != OURS:
+            motion, doubt = by_method(motion, parameters.feed_method, even, motion.band, nominal)
+            of_method = (doubt,)
     band, annulus = motion.band, frames.annuli[0]
     centring = measure_centring(annulus, motion.feed, band, probe_offset=parameters.probe_offset)
     as_surveyed = Circles(annulus, np.divide(stated.r_px, reference.factor) * reference.factor)
@@ -73,7 +80,7 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
         full_scale=reference.full_scale,
         oversample=oversample,
         taper=parameters.taper,
-        doubts=(*doubts_of_ring(evidence_of_ring(frames, reference, rows, motion.feed)), *places.doubts),
+        doubts=(*doubts_of_ring(evidence_of_ring(frames, reference, rows, motion.feed)), *of_method, *places.doubts),
     )
 
 

@@ -28,7 +28,7 @@ from endoct.fusion.comparison import (
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH
-from endoct.fusion.segmentation.segmented_side import segment_side
+from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.fusion.sides import Placed
 from endoct.stitching.panorama import Panorama
 
@@ -248,12 +248,12 @@ def test_on_own_rows_counts_only_what_both_observed(panorama_of: Callable) -> No
     a = panorama_of(rng.gamma(2, 1, cells.shape), dz_mm=0.2, valid=seen[0])
     relief = np.roll(depth, -turn, axis=1)[rows:]
     b = panorama_of(np.ones(relief.shape), dz_mm=0.2, depth_mm=relief, valid=on_b[3], modality="ranger")
-    sides = [segment_side(side, COARSE, "dark") for side in two_sides(a, b)]
-    drawn = [
-        replace(side, segmentation=replace(side.segmentation, mask=mask & side.side.panorama.valid))
+    sides = two_sides(a, b)
+    drawn = tuple(
+        replace(segment_side(side, COARSE, "dark"), mask=mask & side.panorama.valid)
         for side, mask in zip(sides, (one, on_b[1]), strict=True)
-    ]
-    found = compare_placed(*drawn, Alignment(2 * np.pi * turn / n, 0.2 * rows), COARSE).result.scores.own_rows
+    )
+    found = compare_placed(sides, drawn, Alignment(2 * np.pi * turn / n, 0.2 * rows), COARSE).result.scores.own_rows
     both = on_b[2] & on_b[3]
     expected = [(part & both).sum() for part in (on_b[0] & on_b[1], on_b[0] | on_b[1])]
     assert found.jaccard == pytest.approx(expected[0] / expected[1], abs=1e-3)

@@ -14,7 +14,7 @@ from endoct.modalities.illustration import illustrated, places_of
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, radius_mm, theta_at_radius
 from endoct.synthetic.specimen import simulate
 from endoct.workbench.page.recorded import picture_json
-from endoct.workbench.pipeline.unrolling import open_side, unroll_recording
+from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
 from endoct.workbench.report.pictures import load_pictures, save_pictures
 from endoct.workbench.running.progress import SilentStages
 
@@ -27,7 +27,7 @@ def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def unrolled(path: Path, **settings: object) -> Any:
-    return unroll_recording(open_side(path, modality=None, settings=settings), SilentStages())
+    return unroll_recording(open_recording(path, settings=settings), SilentStages())
 
 
 def test_the_beam_and_the_sample_that_see_a_place(specimen: Path) -> None:
@@ -62,11 +62,15 @@ def test_it_undoes_how_a_bscan_is_unrolled(specimen: Path, undistort: str) -> No
     apart = np.angle(np.exp(1j * (at_bore - theta_rad)))[recorded]
     assert np.abs(apart).max() < 1e-3  # the glass's bend is found by three rounds
     # the brightest sample of the strip's column is that of the A-scan that is located
-    strip = made.manifest.load().unroll(made.stream[index], calibration)
+    strip = made.recording.manifest.load().unroll(made.recording.stream[index], calibration)
     places = Places(theta_rad, np.full(theta_rad.size, strip.z_mm[0]), strip.depth_mm[0].astype(float))
-    found = made.manifest.load().locate(index, places, calibration)
+    found = made.recording.manifest.load().locate(index, places, calibration)
     assert found["bscan-undistorted"][recorded, 1] == pytest.approx(places.depth_mm[recorded] + radius[0] - 0.4)
-    wall = next(p for p in made.manifest.load().illustrate(made.stream[index], calibration) if p.name == "bscan")
+    wall = next(
+        p
+        for p in made.recording.manifest.load().illustrate(made.recording.stream[index], calibration)
+        if p.name == "bscan"
+    )
     at = np.round(found["bscan"][:, 0] / calibration.grid.dtheta_rad).astype(int) % theta_rad.size
     drawn_mm = wall.curves["wall"][at, 1]
     known = recorded & strip.valid[0] & np.isfinite(drawn_mm)
@@ -76,9 +80,9 @@ def test_it_undoes_how_a_bscan_is_unrolled(specimen: Path, undistort: str) -> No
 def test_places_that_a_frame_does_not_show_are_not_seen(specimen: Path) -> None:
     for name, far_mm in (("oct", 1.0), ("endoscope", 5.0)):
         made = unrolled(specimen / name)
-        _, places = places_of(made.manifest.load().unroll(made.stream[3], made.calibration))
+        _, places = places_of(made.recording.manifest.load().unroll(made.recording.stream[3], made.calibration))
         away = Places(places.theta_rad, places.z_mm + far_mm, places.depth_mm)
-        for xy in made.manifest.load().locate(3, away, made.calibration).values():
+        for xy in made.recording.manifest.load().locate(3, away, made.calibration).values():
             assert np.isnan(xy).all()
 
 

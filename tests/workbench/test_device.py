@@ -17,6 +17,7 @@ from endoct.modalities.oct.plugin import OCT, OctModality
 from endoct.stitching.store import load_panorama
 from endoct.synthetic.specimen import simulate
 from endoct.workbench import api, cli, compare, unroll
+from endoct.workbench.running.scheduler import ALONE
 
 Run = Callable[..., tuple[int, list[str]]]
 
@@ -112,7 +113,7 @@ def test_a_plug_in_that_computes_nowhere_else_is_used_as_it_is(monkeypatch: pyte
 def test_two_recordings_are_compared_on_a_device(
     on_torch: None, specimen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(api, "second_process", nullcontext)  # where nothing stands for a GPU
+    monkeypatch.setattr(api, "scheduler", lambda **_: nullcontext(ALONE))  # where nothing stands for a GPU
     compare(specimen / "oct-spectra", specimen / "endoscope", tmp_path / "out", device="cuda", progress=False)
     oct_, endoscope = (load_panorama(tmp_path / "out" / "panoramas" / f"{n}.zarr") for n in ("oct", "endoscope"))
     assert (oct_.provenance["device"], endoscope.provenance["device"]) == ("cuda", "cuda")

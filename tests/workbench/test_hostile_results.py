@@ -19,8 +19,8 @@ from endoct.fusion.files.store import read_outline
 from endoct.modalities.contract import Picture
 from endoct.workbench.page.heading import comparison_heading, printed_page
 from endoct.workbench.report.findings import read_findings
-from endoct.workbench.report.illustrated import report_sections
 from endoct.workbench.report.pictures import load_pictures, save_pictures
+from endoct.workbench.report.sections import report_sections
 
 HOSTILE: tuple[Any, ...] = (None, 0, -1, 1e308, float("nan"), True, "[/x]", "", [], {}, [1], {"a": 1}, 10**400)
 

@@ -123,10 +123,10 @@ def test_a_fault_of_our_own_keeps_its_trace(panorama: Path, run: Run, monkeypatc
 def test_memory_that_runs_out_leaves_nothing_half_written(
     short: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("endoct.stitching.store.save_panorama", _exhausted)
-    unrolling = "endoct.workbench.pipeline.unrolling.unroll_path"
-    monkeypatch.setattr(unrolling, lambda *_, **__: type("Made", (), {"panorama": None}))
-    monkeypatch.setattr("endoct.workbench.report.figures.requested.begin_drawing", lambda *_: None)
+    store = "endoct.workbench.pipeline.unrolled_store"
+    monkeypatch.setattr(f"{store}.save_panorama", _exhausted)
+    monkeypatch.setattr(f"{store}.unroll_recording", lambda *_, **__: type("Made", (), {"panorama": None}))
+    monkeypatch.setattr(f"{store}.begin_wall", lambda *_: None)
     status, _, err = run("unroll", short / "oct", "-o", tmp_path / "out.zarr")
     assert status == 1
     assert "memory ran out" in err

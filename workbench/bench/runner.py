@@ -32,7 +32,7 @@ from endoct.workbench.bench.task import (
 )
 from endoct.workbench.pipeline.settings import numbers, range_texts, words
 from endoct.workbench.running.progress import Advance
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.running.scheduler import one_blas_thread
 
 Status = Literal["ok", "declined", "failed", "missing"]
 LONGEST_REASON = 300

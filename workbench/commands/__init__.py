@@ -6,18 +6,19 @@ import io
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr
+from typing import Any
 
 import tyro
 
 from endoct.base.errors import visible
 from endoct.workbench.commands.checking import verify
-from endoct.workbench.commands.comparisons import compare, report, serve, summarise
+from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
-from endoct.workbench.commands.poses import pose
-from endoct.workbench.commands.recordings import info, modalities, unroll
+from endoct.workbench.commands.poses import Pose
+from endoct.workbench.commands.recordings import Unroll, info, modalities
 from endoct.workbench.commands.research import bench
-from endoct.workbench.commands.simulations import dataset, demo, simulate
+from endoct.workbench.commands.simulations import Simulate, dataset, demo
 from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30
@@ -25,12 +26,12 @@ LONGEST_NAME = 30
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status."""
-    commands: dict[str, Callable[..., int]] = {
+    commands: dict[str, Callable[..., Any]] = {
         "demo": demo,
-        "simulate": simulate,
-        "unroll": unroll,
-        "compare": compare,
-        "pose": pose,
+        "simulate": Simulate,
+        "unroll": Unroll,
+        "compare": Compare,
+        "pose": Pose,
         "dataset": dataset,
         "bench": bench,
         "report": report,
@@ -64,8 +65,10 @@ def _near(name: str, commands: Collection[str]) -> str | None:
     return next(iter(difflib.get_close_matches(name, commands, 1, cutoff=0.6)), None)
 
 
-def _later(command: Callable[..., int]) -> Callable[..., Callable[[], int]]:
-    """Return a function with the signature of ``command``, for tyro, that binds its arguments to it."""
+def _later(command: Callable[..., Any]) -> Callable[..., Callable[[], int]]:
+    """Return what tyro makes of the arguments of a ``command``, to be called later: a request, or a bound function."""
+    if isinstance(command, type):
+        return command
 
     @functools.wraps(command)
     def bound(*arguments: object, **named: object) -> Callable[[], int]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from endoct.base.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 
@@ -15,7 +16,6 @@ def verify(path: Positional[Path], json: bool = False) -> int:
         path: a panorama, comparison, report, export, specimen, data set, summary or bench results, or a folder of such
         json: print as JSON
     """
-    from endoct.base.errors import EndoctError
     from endoct.workbench.verifying import verify as check
 
     verdicts = check(path, progress=command_stages(json))

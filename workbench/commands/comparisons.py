@@ -1,15 +1,15 @@
 """Commands that compare two sides, report a comparison and summarise many."""
 
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 from tyro.conf import Positional
 
-from endoct.modalities.device import Device
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
-from endoct.workbench.commands.options import ModalityName, Output, Settings
+from endoct.workbench.requests import CompareRequest, Output
 from endoct.workbench.running.refusals import DONE
 
 if TYPE_CHECKING:
@@ -21,65 +21,30 @@ _WIDEST = 120
 """Characters that the widest of the tables takes; where a line is shorter it wraps, so that nothing is cut off."""
 
 
-def compare(
-    a: Positional[Path],
-    b: Positional[Path],
-    output: Output,
-    truth: tuple[Path, ...] = (),
-    session: Path | None = None,
-    modality_a: ModalityName = None,
-    modality_b: ModalityName = None,
-    set: Settings = (),
-    set_a: Settings = (),
-    set_b: Settings = (),
-    device: Device = "cpu",
-    force: bool = False,
-    strict: bool = False,
-    overwrite: bool = False,
-    json: bool = False,
-) -> int:
+@dataclass(frozen=True)
+class Compare(CompareRequest):
     """Compare two sides of one bore: recordings, panoramas, or mask images drawn by hand.
 
     Args:
-        a: first side; the comparison is in its frame
-        b: second side
-        output: folder to write to
-        truth: mask drawn over side A's panorama, to score both against: an image, labels in Zarr, shapes of napari
-            (.csv) or regions of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png; or a simulated
-            specimen's truth folder
-        session: file with landmark pairs, as the page of `endoct serve` saves it: some correct the alignment by hand,
-            the others check it
-        modality_a: plug-in to read side A with
-        modality_b: plug-in to read side B with
-        set: a parameter of the comparison; repeat for more
-        set_a: a key of side A's sidecar or a parameter of its processing
-        set_b: a key of side B's sidecar or a parameter of its processing
-        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
-            Nothing else changes
         force: accept the best alignment even where it does not stand out; that is a doubt
         strict: end with exit status 3 where there is a doubt; the output is written all the same
-        overwrite: replace the output if it exists
         json: print the result as JSON
     """
-    from endoct.workbench import api
-    from endoct.workbench.pipeline.settings import parse
 
-    api.compare(
-        a,
-        b,
-        output,
-        modality_a=modality_a,
-        modality_b=modality_b,
-        settings=parse(set) | ({"force": True} if force else {}),
-        settings_a=parse(set_a),
-        settings_b=parse(set_b),
-        truth=truth,
-        session=session,
-        device=device,
-        overwrite=overwrite,
-        progress=command_stages(json),
-    )
-    return print_result(output, as_json=json, strict=strict)
+    output: Output = field()
+    _: KW_ONLY
+    force: bool = False
+    strict: bool = False
+    json: bool = False
+
+    def __call__(self) -> int:
+        """Compare, print the result, and return the exit status."""
+        from endoct.workbench import api
+        from endoct.workbench.pipeline.settings import parse
+
+        settings = parse(self.settings) | ({"force": True} if self.force else {})
+        api.compare(replace(self, settings=settings, progress=command_stages(self.json)))
+        return print_result(Path(self.output), as_json=self.json, strict=self.strict)
 
 
 def report(folder: Positional[Path]) -> int:
@@ -89,10 +54,10 @@ def report(folder: Positional[Path]) -> int:
         folder: a folder written by `endoct compare`, or a panorama written by `endoct unroll`
     """
     from endoct.workbench.page.report import write_report
-    from endoct.workbench.running.second_process import second_process
+    from endoct.workbench.running.scheduler import scheduler
 
-    with command_stages(False).stage("report"), second_process() as process:
-        path = write_report(folder, process)
+    with command_stages(False).stage("report"), scheduler() as second:
+        path = write_report(folder, second)
     print_line(f"report: {path}")
     return DONE
 

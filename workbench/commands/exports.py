@@ -6,8 +6,8 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from endoct.workbench.commands.console import command_stages, print_doubts, print_json, print_line
-from endoct.workbench.commands.options import Output
 from endoct.workbench.exporting.formats import FormatName, OmeVersion
+from endoct.workbench.requests import Output
 from endoct.workbench.running.refusals import DONE
 
 

@@ -1,124 +1,82 @@
 """The command that finds where a bore lies in the patient's CT."""
 
-from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
-
-from tyro.conf import Positional, arg
+from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
-from endoct.modalities.device import Device
 from endoct.workbench.commands.console import command_stages, print_json, print_line
-from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
-from endoct.workbench.running.progress import Stages
+from endoct.workbench.requests import OutlookRequest, Output, PlanRequest, PoseRequest
 from endoct.workbench.running.refusals import DONE, UNTOLD
 
 if TYPE_CHECKING:
-    from endoct.modalities.ct.trajectory import Point
     from endoct.workbench.posing.outlook_result import OutlookResult
     from endoct.workbench.posing.result import PoseResult
 
 
-class _Asked(TypedDict):
-    """What is asked with a recording and without one."""
-
-    entry_mm: "Point | None"
-    target_mm: "Point | None"
-    plan: Path | None
-    coordinates: Literal["ras", "lps"] | None
-    device: Device
-    overwrite: bool
-    progress: Stages
-
-
-def pose(
-    sides: Positional[tuple[Path, ...]],
-    output: Output,
-    ct: Path,
-    entry: Place = None,
-    target: Place = None,
-    plan: Path | None = None,
-    coordinates: Literal["ras", "lps"] | None = None,
-    labels: Path | None = None,
-    label_names: Annotated[str | None, arg(metavar="FILE|endoct")] = None,
-    modality_a: ModalityName = None,
-    modality_b: ModalityName = None,
-    set_a: Settings = (),
-    set_b: Settings = (),
-    plan_only: bool = False,
-    radius: float | None = None,
-    seen: float | None = None,
-    device: Device = "cpu",
-    overwrite: bool = False,
-    json: bool = False,
-) -> int:
+@dataclass(frozen=True)
+class Pose(PoseRequest):
     """Find where a bore lies in the patient's CT (see docs/how-to/pose.md). Research software.
 
     Args:
-        sides: one or two of one bore, none with --plan-only: a recording, a panorama, or one side of a
-            comparison as DIR:SIDE
-        output: folder to write to
-        ct: CT from before drilling: a file .nrrd, .nii.gz, .mha, or a folder of DICOM
-        entry: where the bore was planned to begin, mm, as --entry=12.5,-40,7
-        target: where it was planned to end, mm
-        plan: instead of these two, a line of 3D Slicer (.mrk.json)
-        coordinates: what x, y and z of these two mean; default: as the file says (NIfTI RAS, NRRD its space, else LPS)
-        labels: segmentation in the world of the CT, with the names of its labels in it or in a table next to it
-        label_names: table of these names, of 3D Slicer or ITK-SNAP; or the word endoct: 1 bone, 2 facial nerve,
-            3 chorda tympani, 4 cochlea, 5 sigmoid sinus, 6 antrum
-        modality_a: plug-in to read the first side with
-        modality_b: plug-in to read the second side with
-        set_a: a key of the first side's sidecar or a parameter of its processing
-        set_b: a key of the second side's sidecar or a parameter of its processing
         plan_only: before there is a recording: how well this trajectory could be told, by the CT alone
         radius: with --plan-only, of the bore, mm; default: 1.25
         seen: with --plan-only, how much of the bore a recording would show, mm; default: the plan's length
-        device: where to compute; cuda: on a GPU
-        overwrite: replace the output if it exists
         json: print the result as JSON
     """
-    from endoct.workbench.pipeline.settings import parse, parse_place
-    from endoct.workbench.posing.pose import pose as find_pose
 
-    of_sides: dict[str, object] = {
-        "a side": sides, "--labels": labels, "--label-names": label_names, "--modality-a": modality_a,
-        "--modality-b": modality_b, "--set-a": set_a, "--set-b": set_b,
-    }  # fmt: skip
-    _check_options(plan_only, of_sides, {"--radius": radius, "--seen": seen})
-    asked: _Asked = {
-        "entry_mm": parse_place("entry", entry),
-        "target_mm": parse_place("target", target),
-        "plan": plan,
-        "coordinates": coordinates,
-        "device": device,
-        "overwrite": overwrite,
-        "progress": command_stages(json),
-    }
-    if plan_only:
-        from endoct.workbench.posing.outlook import RADIUS_MM, pose_outlook
+    output: Output = field()
+    _: KW_ONLY
+    plan_only: bool = False
+    radius: float | None = None
+    seen: float | None = None
+    json: bool = False
 
-        radius_mm = RADIUS_MM if radius is None else radius
-        outlook = pose_outlook(ct, output, radius_mm=radius_mm, seen_mm=seen, **asked)
-        if json:
+    def __call__(self) -> int:
+        """Find the pose, or say how well it could be told; print that, and return the exit status."""
+        self._check()
+        if self.plan_only:
+            return self._plan_only()
+        from endoct.workbench.posing.pose import pose
+
+        result = pose(replace(self, progress=command_stages(self.json)))
+        return print_pose(result, Path(self.output), as_json=self.json)
+
+    def _plan_only(self) -> int:
+        from endoct.workbench.posing.outlook import pose_outlook
+
+        of_plan = {one.name: getattr(self, one.name) for one in fields(PlanRequest)}
+        of_bore = {"seen_mm": self.seen} | ({} if self.radius is None else {"radius_mm": self.radius})
+        request = OutlookRequest(self.ct, self.output, **of_plan | of_bore)
+        outlook = pose_outlook(replace(request, progress=command_stages(self.json)))
+        if self.json:
             print_json(outlook.to_json())
         else:
             print_line(outlook.outlook.sentence)
             _print_doubts(outlook)
-            print_line(f"report: {output / 'report.html'}")
+            print_line(f"report: {Path(self.output) / 'report.html'}")
         return DONE if outlook.tellable else UNTOLD
-    result = find_pose(
-        sides,
-        ct,
-        output,
-        labels=labels,
-        label_names=label_names,
-        modality_a=modality_a,
-        modality_b=modality_b,
-        settings_a=parse(set_a),
-        settings_b=parse(set_b),
-        **asked,
-    )
-    return print_pose(result, output, as_json=json)
+
+    def _check(self) -> None:
+        """Raise :class:`EndoctError` where something is given that has no meaning with, or without, --plan-only."""
+        of_sides = {
+            "a side": self.sides, "--labels": self.labels, "--label-names": self.label_names,
+            "--modality-a": self.modality_a, "--modality-b": self.modality_b, "--set-a": self.settings_a,
+            "--set-b": self.settings_b,
+        }  # fmt: skip
+        of_plan = {"--radius": self.radius, "--seen": self.seen}
+        if self.plan_only and (given := [name for name, value in of_sides.items() if value]):
+            raise EndoctError(
+                "with --plan-only there is no recording",
+                found=", ".join(given),
+                remedy="leave out that, or --plan-only",
+            )
+        if not self.plan_only and (given := [name for name, value in of_plan.items() if value is not None]):
+            raise EndoctError(
+                "a recording says what it shows of its bore",
+                found=", ".join(given),
+                remedy="leave it out, or add --plan-only",
+            )
 
 
 def print_pose(result: "PoseResult", folder: Path, *, as_json: bool) -> int:
@@ -129,20 +87,6 @@ def print_pose(result: "PoseResult", folder: Path, *, as_json: bool) -> int:
         _print(result)
         print_line(f"report: {folder / 'report.html'}")
     return DONE if result.told else UNTOLD
-
-
-def _check_options(plan_only: bool, of_sides: Mapping[str, object], of_plan: Mapping[str, object]) -> None:
-    """Raise :class:`EndoctError` where something is given that has no meaning with, or without, --plan-only."""
-    if plan_only and (given := [name for name, value in of_sides.items() if value]):
-        raise EndoctError(
-            "with --plan-only there is no recording", found=", ".join(given), remedy="leave out that, or --plan-only"
-        )
-    if not plan_only and (given := [name for name, value in of_plan.items() if value is not None]):
-        raise EndoctError(
-            "a recording says what it shows of its bore",
-            found=", ".join(given),
-            remedy="leave it out, or add --plan-only",
-        )
 
 
 def _print(result: "PoseResult") -> None:

@@ -1,5 +1,6 @@
 """Commands about one recording, and what can be read."""
 
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -7,7 +8,6 @@ from rich.table import Table
 from tyro.conf import Positional, arg
 
 from endoct.base.files.files import path_text
-from endoct.modalities.device import Device
 from endoct.workbench.commands.console import (
     TextConsole,
     command_stages,
@@ -16,69 +16,50 @@ from endoct.workbench.commands.console import (
     print_line,
     status_of,
 )
-from endoct.workbench.commands.options import ModalityName, Output, Settings
+from endoct.workbench.requests import ModalityName, Output, UnrollRequest
 from endoct.workbench.running.refusals import DONE
 
 
-def unroll(
-    path: Positional[Path],
-    output: Output,
-    modality: ModalityName = None,
-    set: Settings = (),
-    volume: bool = False,
-    device: Device = "cpu",
-    strict: bool = False,
-    overwrite: bool = False,
-    json: bool = False,
-) -> int:
+@dataclass(frozen=True)
+class Unroll(UnrollRequest):
     """Unroll one recording into a panorama of the bore wall, with a report.
 
     Args:
-        path: folder or file of the recording
-        output: Zarr store to write
-        modality: plug-in to read it with, where the sidecar does not say
-        set: a key of the sidecar or a processing parameter; repeat for more
-        volume: add the dense hollow cylinder, sub-surface included
-        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
-            Nothing else changes
         strict: end with exit status 3 where there is a doubt; the output is written all the same
-        overwrite: replace the output if it exists
         json: print as JSON
     """
-    from endoct.workbench import api
-    from endoct.workbench.pipeline.settings import parse
 
-    panorama = api.unroll(
-        path,
-        output,
-        modality=modality,
-        settings=parse(set),
-        volume=volume,
-        device=device,
-        overwrite=overwrite,
-        progress=command_stages(json),
-    )
-    facts = {
-        "output": path_text(output),
-        "report": path_text(output / "report.html"),
-        "modality": panorama.modality,
-        "rows": panorama.grid.n_z,
-        "columns": panorama.grid.n_theta,
-        "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
-        "valid_fraction": float(panorama.valid.mean()),
-        "doubts": [doubt.to_json() for doubt in panorama.doubts],
-        "notes": list(panorama.notes),
-    }
-    if json:
-        print_json(facts)
-    else:
-        print_line(
-            f"panorama: {output} ({facts['rows']} rows × {facts['columns']} columns, "
-            f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
-        )
-        print_doubts(panorama.doubts, {"": panorama.notes})
-        print_line(f"report: {output / 'report.html'}")
-    return status_of(panorama.doubts, strict=strict)
+    output: Output = field()
+    _: KW_ONLY
+    strict: bool = False
+    json: bool = False
+
+    def __call__(self) -> int:
+        """Unroll, print what was made, and return the exit status."""
+        from endoct.workbench import api
+
+        panorama, output = api.unroll(replace(self, progress=command_stages(self.json))), Path(self.output)
+        facts = {
+            "output": path_text(output),
+            "report": path_text(output / "report.html"),
+            "modality": panorama.modality,
+            "rows": panorama.grid.n_z,
+            "columns": panorama.grid.n_theta,
+            "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
+            "valid_fraction": float(panorama.valid.mean()),
+            "doubts": [doubt.to_json() for doubt in panorama.doubts],
+            "notes": list(panorama.notes),
+        }
+        if self.json:
+            print_json(facts)
+        else:
+            print_line(
+                f"panorama: {output} ({facts['rows']} rows × {facts['columns']} columns, "
+                f"z {panorama.z_mm[0]:.2f} to {panorama.z_mm[-1]:.2f} mm, {panorama.valid.mean():.1%} valid)"
+            )
+            print_doubts(panorama.doubts, {"": panorama.notes})
+            print_line(f"report: {output / 'report.html'}")
+        return status_of(panorama.doubts, strict=self.strict)
 
 
 def info(

@@ -1,12 +1,13 @@
 """Commands that make specimens: one with its comparison, one, many."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.commands.console import command_stages, print_json, print_line, print_result
-from endoct.workbench.commands.options import Output, Place, Wishes
 from endoct.workbench.commands.poses import print_pose
+from endoct.workbench.requests import Output, Ranges, SimulateRequest
 from endoct.workbench.running.refusals import DONE
 
 
@@ -42,75 +43,17 @@ def demo(
     return print_result(output / "comparison", as_json=json)
 
 
-def simulate(
-    output: Output,
-    preset: PresetName = "quick",
-    seed: int = 0,
-    replay: Path | None = None,
-    vary: Wishes = (),
-    bone: Path | None = None,
-    entry: Place = None,
-    target: Place = None,
-    coordinates: Literal["ras", "lps"] | None = None,
-    bone_hu: float | None = None,
-    bone_label: int | None = None,
-    detail: float = 0.0,
-    ct: bool = False,
-    ct_slice: float | None = None,
-    cone_beam: bool = False,
-    labels: bool = False,
-    spectra: bool = False,
-    overwrite: bool = False,
-) -> int:
-    """Simulate the two recordings of one bore, with truth.
+@dataclass(frozen=True)
+class Simulate(SimulateRequest):
+    """Simulate the two recordings of one bore, with truth."""
 
-    Args:
-        output: folder for the specimen
-        preset: size and difficulty of the recordings
-        seed: seed of the specimen; the same seed gives the same bytes
-        replay: truth/sample.json of a specimen to simulate again; nothing is drawn then
-        vary: range or choices of a parameter, such as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
-        bone: CT or segmentation of one to drill into: a file .nrrd, .nii.gz, .mha, or a folder of DICOM
-        entry: where the drill enters that bone, mm, as --entry=12.5,-40,7
-        target: where it ends, mm
-        coordinates: what x, y and z of these two mean; default: as the file says (NIfTI RAS, NRRD its space, else LPS)
-        bone_hu: least Hounsfield unit that is bone; default: 300
-        bone_label: label that is bone, in a segmentation; default: every one but 0
-        detail: rms in mm of roughness finer than the voxels to add to that bone
-        ct: add truth/ct.nii.gz, a CT of the bone before drilling, with labels and cells (preset mastoid, or --bone)
-        ct_slice: thickness of its slices in mm, as 0.6; default: as its voxels, 0.15 to 0.3
-        cone_beam: add truth/cone_beam.nii.gz, a CT after drilling
-        labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
-        spectra: add oct-spectra: the spectrometer's raw data, 2 kB per A-scan
-        overwrite: replace the folder if it exists
-    """
-    from endoct.workbench.pipeline.settings import parse_place, parse_vary
-    from endoct.workbench.pipeline.simulating import simulate as write_specimen
+    def __call__(self) -> int:
+        """Simulate, and return the exit status."""
+        from endoct.workbench.pipeline.simulating import simulate
 
-    write_specimen(
-        output,
-        preset=preset,
-        seed=seed,
-        replay=replay,
-        vary=parse_vary(vary),
-        bone=bone,
-        entry_mm=parse_place("entry", entry),
-        target_mm=parse_place("target", target),
-        coordinates=coordinates,
-        bone_hu=bone_hu,
-        bone_label=bone_label,
-        detail_mm=detail,
-        ct=ct,
-        ct_slice_mm=ct_slice,
-        cone_beam=cone_beam,
-        labels=labels,
-        spectra=spectra,
-        overwrite=overwrite,
-        on_remark=print_line,
-        progress=command_stages(False),
-    )
-    print_line(f"specimen: {output}")
-    return DONE
+        simulate(replace(self, on_remark=print_line, progress=command_stages(False)))
+        print_line(f"specimen: {self.output}")
+        return DONE
 
 
 def dataset(
@@ -118,7 +61,7 @@ def dataset(
     count: int,
     preset: PresetName = "learning",
     seed: int = 0,
-    vary: Wishes = (),
+    vary: Ranges = (),
     format: Literal["folders", "webdataset"] = "folders",
     labels: bool = False,
     recordings_per_bore: int = 1,

@@ -13,7 +13,7 @@ from endoct.workbench.exporting.mark import is_marked
 from endoct.workbench.exporting.source import open_source
 from endoct.workbench.running.kinds import EXPORT
 from endoct.workbench.running.progress import Stages, stages_for
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.running.scheduler import one_blas_thread
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,10 @@
 """Reports: figures as files, and the page as one file that opens offline; of a comparison, or of one recording."""
 
 from collections.abc import Sequence
-from concurrent.futures import Future
 from pathlib import Path
 
 from markupsafe import Markup
 
-from endoct.base.compute.worker_process import WorkerProcess
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import is_marked, marked, read_contents, whole_of
 from endoct.base.files.output import check_output, new_output
@@ -15,30 +13,23 @@ from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown
+from endoct.workbench.report.figures.begun import Figures, begin_both, begin_pictures, begin_wall, drawn_of
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
-from endoct.workbench.report.figures.requested import (
-    Requested,
-    begin_drawing,
-    begin_drawing_both,
-    begin_drawing_frames,
-    drawn_of,
-)
 from endoct.workbench.report.findings import Findings, read_findings
-from endoct.workbench.report.illustrated import recording_sections, report_sections
-from endoct.workbench.report.sections import Section
+from endoct.workbench.report.sections import Section, recording_sections, report_sections
 from endoct.workbench.report.side_findings import SideFindings, recording_in
 from endoct.workbench.running.kinds import FIGURES, REPORT
+from endoct.workbench.running.scheduler import ALONE, Scheduler
 
 PAGE = "report.html"
 REMARK = "The figures lie next to this page, lossless, in figures/."
 
 
-def write_report(path: Path, process: WorkerProcess | None = None) -> Path:
+def write_report(path: Path, scheduler: Scheduler = ALONE) -> Path:
     """Write ``figures/*.png`` and ``report.html`` into ``path``, replacing older ones; return the page's path.
 
-    ``path`` is what ``endoct compare`` or ``endoct unroll`` wrote; nothing else in it is changed. Figures are drawn
-    here and in ``process``, where there is one. Raises :class:`EndoctError` where ``path`` is neither, not whole, or
-    cannot be written.
+    ``path`` is what ``endoct compare`` or ``endoct unroll`` wrote; nothing else in it is changed. Raises
+    :class:`EndoctError` where ``path`` is neither, not whole, or cannot be written.
     """
     if is_panorama(path):
         contents = read_contents(path)
@@ -49,49 +40,42 @@ def write_report(path: Path, process: WorkerProcess | None = None) -> Path:
                 expected="a panorama written by `endoct unroll`, or a folder written by `endoct compare`",
                 remedy=f"unroll the recording again, or look at it by `endoct serve {path}`",
             )
-        return write_panorama_report(path, load_panorama(path), process)
+        return write_panorama_report(path, load_panorama(path), scheduler)
     _check(path)
     findings = read_findings(path)
-    return write_comparison_report(path, findings, begin_drawing_both(findings, process, with_sides=True))
+    return write_comparison_report(path, findings, begin_both(findings, scheduler, with_sides=True))
 
 
-def write_comparison_report(
-    folder: Path, findings: Findings, requested: Sequence[Requested], of_sides: "Future[list[Drawn]] | None" = None
-) -> Path:
+def write_comparison_report(folder: Path, findings: Findings, begun: Sequence[Figures]) -> Path:
     """Write ``figures/*.png`` and ``report.html`` of a comparison into its ``folder``, which holds all but these.
 
-    ``findings`` are what it holds, ``requested`` the figures that were begun, and ``of_sides`` those of each side by
-    itself where they were begun apart. Returns the page's path. Raises :class:`EndoctError` where they cannot be
-    written.
+    ``findings`` are what it holds, ``begun`` its figures but those of its scores. Returns the page's path. Raises
+    :class:`EndoctError` where they cannot be written.
     """
     shown = open_shown(folder)
     data = frozen_data(shown)
-    figures = drawn_of(findings, requested) + ([] if of_sides is None else of_sides.result())
+    figures = drawn_of(findings, begun)
     return _write(folder, shown, figures, report_sections(findings, figures), data)
 
 
-def write_panorama_report(store: Path, panorama: Panorama, process: WorkerProcess | None = None) -> Path:
+def write_panorama_report(store: Path, panorama: Panorama, scheduler: Scheduler = ALONE) -> Path:
     """Write ``figures/*.png`` and ``report.html`` of one recording into the ``store`` of its ``panorama``.
 
-    Figures are drawn in ``process`` where there is one. Returns the page's path. Raises :class:`EndoctError` where they
-    cannot be written.
+    Returns the page's path. Raises :class:`EndoctError` where they cannot be written.
     """
     _check(store)
     side = recording_in(store, panorama)
-    return write_recording_report(store, side, begin_drawing(panorama, process), begin_drawing_frames(side, process))
+    return write_recording_report(store, side, [begin_wall(panorama, scheduler), begin_pictures(side, scheduler)])
 
 
-def write_recording_report(
-    store: Path, side: SideFindings, of_wall: "Future[list[Drawn]]", of_frames: "Future[list[Drawn]]"
-) -> Path:
+def write_recording_report(store: Path, side: SideFindings, begun: Sequence[Figures]) -> Path:
     """Write the report of a recording into its ``store``, which holds all but that; return the page's path.
 
-    ``side``: what it holds. ``of_wall`` and ``of_frames`` are the figures, which were begun. Raises
-    :class:`EndoctError` where they cannot be written.
+    ``side``: what it holds, ``begun`` its figures. Raises :class:`EndoctError` where they cannot be written.
     """
     shown = open_shown(store)
     data = frozen_data(shown)
-    figures = [*of_wall.result(), *of_frames.result()]
+    figures = [one for figures in begun for one in figures.result()]
     sections = recording_sections(side, shown.side(side.name).outline, figures)
     return _write(store, shown, figures, sections, data)
 

@@ -8,18 +8,26 @@ what parameters of a specimen, or a task's conditions, are drawn from. Their gra
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
 from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import validate
 from endoct.modalities.contract import Manifest
-from endoct.synthetic.sample.ranges import Range, check_ranges
+from endoct.synthetic.sample.ranges import NO_RANGES, Range, check_ranges
+
+if TYPE_CHECKING:
+    from endoct.workbench.requests import Place, Ranges, Settings
 
 
-def parse(settings: tuple[str, ...]) -> dict[str, object]:
-    """Read ``("undistort=sine", "axial_pixel_mm=0.005")``; values are TOML, or else plain words."""
+def parse(settings: "Settings") -> dict[str, object]:
+    """Read ``("undistort=sine", "axial_pixel_mm=0.005")``; values are TOML, or else plain words.
+
+    A mapping, as Python states it, is returned as it is, and nothing for None.
+    """
+    if settings is None or isinstance(settings, Mapping):
+        return dict(settings or {})
     values: dict[str, object] = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
@@ -48,12 +56,16 @@ def split(settings: Mapping[str, object], manifest: Manifest) -> tuple[dict[str,
     return overrides, validate(model, chosen, f"the settings of '{manifest.name}'", also=tuple(sidecar_keys))
 
 
-def parse_vary(entries: Sequence[str]) -> dict[str, Range]:
+def parse_vary(entries: "Ranges") -> Mapping[str, Range]:
     """Return the ranges of ``entries`` as ``oct.wall_db=6..14`` or ``oct.scan=step|helical`` by "part.name".
+
+    A mapping, as Python states it, is returned as it is, and nothing for None.
 
     Raises :class:`EndoctError` for an entry of another form, a parameter named twice, and whatever the simulator
     cannot draw.
     """
+    if entries is None or isinstance(entries, Mapping):
+        return entries or NO_RANGES
     texts = range_texts(entries, "parameter", "part.name=low..high or part.name=word|word, as oct.wall_db=6..14")
     ranges = {name: numbers(text) or words(text) for name, text in texts.items()}
     check_ranges(ranges)
@@ -103,10 +115,13 @@ def ranges_text(ranges: Mapping[str, Range]) -> str:
     return " ".join(f"{name}={range_text(ranges[name])}" for name in sorted(ranges)) or "nothing"
 
 
-def parse_place(name: str, text: str | None) -> tuple[float, float, float] | None:
-    """Return the three numbers of ``text`` as "12.5,-40,7"; None for none. Raises :class:`EndoctError` for another."""
-    if text is None:
-        return None
+def parse_place(name: str, text: "Place") -> tuple[float, float, float] | None:
+    """Return the three numbers of ``text`` as "12.5,-40,7"; a place, or None, as it is.
+
+    Raises :class:`EndoctError` for another text.
+    """
+    if not isinstance(text, str):
+        return text
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:

@@ -1,16 +1,18 @@
 """What the two sides of a comparison come from: recordings, panoramas, and masks drawn by hand.
 
-Two recordings are unrolled at the same time: one in this process, the other one in a worker process.
+A side's course: a :class:`Source` is opened, which refuses what cannot be used; a recording is unrolled; then it is a
+:class:`~endoct.fusion.evidence.side.Side`, with the evidence for its cells, and at last a
+:class:`~endoct.fusion.sides.PlacedSide` on the grid that both share.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from endoct.base.compute.worker_process import Send, WorkerProcess
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
 from endoct.fusion.evidence.drawn_mask import DrawnMask
@@ -23,61 +25,13 @@ from endoct.modalities.device import Device
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
-from endoct.workbench.pipeline.unrolling import Opened, Unrolled, open_side, unroll_recording
-from endoct.workbench.running.progress import Advance, SilentStages, Stages
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.pipeline.settings import parse
+from endoct.workbench.pipeline.unrolling import Recording, Unrolled, open_recording, unroll_recording
+from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.scheduler import Scheduler, one_blas_thread
 
-
-def unroll_both(
-    a: Opened, b: Opened, stages: Stages, process: WorkerProcess | None, meanwhile: Callable[[], None] = lambda: None
-) -> tuple[Unrolled, Unrolled]:
-    """Unroll two recordings, B in ``process`` where there is one; the panoramas are the same either way.
-
-    ``meanwhile`` is called once A is unrolled, where B may not be yet. Raises what :func:`unroll_recording` raises, of
-    A where both fail.
-    """
-    if process is None:
-        return unroll_recording(a, stages, "A"), unroll_recording(b, stages, "B")
-    with ExitStack() as open_stages:
-        unrolled_b = process.call(_unroll_there, b, "B", on_message=_ReceivedStages(stages, open_stages))
-        unrolled_a = unroll_recording(a, stages, "A")
-        meanwhile()
-        return unrolled_a, unrolled_b.result()
-
-
-def _unroll_there(send: Send, opened: Opened, label: str) -> Unrolled:
-    opened.manifest.load(opened.device)  # first, so that the libraries it brings keep to one thread as well
-    with one_blas_thread():
-        return unroll_recording(opened, _SentStages(send), label)
-
-
-class _SentStages(SilentStages):
-    """Sends which stage begins (its title), how much of it is done (a share), and that it ends (None)."""
-
-    def __init__(self, send: Send) -> None:
-        super().__init__()
-        self._send = send
-
-    @contextmanager
-    def _displayed(self, title: str) -> Iterator[Advance]:
-        self._send(title)
-        yield self._send
-        self._send(None)
-
-
-class _ReceivedStages:
-    """Opens the stages of :class:`_SentStages` among ``stages``; one that is open ends with ``open_stages``."""
-
-    def __init__(self, stages: Stages, open_stages: ExitStack) -> None:
-        self._stages, self._open_stages = stages, open_stages
-
-    def __call__(self, message: object) -> None:
-        if isinstance(message, str):
-            self._advance = self._open_stages.enter_context(self._stages.stage(message))
-        elif isinstance(message, float):
-            self._advance(message)
-        else:
-            self._open_stages.close()
+if TYPE_CHECKING:
+    from endoct.workbench.requests import Recorded, Settings
 
 
 @dataclass(frozen=True)
@@ -95,20 +49,18 @@ class Source:
         return self.given if isinstance(self.given, Path) else None
 
 
-@dataclass(frozen=True)
-class MaskFile:
-    """A mask that is not read yet: to read it may need the panorama that it was drawn on, the other side's."""
-
-    path: Path
+def source_of(given: "Recorded", modality: str | None, settings: "Settings", device: Device) -> Source:
+    """Return the source that a request states. Raises :class:`EndoctError` for settings that cannot be read."""
+    return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), device)
 
 
-Ready = Opened | Panorama | DrawnMask | MaskFile
-"""A source that is known to be usable, with nothing unrolled yet."""
-Made = Unrolled | Panorama | DrawnMask | MaskFile
+Opened = Recording | Panorama | DrawnMask | Path
+"""A source that is known to be usable; a path is that of a mask, which may need the panorama that it was drawn on."""
+Ready = Unrolled | Panorama | DrawnMask | Path
 """The same with recordings unrolled."""
 
 
-def open_both(sources: tuple[Source, Source]) -> tuple[Ready, Ready]:
+def open_both(sources: tuple[Source, Source]) -> tuple[Opened, Opened]:
     """Open both sources of a comparison.
 
     Raises :class:`EndoctError` where one cannot be used, both are one recording, or their bores differ in diameter.
@@ -139,22 +91,27 @@ def _check_two(a: Source, b: Source) -> None:
 
 
 def unroll_sources(
-    opened: tuple[Ready, Ready],
-    stages: Stages,
-    process: WorkerProcess | None,
-    meanwhile: Callable[[], None] = lambda: None,
-) -> tuple[Made, Made]:
-    """Return both sources with recordings unrolled; two at the same time where there is a worker ``process``.
+    opened: tuple[Opened, Opened], stages: Stages, scheduler: Scheduler, meanwhile: Sequence[str] = ()
+) -> tuple[Ready, Ready]:
+    """Return both sources with recordings unrolled; two at the same time, where there is a second process.
 
-    ``meanwhile`` is called where this process would wait for the other.
+    Modules named in ``meanwhile`` are loaded where this process would wait for the other. Raises what
+    :func:`unroll_recording` raises, of A where both fail.
     """
     a, b = opened
-    if isinstance(a, Opened) and isinstance(b, Opened):
-        return unroll_both(a, b, stages, process, meanwhile)
-    return _unrolled(a, stages, "A"), _unrolled(b, stages, "B")
+    if not isinstance(a, Recording) or not isinstance(b, Recording):
+        return _unrolled(a, stages, "A"), _unrolled(b, stages, "B")
+    with scheduler.begun_in_stages(stages, _unroll_b, b) as unrolled_b:
+        return unroll_recording(a, stages, "A"), unrolled_b.result(meanwhile)
 
 
-def read_sides(made: tuple[Made, Made]) -> tuple[Side, Side]:
+def _unroll_b(recording: Recording, stages: Stages) -> Unrolled:
+    recording.manifest.load(recording.device)  # first, so that the libraries it brings keep to one thread as well
+    with one_blas_thread():
+        return unroll_recording(recording, stages, "B")
+
+
+def read_sides(made: tuple[Ready, Ready]) -> tuple[Side, Side]:
     """Return both sides. Raises :class:`EndoctError` where a mask cannot be read, or nothing says where it lies."""
     a, b = made
     return two_sides(_read(a, b), _read(b, a))
@@ -191,7 +148,7 @@ def _arguments_of(side: str) -> Iterator[None]:
         raise type(error)(error.what, found=error.found, expected=error.expected, remedy=remedy) from error
 
 
-def open_source(source: Source) -> Ready:
+def open_source(source: Source) -> Opened:
     """Open one source. Raises :class:`EndoctError` where it cannot be used."""
     path = source.path
     unrolled, mask = path is None or is_panorama(path), path is not None and is_mask_image(path)
@@ -209,30 +166,30 @@ def open_source(source: Source) -> Ready:
         panorama = load_panorama(source.given)
         return stored_mask(panorama) or panorama
     if mask:
-        return MaskFile(source.given)
-    return open_side(source.given, modality=source.modality, settings=source.settings, device=source.device)
+        return source.given
+    return open_recording(source.given, modality=source.modality, settings=source.settings, device=source.device)
 
 
-def _radius_mm(opened: Ready) -> float | None:
+def _radius_mm(opened: Opened) -> float | None:
     """Return the radius of the bore that a source states; None for a mask that is not read yet."""
-    if isinstance(opened, MaskFile):
+    if isinstance(opened, Path):
         return None
-    return opened.stream.acquisition.bore_diameter_mm / 2 if isinstance(opened, Opened) else opened.grid.radius_mm
+    return opened.stream.acquisition.bore_diameter_mm / 2 if isinstance(opened, Recording) else opened.grid.radius_mm
 
 
-def _unrolled(source: Ready, stages: Stages, label: str) -> Made:
-    return unroll_recording(source, stages, label) if isinstance(source, Opened) else source
+def _unrolled(opened: Opened, stages: Stages, label: str) -> Ready:
+    return unroll_recording(opened, stages, label) if isinstance(opened, Recording) else opened
 
 
-def _read(made: Made, other: Made) -> Panorama | DrawnMask:
+def _read(made: Ready, other: Ready) -> Panorama | DrawnMask:
     """Return a side once it is read; a mask may be drawn on the ``other``."""
-    if isinstance(made, MaskFile):
-        return read_mask(made.path, like=_panorama(other))
+    if isinstance(made, Path):
+        return read_mask(made, like=_panorama(other))
     return made.panorama if isinstance(made, Unrolled) else made
 
 
-def _panorama(made: Made) -> Panorama | None:
-    if isinstance(made, MaskFile):
+def _panorama(made: Ready) -> Panorama | None:
+    if isinstance(made, Path):
         return None
     return made if isinstance(made, Panorama) else made.panorama
 

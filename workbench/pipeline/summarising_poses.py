@@ -11,7 +11,7 @@ import numpy as np
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import path_text, read_small, spreadsheet_text
 from endoct.fusion.pose.paired import FEWEST_BORES, equivalence, limits_of_agreement
-from endoct.workbench.pipeline.summarising import Row
+from endoct.workbench.pipeline.summarising import Row, summarise
 
 NAME = "pose.json"
 MOST_BYTES = 16_000_000
@@ -34,6 +34,18 @@ def are_poses(folders: Sequence[Path]) -> bool:
             remedy="summarise comparisons by themselves",
         )
     return bool(of_poses)
+
+
+def summarise_any(first: Sequence[Path], second: Sequence[Path], *, repeats: bool) -> dict[str, list[Row]]:
+    """Return the tables of poses, or else of comparisons, as :func:`~endoct.workbench.pipeline.summarising.summarise`.
+
+    Raises :class:`EndoctError` where folders hold neither, or something is asked of poses that they do not have.
+    """
+    if not are_poses([*first, *second]):
+        return summarise(first, second, repeats=repeats)
+    if second or repeats:
+        raise EndoctError("poses are summarised one by one", remedy="leave out --against and --repeats")
+    return summarise_poses(first)
 
 
 def summarise_poses(folders: Sequence[Path]) -> dict[str, list[Row]]:

@@ -18,7 +18,7 @@ from endoct.fusion.pose.support import LONG_BARE_MM, longest_bare_stretch
 from endoct.modalities.ct.ct_volume import CtVolume, part_around
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.posing.each_side import COLUMNS, ROWS_MM
+from endoct.workbench.posing.side_in_air import COLUMNS, ROWS_MM
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     DEPTH_COLOURS,

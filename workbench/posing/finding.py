@@ -1,23 +1,122 @@
-"""The pose of a bore by the sides at hand, stage by stage. Loads torch: imported only where a pose is looked for."""
+"""The pose of a bore, step by step, and its folder. Loads torch: imported only where a pose is looked for."""
 
-from endoct.fusion.pose.air import AirAround
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from endoct.base.files.files import check_unchanged, digests, state_of
+from endoct.fusion.pose.air import AirAround, air_around
 from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
 from endoct.fusion.pose.observation import observe
-from endoct.modalities.ct.trajectory import Trajectory
-from endoct.workbench.posing.each_side import EachSide, OneSide, one_thread
+from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.structures import label_doubts, structures_near
+from endoct.fusion.pose.summary import summary_of
+from endoct.modalities.ct.trajectory import Trajectory, write_line
+from endoct.modalities.device import Device
+from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.pipeline.sources import Source, inputs_of
+from endoct.workbench.pipeline.volumes import facts_of
+from endoct.workbench.posing.figures import draw_cut, draw_wall
+from endoct.workbench.posing.handover import write_handover
+from endoct.workbench.posing.page import pose_page
+from endoct.workbench.posing.plan import Planned
+from endoct.workbench.posing.prediction import compare_with, predicted, save_compared
+from endoct.workbench.posing.result import Made, PoseResult, pose_versions
+from endoct.workbench.posing.side_in_air import SideInAir, one_thread
+from endoct.workbench.posing.sides import make_sides, open_sides
+from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.scheduler import ALONE, Scheduler, Spread
+
+PREDICTED = "predicted"
 
 
-def find(air: AirAround, plan: Trajectory, each: EachSide, device: str, stages: Stages) -> PoseAnswer:
+def find_sources(
+    sources: Sequence[Source],
+    planned: Planned,
+    folder: Path | None,
+    *,
+    device: Device,
+    stages: Stages,
+    scheduler: Scheduler,
+) -> PoseResult:
+    """Find where a bore lies by its ``sources``; write everything `endoct pose` promises into ``folder``, if given.
+
+    Raises :class:`EndoctError` where a side cannot be used, or something is changed while it is read.
+    """
+    start = time.perf_counter()
+    labels = planned.labels
+    files = {path: state_of(path) for path in (*planned.files, *(one.path for one in sources if one.path is not None))}
+    opened = open_sides(sources)
+    structures = () if labels is None else structures_near(labels, planned.plan)
+    volumes = {"ct": facts_of(planned.ct, "CT", planned.coordinates)}
+    if labels is not None:
+        volumes["labels"] = facts_of(labels, "labels", planned.coordinates, label_doubts(labels))
+    with stages.stage("CT around the plan"):
+        air = air_around(planned.ct, planned.plan)
+    # what cannot be used was refused before the work of unrolling
+    sides = make_sides(opened, stages, scheduler)
+    at_once = scheduler if device == "cpu" else ALONE
+    in_air = at_once.spread([SideInAir(air, side) for side in sides])
+    found = find(air, planned.plan, in_air, device, stages)
+    with stages.stage("in clinical words"):
+        summary = summary_of(found, structures)
+    of_sides = [inputs_of(source, side) for source, side in zip(sources, sides, strict=True)]
+    made = Made(
+        inputs={name: digest for one in (*map(digests, planned.files), *of_sides) for name, digest in one.items()},
+        versions=pose_versions(),
+        parameters={"device": device, **{one.name: one.panorama.provenance.get("parameters", {}) for one in sides}},
+        seconds={
+            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
+            "in all, before the files": round(time.perf_counter() - start, 3),
+        },
+    )
+    result = PoseResult(found, summary, planned.coordinates, made, volumes)
+    for path, state in files.items():
+        check_unchanged(path, state)
+    if folder is not None:
+        write_folder(result, planned, in_air, folder, stages)
+    return result
+
+
+def find(air: AirAround, plan: Trajectory, sides: Spread[SideInAir], device: str, stages: Stages) -> PoseAnswer:
     """Return where the bore lies in ``air``. Raises :class:`EndoctError` where a side shows nothing."""
     with stages.stage("pose by each side"):
-        found = each.map(find_side, device)
+        found = sides.map(find_side, device)
     with stages.stage("pose by all"), one_thread():
         return answer(air.to(device), plan, found)
 
 
 @one_thread()
-def find_side(one: OneSide, device: str) -> Found:
+def find_side(given: SideInAir, device: str) -> Found:
     """Return where a side alone lies in the air around the plan."""
-    cells = None if one.side.relief is not None else one.segmented.segmentation.mask
-    return find_alone(one.air.to(device), observe(one.side, cells))
+    cells = None if given.side.relief is not None else given.cells.mask
+    return find_alone(given.air.to(device), observe(given.side, cells))
+
+
+def write_folder(result: PoseResult, planned: Planned, sides: Spread[SideInAir], folder: Path, stages: Stages) -> None:
+    """Write all of a pose into ``folder``, which must not exist.
+
+    A pose that is not told is not handed over: no transform, trajectory or mesh of it is written.
+    """
+    pose = result.answer.pose
+    folder.mkdir()
+    (folder / "pose.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
+    write_line(pose.plan, "plan", folder / "plan.mrk.json")
+    if result.told:
+        write_handover(pose, folder)
+    with stages.stage("compare with the CT"):
+        walls = sides.map(write_side, pose, result.made, folder)
+    with stages.stage("report"):
+        drawn = [draw_cut(planned.ct, planned.labels, pose, result.told), *walls]
+        write_figures(drawn, folder / "figures")
+        (folder / "report.html").write_text(pose_page(result, folder.name, drawn), encoding="utf-8")
+
+
+@one_thread()
+def write_side(given: SideInAir, pose: BorePose, made: Made, folder: Path) -> Drawn:
+    """Write a side beside what the CT predicts of it into the ``folder`` of a pose; return their figure."""
+    prediction = predicted(given.air, pose, given.side)
+    if (compared := compare_with(prediction, pose, given)) is not None:
+        save_compared(compared, prediction, given.side, made, folder / PREDICTED / given.side.name)
+    return draw_wall(given.side, prediction)

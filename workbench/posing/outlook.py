@@ -1,52 +1,31 @@
 """`endoct pose --plan-only` as a function: how well a bore could be told, by CT and plan alone."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import check_unchanged, digests, state_of
-from endoct.base.files.output import new_output
-from endoct.modalities.ct.stored import Convention
-from endoct.modalities.ct.trajectory import Point, write_line
-from endoct.modalities.device import Device, check_device
-from endoct.workbench.pipeline.inputs import json_text
-from endoct.workbench.pipeline.volumes import facts_of
-from endoct.workbench.posing.pose import Planned, pose_versions, read_plan
-from endoct.workbench.running.kinds import POSE
-from endoct.workbench.running.progress import Stages, stages_for
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.modalities.device import check_device
+from endoct.workbench.posing.plan import read_requested
+from endoct.workbench.requests import OutlookRequest, by_request
+from endoct.workbench.running.kinds import POSE, output_if_any
+from endoct.workbench.running.progress import stages_for
+from endoct.workbench.running.scheduler import one_blas_thread
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.outlook_result import OutlookResult
 
-RADIUS_MM = 1.25
-"""Of the hole that is usual here, as the simulator's."""
 RADII_MM = (0.3, 5.0)
 LEAST_SEEN_MM = 2.0
 
 
+@by_request(OutlookRequest)
 @one_blas_thread()
-def pose_outlook(
-    ct: Path | str,
-    output: Path | str | None = None,
-    *,
-    entry_mm: Point | None = None,
-    target_mm: Point | None = None,
-    plan: Path | str | None = None,
-    coordinates: Convention | None = None,
-    radius_mm: float = RADIUS_MM,
-    seen_mm: float | None = None,
-    device: Device = "cpu",
-    overwrite: bool = False,
-    progress: bool | Stages = True,
-) -> "OutlookResult":
+def pose_outlook(request: OutlookRequest) -> "OutlookResult":
     """Say how well a bore along a plan could be told in the patient's ``ct``, before anything is recorded.
 
     Recordings are rehearsed: from the CT's own air, of bores that miss the plan by up to 1 mm and 2°, with what
     instruments get wrong, by one with depth and by one that shows cells alone. Each is then looked for as :func:`pose`
-    does. ``radius_mm`` of the bore; ``seen_mm``: how much of it a recording shows, all of the plan's length unless
-    stated. The rest is as of :func:`pose`.
+    does. Arguments are those of :class:`~endoct.workbench.requests.OutlookRequest`.
 
     Raises :class:`EndoctError` where something cannot be used, or
     ``output`` exists and ``overwrite`` is not set. Research software, not for clinical decisions.
@@ -57,7 +36,8 @@ def pose_outlook(
     >>> pose_outlook("patient/truth/ct.nii.gz", plan="patient/plan.mrk.json").outlook.level
     'poorly'
     """
-    check_device(device)
+    check_device(request.device)
+    radius_mm = request.radius_mm
     if not RADII_MM[0] <= radius_mm <= RADII_MM[1]:
         raise EndoctError(
             "there is no such bore",
@@ -65,76 +45,19 @@ def pose_outlook(
             expected=f"{RADII_MM[0]:g} to {RADII_MM[1]:g} mm",
             remedy="check --radius",
         )
-    inputs = [Path(one) for one in (ct, plan) if one is not None]
-
-    def run(folder: Path | None) -> "OutlookResult":
-        planned = read_plan(Path(ct), entry_mm, target_mm, None if plan is None else Path(plan), coordinates)
-        length = planned.plan.length_mm
-        if not LEAST_SEEN_MM <= (seen := length if seen_mm is None else seen_mm) <= length:
+    inputs = [Path(path) for path in (request.ct, request.plan) if path is not None]
+    with output_if_any(request.output, POSE, overwrite=request.overwrite, inputs=inputs) as folder:
+        planned = read_requested(request.ct, request)
+        length_mm = planned.plan.length_mm
+        seen_mm = length_mm if request.seen_mm is None else request.seen_mm
+        if not LEAST_SEEN_MM <= seen_mm <= length_mm:
             raise EndoctError(
                 "so much of the bore cannot be seen",
-                found=f"{seen:g} mm",
-                expected=f"{LEAST_SEEN_MM:g} mm to the length of the plan, {length:.1f} mm",
+                found=f"{seen_mm:g} mm",
+                expected=f"{LEAST_SEEN_MM:g} mm to the length of the plan, {length_mm:.1f} mm",
                 remedy="check --seen, entry and target",
             )
-        return _rehearsed(planned, radius_mm, seen, device, folder, stages_for(progress))
+        from endoct.workbench.posing.rehearsing import rehearse  # torch: once the plan is known to be readable
 
-    if output is None:
-        return run(None)
-    with new_output(Path(output), POSE, overwrite=overwrite, inputs=inputs) as scratch:
-        return run(scratch)
-
-
-def _rehearsed(
-    planned: Planned,
-    radius_mm: float,
-    seen_mm: float,
-    device: Device,
-    folder: Path | None,
-    stages: Stages,
-) -> "OutlookResult":
-    from endoct.fusion.pose.air import air_around
-    from endoct.fusion.pose.outlook import REHEARSALS, SEED, Outlook, Prospect, rehearsed, wall_of_plan
-    from endoct.fusion.pose.outlook import facts_of as wall_facts
-    from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
-    from endoct.workbench.posing.each_side import one_thread
-    from endoct.workbench.posing.outlook_result import OutlookResult
-    from endoct.workbench.posing.result import Made
-
-    start = time.perf_counter()
-    files = {path: state_of(path) for path in planned.files}
-    with stages.stage("CT around the plan"):
-        air = air_around(planned.ct, planned.plan)
-        wall = wall_of_plan(air, radius_mm)
-    prospects = []
-    for instrument in (WITH_DEPTH, BY_CELLS):
-        with stages.stage(f"rehearsals by {instrument.name}") as advance:
-            tried = []
-            for number in range(REHEARSALS):
-                with one_thread():
-                    tried.append(rehearsed(air, instrument, radius_mm, seen_mm, number, device))
-                advance((number + 1) / REHEARSALS)
-        prospects.append(Prospect(instrument.name, tuple(tried)))
-    made = Made(
-        inputs={name: digest for path in planned.files for name, digest in digests(path).items()},
-        versions=pose_versions(),
-        parameters={"device": device, "radius_mm": radius_mm, "seen_mm": seen_mm, "seed": SEED},
-        seconds={
-            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
-            "in all, before the files": round(time.perf_counter() - start, 3),
-        },
-    )
-    volumes = {"ct": facts_of(planned.ct, "CT", planned.coordinates)}
-    outlook = Outlook(wall_facts(wall), tuple(prospects))
-    result = OutlookResult(outlook, planned.plan, planned.coordinates, wall, made, volumes)
-    for path, state in files.items():
-        check_unchanged(path, state)
-    if folder is not None:
-        from endoct.workbench.posing.outlook_page import write_outlook_page  # only who draws loads matplotlib
-
-        folder.mkdir()
-        (folder / "outlook.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
-        write_line(planned.plan, "plan", folder / "plan.mrk.json")
-        with stages.stage("report"):
-            write_outlook_page(result, radius_mm, folder)
-    return result
+        stages = stages_for(request.progress)
+        return rehearse(planned, radius_mm, seen_mm, folder, device=request.device, stages=stages)

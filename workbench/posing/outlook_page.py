@@ -19,8 +19,7 @@ from endoct.workbench.report.figures.drawing import INTENSITY_COLOURS, journal_s
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.report.figures.wall_panels import colour_bar, panel_figure, scale_text, show_surface, wall_panel
 from endoct.workbench.report.html_templates import rendered
-from endoct.workbench.report.illustrated import numbered
-from endoct.workbench.report.sections import Section, in_order
+from endoct.workbench.report.sections import Section, in_order, numbered
 from endoct.workbench.report.verdict import Level, Verdict
 
 LEVELS: dict[str, Level] = {"well": "trusted", "poorly": "doubted", "hardly": "unaligned"}

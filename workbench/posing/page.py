@@ -13,8 +13,7 @@ from endoct.workbench.pipeline.volumes import VolumeFacts
 from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text, place_text
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.html_templates import rendered_blocks
-from endoct.workbench.report.illustrated import numbered
-from endoct.workbench.report.sections import MADE, Section, in_order
+from endoct.workbench.report.sections import MADE, Section, in_order, numbered
 from endoct.workbench.report.verdict import Verdict, count_doubts
 
 BRACKETS = "In brackets: 95 % intervals."

@@ -14,14 +14,14 @@ from endoct.fusion.files.cell_table import write_cells
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.segmentation.segmented_side import segment_side
+from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.inputs import json_text
-from endoct.workbench.posing.each_side import COLUMNS, PARAMETERS, OneSide
 from endoct.workbench.posing.result import Made
+from endoct.workbench.posing.side_in_air import COLUMNS, PARAMETERS, SideInAir
 
 MODALITY = "ct"
 ROWS_AT_A_TIME = 256
@@ -54,16 +54,17 @@ def predicted(air: AirAround, pose: BorePose, side: Side) -> Panorama:
     )
 
 
-def compare_with(prediction: Panorama, pose: BorePose, one: OneSide) -> Comparison | None:
+def compare_with(prediction: Panorama, pose: BorePose, given: SideInAir) -> Comparison | None:
     """Return a side and what the CT predicts of it as a comparison; None where either shows no cells.
 
     Its alignment is that of the pose, which nothing was searched for, with the correlation that the pose was found by.
     """
-    agreement = pose.fit.agreement[pose.names.index(one.side.name)]
+    agreement = pose.fit.agreement[pose.names.index(given.side.name)]
     in_place = replace(IN_PLACE, confidence=max(agreement, 0.0), correlation=agreement)
     try:
-        of_ct = segment_side(Side(MODALITY, prediction), PARAMETERS, "dark")
-        compared = compare_placed(one.segmented, of_ct, in_place, PARAMETERS)
+        of_ct = Side(MODALITY, prediction)
+        cells = given.cells, segment_side(of_ct, PARAMETERS, "dark")
+        compared = compare_placed((given.side, of_ct), cells, in_place, PARAMETERS)
     except EndoctError:
         return None
     # what is doubted of a recording, as lost frames, does not concern a CT

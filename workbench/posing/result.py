@@ -15,6 +15,7 @@ from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, RI
 from endoct.modalities.ct.ct_volume import in_world
 from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.modalities.ct.trajectory import Point, Trajectory
+from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.volumes import VolumeFacts
 
 FORMAT = "endoct-pose-1"
@@ -29,6 +30,15 @@ class Made:
     versions: Mapping[str, str]
     parameters: Mapping[str, Any]
     seconds: Mapping[str, float]
+
+
+DECISIVE = ("torch", "kornia", "SimpleITK", "pydicom", "nibabel")
+"""Libraries that figures of a pose depend on."""
+
+
+def pose_versions() -> dict[str, str]:
+    """Return the versions of endoct and of what a pose depends on."""
+    return versions(*DECISIVE)
 
 
 @dataclass(frozen=True, eq=False)

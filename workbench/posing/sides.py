@@ -4,20 +4,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from endoct.base.compute.worker_process import WorkerProcess
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.pipeline.sources import MaskFile, Ready, Source, open_both, open_source, unroll_sources
-from endoct.workbench.pipeline.unrolling import Opened, Unrolled, unroll_recording
+from endoct.workbench.pipeline.sources import Opened, Ready, Source, open_both, open_source, unroll_sources
+from endoct.workbench.pipeline.unrolling import Recording, Unrolled, unroll_recording
 from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.scheduler import Scheduler
 
 MOST_SIDES = 2
 EXPECTED = "a recording, a panorama, or one side of a comparison as DIR:SIDE"
 
 
-def open_sides(sources: Sequence[Source]) -> tuple[Ready, ...]:
+def open_sides(sources: Sequence[Source]) -> tuple[Opened, ...]:
     """Open one source or two. Raises :class:`EndoctError` where one cannot be used, or both are one."""
     if not 1 <= len(sources) <= MOST_SIDES:
         raise EndoctError(
@@ -27,17 +27,17 @@ def open_sides(sources: Sequence[Source]) -> tuple[Ready, ...]:
         )
     opened = open_both((sources[0], sources[1])) if len(sources) == MOST_SIDES else (open_source(sources[0]),)
     for source, one in zip(sources, opened, strict=True):
-        if isinstance(one, DrawnMask | MaskFile):
+        if isinstance(one, DrawnMask | Path):
             raise EndoctError(f"{source.path} is a mask drawn by hand", expected=EXPECTED)
     return opened
 
 
-def make_sides(opened: Sequence[Ready], stages: Stages, process: WorkerProcess | None) -> tuple[Side, ...]:
-    """Return the sides, with recordings unrolled, two of them at the same time where there is a ``process``."""
+def make_sides(opened: Sequence[Opened], stages: Stages, scheduler: Scheduler) -> tuple[Side, ...]:
+    """Return the sides, with recordings unrolled, two of them at the same time where there is a second process."""
     if len(opened) == MOST_SIDES:
-        return two_sides(*(_panorama(one) for one in unroll_sources((opened[0], opened[1]), stages, process)))
+        return two_sides(*(_panorama(one) for one in unroll_sources((opened[0], opened[1]), stages, scheduler)))
     only = opened[0]
-    panorama = _panorama(unroll_recording(only, stages) if isinstance(only, Opened) else only)
+    panorama = _panorama(unroll_recording(only, stages) if isinstance(only, Recording) else only)
     return (Side(panorama.modality, panorama),)
 
 
@@ -68,7 +68,7 @@ def _names(folder: Path) -> list[str]:
     return sorted(path.stem for path in (folder / "panoramas").glob("*.zarr"))
 
 
-def _panorama(made: object) -> Panorama:
+def _panorama(made: Ready) -> Panorama:
     if isinstance(made, Unrolled):
         return made.panorama
     if isinstance(made, Panorama):

@@ -1,6 +1,6 @@
-"""A report by sections: tables, words, and figures where there are any."""
+"""A report by sections: tables, words, and figures, each embedded, under a number, with its caption."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -9,10 +9,13 @@ from markupsafe import Markup
 from endoct.fusion.registration.align import BELIEVABLE
 from endoct.fusion.result import Result
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.report.findings import overlaps_of
+from endoct.workbench.report.figures.rendered import Drawn
+from endoct.workbench.report.findings import Findings, overlaps_of
 from endoct.workbench.report.html_templates import rendered, rendered_blocks
+from endoct.workbench.report.per_frame import number_rows
 from endoct.workbench.report.scores import rater_rows, score_table
-from endoct.workbench.report.tables import alignment_rows, overlap_table, pair_rows
+from endoct.workbench.report.side_findings import SideFindings, flag_rows
+from endoct.workbench.report.tables import alignment_rows, overlap_table, pair_rows, side_table
 from endoct.workbench.report.wording import leaf_rows
 
 TITLES: Mapping[str, str] = MappingProxyType(
@@ -32,6 +35,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
 """Of the sections on a comparison, in their order; those on quality follow."""
 ORDER = tuple(TITLES)
 MADE = "How it was made"
+CSS_PIXELS_PER_INCH = 148
 NO_FIGURES: Mapping[str, Markup] = MappingProxyType({})
 
 
@@ -117,3 +121,43 @@ def quality_title(side: str) -> str:
 
 def _quality(side: str, figures: Mapping[str, Markup]) -> Markup:
     return rendered("report/quality.html", side=side, measured=figures.get(quality_name(side), ""))
+
+
+def report_sections(findings: Findings, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
+    """Return all that there is to say and to draw of a comparison besides its headline."""
+    header, rows = side_table(findings)
+    figures = {"sides": rendered("report/plain_table.html", header=header, rows=rows), **numbered(drawn)}
+    for side in findings.sides:
+        figures[quality_name(side.name)] = _measured(side, figures)
+    return comparison_sections(findings.result, figures)
+
+
+def recording_sections(side: SideFindings, outline: PanoramaOutline, drawn: Sequence[Drawn]) -> tuple[Section, ...]:
+    """Return all that there is to say and to draw of one recording besides its headline."""
+    figures = numbered(drawn)
+    figures[quality_name(side.name)] = _measured(side, figures)
+    return panorama_sections(outline, figures)
+
+
+def numbered(drawn: Sequence[Drawn]) -> dict[str, Markup]:
+    """Return figures as HTML by section, numbered in the order in which sections stand."""
+    placed = sorted(drawn, key=lambda one: ORDER.index(one.section) if one.section in ORDER else len(ORDER))
+    sections: dict[str, Markup] = {}
+    for number, figure in enumerate(placed, 1):
+        width_px = round(figure.rendered.width_in * CSS_PIXELS_PER_INCH)
+        html = rendered("report/figure.html", number=number, figure=figure, width_px=width_px)
+        sections[figure.section] = sections.get(figure.section, Markup()) + html
+    return sections
+
+
+def _measured(side: SideFindings, figures: dict[str, Markup]) -> Markup:
+    """Return what was measured of the frames of a side; takes the figures on that out of ``figures``."""
+    return rendered(
+        "report/measured.html",
+        side=side.name,
+        dim=side.panorama.frame_dim,
+        flagged=flag_rows(side),
+        numbers=list(number_rows(side)),
+        main=figures.pop(quality_name(side.name), None),
+        others=figures.pop(f"numbers-{side.name}", Markup()),
+    )

@@ -1,4 +1,10 @@
-"""Kinds of outputs, by the names that outputs note for themselves."""
+"""Kinds of outputs, by the names that outputs note for themselves; and an output that may not be wanted."""
+
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+from endoct.base.files.output import new_output
 
 PANORAMA = "panorama"
 COMPARISON = "comparison"
@@ -12,3 +18,12 @@ EXPORT = "export"
 SIDECAR = "sidecar"
 THUMBNAIL = "thumbnail"
 POSE = "pose"
+
+
+def output_if_any(
+    output: Path | str | None, kind: str, *, overwrite: bool, inputs: Iterable[Path]
+) -> AbstractContextManager[Path | None]:
+    """Return the context of :func:`~endoct.base.files.output.new_output`, or one that yields None without an output."""
+    if output is None:
+        return nullcontext()
+    return new_output(Path(output), kind, overwrite=overwrite, inputs=inputs)

@@ -16,7 +16,7 @@ from typing import Generic, TypeVar
 
 from endoct.base.compute.worker_process import worker_process
 from endoct.base.errors import EndoctError
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.running.scheduler import one_blas_thread
 
 Out = TypeVar("Out")
 

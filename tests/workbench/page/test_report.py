@@ -30,7 +30,7 @@ from endoct.fusion.result import (
 )
 from endoct.workbench.page.report import write_report
 from endoct.workbench.report.pictures import load_pictures, save_pictures
-from endoct.workbench.running.second_process import second_process
+from endoct.workbench.running.scheduler import scheduler
 
 LARGEST_PAGE_BYTES = 15_000_000
 
@@ -338,8 +338,8 @@ def test_only_figures_and_page_are_written_and_again_the_same(aligned: Made) -> 
         }
 
     first = digests()
-    with second_process() as process:  # that draws half of the figures
-        write_report(folder, process)
+    with scheduler() as second:  # that draws half of the figures
+        write_report(folder, second)
     assert digests() == first
     written = {name.split("/")[1] for name in first}
     assert written == {"comparison.zarr", "panoramas", "pictures", "result.json", "figures", "report.html"}

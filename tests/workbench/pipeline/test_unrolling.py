@@ -1,26 +1,27 @@
-"""A recording unrolled from its path: its digests are begun before it is opened."""
+"""A recording unrolled from its path, with the digests of its files."""
 
 import threading
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tifffile
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
+from endoct.modalities import registry
 from endoct.modalities.contract import FrameStream, Manifest
-from endoct.modalities.registry import open_recording
-from endoct.workbench.pipeline import unrolling
+from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe
-from endoct.workbench.pipeline.unrolling import open_side, unroll_path, unroll_recording
+from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
 
 
 def test_a_path_unrolls_as_an_opened_recording(short: Path) -> None:
     path = short / "oct"
-    by_path = unroll_path(path, SilentStages(), modality=None, settings={}).panorama
-    opened = unroll_recording(open_side(path, modality=None, settings={}), SilentStages()).panorama
+    by_path = unroll(path, progress=False)
+    opened = unroll_recording(open_recording(path), SilentStages()).panorama
     assert by_path.depth_mm is not None
     assert opened.depth_mm is not None
     assert by_path.depth_mm.tobytes() == opened.depth_mm.tobytes()
@@ -34,7 +35,7 @@ def test_a_path_that_cannot_be_opened_leaves_no_thread(tmp_path: Path) -> None:
     before = threading.active_count()
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(EndoctError):
-            unroll_path(path, SilentStages(), modality=None, settings={})
+            unroll(path, progress=False)
         assert threading.active_count() == before
 
 
@@ -47,11 +48,12 @@ def test_what_changes_as_a_path_is_opened_is_noticed(
     def changed(path: Path, **how: Any) -> tuple[Manifest, FrameStream]:
         with (path / "acquisition.toml").open("a") as sidecar:
             sidecar.write("\n")
-        return open_recording(path, **how)
+        return opened(path, **how)
 
-    monkeypatch.setattr(unrolling, "open_recording", changed)
+    opened = registry.open_recording
+    monkeypatch.setattr(registry, "open_recording", changed)
     with pytest.raises(EndoctError, match="was changed while it was read"):
-        unroll_path(tmp_path, SilentStages(), modality=None, settings={})
+        unroll(tmp_path, progress=False)
 
 
 def test_what_files_leave_open_reaches_the_panorama(short: Path, tmp_path: Path) -> None:
@@ -61,9 +63,19 @@ def test_what_files_leave_open_reaches_the_panorama(short: Path, tmp_path: Path)
         written = pages[3] if k == 5 else page  # the grabber gave one slice twice
         tifffile.imwrite(tmp_path / f"slice_{k:03d}.tif", written, compression="zlib" if k == 5 else None)
     (tmp_path / "slice_002 (1).tif").write_bytes((tmp_path / "slice_002.tif").read_bytes())
-    panorama = unroll_path(tmp_path, SilentStages(), modality=None, settings={"n_theta": 512}).panorama
+    panorama = unroll(tmp_path, settings={"n_theta": 512}, progress=False)
     assert panorama.grid.n_z == len(pages)
     (doubt,) = [doubt for doubt in panorama.doubts if doubt.code == "frames-repeated"]
     assert "5 as 3" in doubt.what
     assert any("slice_002 (1).tif" in note for note in panorama.notes)
     assert any("slice_002 (1).tif" in note for note in describe(tmp_path)["notes"])
+
+
+def test_a_recording_is_unrolled_by_the_method_that_is_chosen(short: Path) -> None:
+    ours = unroll(short / "endoscope", progress=False)
+    theirs = unroll(short / "endoscope", settings={"feed_method": "cross-correlation-prepared"}, progress=False)
+    assert [doubt.code for doubt in theirs.doubts if doubt.code == "feed-by-method"] == ["feed-by-method"]
+    assert theirs.provenance["parameters"]["feed_method"] == "cross-correlation-prepared"
+    assert np.ptp(theirs.z_mm) == pytest.approx(np.ptp(ours.z_mm), rel=0.05)
+    with pytest.raises(EndoctError, match="unknown stitching method: 'ashlr'"):
+        unroll(short / "endoscope", settings={"feed_method": "ashlr"}, progress=False)

@@ -11,7 +11,7 @@ from pose_case import PoseCase
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.trajectory import read_line, write_line
-from endoct.workbench.posing.pose import Planned, read_plan
+from endoct.workbench.posing.plan import Planned, read_plan
 
 SIGNS = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from endoct.workbench.running.second_process import one_blas_thread
+from endoct.workbench.running.scheduler import one_blas_thread
 
 
 def _threads() -> set[int]:

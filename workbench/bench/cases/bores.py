@@ -17,9 +17,10 @@ from endoct.modalities.ct.stored import SIGNS, SUFFIXES
 from endoct.modalities.ct.trajectory import Trajectory, read_line
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
+from endoct.workbench import api
 from endoct.workbench.bench.task import Case
 from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
-from endoct.workbench.posing.pose import read_plan
+from endoct.workbench.posing.plan import read_plan
 
 PLAN_ASIDE_MM, PLAN_TILT_DEG = 1.0, 2.0
 """A plan lies at most this far off the bore, where nothing else is wanted."""
@@ -165,9 +166,7 @@ def own_cases(folder: Path) -> list[PoseCase]:
 
 def load_side(folder: Path, name: str) -> Panorama:
     """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
-    from endoct.workbench.api import unroll
-
-    return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else unroll(folder / name)
+    return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else api.unroll(folder / name)
 
 
 def ct_of(folder: Path) -> Path:

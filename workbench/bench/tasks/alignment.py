@@ -15,9 +15,12 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
+from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
+from endoct.fusion.registration.align import align, open_orientations
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+from endoct.workbench import api
 from endoct.workbench.bench.task import Case, Declined, Range, Task, draw, rng_of
 from endoct.workbench.pipeline.truth import TrueMap, load_truth, true_pose
 
@@ -140,13 +143,11 @@ def own_cases(specimen: Path) -> list[AlignmentCase]:
 
     Raises :class:`EndoctError` where there is no pair, or no truth that says where it lies.
     """
-    from endoct.workbench.api import unroll
-
     truth = load_truth(specimen)
     recordings = [specimen / name for name in ("endoscope", "oct")]
     if not all(path.is_dir() for path in recordings):
         raise EndoctError(f"{specimen} holds no pair", expected="both oct/ and endoscope/ in it")
-    a, b = (unroll(path) for path in recordings)
+    a, b = (api.unroll(path) for path in recordings)
     true = TrueMap(a.z_mm, true_pose(a, truth), true_pose(b, truth))
     return [Case(specimen.name, (a, b), true, {"specimen": specimen.name})]
 
@@ -195,16 +196,11 @@ TASK = Task(
 
 def ours(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """Align with :mod:`endoct.fusion.registration.align`."""
-    from endoct.fusion.evidence.prepare import prepare
-    from endoct.fusion.registration.align import align
-
     return align(prepare(a), prepare(b), orientations=orientations_between(a, b))
 
 
 def orientations_between(a: Panorama, b: Panorama) -> tuple[Orientation, ...]:
     """Return the orientations that are open between two panoramas, as what is known of both leaves them."""
-    from endoct.fusion.registration.align import open_orientations
-
     return open_orientations(
         handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known
     )

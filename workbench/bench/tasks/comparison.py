@@ -16,6 +16,7 @@ from endoct.fusion.segmentation.segment import segment
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
+from endoct.workbench import api
 from endoct.workbench.bench.cases.specimens import DIFFICULTIES, PRESET_WORDS, simulated, truths_of
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, Case, Declined, Given, Range, draw
 from endoct.workbench.pipeline.truth import held_against, load_truth
@@ -47,12 +48,10 @@ class Specimen:
 
         Raises :class:`Declined` where it shows no wall: to say so is an answer.
         """
-        from endoct.workbench.api import unroll
-
         key = part, repr(sorted(settings.items()))
         if key not in self._unrolled:
             try:
-                self._unrolled[key] = unroll(self.folder / part, settings=settings)
+                self._unrolled[key] = api.unroll(self.folder / part, settings=settings)
             except NotSeen as error:
                 raise Declined(str(error).replace(f"{self.folder}/", "")) from error
         return self._unrolled[key]

@@ -17,6 +17,7 @@ from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label
 from endoct.fusion.segmentation.segment import find_cells
 from endoct.stitching.panorama import Panorama
+from endoct.workbench import api
 from endoct.workbench.bench.cases import toy_walls
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, recordings_in, simulated, truths_of
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
@@ -56,9 +57,7 @@ def own_cases(specimen: Path) -> list[SegmentationCase]:
 
 
 def _unrolled(recording: Path) -> Panorama:
-    from endoct.workbench.api import unroll
-
-    return unroll(recording)
+    return api.unroll(recording)
 
 
 def judge(case: SegmentationCase, answer: object) -> dict[str, float]:

@@ -21,6 +21,7 @@ from endoct.workbench.bench.cases import toy_strips
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, simulated
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
 from endoct.workbench.pipeline.truth import load_truth
+from endoct.workbench.pipeline.unrolling import open_recording
 
 MADE = "made"
 RIGHT_MM, RIGHT_DEG = 0.03, 1.0
@@ -72,9 +73,7 @@ def own_cases(specimen: Path) -> list[StitchingCase]:
 
 def _of_recording(specimen: Path) -> StitchingCase:
     """Return the case of a simulated endoscope recording: its strips as unrolled, each in its own frame."""
-    from endoct.workbench.pipeline.unrolling import open_side
-
-    side = open_side(specimen / "endoscope", modality="endoscope", settings={})
+    side = open_recording(specimen / "endoscope", modality="endoscope")
     modality: Any = side.manifest.load()
     calibration = modality.survey(side.stream, side.parameters)
     n = len(side.stream)

@@ -5,6 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+FIGURES = "endoct.workbench.report.figures.of_report"
+"""The module that draws, and brings matplotlib."""
+
 
 @dataclass(frozen=True)
 class Rendered:

@@ -1,42 +1,16 @@
-"""A side and its cells, on its own samples."""
+"""The cells of a side, or of both, each on its own samples; and whether cells are dark or bright."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
+from endoct.base.entry_points import OURS
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.methods import OURS
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import doubts_of_observed
-
-
-@dataclass(frozen=True, eq=False)
-class SegmentedSide:
-    """A side with its cells; ``polarity_from`` says how it is known whether they are dark or bright, in words.
-
-    None where depth or a mask says by itself what is a cell.
-    """
-
-    side: Side
-    segmentation: Segmentation
-    polarity_from: str | None
-
-    @property
-    def contrast(self) -> Evidence | None:
-        """The evidence by which the cells were separated from the wall, where that is the intensity."""
-        polarity = self.segmentation.polarity
-        return None if polarity is None else self.side.contrast(polarity)
-
-    @property
-    def doubts(self) -> tuple[Doubt, ...]:
-        """Why the panorama as a whole, or its cells, are not to be trusted."""
-        panorama = self.side.panorama
-        found = (*panorama.doubts, *doubts_of_observed(panorama), *self.segmentation.doubts)
-        return tuple(one.of_side(self.side.name) for one in found)
 
 
 def segment_sides(
@@ -45,8 +19,8 @@ def segment_sides(
     alignment: Alignment | None,
     parameters: SegmentParameters,
     polarity: Literal["auto", "dark", "bright"] = "auto",
-) -> tuple[SegmentedSide, SegmentedSide]:
-    """Return both sides with their cells, each segmented on its own samples.
+) -> tuple[Segmentation, Segmentation]:
+    """Return the cells of both sides, each segmented on its own samples.
 
     ``polarity`` other than "auto" says whether cells are dark or bright where a side is segmented by its intensity.
     Else the sign of the correlation with what shows it decides: the side's own relief, or the other side, if it has
@@ -64,15 +38,26 @@ def segment_sides(
 
 def segment_side(
     side: Side, parameters: SegmentParameters, polarity: Polarity, polarity_from: str = "given"
-) -> SegmentedSide:
-    """Return ``side`` with its cells, which are dark or bright, as ``polarity``, where it is segmented by intensity.
+) -> Segmentation:
+    """Return the cells of ``side``, which are dark or bright, as ``polarity``, where it is segmented by intensity.
 
     Raises :class:`EndoctError` where all evidence is alike.
     """
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
-        return SegmentedSide(side, cells_by_method(side.panorama, parameters.segmentation_method), None)
-    return SegmentedSide(side, find_cells(evidence, parameters), None if evidence.knows_cells else polarity_from)
+        return cells_by_method(side.panorama, parameters.segmentation_method)
+    return find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from)
+
+
+def contrast_of(side: Side, cells: Segmentation) -> Evidence | None:
+    """Return the evidence by which ``cells`` were separated from the wall, where that is the intensity."""
+    return None if cells.polarity is None else side.contrast(cells.polarity)
+
+
+def doubts_of_side(side: Side, cells: Segmentation) -> tuple[Doubt, ...]:
+    """Return why the panorama as a whole, or its cells, are not to be trusted."""
+    doubts = (*side.panorama.doubts, *doubts_of_observed(side.panorama), *cells.doubts)
+    return tuple(doubt.of_side(side.name) for doubt in doubts)
 
 
 def _segmented(
@@ -81,8 +66,8 @@ def _segmented(
     polarity: Literal["auto", "dark", "bright"],
     other: Evidence,
     agreement: float | None,
-) -> SegmentedSide:
-    """Return ``side`` with its cells; ``agreement`` is its correlation with ``other``, None where that says nothing."""
+) -> Segmentation:
+    """Return the cells; ``agreement`` is the side's correlation with ``other``, None where that says nothing."""
     if side.cell_evidence(parameters.segment).knows_cells:
         return segment_side(side, parameters, "dark")
     return segment_side(side, parameters, *_polarity(side, polarity, other, agreement))

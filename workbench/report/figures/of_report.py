@@ -1,0 +1,84 @@
+"""The figures of a report: of one recording, of each side of a comparison by itself, and of both together.
+
+Loads matplotlib: only the process that draws should.
+"""
+
+import gc
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from endoct.stitching.store import load_panorama
+from endoct.workbench.report.figures.cylinder import draw_cylinder
+from endoct.workbench.report.figures.frames import draw_depth, draw_frames
+from endoct.workbench.report.figures.quality import draw_other_numbers, draw_quality
+from endoct.workbench.report.figures.rendered import Drawn
+from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panorama, draw_panoramas
+from endoct.workbench.report.pictures import PICTURES, load_pictures
+from endoct.workbench.report.side_findings import BothSides, SideFindings, alone
+
+Drawing = Callable[[], Drawn | None]
+OfBoth = Callable[[BothSides], Drawn | None]
+"""A function of a module, which another process can be asked to call."""
+
+OF_SIDE = (draw_depth, draw_frames, draw_quality, draw_other_numbers)
+"""What draws one side of a comparison in its own frame: nothing that depends on the other side."""
+
+
+def draw_wall(side: SideFindings) -> list[Drawn]:
+    """Draw every figure of one recording by itself that needs no pictures of its frames."""
+    return drawn(partial(draw, side) for draw in (draw_panorama, draw_quality, draw_other_numbers))
+
+
+def draw_pictures(side: SideFindings) -> list[Drawn]:
+    """Draw the pictures of single frames of one recording."""
+    return drawn([partial(draw_frames, side)])
+
+
+def draw_sides(folder: Path, names: Sequence[str]) -> list[Drawn]:
+    """Draw the sides of a comparison, each by itself, which are stored in its ``folder`` under their ``names``."""
+    pictures = load_pictures(folder / PICTURES)
+    panoramas = {name: load_panorama(folder / "panoramas" / f"{name}.zarr") for name in names}
+    sides = [replace(alone(panoramas[name], pictures.get(name, {})), name=name) for name in names]
+    return drawn(partial(draw, side) for side in sides for draw in OF_SIDE)
+
+
+def draw_both(draw: OfBoth, both: BothSides) -> list[Drawn]:
+    """Draw one figure of a comparison, if it has something to draw."""
+    return drawn([partial(draw, both)])
+
+
+def drawings_of_wall(both: BothSides) -> list[OfBoth]:
+    """Return what draws ``both`` on the common grid, whether they agree or not."""
+    knows_depth = [side.depth_mm is not None for side in both.sides]
+    cut_open = [k for k in (0, 1) if knows_depth[k] or not any(knows_depth)]
+    return [draw_panoramas, draw_masks, *(partial(_draw_cylinder, k=k) for k in cut_open), draw_alignment]
+
+
+def drawings_of_sides() -> list[OfBoth]:
+    """Return what draws each of two sides in its own frame: nothing that depends on the other side."""
+    return [partial(_draw_side, draw=draw, k=k) for k in (0, 1) for draw in OF_SIDE]
+
+
+def drawn(drawings: Iterable[Drawing]) -> list[Drawn]:
+    """Return what ``drawings`` give, one after the other, less those that have nothing to draw."""
+    figures = []
+    gc.freeze()  # what there was before need not be looked through after every figure
+    try:
+        for draw in drawings:
+            figure = draw()
+            gc.collect()  # a figure refers to itself in circles, and holds megabytes
+            if figure is not None:
+                figures.append(figure)
+    finally:
+        gc.unfreeze()
+    return figures
+
+
+def _draw_cylinder(both: BothSides, k: int) -> Drawn | None:
+    return draw_cylinder(both.sides[k], both.grid)
+
+
+def _draw_side(both: BothSides, draw: Callable[[SideFindings], Drawn | None], k: int) -> Drawn | None:
+    return draw(both.sides[k])

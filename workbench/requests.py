@@ -1,0 +1,266 @@
+"""What a command is asked for: one request each, which the command line and Python read alike.
+
+An option of a command is a field here, with its meaning, its default and its flag, and nowhere else. The command line
+makes a request of its words; a function of the Python interface makes one of its arguments, by :func:`by_request`.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, Protocol, TypeVar, overload
+
+from tyro.conf import Fixed, Positional, Suppress, UseAppendAction, arg
+
+from endoct.modalities.device import Device
+from endoct.synthetic.sample.presets import PresetName
+
+P = ParamSpec("P")
+Request = TypeVar("Request")
+Asked = TypeVar("Asked", contravariant=True)
+Out = TypeVar("Out", covariant=True)
+
+if TYPE_CHECKING:  # what Python takes; below, what the command line makes of its words
+    from endoct.modalities.ct.stored import Convention
+    from endoct.modalities.ct.trajectory import Point
+    from endoct.stitching.panorama import Panorama
+    from endoct.synthetic.sample.ranges import Range
+    from endoct.workbench.running.progress import Stages
+
+    AnyPath = Path | str
+    Recorded = Panorama | Path | str
+    Recordings = Sequence[Panorama | Path | str]
+    Paths = Sequence[Path | str]
+    Settings = Mapping[str, object] | Sequence[str] | None
+    Ranges = Mapping[str, Range] | Sequence[str] | None
+    Place = Point | str | None
+    TableName = Path | str | None
+    Progress = bool | Stages
+    Remark = Callable[[str], None] | None
+else:
+    AnyPath = Recorded = Path
+    Recordings = Paths = tuple[Path, ...]
+    Settings = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE")]
+    Ranges = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=LOW..HIGH")]
+    Place = Annotated[str | None, arg(metavar="X,Y,Z")]
+    TableName = Annotated[str | None, arg(metavar="FILE|endoct")]
+    Convention = Literal["ras", "lps"]
+    Progress = Remark = Suppress[Fixed[Any]]
+
+Output = Annotated[AnyPath, arg(aliases=["-o"])]
+ModalityName = Annotated[str | None, arg(metavar="NAME")]
+
+
+@dataclass(frozen=True)
+class UnrollRequest:
+    """What to unroll, and how.
+
+    Args:
+        path: folder or file of the recording
+        output: Zarr store to write
+        modality: plug-in to read it with, where the sidecar does not say
+        settings: a key of the sidecar or a processing parameter; repeat for more
+        volume: add the dense hollow cylinder, sub-surface included
+        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
+            Nothing else changes
+        overwrite: replace the output if it exists
+        progress: False displays none
+    """
+
+    path: Positional[AnyPath]
+    output: Output | None = None
+    _: KW_ONLY
+    modality: ModalityName = None
+    settings: Annotated[Settings, arg(name="set")] = ()
+    volume: bool = False
+    device: Device = "cpu"
+    overwrite: bool = False
+    progress: Progress = True
+
+
+@dataclass(frozen=True)
+class CompareRequest:
+    """Which two sides to compare, and how.
+
+    Args:
+        a: first side; the comparison is in its frame
+        b: second side
+        output: folder to write to
+        truth: mask drawn over side A's panorama, to score both against: an image, labels in Zarr, shapes of napari
+            (.csv) or regions of Fiji (.roi, .zip); several may follow, named RATER_SESSION.png; or a simulated
+            specimen's truth folder
+        session: file with landmark pairs, as the page of `endoct serve` saves it: some correct the alignment by hand,
+            the others check it
+        modality_a: plug-in to read side A with
+        modality_b: plug-in to read side B with
+        settings: a parameter of the comparison; repeat for more
+        settings_a: a key of side A's sidecar or a parameter of its processing
+        settings_b: a key of side B's sidecar or a parameter of its processing
+        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
+            Nothing else changes
+        overwrite: replace the output if it exists
+        progress: False displays none
+    """
+
+    a: Positional[Recorded]
+    b: Positional[Recorded]
+    output: Output | None = None
+    _: KW_ONLY
+    truth: Paths = ()
+    session: AnyPath | None = None
+    modality_a: ModalityName = None
+    modality_b: ModalityName = None
+    settings: Annotated[Settings, arg(name="set")] = ()
+    settings_a: Annotated[Settings, arg(name="set-a")] = ()
+    settings_b: Annotated[Settings, arg(name="set-b")] = ()
+    device: Device = "cpu"
+    overwrite: bool = False
+    progress: Progress = True
+
+
+@dataclass(frozen=True)
+class SimulateRequest:
+    """Which specimen to simulate, and with what.
+
+    Args:
+        output: folder for the specimen
+        preset: size and difficulty of the recordings
+        seed: seed of the specimen; the same seed gives the same bytes
+        replay: truth/sample.json of a specimen to simulate again; nothing is drawn then
+        vary: range or choices of a parameter, such as oct.wall_db=6..14 or oct.scan=step|helical; repeat for more
+        bone: CT or segmentation of one to drill into: a file .nrrd, .nii.gz, .mha, or a folder of DICOM
+        entry_mm: where the drill enters that bone, mm, as --entry=12.5,-40,7
+        target_mm: where it ends, mm
+        coordinates: what x, y and z of these two mean; default: as the file says (NIfTI RAS, NRRD its space, else LPS)
+        bone_hu: least Hounsfield unit that is bone; default: 300
+        bone_label: label that is bone, in a segmentation; default: every one but 0
+        detail_mm: rms in mm of roughness finer than the voxels to add to that bone
+        ct: add truth/ct.nii.gz, a CT of the bone before drilling, with labels and cells (preset mastoid, or --bone)
+        ct_slice_mm: thickness of its slices in mm, as 0.6; default: as its voxels, 0.15 to 0.3
+        cone_beam: add truth/cone_beam.nii.gz, a CT after drilling
+        labels: add truth/labels: layers, visibility, shadows, noise-free twins, pixel to pixel maps
+        spectra: add oct-spectra: the spectrometer's raw data, 2 kB per A-scan
+        overwrite: replace the folder if it exists
+        on_remark: called with what was mended in the bone and what is doubted of it, in sentences
+        progress: False displays none
+    """
+
+    output: Output
+    _: KW_ONLY
+    preset: PresetName = "quick"
+    seed: int = 0
+    replay: AnyPath | None = None
+    vary: Ranges = ()
+    bone: AnyPath | None = None
+    entry_mm: Annotated[Place, arg(name="entry")] = None
+    target_mm: Annotated[Place, arg(name="target")] = None
+    coordinates: "Convention | None" = None
+    bone_hu: float | None = None
+    bone_label: int | None = None
+    detail_mm: Annotated[float, arg(name="detail")] = 0.0
+    ct: bool = False
+    ct_slice_mm: Annotated[float | None, arg(name="ct-slice")] = None
+    cone_beam: bool = False
+    labels: bool = False
+    spectra: bool = False
+    overwrite: bool = False
+    on_remark: Remark = None
+    progress: Progress = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest:
+    """Where a bore was planned, and how to look for it.
+
+    Args:
+        entry_mm: where the bore was planned to begin, mm, as --entry=12.5,-40,7
+        target_mm: where it was planned to end, mm
+        plan: instead of these two, a line of 3D Slicer (.mrk.json)
+        coordinates: what x, y and z of these two mean; default: as the file says (NIfTI RAS, NRRD its space, else LPS)
+        device: where to compute; cuda: on a GPU
+        overwrite: replace the output if it exists
+        progress: False displays none
+    """
+
+    entry_mm: Annotated[Place, arg(name="entry")] = None
+    target_mm: Annotated[Place, arg(name="target")] = None
+    plan: AnyPath | None = None
+    coordinates: "Convention | None" = None
+    device: Device = "cpu"
+    overwrite: bool = False
+    progress: Progress = True
+
+
+@dataclass(frozen=True)
+class PoseRequest(PlanRequest):
+    """Which bore to find in which CT.
+
+    Args:
+        sides: one or two of one bore, none with --plan-only: a recording, a panorama, or one side of a
+            comparison as DIR:SIDE
+        ct: CT from before drilling: a file .nrrd, .nii.gz, .mha, or a folder of DICOM
+        output: folder to write to
+        labels: segmentation in the world of the CT, with the names of its labels in it or in a table next to it
+        label_names: table of these names, of 3D Slicer or ITK-SNAP; or the word endoct: 1 bone, 2 facial nerve,
+            3 chorda tympani, 4 cochlea, 5 sigmoid sinus, 6 antrum
+        modality_a: plug-in to read the first side with
+        modality_b: plug-in to read the second side with
+        settings_a: a key of the first side's sidecar or a parameter of its processing
+        settings_b: a key of the second side's sidecar or a parameter of its processing
+    """
+
+    sides: Positional[Recordings]
+    ct: AnyPath
+    output: Output | None = None
+    _: KW_ONLY
+    labels: AnyPath | None = None
+    label_names: TableName = None
+    modality_a: ModalityName = None
+    modality_b: ModalityName = None
+    settings_a: Annotated[Settings, arg(name="set-a")] = ()
+    settings_b: Annotated[Settings, arg(name="set-b")] = ()
+
+
+@dataclass(frozen=True)
+class OutlookRequest(PlanRequest):
+    """How well a bore in which CT could be told.
+
+    Args:
+        ct: CT from before drilling: a file .nrrd, .nii.gz, .mha, or a folder of DICOM
+        output: folder to write to
+        radius_mm: of the bore
+        seen_mm: how much of the bore a recording would show; default: the plan's length
+    """
+
+    ct: AnyPath
+    output: AnyPath | None = None
+    _: KW_ONLY
+    radius_mm: float = 1.25
+    seen_mm: float | None = None
+
+
+class ByRequest(Protocol[P, Asked, Out]):
+    """A function that takes a request, or what one is made of."""
+
+    @overload
+    def __call__(self, request: Asked, /) -> Out: ...
+
+    @overload
+    def __call__(self, *given: P.args, **options: P.kwargs) -> Out: ...
+
+
+def by_request(kind: Callable[P, Request]) -> Callable[[Callable[[Request], Out]], ByRequest[P, Request, Out]]:
+    """Let a function of a request be called with what that ``kind`` of request is made of, too."""
+
+    def decorate(function: Callable[[Request], Out]) -> ByRequest[P, Request, Out]:
+        @wraps(function)
+        def called(*given: Any, **options: Any) -> Out:
+            ready = len(given) == 1 and not options and isinstance(given[0], kind)  # type: ignore[arg-type]
+            return function(given[0] if ready else kind(*given, **options))
+
+        returned = inspect.signature(function).return_annotation
+        called.__signature__ = inspect.signature(kind).replace(return_annotation=returned)  # type: ignore[attr-defined]
+        return called
+
+    return decorate
