@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from tolerances import CHOSEN_FEED_MM, CHOSEN_ROLL_RAD
 
-from endoct.base import registered
+from endoct.base import entry_points as names
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian
 from endoct.modalities.endoscope.chosen_feed import by_method
@@ -67,7 +67,7 @@ def register(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., object]
         module.function = function  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, "somebodys_feed", module)
         entry = EntryPoint("theirs", "somebodys_feed:function", "endoct.bench.stitching")
-        monkeypatch.setattr(registered, "entry_points", lambda *, group: EntryPoints([entry]).select(group=group))
+        monkeypatch.setattr(names, "entry_points", lambda *, group: EntryPoints([entry]).select(group=group))
         return "theirs"
 
     return of

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from benchmarks.fuzz.dicom_writer import ivoct, write
 from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.registry import open_recording
+from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe
-from endoct.workbench.pipeline.unrolling import unroll_path
-from endoct.workbench.running.progress import SilentStages
 
 SIZES = ("bore_diameter_mm", "capillary_outer_diameter_mm")
 DEPTH = ("axial_pixel_mm", "pullback_pitch_mm")
@@ -104,8 +103,7 @@ def test_a_console_needs_a_sidecar_for_bore_and_capillary_only(
     tifffile.imwrite(tmp_path / "tiff" / "pullback.tif", bscans, photometric="minisblack")
     _sidecar(tmp_path / "tiff", keys | {"travel": "in", "handedness": "mirrored"}, ())
     by_console, by_hand = (
-        unroll_path(tmp_path / name, SilentStages(), modality=None, settings={"n_theta": 512}).panorama
-        for name in ("dicom", "tiff")
+        unroll(tmp_path / name, settings={"n_theta": 512}, progress=False) for name in ("dicom", "tiff")
     )
     assert by_console.depth_mm is not None
     assert by_hand.depth_mm is not None
