@@ -162,7 +162,7 @@ def _states(files: Files) -> Stated:
     pixels = [each.axial_pixel_mm for each in recording.containers]
     if (pixel := pixels[0]) is not None and all(each is not None and alike(each, pixel) for each in pixels):
         keys["axial_pixel_mm"] = pixel
-    if (index := first.header.refractive_index) is not None and index != 1:
+    if "axial_pixel_mm" in keys and (index := first.header.refractive_index) is not None and index != 1:
         keys["medium_index"] = index
     if first.kind != "raw":
         return Stated({**keys, "intensity": "log", "db_per_count": 1.0}, recording.by)
