@@ -109,8 +109,9 @@ def open_recording(files: Files) -> Recording:
                 expected=_shape(first),
                 remedy="keep each recording in a folder of its own",
             )
-        remarks += each.remarks
-    remarks += _on_stops(ordered)
+        codes = {doubt.code for doubt in remarks.doubts}  # one doubt of a kind will do for all files
+        remarks += Remarks(doubts=tuple(doubt for doubt in each.remarks.doubts if doubt.code not in codes))
+    remarks += Remarks(notes=first.remarks.notes) + _on_stops(ordered)
     one_a_stop = tuple(replace(each, bscans=each.bscans[:1]) for each in ordered)
     return Recording(one_a_stop, along, remarks)
 

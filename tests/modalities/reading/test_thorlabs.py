@@ -361,6 +361,8 @@ def test_stops_are_put_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stack.along.values, [0, 1, 2, 4])  # one is missing
     assert stack.remarks.doubts == ()
     assert stated_by(tmp_path / "a").by == "the headers of 4 .oct files"
+    flushed = stops(tmp_path / "b", names, index=1.33)
+    assert [doubt.code for doubt in open_stack(flushed).remarks.doubts] == ["thorlabs-index"]
 
 
 def test_times_order_what_names_do_not(tmp_path: Path) -> None:
