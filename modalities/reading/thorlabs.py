@@ -109,8 +109,9 @@ def open_recording(files: Files) -> Recording:
                 expected=_shape(first),
                 remedy="keep each recording in a folder of its own",
             )
-        remarks += each.remarks
-    remarks += _on_stops(ordered)
+        codes = {doubt.code for doubt in remarks.doubts}  # one doubt of a kind will do for all files
+        remarks += Remarks(doubts=tuple(doubt for doubt in each.remarks.doubts if doubt.code not in codes))
+    remarks += Remarks(notes=first.remarks.notes) + _on_stops(ordered)
     one_a_stop = tuple(replace(each, bscans=each.bscans[:1]) for each in ordered)
     return Recording(one_a_stop, along, remarks)
 
@@ -162,7 +163,7 @@ def _states(files: Files) -> Stated:
     pixels = [each.axial_pixel_mm for each in recording.containers]
     if (pixel := pixels[0]) is not None and all(each is not None and alike(each, pixel) for each in pixels):
         keys["axial_pixel_mm"] = pixel
-    if (index := first.header.refractive_index) is not None and index != 1:
+    if "axial_pixel_mm" in keys and (index := first.header.refractive_index) is not None and index != 1:
         keys["medium_index"] = index
     if first.kind != "raw":
         return Stated({**keys, "intensity": "log", "db_per_count": 1.0}, recording.by)

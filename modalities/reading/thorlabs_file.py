@@ -22,6 +22,8 @@ MOST_HEADER_BYTES = 16_000_000
 INTENSITY, COMPLEX = "data/intensity.data", "data/complex.data"
 ALIKE = 0.01
 """Share by which lengths that say the same may differ."""
+LEAST_PIXEL_MM, MOST_PIXEL_MM = 1e-4, 0.2
+"""Between depth samples; what a header says beyond is of something else."""
 _SPECTRAL = re.compile(r"data/spectral([0-9]{1,9})\.data")
 _ROOT = re.compile(rf"<\s*{ROOT}\b")
 _FIRST_MEMBER = re.compile(rb"(data[\\/][A-Za-z0-9_]+\.data|Header\.xml)")
@@ -185,6 +187,9 @@ def _raw(path: Path, header: Header, members: dict[str, Member], files: list[Dat
         remarks += doubted(
             "thorlabs-count", f"{path.name} holds {unlisted} more spectra than its header lists.", unlisted, 0
         )
+    if not header.electrons_per_count:
+        note = f"The header of {path.name} does not say how many electrons a count is; levels are of counts."
+        remarks += Remarks(notes=(note,))
     n_ascans, averaged = counts.pop(), header.ascans_averaged * header.spectra_averaged
     if header.size_x is not None and n_ascans not in (header.size_x, averaged * header.size_x):
         what = (
@@ -244,40 +249,45 @@ def _one_a_place(path: Path, bscans: list[BScan], header: Header) -> tuple[tuple
 
 def _described(container: Container, file: DataFile) -> Container:
     """Return the container with its scale in depth, and with what is to be said of its header."""
-    header, n_depth = container.header, container.n_samples
-    remarks = container.remarks
-    if container.kind == "raw":
-        n_depth //= 2
-    index = header.refractive_index if header.refractive_index is not None else 1.0
-    if not 1 <= index <= 2:
-        raise EndoctError(
-            f"Header.xml in {container.path} has an impossible refractive index", found=f"{index:g}", expected="1 to 2"
-        )
-    said = {"RangeZ of its data": file.range_z_mm and file.range_z_mm / n_depth}
-    if header.size_z in (None, n_depth):
-        said |= {"SizeReal": header.depth_mm and header.depth_mm / n_depth, "PixelSpacing": header.depth_pixel_mm}
-    pixels = {where: pixel for where, pixel in said.items() if pixel}
-    name, pixel_mm = container.path.name, next(iter(pixels.values()), None)
-    if pixel_mm is not None and not all(alike(pixel_mm, other) for other in pixels.values()):
-        listed = ", ".join(f"{1000 * pixel:.4g} µm by {where}" for where, pixel in pixels.items())
-        what = f"The header of {name} gives several distances of depth samples, none of which was taken: {listed}."
-        remarks, pixel_mm = remarks + doubted("thorlabs-depth", what), None
-    elif index != 1 and pixel_mm is not None:
-        what = (
-            f"The header of {name} applies a refractive index of {index:g} to the whole image: depths are divided by "
-            "it. It should be that of what fills the bore; where that is another, state medium_index."
-        )
-        remarks += doubted("thorlabs-index", what, index, 1.0)
-    if header.slices_mm and len(container.bscans) > 1:
+    axial_mm, remarks = _axial_pixel_mm(container, file)
+    name, slices_mm = container.path.name, container.header.slices_mm
+    if slices_mm and len(container.bscans) > 1:
         note = (
-            f"The header of {name} says {header.slices_mm:g} mm across the B-scans: the range of the program's own "
-            "scanner, which was not taken for the pullback's."
+            f"The header of {name} says {slices_mm:g} mm across the B-scans: the range of the program's own scanner, "
+            "which was not taken for the pullback's."
         )
         remarks += Remarks(notes=(note,))
     if any("_cam1" in key for key in container.members):
         remarks += Remarks(notes=(f"Of the two cameras of {name} the first was read.",))
-    axial_mm = pixel_mm * index if pixel_mm is not None and 1e-4 <= pixel_mm * index <= 0.2 else None
-    return replace(container, axial_pixel_mm=axial_mm, remarks=remarks)
+    return replace(container, axial_pixel_mm=axial_mm, remarks=container.remarks + remarks)
+
+
+def _axial_pixel_mm(container: Container, file: DataFile) -> tuple[float | None, Remarks]:
+    """Return the distance of depth samples in air, None where the header does not say it, or not to be believed."""
+    header, name = container.header, container.path.name
+    n_depth = container.n_samples // 2 if container.kind == "raw" else container.n_samples
+    said = {"RangeZ of its data": file.range_z_mm and file.range_z_mm / n_depth}
+    if header.size_z in (None, n_depth):
+        said |= {"SizeReal": header.depth_mm and header.depth_mm / n_depth, "PixelSpacing": header.depth_pixel_mm}
+    pixels = {where: pixel for where, pixel in said.items() if pixel}
+    if not pixels:
+        return None, NONE
+    pixel_mm, index = next(iter(pixels.values())), header.refractive_index
+    if not all(alike(pixel_mm, other) for other in pixels.values()):
+        listed = ", ".join(f"{1000 * pixel:.4g} µm by {where}" for where, pixel in pixels.items())
+        what = f"The header of {name} gives several distances of depth samples, none of which was taken: {listed}."
+        return None, doubted("thorlabs-depth", what)
+    if index is None or index == 1:
+        return _plausible(pixel_mm), NONE
+    what = f"The header of {name} applies a refractive index of {index:g} to the whole image"
+    if not 1 < index <= 2:
+        return None, doubted("thorlabs-index", f"{what}, which none has: its depths were not taken.", index, 1.0)
+    what += ": depths are divided by it. It should be that of what fills the bore; where that is another, state "
+    return _plausible(pixel_mm * index), doubted("thorlabs-index", f"{what}medium_index.", index, 1.0)
+
+
+def _plausible(axial_mm: float) -> float | None:
+    return axial_mm if LEAST_PIXEL_MM <= axial_mm <= MOST_PIXEL_MM else None
 
 
 def _member(path: Path, members: dict[str, Member], file: DataFile) -> Member:

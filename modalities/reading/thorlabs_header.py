@@ -86,7 +86,7 @@ def read_header(data: bytes, what: str) -> Header:
         is_signed={"true": True, "false": False}.get(signed),
         sample_bytes=read.whole("Instrument/BytesPerPixel"),
         electrons_per_count=read.number("Instrument/BinaryToElectronCountScaling"),
-        recorded_s=read.number("Acquisition/Timestamp"),
+        recorded_s=float(time) if _WHOLE.fullmatch(time := read.text("Acquisition/Timestamp")) else None,
     )
 
 

@@ -125,7 +125,6 @@ def test_bscans_are_taken_where_raw_spectra_lie_beside_them(tmp_path: Path) -> N
         (Oct().add("Intensity", LEVELS, SizeX="many"), "no count; found many"),
         (Oct().add("Intensity", LEVELS, RangeZ="nan"), "no number; found nan"),
         (Oct().add("Intensity", LEVELS, RangeZ="0,64"), "no number; found 0,64; expected one with a point"),
-        (Oct(index=0.5).add("Intensity", LEVELS), "impossible refractive index"),
         (Oct().add("Intensity", LEVELS).add("Intensity", LEVELS), "two members of one name"),
     ],
 )  # fmt: skip
@@ -161,6 +160,9 @@ def test_a_refractive_index_is_undone_and_doubted(tmp_path: Path) -> None:
     assert (keys["axial_pixel_mm"], keys["medium_index"]) == (pytest.approx(0.0133), 1.33)
     assert codes(path) == ["thorlabs-index"]
     assert "medium_index" not in stated_by(intensity().write(tmp_path / "other.oct")).keys
+    impossible = intensity(index=0.0).write(tmp_path / "zero.oct")
+    assert not stated_by(impossible).keys.keys() & {"axial_pixel_mm", "medium_index"}
+    assert codes(impossible) == ["thorlabs-index"]
 
 
 def test_what_contradicts_itself_is_not_stated(tmp_path: Path) -> None:
@@ -318,6 +320,15 @@ def test_spectra_that_do_not_fit(made: Oct, said: str, tmp_path: Path) -> None:
     assert said in refused(made.write(tmp_path / "scan.oct"))
 
 
+def test_what_need_not_be_there(tmp_path: Path) -> None:
+    made = raw_file(SPECTRA, CHIRP, electrons_per_count=0)
+    header = made.header().replace("<Timestamp>1700000000", "<Timestamp>2023-11-14T22:13")
+    path = made.write(tmp_path / "scan.oct", header=header)
+    np.testing.assert_array_equal(spectra_of(path), SPECTRA)
+    assert "electrons_per_count" not in stated_by(path).keys["spectra"]
+    assert any("how many electrons a count is" in note for note in open_recording((path,)).remarks.notes)
+
+
 def test_a_sign_is_not_guessed(tmp_path: Path) -> None:
     made = raw_file(SPECTRA, CHIRP)
     header = made.header().replace("<RawDataIsSigned>False</RawDataIsSigned>", "")
@@ -350,6 +361,8 @@ def test_stops_are_put_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stack.along.values, [0, 1, 2, 4])  # one is missing
     assert stack.remarks.doubts == ()
     assert stated_by(tmp_path / "a").by == "the headers of 4 .oct files"
+    flushed = stops(tmp_path / "b", names, index=1.33)
+    assert [doubt.code for doubt in open_stack(flushed).remarks.doubts] == ["thorlabs-index"]
 
 
 def test_times_order_what_names_do_not(tmp_path: Path) -> None:
