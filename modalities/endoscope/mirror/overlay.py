@@ -1,11 +1,11 @@
 """What was drawn into the picture behind the camera: text, a clock, a logo, a mask. It hides the wall where it lies.
 
 An overlay is opaque: its pixels stand still, to what a codec makes of them, while the wall goes by around them. So does
-what is saturated, and dirt that lets no light through; but these have no corners. Light ends smoothly, rims and
-specular rings are lines whose slope has one direction, and dirt is out of focus. So an overlay is known by corners
-next to pixels that stand still, in what the slopes of all frames have in common: of the wall, that is next to nothing.
-From there on all belongs to it that stands still, as strokes and boxes do, or has corners in most of the frames, as the
-changing digits of a clock do.
+what is saturated, and dirt that lets no light through. But their edges are soft, as light ends smoothly and dirt is out
+of focus, and the sharp edges of the probe, rims and specular rings, run around the ring. So an overlay is known by
+sharp edges next to pixels that stand still, which do not run around the ring, in what the slopes of all frames have in
+common: of the wall, that is next to nothing. From there on all belongs to it that stands still, as strokes and boxes
+do, or has corners in most of the frames, as the changing digits of a clock do.
 """
 
 from collections.abc import Sequence
@@ -20,19 +20,17 @@ from endoct.modalities.endoscope.mirror.annulus import Annulus
 
 FEWEST_FRAMES = 6
 """Fewer do not show what stands still while the wall goes by."""
+SHARP = 0.1
+"""Of full scale a pixel of the reduced images: a step by a quarter of full scale has it."""
+ACROSS = 0.25
+"""Sine of the angle between an edge and the circle around the ring's centre, from which on it does not run around."""
+STILL, COUNT = 0.2, 1.5 / 255
+"""Of the ring's median change from frame to frame, and of full scale: what a pixel that stands still may change by."""
 WINDOW_PX = 9
-"""Of the reduced images: in it slopes of several directions make a corner; letters are about twice as high."""
-SURE_CORNER = 1e-3
-"""Mean square of the slope across any direction in a window, as parts of full scale a pixel. A step by a third of full
-scale has it; below 0.0002 next to what stands still in the simulator, 0.0006 in H.264."""
-LEAST_CORNER = 2e-4
-BY_MEDIAN = 8.0
-"""Times the median of the ring: a window in which most frames have corners."""
-LEAST_RATIO = 0.08
-"""Of the slopes across the weakest to those across the strongest direction; a curved rim has less."""
-STILL = 0.2
-"""Of the ring's median change from frame to frame: a pixel that stands still."""
-COUNT = 1.5 / 255
+"""In it slopes of several directions make a corner; letters are about twice as high."""
+CORNER, BY_MEDIAN = 2e-4, 8.0
+"""Mean square of the slope across any direction in a window, and that over its median in the ring: corners."""
+FEWEST_PX = 12
 RIM_PX, EDGE_PX = 3, 3
 """So near to a rim nothing is looked for; so far around an overlay its blurred edge reaches, as a codec leaves it."""
 
@@ -45,21 +43,21 @@ def find_overlay(images: Sequence[Image], annulus: Annulus) -> Mask | None:
     """
     if len(images) < FEWEST_FRAMES:
         return None
-    shape = images[0].shape
-    rows, columns = _around(annulus, shape)
+    rows, columns = _around(annulus, images[0].shape)
     part = [np.ascontiguousarray(image[rows, columns]) for image in images]
-    ring = _ring(annulus, shape, -RIM_PX)[rows, columns]
+    ring, within = (_ring(annulus, images[0].shape, by_px)[rows, columns] for by_px in (-RIM_PX, RIM_PX))
     slopes = list(thread_map(_slopes, part))
-    least, most = _strengths(_medians(slopes))
     still = _still(part, ring)
-    sure = ring & (least > SURE_CORNER) & (least > LEAST_RATIO * most) & _grown(still, 1)
-    if not sure.any():
+    edges = ring & _grown(still, 1) & _edges(_medians(slopes), annulus, rows, columns)
+    if not edges.any():
         return None
-    in_frames = _medians([_strengths(slope)[0] for slope in slopes])
-    busy = in_frames > max(BY_MEDIAN * float(np.median(in_frames[ring])), LEAST_CORNER)
-    within = _ring(annulus, shape, RIM_PX)[rows, columns]
-    overlay = np.zeros(shape, np.bool_)
-    overlay[rows, columns] = _grown(_connected((sure | still | busy) & within, sure), EDGE_PX)
+    corners = _medians([_weakest(slope) for slope in slopes])
+    busy = corners > max(BY_MEDIAN * float(np.median(corners[ring])), CORNER)
+    found = _connected((edges | still | busy) & within, edges)
+    if not found.any():
+        return None
+    overlay = np.zeros(images[0].shape, np.bool_)
+    overlay[rows, columns] = _grown(found, EDGE_PX)
     return overlay
 
 
@@ -99,11 +97,19 @@ def _slopes(image: Image) -> Image:
     return np.stack([cv2.Sobel(smooth, cv2.CV_32F, along, 1 - along, ksize=3, scale=1 / 8) for along in (1, 0)])
 
 
-def _strengths(slope: Image) -> tuple[Image, Image]:
-    """Return the mean square of the slope in the window of every pixel, across the weakest and strongest direction."""
+def _edges(slope: Image, annulus: Annulus, rows: slice, columns: slice) -> Mask:
+    """Say where ``slope`` (2, row, column) of the part of the image is sharp and no edge that runs around the ring."""
+    y, x = np.mgrid[rows, columns]
+    x, y = x - np.float32(annulus.outer_x_px), y - np.float32(annulus.outer_y_px)
+    across = np.abs(slope[0] * y - slope[1] * x) / np.maximum(np.hypot(x, y), 1)
+    size = np.hypot(*slope)
+    return np.asarray((size > SHARP) & (across > ACROSS * size))
+
+
+def _weakest(slope: Image) -> Image:
+    """Return the mean square of the slope in the window around every pixel, across the direction where it is least."""
     xx, yy, xy = (cv2.boxFilter(slope[a] * slope[b], -1, (WINDOW_PX, WINDOW_PX)) for a, b in ((0, 0), (1, 1), (0, 1)))
-    mean, apart = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-    return np.asarray(mean - apart), np.asarray(mean + apart)
+    return np.asarray((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy))
 
 
 def _still(images: Sequence[Image], ring: Mask) -> Mask:
@@ -121,6 +127,7 @@ def _grown(mask: Mask, by_px: int) -> Mask:
 
 
 def _connected(mask: Mask, seeds: Mask) -> Mask:
-    """Return those parts of ``mask``, apart by more than the gap between two letters, that hold a seed."""
-    _, labels = cv2.connectedComponents(_grown(mask, EDGE_PX).astype(np.uint8))
-    return np.asarray(mask & np.isin(labels, np.unique(labels[seeds])))
+    """Return those parts of ``mask``, apart by more than the gap between two letters, that hold enough seeds."""
+    n, labels = cv2.connectedComponents(_grown(mask, EDGE_PX).astype(np.uint8))
+    enough = np.bincount(labels[seeds], minlength=n) >= FEWEST_PX
+    return np.asarray(mask & enough[labels])
