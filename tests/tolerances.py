@@ -223,3 +223,8 @@ TARGET_OFF_MM = 0.1
 
 # Counts of an image that another processor may round otherwise.
 COUNTS_BY_ROUNDING = 1
+
+# Of the pixels in the ring and away from its rims that an overlay was drawn over, at least so many are masked; of the
+# ring, at most so much is farther from them than their edge reaches.
+OVERLAY_FOUND = 0.95
+OVERLAY_EXCESS = 0.002

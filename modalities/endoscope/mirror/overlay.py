@@ -45,7 +45,7 @@ def find_overlay(images: Sequence[Image], annulus: Annulus) -> Mask | None:
         return None
     rows, columns = _around(annulus, images[0].shape)
     part = [np.ascontiguousarray(image[rows, columns]) for image in images]
-    ring, within = (_ring(annulus, images[0].shape, by_px)[rows, columns] for by_px in (-RIM_PX, RIM_PX))
+    ring = _ring(annulus, images[0].shape, -RIM_PX)[rows, columns]
     slopes = list(thread_map(_slopes, part))
     still = _still(part, ring)
     edges = ring & _grown(still, 1) & _edges(_medians(slopes), annulus, rows, columns)
@@ -53,7 +53,7 @@ def find_overlay(images: Sequence[Image], annulus: Annulus) -> Mask | None:
         return None
     corners = _medians([_weakest(slope) for slope in slopes])
     busy = corners > max(BY_MEDIAN * float(np.median(corners[ring])), CORNER)
-    found = _connected((edges | still | busy) & within, edges)
+    found = _connected((edges | still | busy) & ring, edges)
     if not found.any():
         return None
     overlay = np.zeros(images[0].shape, np.bool_)
