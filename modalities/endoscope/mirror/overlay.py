@@ -15,7 +15,7 @@ import numpy as np
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.compute.parallel import thread_map
-from endoct.base.numeric.ranks import medians
+from endoct.base.numeric.ranks import medians, quantiles
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 
 FEWEST_FRAMES = 6
@@ -24,8 +24,9 @@ SHARP = 0.1
 """Of full scale a pixel of the reduced images: a step by a quarter of full scale has it."""
 ACROSS = 0.25
 """Sine of the angle between an edge and the circle around the ring's centre, from which on it does not run around."""
-STILL, COUNT = 0.2, 1.5 / 255
-"""Of the ring's median change from frame to frame, and of full scale: what a pixel that stands still may change by."""
+MOST_FRAMES = 0.8
+STILL, COUNT = 0.25, 1.5 / 255
+"""Of the median departure of the ring from its median, and of full scale: what a pixel departs by that stands still."""
 WINDOW_PX = 9
 """In it slopes of several directions make a corner; letters are about twice as high."""
 CORNER, BY_MEDIAN = 2e-4, 8.0
@@ -113,8 +114,10 @@ def _weakest(slope: Image) -> Image:
 
 
 def _still(images: Sequence[Image], ring: Mask) -> Mask:
-    change = _medians(list(np.abs(np.stack(images) - _medians(images))))
-    return np.asarray(change <= max(STILL * float(np.median(change[ring])), COUNT))
+    """Say which pixels keep their brightness in most images: a wall that goes by is seldom as bright in so many."""
+    away = np.abs(np.stack(images) - _medians(images)).reshape(len(images), -1)
+    usual, most = (quantiles(away, share).reshape(ring.shape) for share in (0.5, MOST_FRAMES))
+    return np.asarray(most <= max(STILL * float(np.median(usual[ring])), COUNT))
 
 
 def _medians(images: Sequence[Image]) -> Image:
