@@ -151,7 +151,7 @@ def test_what_is_drawn_over_the_picture_is_masked_and_doubted(
     calibration = survey(recording)
     assert calibration.overlay is not None
     assert calibration.overlay[top : top + 25, left : left + 61].all()
-    assert calibration.overlay.mean() < 0.02
+    assert calibration.overlay.mean() < 0.01
     (doubt,) = [doubt for doubt in calibration.doubts if doubt.code == "overlay-masked"]
     assert f"columns {np.flatnonzero(calibration.overlay.any(axis=0))[0]} to " in doubt.what
     np.testing.assert_allclose(np.diff(calibration.z_mm), np.diff(clean.z_mm[:9]), atol=FRAME_Z_MM)
