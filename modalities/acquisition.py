@@ -34,6 +34,11 @@ UNITS = {
 }
 
 
+def unit_of(key: str) -> str:
+    """Return the unit that a key has by its name, empty where it has none."""
+    return next((unit for end, unit in UNITS.items() if key.endswith(end)), "")
+
+
 def table_model(field: FieldInfo) -> type[BaseModel] | None:
     """Return the model of a key that is a table, None where it is none."""
     return next((kind for kind in _kinds(field.annotation) if issubclass(kind, BaseModel)), None)
@@ -79,7 +84,7 @@ def expectation(model: type[BaseModel], error: Mapping[str, Any]) -> str:
     said = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ")
     if not str(error["type"]).startswith(("greater_than", "less_than")):
         return said
-    unit = next((unit for end, unit in UNITS.items() if str(_name(error)).endswith(end)), "")
+    unit = unit_of(_name(error))
     low, high = _bounds(model, error["loc"])
     if low is not None and high is not None:
         said = f"{low:g} to {high:g}"
@@ -160,6 +165,11 @@ class OneOf:
     groups: tuple[tuple[str, ...], ...]
     why: str
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of all groups."""
+        return tuple(key for group in self.groups for key in group)
+
     def is_met(self, keys: Collection[str]) -> bool:
         """Say whether ``keys`` hold a whole group."""
         return any(all(key in keys for key in group) for group in self.groups)
@@ -197,8 +207,25 @@ class Acquisition(BaseModel):
         """What the scale along the bore rests on; a plug-in that knows says more."""
         return AxialScale()
 
+    @classmethod
+    def measures(cls, keys: Mapping[str, Any], n_frames: int, shape: tuple[int, ...]) -> dict[str, str]:  # noqa: ARG003
+        """Return how large a recording is in physical units, in words by what was measured, as far as ``keys`` say it.
+
+        These may be incomplete, and need not be checked. ``shape``: that of a frame as its files hold it.
+        """
+        return {}
+
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
+
+
+def positive(keys: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:
+    """Return the values of ``names``, None unless all of them are numbers above zero."""
+    values = [keys.get(name) for name in names]
+    known = [
+        float(v) for v in values if isinstance(v, int | float) and not isinstance(v, bool) and 0 < v < LARGEST_WHOLE
+    ]
+    return tuple(known) if len(known) == len(names) else None
 
 
 def sidecar_path(recording: Path) -> Path:

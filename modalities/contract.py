@@ -80,12 +80,16 @@ class Preview:
 
 @dataclass(frozen=True)
 class Sniff:
-    """Whether a plug-in claims a path, and why (not); how sure it is, and what it saw, where it can say that."""
+    """Whether a plug-in claims a path, and why (not); how sure it is, and what it saw, where it can say that.
+
+    ``needs``: keys that this recording cannot be read without, though others can.
+    """
 
     claims: bool
     reason: str
     certainty: Certainty = "sure"
     preview: Preview | None = field(default=None, compare=False)
+    needs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

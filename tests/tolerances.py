@@ -228,3 +228,7 @@ COUNTS_BY_ROUNDING = 1
 A_SCAN = 1.0
 CHOSEN_FEED_MM, CHOSEN_ROLL_RAD = 0.017, 0.015
 """Feed and roll of a toy wall by a library's cross-correlation: a row of 0.017 mm, and under a column of 0.025 rad."""
+# Of the pixels in the ring and away from its rims that an overlay was drawn over, at least so many are masked; of the
+# ring, at most so much is farther from them than their edge reaches.
+OVERLAY_FOUND = 0.95
+OVERLAY_EXCESS = 0.002

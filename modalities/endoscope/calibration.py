@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates
+from endoct.base.arrays import Coordinates, Mask
 from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.flatfield import FlatField
 from endoct.modalities.endoscope.frame_places import Places
@@ -30,6 +30,7 @@ class EndoscopeCalibration:
     ``z_mm`` of every frame's band centre. θ of the wall is
     image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
     field from the band's centre; ``exposure`` (n,): logarithm of what each frame is brighter than its light says.
+    ``overlay``: pixels of the files that something was drawn over, bool (row, column); None where there are none.
     ``doubts``: what questions where everything lies; ``notes``: what concerns some frames.
     """
 
@@ -50,6 +51,7 @@ class EndoscopeCalibration:
     exposure: Coordinates
     strip_z_mm: Coordinates
     full_scale: float
+    overlay: Mask | None
     oversample: tuple[int, int]
     taper: float
     doubts: tuple[Doubt, ...] = ()

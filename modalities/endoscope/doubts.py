@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.base.arrays import Coordinates
+from endoct.base.arrays import Coordinates, Mask
 from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.frames import Frames
 from endoct.modalities.endoscope.mirror.movement import NOISE_SHARE, movement_in_thirds, movement_within
+from endoct.modalities.endoscope.mirror.overlay import share_of_ring
 from endoct.modalities.endoscope.mirror.ring_search import FoundRing, Reference
 from endoct.modalities.endoscope.mirror.roundness import NOT_ROUND, Roundness
 from endoct.stitching.motion.feed import Feed
@@ -168,3 +169,17 @@ def _of_wall(evidence: RingEvidence) -> Iterator[Doubt]:
             "nominal feed puts them, and their roll is not known."
         )
         yield Doubt("frames-not-matched", what, value=matched, unit="1", expected=(LEAST_MATCHED, 1.0))
+
+
+def doubts_of_overlay(overlay: Mask | None, reference: Reference) -> Iterator[Doubt]:
+    """Yield that something was drawn over the ring, and where, in pixels of the files: ``overlay``, (row, column)."""
+    if overlay is None or reference.overlay is None:
+        return
+    rows, columns = np.flatnonzero(overlay.any(axis=1)), np.flatnonzero(overlay.any(axis=0))
+    share = share_of_ring(reference.overlay, reference.annulus)
+    what = (
+        f"Something is drawn over the picture (a text, a logo or a mask) and covers {share:.1%} of the ring, within "
+        f"columns {columns[0]} to {columns[-1]} and rows {rows[0]} to {rows[-1]}: the wall is not "
+        "seen there. Record without it if you can."
+    )
+    yield Doubt("overlay-masked", what, value=share, unit="1", expected=0.0)

@@ -26,7 +26,8 @@ BY_MOVEMENT = (
 )
 
 LogStrip = NDArray[np.float16]
-"""Logarithm of a frame's brightness, float16 (n_rows, ``STRIP_COLUMNS``), image angles; NaN outside the image."""
+"""Logarithm of a frame's brightness, float16 (n_rows, ``STRIP_COLUMNS``), image angles; NaN outside the image and
+under an overlay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +95,13 @@ def _examine(frame: Frame, *, reference: Reference, r_px: Coordinates) -> tuple[
     angle = np.linspace(0, 2 * np.pi, STRIP_COLUMNS, endpoint=False)
     columns, rows = Circles(place, r_px).pixel_map(angle, _ROOM)
     strip, inside = sample(image, columns, rows)
-    logs = np.where(inside, log_light(strip), np.nan).astype(np.float16)
+    seen = inside
+    if reference.overlay is not None:
+        covered, _ = sample(reference.overlay.astype(np.float32), columns, rows)
+        seen = inside & (covered == 0)
+    logs = np.where(seen, log_light(strip), np.nan).astype(np.float16)
     fraction = 0.0
-    if clipped is not None and inside.any():
+    if clipped is not None and seen.any():
         share, _ = sample(squared(clipped, pixels), columns, rows)
-        fraction = float(share[inside].mean())
+        fraction = float(share[seen].mean())
     return followed, alone, fraction, logs

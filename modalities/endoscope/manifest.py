@@ -1,10 +1,11 @@
 """What is known of the cone-mirror endoscope without loading it: its name, its files, its sidecar."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from endoct.modalities.acquisition import Acquisition, OneOf, Travel
+from endoct.modalities.acquisition import Acquisition, OneOf, Travel, positive
 from endoct.modalities.contract import Manifest
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES
 from endoct.modalities.reading.video_container import VIDEO_SUFFIXES
@@ -58,10 +59,16 @@ class EndoscopeAcquisition(Acquisition):
         description="nominal feed between frames; the measured feed is judged against it",
     )
     frame_rate_hz: float | None = Field(
-        default=None, ge=0.01, le=1e5, description="of a video; with feed_speed_mm_s the pitch"
+        default=None,
+        ge=0.01,
+        le=1e5,
+        description="frames a second, of a video; with feed_speed_mm_s it gives the pitch",
     )
     feed_speed_mm_s: float | None = Field(
-        default=None, ge=1e-4, le=1000, description="of a video; with frame_rate_hz the pitch"
+        default=None,
+        ge=1e-4,
+        le=1000,
+        description="speed of the feed, of a video; with frame_rate_hz it gives the pitch",
     )
     visible_length_mm: float | None = Field(
         default=None,
@@ -80,7 +87,7 @@ class EndoscopeAcquisition(Acquisition):
         default=None,
         ge=1,
         le=89,
-        description="of the mirror; with focal_px and mirror_distance_mm it sets z of a radius",
+        description="half angle of the mirror's cone; with focal_px and mirror_distance_mm it sets z of a radius",
     )
     focal_px: float | None = Field(
         default=None, ge=1, le=1e6, description="focal length of the camera, in pixels of the files"
@@ -100,6 +107,21 @@ class EndoscopeAcquisition(Acquisition):
         if self.frame_rate_hz is not None and self.feed_speed_mm_s is not None:
             return self.feed_speed_mm_s / self.frame_rate_hz
         return None
+
+    @classmethod
+    def measures(cls, keys: Mapping[str, Any], n_frames: int, shape: tuple[int, ...]) -> dict[str, str]:  # noqa: ARG003
+        """Return duration, feed and field of view of a recording, as far as ``keys`` say them."""
+        said = {}
+        if rate := positive(keys, "frame_rate_hz"):
+            said["duration"] = f"{n_frames / rate[0]:.4g} s, {rate[0]:.4g} frames a second"
+        pitch = positive(keys, "feed_pitch_mm")
+        if pitch is None and (speed := positive(keys, "feed_speed_mm_s", "frame_rate_hz")):
+            pitch = (speed[0] / speed[1],)
+        if pitch:
+            said["length"] = f"{(n_frames - 1) * pitch[0]:.4g} mm of feed, {pitch[0]:.3g} mm from frame to frame"
+        if view := positive(keys, "visible_length_mm"):
+            said["view"] = f"{view[0]:g} mm of the bore in a frame"
+        return said
 
     @property
     def axial_scale(self) -> AxialScale:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates
+from endoct.base.arrays import Coordinates, Mask
 from endoct.modalities.contract import Frame, Picture, Places
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.mirror.annulus import Annulus
@@ -31,7 +31,7 @@ def picture_frame(frame: Frame, calibration: EndoscopeCalibration) -> tuple[Pict
             y_label="row (px)",
             x_extent=(0.0, width - 1.0),
             y_extent=(0.0, height - 1.0),
-            curves=_rims(calibration.annuli[frame.index], width, height),
+            curves=_rims(calibration.annuli[frame.index], width, height) | _outlines(calibration.overlay),
             about="The wall is seen between the two rims of the mirror; in the middle the camera sees itself.",
         ),
         Picture(
@@ -66,6 +66,15 @@ def _rims(annulus: Annulus, width: int, height: int) -> dict[str, Coordinates]:
         inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
         curves[label] = np.where(inside[:, None], np.stack([x, y], axis=1), np.nan)
     return curves
+
+
+def _outlines(overlay: Mask | None) -> dict[str, Coordinates]:
+    """Return the outlines of what was drawn over the picture, one after the other with NaN between them."""
+    if overlay is None:
+        return {}
+    outlines, _ = cv2.findContours(overlay.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    closed = [np.concatenate([xy[:, 0], xy[:1, 0]]).astype(np.float64) for xy in outlines]
+    return {"overlay, masked": np.concatenate([line for xy in closed for line in (xy, np.full((1, 2), np.nan))])}
 
 
 def locate_in_frame(index: int, places: Places, calibration: EndoscopeCalibration) -> dict[str, Coordinates]:

@@ -13,12 +13,13 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration, per_frame_values
 from endoct.modalities.endoscope.chosen_feed import by_method
-from endoct.modalities.endoscope.doubts import doubts_of_ring, evidence_of_ring
+from endoct.modalities.endoscope.doubts import doubts_of_overlay, doubts_of_ring, evidence_of_ring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
 from endoct.modalities.endoscope.frame_places import place_frames
 from endoct.modalities.endoscope.frames import LogStrip, brightness_of_rows, examine_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band, Circles, recentred, stated_band
+from endoct.modalities.endoscope.mirror.overlay import in_pixels_of_files
 from endoct.modalities.endoscope.mirror.ring_search import find_reference
 from endoct.modalities.endoscope.motion import measure_centring, measure_motion, nominal_mm
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
@@ -53,6 +54,10 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
     centred = recentred(some, as_surveyed, Circles(centring.applied(annulus), band.r_px))
     flat = estimate_flat_field(centred, views, parameters.least_transmission)
     places, on_places = place_frames(motion, centring, nominal, acquisition, parameters)
+    overlay = None
+    if reference.overlay is not None:
+        shape = stream[0].samples.shape
+        overlay = in_pixels_of_files(reference.overlay, shape[:2], reference.factor, annulus.pixels)
     grid, oversample = _grid(places.z_mm, band, parameters)
     return EndoscopeCalibration(
         grid=grid,
@@ -78,9 +83,15 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
         exposure=exposure,
         strip_z_mm=band.outward_mm,
         full_scale=reference.full_scale,
+        overlay=overlay,
         oversample=oversample,
         taper=parameters.taper,
-        doubts=(*doubts_of_ring(evidence_of_ring(frames, reference, rows, motion.feed)), *of_method, *places.doubts),
+        doubts=(
+            *doubts_of_ring(evidence_of_ring(frames, reference, rows, motion.feed)),
+            *doubts_of_overlay(overlay, reference),
+            *of_method,
+            *places.doubts,
+        ),
     )
 
 

@@ -34,6 +34,8 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | 
     columns, rows = Circles(annulus, c.optics.r_px(fine_z)).pixel_map(fine_angle, _ROOM)
 
     image = _brightness(frame, c.full_scale)
+    if c.overlay is not None:
+        image[c.overlay] = UNSEEN
     flat_rows = (fine_z - c.strip_z_mm[0]) / (c.strip_z_mm[1] - c.strip_z_mm[0])
     flat_columns = fine_angle / (2 * np.pi) * c.flat.log_light.shape[1]
     shape = z_mm.size, theta_rad.size

@@ -1,11 +1,12 @@
 """The OCT plug-in as the registry sees it before loading it: the keys of its sidecar and what it provides."""
 
 import math
-from typing import Literal, Self
+from collections.abc import Mapping
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from endoct.modalities.acquisition import Acquisition, Handedness, Travel
+from endoct.modalities.acquisition import Acquisition, Handedness, Travel, positive
 from endoct.modalities.contract import Manifest
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, SpectraKeys
 from endoct.stitching.panorama import AxialScale
@@ -63,6 +64,20 @@ class OctAcquisition(Acquisition):
     def axial_scale(self) -> AxialScale:
         """The pitch, unless positions beat it: nothing in a pullback measures it."""
         return AxialScale({} if self.positions_mm else {"pullback_pitch_mm": self.pullback_pitch_mm})
+
+    @classmethod
+    def measures(cls, keys: Mapping[str, Any], n_frames: int, shape: tuple[int, ...]) -> dict[str, str]:
+        """Return depth, turn and length of a pullback, as far as ``keys`` say them."""
+        samples, ascans = shape[:2]
+        said = {"a turn": f"{ascans} A-scans, {360 / ascans:.3g}° each"}
+        if bore := positive(keys, "bore_diameter_mm"):
+            said["a turn"] += f", {1000 * math.pi * bore[0] / ascans:.3g} µm on the wall"
+        if axial := positive({"medium_index": 1.0, **keys}, "axial_pixel_mm", "medium_index"):
+            step_mm, medium = axial[0] / axial[1], "air" if axial[1] == 1 else f"a medium of index {axial[1]:g}"
+            said["depth"] = f"{samples * step_mm:.3g} mm in {medium}, {1000 * step_mm:.3g} µm a sample"
+        if pitch := positive(keys, "pullback_pitch_mm"):
+            said["length"] = f"{(n_frames - 1) * pitch[0]:.4g} mm, {pitch[0]:g} mm from slice to slice"
+        return said
 
     @property
     def capillary_radius_mm(self) -> float:

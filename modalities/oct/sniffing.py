@@ -41,7 +41,7 @@ def sniff_pullback(path: Path) -> Sniff:
             return Sniff(False, "its pages are colour images")
         pages = some_frames(stack)
     except UnstatedSpectra as error:
-        return Sniff(True, error.found, "likely")
+        return Sniff(True, error.found, "likely", needs=("spectra",))
     except EndoctError as error:
         return Sniff(False, str(error))
     rows, columns = stack.frame_shape
@@ -67,7 +67,8 @@ def sniff_pullback(path: Path) -> Sniff:
         seen += "; the chirp seems to be turned around: with the other chirp_gives they are sharper"
     if np.mean([share_brightening(bscan) for bscan in bscans]) < UPSIDE_DOWN:
         seen += "; they seem to be upside down: export them with depth downward"
-    return Sniff(True, seen, "likely" if full_turn else "unsure", preview)
+    needs = () if spectra is None else ("spectra",)
+    return Sniff(True, seen, "likely" if full_turn else "unsure", preview, needs)
 
 
 def _stated_spectra(path: Path) -> SpectraKeys | None:

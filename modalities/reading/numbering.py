@@ -15,7 +15,7 @@ GAP_STEPS = 1.5
 OTHER_PITCH = 0.05
 """Share by which the millimetres in names may differ from the pitch of the sidecar."""
 OTHER_RATE = 0.02
-"""Share by which the time stamps of a video may differ from the frame rate of the sidecar."""
+"""Share by which the time stamps of a video may differ from the frame rate of the sidecar and be of that rate."""
 
 MOST_MISSING = 3
 """Times as many places as frames: where there are more, numbers rather begin anew than count missing frames."""
@@ -59,11 +59,8 @@ def positions_along(
         and abs(usual / pitch_mm - 1) > OTHER_PITCH
     ):
         remarks += Remarks(doubts=(_other_pitch(usual, pitch_mm),))
-    if along.unit == "s" and rate_hz is not None and usual > 0:
-        if abs(usual * rate_hz - 1) > OTHER_RATE:
-            remarks += Remarks(doubts=(_other_rate(1 / usual, rate_hz, along.by),))
-        else:
-            usual = 1 / rate_hz
+    if along.unit == "s" and rate_hz is not None and abs(usual * rate_hz - 1) <= OTHER_RATE:
+        usual = 1 / rate_hz
     if spacing.kind == "even":
         return None, remarks
     if spacing.kind == "uneven" and (not np.all(np.diff(along.values) > 0) or along.unit == ""):
@@ -109,14 +106,6 @@ def _other_pitch(usual: float, pitch_mm: float) -> Doubt:
         "placed by the sidecar."
     )
     return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)
-
-
-def _other_rate(found_hz: float, rate_hz: float, by: str) -> Doubt:
-    what = (
-        f"By {by} there are {found_hz:.4g} frames a second, by the sidecar {rate_hz:g}: its frame_rate_hz may be "
-        "wrong, or the file was written with another rate. Frames were placed by the sidecar."
-    )
-    return Doubt("frame-rate-against-stamps", what, value=found_hz, unit="Hz", expected=rate_hz)
 
 
 def _mostly_missing(along: Along, places: Coordinates) -> Doubt:

@@ -182,6 +182,21 @@ def files_of(path: Path, form: Format) -> Files | None:
     return located[1] if located is not None and located[0] is form else None
 
 
+def format_of(path: Path) -> str | None:
+    """Return what the recording at ``path`` is stored as, in words; None where that is none of the formats.
+
+    Raises :class:`EndoctError` where a folder cannot be read.
+    """
+    if (located := _located(path)) is not None:
+        form, files = located
+        return form.name + (f", {len(files)} files" if len(files) > 1 else "")
+    images = _images(path) if is_folder(path) else [path] if path.suffix.lower() in IMAGE_SUFFIXES else []
+    if len(images) == 1 and (form := _format_of(images[0])) is not None:
+        return form.name
+    kinds = sorted({file.suffix.lower().removeprefix(".") for file in images})
+    return f"{len(images)} image{'s' if len(images) > 1 else ''} ({', '.join(kinds)})" if images else None
+
+
 def _located(path: Path) -> tuple[Format, Files] | None:
     """Return the format of the recording at ``path``, with its files; None for images, and for what is not clear."""
     if (form := _format_of(path)) is not None:

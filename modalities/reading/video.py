@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.file_part import Source
-from endoct.modalities.reading.format import Files, Format, Frames
+from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.reading.remarks import Remarks
+from endoct.modalities.reading.spacing import spacing_of
 from endoct.modalities.reading.video_container import (
     VIDEO_SUFFIXES,
     cause_of_video,
@@ -173,4 +174,13 @@ def _claims_video(path: Path) -> bool:
     return is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES
 
 
-VIDEO = Format("video", _claims_video, _open_video)
+def _states_of_video(files: Files) -> Stated:
+    usual_s = spacing_of(index_of(files[0]).times_s, within=STAMP_JITTER).usual
+    return (
+        Stated({"frame_rate_hz": float(f"{1 / usual_s:.6g}")}, f"the time stamps of {files[0].name}")
+        if usual_s > 0
+        else Stated()
+    )
+
+
+VIDEO = Format("video", _claims_video, _open_video, _states_of_video)

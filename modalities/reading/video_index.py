@@ -1,15 +1,16 @@
 """Which frames a video has, and when each was taken: by its packets, without decoding them."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import largest_array_bytes
-from endoct.modalities.reading.file_part import Source
+from endoct.modalities.reading.file_part import FilePart, Source
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.reading.video_container import (
     PIXEL_BYTES,
@@ -63,8 +64,16 @@ class _Walk:
 def index_of(path: Source) -> VideoIndex:
     """Return the frames of a video.
 
-    Raises :class:`EndoctError` where there are none, the file was cut off, or time stamps do not tell frames apart.
+    Kept of the last files, as long as they do not change. Raises :class:`EndoctError` where there are none, the file
+    was cut off, or time stamps do not tell frames apart.
     """
+    with refusing(f"{path} is no readable video"):
+        now = (path.path if isinstance(path, FilePart) else path).stat()
+    return _index_of(path, now.st_size, now.st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _index_of(path: Source, size: int, changed_ns: int) -> VideoIndex:  # noqa: ARG001 – by which a file is the same
     try:
         walk = _walked(path)
         unedited = _walked(path, edited=False) if _may_be_edited(path, walk) else None

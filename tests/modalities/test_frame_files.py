@@ -141,10 +141,8 @@ def test_times_become_places() -> None:
     assert [doubt.code for doubt in remarks.doubts] == ["frames-uneven"]
     faster = Along(np.arange(5) / 30, "s", "the time stamps", within=0.1)
     places, remarks = positions_along(faster, 0.2, 25.0, steady=True)
-    assert places is None
-    assert [(doubt.code, doubt.value, doubt.expected) for doubt in remarks.doubts] == [
-        ("frame-rate-against-stamps", pytest.approx(30), 25.0)
-    ]
+    assert places is None, "the sidecar's rate is believed; that it differs is doubted where the file states its own"
+    assert not remarks.doubts
 
 
 def test_a_count_that_began_anew_is_doubted(tmp_path: Path) -> None:

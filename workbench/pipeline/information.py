@@ -20,11 +20,12 @@ from endoct.modalities.acquisition import read_keys, sidecar_path, validate
 from endoct.modalities.contract import FrameStream, Manifest, Preview, Sniff
 from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.numbering import notes_on_gaps
+from endoct.modalities.reading.recording import format_of
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
 from endoct.modalities.registry import manifest_for, manifests, open_recording, sniffed
 from endoct.modalities.stated import stated_keys
 from endoct.stitching.store import is_panorama, load_panorama
-from endoct.workbench.pipeline.sidecar_template import missing_keys
+from endoct.workbench.pipeline.sidecar_template import missing_keys, missing_lines
 from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
 from endoct.workbench.running.kinds import THUMBNAIL
 
@@ -111,6 +112,8 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
 def in_lines(facts: Mapping[str, object]) -> Iterator[str]:
     """Yield what :func:`describe` returned for people: a key and a value on each line."""
     for key, value in facts.items():
+        if key == "missing" and "lines" in facts:
+            continue  # the lines say it, too
         for number, text in enumerate(texts_of(value)):
             yield f"{'' if number else key:<{_KEY_WIDTH}}{text}"
 
@@ -134,21 +137,29 @@ def _recording(path: Path, modality: str | None) -> dict[str, object]:
     recognised = recognise(path, modality)
     manifest, sidecar = recognised.manifest, sidecar_path(path)
     stated = stated_keys(path, manifest.acquisition)
-    keys = {**stated.keys, **read_keys(path), "modality": manifest.name}
-    missing = missing_keys(manifest.acquisition, keys)
+    written = {**stated.keys, **read_keys(path)}
+    keys = {**written, "modality": manifest.name}
+    needs = recognised.sniff.needs
+    missing = missing_keys(manifest.acquisition, keys, needs)
     stream: FrameStream | None = None
     if all(key in keys for key, field in manifest.acquisition.model_fields.items() if field.is_required()):
         validate(manifest.acquisition, keys, str(sidecar))
         _, stream = open_recording(path, modality=manifest.name)
     facts: dict[str, object] = {"kind": "recording", "modality": manifest.name, "title": manifest.title}
-    facts |= _size(manifest, recognised.sniff.preview, stream)
     facts |= {"certainty": recognised.certainty, "seen": recognised.sniff.reason}
+    if form := format_of(path) or (needs and f"raw samples, as the sidecar's {' and '.join(needs)} describes them"):
+        facts["format"] = form
+    facts |= _size(manifest, recognised.sniff.preview, stream, keys)
     if stated.keys:
         facts["stated"] = {"by": stated.by, **stated.keys}
     if stream is not None:
         facts["sidecar"] = stream.acquisition.model_dump(mode="json", exclude_none=True)
     if missing:
-        facts["missing"] = missing
+        lines = missing_lines(manifest.acquisition, keys, needs)
+        facts |= {
+            "missing": missing,
+            "lines": [*([] if "modality" in written else [f'modality = "{manifest.name}"']), *lines],
+        }
     previewed = recognised.sniff.preview
     remarks = (NONE if previewed is None else previewed.remarks) + remarks_of(stream)
     if stream is not None:
@@ -157,8 +168,10 @@ def _recording(path: Path, modality: str | None) -> dict[str, object]:
     return facts | {"next": _next(path, sidecar, bool(missing), modality)}
 
 
-def _size(manifest: Manifest, preview: Preview | None, stream: FrameStream | None) -> dict[str, object]:
-    """Return how many frames there are, and their axes in words, as far as that is known."""
+def _size(
+    manifest: Manifest, preview: Preview | None, stream: FrameStream | None, keys: Mapping[str, Any]
+) -> dict[str, object]:
+    """Return how many frames there are, their axes in words, and what that is in mm and s, as far as it is known."""
     if preview is not None:
         n_frames, size, dtype = preview.n_frames, preview.size, preview.dtype
     elif stream is not None:
@@ -167,7 +180,11 @@ def _size(manifest: Manifest, preview: Preview | None, stream: FrameStream | Non
     else:
         return {}
     frames = f"{n_frames} {manifest.frame_dim}{'' if n_frames == 1 else 's'}"
-    return {"frames": n_frames, "axes": f"{size}, {frames}", "dtype": dtype}
+    facts: dict[str, object] = {"frames": n_frames, "axes": f"{size}, {frames}", "dtype": dtype}
+    pictures = () if preview is None else preview.pictures
+    if pictures and (measures := manifest.acquisition.measures(keys, n_frames, pictures[0].shape)):
+        facts["measures"] = measures
+    return facts
 
 
 def _next(path: Path, sidecar: Path, missing: bool, modality: str | None) -> str:

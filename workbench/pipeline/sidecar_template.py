@@ -1,8 +1,9 @@
-"""The sidecar as a template to fill in, and what of it is still missing."""
+"""What of a sidecar is still missing, as lines to fill in, and the sidecar as a template that begins with them."""
 
 import json
+import re
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 from pydantic.fields import FieldInfo
@@ -10,28 +11,54 @@ from pydantic.fields import FieldInfo
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
 from endoct.base.files.output import new_output
-from endoct.modalities.acquisition import Acquisition, read_toml, sidecar_path, table_model
-from endoct.modalities.registry import manifest_for, manifests
+from endoct.modalities.acquisition import Acquisition, read_toml, sidecar_path, table_model, unit_of
+from endoct.modalities.reading.format import Stated
+from endoct.modalities.registry import manifest_for, manifests, sniffed
+from endoct.modalities.stated import stated_keys
 from endoct.workbench.running.kinds import SIDECAR
 
 _FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."
+_NEEDED, _STATED, _FURTHER = (
+    "# Needed:",
+    "# Stated by the files; a key here would replace it:",
+    "# Where they are known:",
+)
+_STATED_LINE = re.compile(r"# \w+ = .*  # by .*")
 
 
-def missing_keys(acquisition: type[Acquisition], keys: Collection[str]) -> dict[str, str]:
-    """Return what ``keys`` lack of what a recording needs, with why it matters.
+def missing_keys(acquisition: type[Acquisition], keys: Collection[str], needs: Collection[str] = ()) -> dict[str, str]:
+    """Return what ``keys`` lack of what a recording needs, with why it matters; ``needs`` are keys it needs as well.
 
     By key; where one of several keys will do, by "one of a, b, or c with d".
     """
-    fields = acquisition.model_fields
-    missing = {k: f.description or "required" for k, f in fields.items() if f.is_required() and k not in keys}
+    missing = {
+        key: field.description or "required"
+        for key, field in acquisition.model_fields.items()
+        if (field.is_required() or key in needs) and key not in keys
+    }
     return missing | {str(one_of): one_of.why for one_of in acquisition.alternatives if not one_of.is_met(keys)}
+
+
+def missing_lines(acquisition: type[Acquisition], keys: Collection[str], needs: Collection[str] = ()) -> list[str]:
+    """Return the lines of TOML to add to a sidecar with ``keys``, values left out, each with its unit and what it is.
+
+    Keys of which one will do are comments.
+    """
+    fields = acquisition.model_fields
+    lines = [_to_fill_in(key, fields[key]) for key in missing_keys(acquisition, keys, needs) if key in fields]
+    for one_of in acquisition.alternatives:
+        if not one_of.is_met(keys):
+            lines.append(f"# one of these lines gives {one_of.why}:")
+            lines += [f"# {_to_fill_in(key, fields[key])}" for key in one_of.keys if key not in keys]
+    return lines
 
 
 def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool) -> tuple[Path, dict[str, str]]:
     """Write an ``acquisition.toml`` to fill in; return its path and what it lacks, as :func:`missing_keys` does.
 
-    Keys that an existing sidecar has are kept. Raises :class:`EndoctError` where one exists and ``overwrite`` is
-    not set, or it is no such template or holds comments of the user's own, or nothing says which modality it is.
+    What is needed comes first, then what the files state, as comments, then what else may be known. Keys that an
+    existing sidecar has are kept. Raises :class:`EndoctError` where one exists and ``overwrite`` is not set, or it is
+    no such template or holds comments of the user's own, or nothing says which modality it is.
     """
     manifest = manifest_for(path, modality)
     sidecar = sidecar_path(path)
@@ -45,22 +72,48 @@ def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool)
             expected=", ".join(fields),
             remedy="correct or remove it first: it would be lost",
         )
+    stated, needs = stated_keys(path, manifest.acquisition), sniffed(path, manifest).needs
     lines = [f"{_FIRST_LINE[0]}{path.name}{_FIRST_LINE[1]}", ""]
-    for key, field in manifest.acquisition.model_fields.items():
-        lines += [f"# {_about(field)}{_alternative(key, manifest.acquisition)}", _line(key, field, kept), ""]
+    lines += _sections(manifest.acquisition, kept, stated, needs)
     text = "\n".join(lines)
     with refusing(f"{sidecar} cannot be laid out anew", remedy="edit it by hand"):
         if tomllib.loads(text) != kept:
             raise ValueError("its values would change")
     with new_output(sidecar, SIDECAR, overwrite=overwrite, is_ours=_is_template) as scratch:
         scratch.write_text(text, encoding="utf-8")
-    return sidecar, missing_keys(manifest.acquisition, kept)
+    return sidecar, missing_keys(manifest.acquisition, {**stated.keys, **kept}, needs)
+
+
+def _sections(
+    acquisition: type[Acquisition], kept: Mapping[str, object], stated: Stated, needs: Collection[str]
+) -> Iterator[str]:
+    """Yield the lines of a template below its first: what is kept, needed, stated, and further keys."""
+    fields, known = acquisition.model_fields, {**stated.keys, **kept}
+    open_ = [one_of for one_of in acquisition.alternatives if not one_of.is_met(known)]
+    needed = {key for key, field in fields.items() if field.is_required() or key in needs}
+    needed |= {key for one_of in open_ for key in one_of.keys}
+    of_stated = [key for key in stated.keys if key not in kept]
+    further = [key for key in fields if key not in needed and key not in kept and key not in of_stated]
+    for key in (key for key in fields if key in kept):
+        yield from (f"# {_about(fields[key])}", _line(key, fields[key], kept), "")
+    if lacking := [key for key in fields if key in needed and key not in known]:
+        yield from (_NEEDED, "")
+        for key in lacking:
+            yield from (f"# {_about(fields[key])}{_alternative(key, acquisition)}", _line(key, fields[key], {}), "")
+    if of_stated:
+        yield _STATED
+        yield from (f"# {key} = {_value(key, stated.keys[key])}  # by {stated.by}" for key in of_stated)
+        yield ""
+    if further:
+        yield from (_FURTHER, "")
+        for key in further:
+            yield from (f"# {_about(fields[key])}", _line(key, fields[key], {}), "")
 
 
 def _is_template(sidecar: Path) -> bool:
     """Say whether a sidecar is a template, filled in perhaps, without a comment of the user's own: keys are kept."""
     lines = read_small(sidecar).decode("utf-8", "replace").splitlines()
-    comments = {
+    comments = {_NEEDED, _STATED, _FURTHER} | {
         line
         for acquisition in (manifest.acquisition for manifest in manifests().values())
         for key, field in acquisition.model_fields.items()
@@ -68,7 +121,9 @@ def _is_template(sidecar: Path) -> bool:
         for line in (about, about + _alternative(key, acquisition), _line(key, field, {}).rstrip())
     }
     begins = bool(lines) and lines[0].startswith(_FIRST_LINE[0]) and lines[0].endswith(_FIRST_LINE[1])
-    return begins and all("#" not in line or line.rstrip() in comments for line in lines[1:])
+    return begins and all(
+        "#" not in line or line.rstrip() in comments or _STATED_LINE.fullmatch(line) for line in lines[1:]
+    )
 
 
 def _about(field: FieldInfo) -> str:
@@ -77,12 +132,17 @@ def _about(field: FieldInfo) -> str:
 
 def _alternative(key: str, acquisition: type[Acquisition]) -> str:
     for one_of in acquisition.alternatives:
-        if any(key in group for group in one_of.groups):
+        if key in one_of.keys:
             return f" (this, or another key that gives {one_of.why}, is needed)"
     return ""
 
 
-def _line(key: str, field: FieldInfo, kept: dict[str, object]) -> str:
+def _to_fill_in(key: str, field: FieldInfo) -> str:
+    unit = unit_of(key)
+    return f"{_line(key, field, {}).removeprefix('# ').rstrip()}  # {f'{unit}: ' if unit else ''}{field.description}"
+
+
+def _line(key: str, field: FieldInfo, kept: Mapping[str, object]) -> str:
     if key in kept:
         return f"{key} = {_value(key, kept[key])}"
     if (table := table_model(field)) is not None:
@@ -95,6 +155,8 @@ def _line(key: str, field: FieldInfo, kept: dict[str, object]) -> str:
 def _value(key: str, value: object) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{name} = {_value(key, inner)}" for name, inner in value.items()) + " }"
-    if isinstance(value, str | int | float | bool | list):
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(key, inner) for inner in value) + "]"
+    if isinstance(value, str | int | float | bool):
         return json.dumps(value, ensure_ascii=False)
     raise EndoctError(f"the sidecar's '{key}' cannot be carried over", remedy="edit the sidecar by hand")

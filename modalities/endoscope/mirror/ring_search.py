@@ -27,7 +27,15 @@ from endoct.modalities.endoscope.mirror.annulus import (
     follow,
     locate_outer_rim,
 )
-from endoct.modalities.endoscope.mirror.movement import Movement, inner_rim_of, movement, outer_rim_of
+from endoct.modalities.endoscope.mirror.movement import (
+    NOISE_SHARE,
+    Movement,
+    inner_rim_of,
+    movement,
+    movement_in_thirds,
+    outer_rim_of,
+)
+from endoct.modalities.endoscope.mirror.overlay import find_overlay
 from endoct.modalities.endoscope.mirror.rings import Ring
 from endoct.modalities.endoscope.mirror.roundness import ROUND, Roundness, measure_roundness, squared
 
@@ -162,7 +170,8 @@ class Reference:
 
     ``full_scale``: value of a saturated sample. The survey reduces frames by ``factor``; ``annulus``, in pixels of
     the reduced frames, is where it is looked for first, and ``handle`` the circle that it is followed by, None for its
-    own rims. ``ring``: what it was found by.
+    own rims. ``ring``: what it was found by. ``overlay``: what was drawn over the ring, in square pixels of the reduced
+    frames, bool (row, column); None where nothing was.
     """
 
     full_scale: float
@@ -170,6 +179,7 @@ class Reference:
     annulus: Annulus
     handle: Ring | None
     ring: FoundRing
+    overlay: Mask | None
 
 
 def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Reference:
@@ -189,7 +199,8 @@ def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Re
     else:
         ring = find_ring(images)
     pixels = ring.roundness.pixels if ring.corrected else 1.0
-    followed = list(thread_map(lambda image: follow(squared(image, pixels), ring.annulus, ring.handle), images))
+    images = [squared(image, pixels) for image in images]
+    followed = list(thread_map(lambda image: follow(image, ring.annulus, ring.handle), images))
     annuli, _ = settle_annuli(followed, ring.annulus, given is not None)
     x, y = np.median([(a.outer_x_px, a.outer_y_px) for a in annuli], axis=0)
     annulus = annuli[0].moved(float(x) - annuli[0].outer_x_px, float(y) - annuli[0].outer_y_px)
@@ -197,4 +208,11 @@ def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Re
     if handle:
         dx_px, dy_px = annulus.outer_x_px - ring.annulus.outer_x_px, annulus.outer_y_px - ring.annulus.outer_y_px
         handle = replace(handle, x_px=handle.x_px + dx_px, y_px=handle.y_px + dy_px)
-    return Reference(scale, factor, replace(annulus, pixels=pixels), handle, ring)
+    overlay = find_overlay(images, annulus) if _wall_moves(ring) else None
+    return Reference(scale, factor, replace(annulus, pixels=pixels), handle, ring, overlay)
+
+
+def _wall_moves(ring: FoundRing) -> bool:
+    return (
+        ring.moving is not None and max(movement_in_thirds(ring.moving, ring.annulus)) > NOISE_SHARE * ring.moving.noise
+    )

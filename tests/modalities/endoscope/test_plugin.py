@@ -135,6 +135,36 @@ def test_cells_stand_out_of_the_panorama(specimen: tuple[Path, dict[str, Any], E
     assert np.median(intensity[valid & ~cell]) == pytest.approx(1, abs=0.1)
 
 
+def test_what_is_drawn_over_the_picture_is_masked_and_doubted(
+    specimen: tuple[Path, dict[str, Any], EndoscopeCalibration], short: Callable[..., Path]
+) -> None:
+    _, truth, clean = specimen
+    assert clean.overlay is None
+    recording = short(*range(9), name="drawn")
+    (x, y), outer = np.mean(truth["centre_px"], axis=0), np.mean(truth["outer_px"])
+    left, top = round(x - 0.8 * outer), round(y - 0.1 * outer)
+    for k, file in enumerate(sorted(recording.glob("frame_*"))):
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.rectangle(image, (left, top), (left + 60, top + 24), (0, 0, 0), -1)
+        cv2.putText(image, f"N{k}", (left + 6, top + 18), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1)
+        cv2.imwrite(str(file), image)
+    calibration = survey(recording)
+    assert calibration.overlay is not None
+    assert calibration.overlay[top : top + 25, left : left + 61].all()
+    assert calibration.overlay.mean() < 0.01
+    (doubt,) = [doubt for doubt in calibration.doubts if doubt.code == "overlay-masked"]
+    assert f"columns {np.flatnonzero(calibration.overlay.any(axis=0))[0]} to " in doubt.what
+    np.testing.assert_allclose(np.diff(calibration.z_mm), np.diff(clean.z_mm[:9]), atol=FRAME_Z_MM)
+    _, stream = open_recording(recording)
+    strip = ENDOSCOPE.unroll(stream[4], calibration)
+    of_angle = calibration.image_angle(4, strip.theta_rad)
+    under = np.abs(wrap_rad(of_angle - np.arctan2(top + 12 - y, left + 30 - x))) < 0.02
+    assert not strip.valid[:, under].all(axis=0).any()
+    assert strip.valid[:, ~under].mean() > 0.9
+    frame, _ = ENDOSCOPE.illustrate(stream[4], calibration)
+    assert "overlay, masked" in frame.curves
+
+
 def test_no_seam_where_theta_begins(specimen: tuple[Path, dict[str, Any], EndoscopeCalibration]) -> None:
     recording, _, calibration = specimen
     intensity, valid = panorama(recording, calibration)

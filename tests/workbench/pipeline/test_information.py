@@ -1,5 +1,6 @@
 """What `endoct info` says of a path, and the sidecar that it lays out."""
 
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -7,14 +8,15 @@ from random import Random
 import cv2
 import numpy as np
 import pytest
-from tolerances import CT_PLACE_MM
+from tolerances import CT_PLACE_MM, FRAME_Z_MM
 
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import nrrd_header, write_nrrd, write_series
+from benchmarks.frame_faults.videos import write_video
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.trajectory import Trajectory, write_line
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.registry import manifest_for, open_recording
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe, in_lines, side_by_side, write_thumbnail
 from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
@@ -95,6 +97,65 @@ def test_a_template_says_where_one_of_several_keys_is_needed(tmp_path: Path) -> 
     about = {line.partition(" =")[0]: before for before, line in pairwise(sidecar.read_text().splitlines())}
     assert "or another key that gives the scale along the bore" in about["# feed_pitch_mm"]
     assert "another key" not in about["# outer_rim"]
+
+
+def video(folder: Path, times_s: list[float]) -> Path:
+    folder.mkdir()
+    pictures = np.random.default_rng(0).integers(0, 256, (len(times_s), 48, 64), dtype=np.uint8)
+    write_video(folder / "r.mkv", pictures, times_s)
+    return folder
+
+
+def test_a_video_states_its_rate_and_is_not_asked_for_it(tmp_path: Path) -> None:
+    folder = video(tmp_path / "v", [k / 25 for k in range(6)])
+    facts = describe(folder, "endoscope")
+    assert (facts["format"], facts["measures"]) == ("video", {"duration": "0.24 s, 25 frames a second"})
+    assert facts["stated"] == {"by": "the time stamps of r.mkv", "frame_rate_hz": 25.0}
+    lines = facts["lines"]
+    assert not any("frame_rate_hz =" in line for line in lines)
+    sidecar, _ = write_sidecar_template(folder, "endoscope", overwrite=False)
+    text = sidecar.read_text(encoding="utf-8")
+    assert "\n# frame_rate_hz = 25.0  # by the time stamps of r.mkv\n" in text
+    assert tomllib.loads(text) == {"modality": "endoscope"}
+    sidecar.write_text(text.replace("# feed_speed_mm_s = ", "feed_speed_mm_s = 5.0"), encoding="utf-8")
+    _, missing = write_sidecar_template(folder, None, overwrite=True)
+    assert list(missing) == ["bore_diameter_mm"]
+
+
+def test_the_lines_that_are_missing_can_be_pasted(tmp_path: Path) -> None:
+    times_s = [0.0, 0.04, 0.08, 0.2, 0.25, 0.31]  # frames are lost, and the rest comes unevenly
+    folder = video(tmp_path / "v", times_s)
+    facts = describe(folder, "endoscope")
+    lines = "\n".join(facts["lines"])
+    with pytest.raises(tomllib.TOMLDecodeError):
+        tomllib.loads(lines)  # no value is left out unnoticed
+    filled = lines.replace("bore_diameter_mm =", "bore_diameter_mm = 2.5")
+    filled = filled.replace("# feed_speed_mm_s =", "feed_speed_mm_s = 5")
+    (folder / "acquisition.toml").write_text(filled, encoding="utf-8")
+    _, stream = open_recording(folder)
+    np.testing.assert_allclose([stream[k].z_mm for k in range(6)], np.multiply(times_s, 5), atol=FRAME_Z_MM)
+    facts = describe(folder)
+    assert "lines" not in facts
+    assert str(facts["measures"]["length"]).endswith("mm from frame to frame")
+
+
+def test_a_rate_that_is_not_the_files_is_doubted(tmp_path: Path) -> None:
+    folder = video(tmp_path / "v", [k / 25 for k in range(6)])
+    text = 'modality = "endoscope"\nbore_diameter_mm = 2.5\nframe_rate_hz = 30\nfeed_speed_mm_s = 6\n'
+    (folder / "acquisition.toml").write_text(text, encoding="utf-8")
+    (doubt,) = describe(folder)["doubts"]
+    assert doubt["code"] == "stated-otherwise"
+    assert "frame_rate_hz is 30" in doubt["what"]
+
+
+def test_raw_samples_next_to_a_chirp_need_a_table(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    rng.integers(0, 4000, 1024 * 100, dtype=np.uint16).tofile(tmp_path / "scan.bin")
+    (np.arange(1024) + 3 * np.sin(np.linspace(0, np.pi, 1024))).tofile(tmp_path / "Chirp.data")
+    facts = describe(tmp_path)
+    assert (facts["modality"], "spectra" in facts["missing"]) == ("oct", True)
+    assert str(facts["format"]).startswith("raw samples")
+    assert any(line.startswith("spectra = { file = …, samples = …") for line in facts["lines"])
 
 
 def recorded(specimen: Path, part: str, folder: Path) -> Path:
