@@ -49,10 +49,11 @@ else:
     Progress = Remark = Suppress[Fixed[Any]]
 
 Output = Annotated[AnyPath, arg(aliases=["-o"])]
+OutputPath = Annotated[Path, arg(aliases=["-o"])]
 ModalityName = Annotated[str | None, arg(metavar="NAME")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnrollRequest:
     """What to unroll, and how.
 
@@ -79,7 +80,7 @@ class UnrollRequest:
     progress: Progress = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CompareRequest:
     """Which two sides to compare, and how.
 
@@ -119,7 +120,7 @@ class CompareRequest:
     progress: Progress = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SimulateRequest:
     """Which specimen to simulate, and with what.
 
@@ -169,7 +170,7 @@ class SimulateRequest:
     progress: Progress = True
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PlanRequest:
     """Where a bore was planned, and how to look for it.
 
@@ -192,7 +193,7 @@ class PlanRequest:
     progress: Progress = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseRequest(PlanRequest):
     """Which bore to find in which CT.
 
@@ -222,7 +223,7 @@ class PoseRequest(PlanRequest):
     settings_b: Annotated[Settings, arg(name="set-b")] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OutlookRequest(PlanRequest):
     """How well a bore in which CT could be told.
 

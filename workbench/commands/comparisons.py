@@ -9,7 +9,7 @@ from rich.table import Table
 from tyro.conf import Positional
 
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
-from endoct.workbench.requests import CompareRequest, Output
+from endoct.workbench.requests import CompareRequest, Output, OutputPath
 from endoct.workbench.running.refusals import DONE
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _WIDEST = 120
 """Characters that the widest of the tables takes; where a line is shorter it wraps, so that nothing is cut off."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Compare(CompareRequest):
     """Compare two sides of one bore: recordings, panoramas, or mask images drawn by hand.
 
@@ -78,7 +78,7 @@ def serve(folder: Positional[Path], host: str = "127.0.0.1", port: int | None = 
 
 def summarise(
     folders: Positional[tuple[Path, ...]],
-    output: Output,
+    output: OutputPath,
     against: tuple[Path, ...] = (),
     repeats: bool = False,
     overwrite: bool = False,

@@ -7,13 +7,13 @@ from tyro.conf import Positional, arg
 
 from endoct.workbench.commands.console import command_stages, print_doubts, print_json, print_line
 from endoct.workbench.exporting.formats import FormatName, OmeVersion
-from endoct.workbench.requests import Output
+from endoct.workbench.requests import OutputPath
 from endoct.workbench.running.refusals import DONE
 
 
 def export(
     path: Positional[Path],
-    output: Output,
+    output: OutputPath,
     to: FormatName | None = None,
     color: Annotated[str | None, arg(metavar="SIDE|relief")] = None,
     side: Annotated[str | None, arg(metavar="SIDE")] = None,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from endoct.workbench.posing.result import PoseResult
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pose(PoseRequest):
     """Find where a bore lies in the patient's CT (see docs/how-to/pose.md). Research software.
 

@@ -20,7 +20,7 @@ from endoct.workbench.requests import ModalityName, Output, UnrollRequest
 from endoct.workbench.running.refusals import DONE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Unroll(UnrollRequest):
     """Unroll one recording into a panorama of the bore wall, with a report.
 

@@ -7,12 +7,12 @@ from typing import Literal
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.commands.console import command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.poses import print_pose
-from endoct.workbench.requests import Output, Ranges, SimulateRequest
+from endoct.workbench.requests import OutputPath, Ranges, SimulateRequest
 from endoct.workbench.running.refusals import DONE
 
 
 def demo(
-    output: Output = Path("demo"),
+    output: OutputPath = Path("demo"),
     preset: PresetName | None = None,
     seed: int | None = None,
     pose: bool = False,
@@ -43,7 +43,7 @@ def demo(
     return print_result(output / "comparison", as_json=json)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Simulate(SimulateRequest):
     """Simulate the two recordings of one bore, with truth."""
 
@@ -57,7 +57,7 @@ class Simulate(SimulateRequest):
 
 
 def dataset(
-    output: Output,
+    output: OutputPath,
     count: int,
     preset: PresetName = "learning",
     seed: int = 0,

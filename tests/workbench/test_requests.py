@@ -1,0 +1,99 @@
+"""One request a command: what Python is called with is what the command line reads."""
+
+import inspect
+from dataclasses import FrozenInstanceError, fields
+from pathlib import Path
+
+import pytest
+import tyro
+
+from endoct.workbench import compare, pose, pose_outlook, simulate, unroll
+from endoct.workbench.commands.comparisons import Compare
+from endoct.workbench.commands.poses import Pose
+from endoct.workbench.commands.recordings import Unroll
+from endoct.workbench.commands.simulations import Simulate
+from endoct.workbench.pipeline.settings import parse, parse_place, parse_vary
+from endoct.workbench.requests import (
+    CompareRequest,
+    OutlookRequest,
+    PoseRequest,
+    SimulateRequest,
+    UnrollRequest,
+    by_request,
+)
+
+COMMANDS = {Unroll: UnrollRequest, Compare: CompareRequest, Simulate: SimulateRequest, Pose: PoseRequest}
+PYTHON = (
+    (unroll, UnrollRequest),
+    (compare, CompareRequest),
+    (simulate, SimulateRequest),
+    (pose, PoseRequest),
+    (pose_outlook, OutlookRequest),
+)
+NOT_TYPED = {"progress", "on_remark"}
+"""What only Python can give."""
+
+
+@pytest.mark.parametrize(("function", "request_type"), PYTHON)
+def test_python_takes_the_parts_of_a_request(function, request_type) -> None:
+    assert list(inspect.signature(function).parameters) == list(inspect.signature(request_type).parameters)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_has_its_meaning_on_the_command_line(command: type, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        tyro.cli(command, args=["--help"])
+    printed = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for one in fields(COMMANDS[command]):
+        meaning = next(
+            (text for base in command.__mro__ if (text := _meaning(base, one.name)) is not None), None
+        )  # fmt: skip
+        assert meaning, one.name
+        assert (meaning in printed) is (one.name not in NOT_TYPED), one.name
+
+
+def _meaning(kind: type, name: str) -> str | None:
+    """Return the first words that a class's docstring says of an argument."""
+    lines = (kind.__doc__ or "").splitlines()
+    said = [line.split(": ", 1)[1] for line in lines if line.strip().startswith(f"{name}: ")]
+    return " ".join(said[0].split()[:3]) if said else None
+
+
+def test_a_command_makes_the_request_that_python_makes() -> None:
+    words = ["a.zarr", "b.zarr", "-o", "out", "--set", "n_theta=512", "--set-b", "undistort=sine", "--truth", "x", "y"]
+    typed = tyro.cli(Compare, args=words)
+    called = CompareRequest(
+        Path("a.zarr"),
+        Path("b.zarr"),
+        Path("out"),
+        settings={"n_theta": 512},
+        settings_b={"undistort": "sine"},
+        truth=(Path("x"), Path("y")),
+    )
+    for one in fields(CompareRequest):
+        from_words, from_python = getattr(typed, one.name), getattr(called, one.name)
+        if one.name.startswith("settings"):
+            from_words, from_python = parse(from_words), parse(from_python)
+        assert from_words == from_python, one.name
+    with pytest.raises(FrozenInstanceError):
+        typed.overwrite = True  # type: ignore[misc]
+
+
+def test_what_python_states_is_taken_as_it_is() -> None:
+    assert parse({"a": 1}) == {"a": 1}
+    assert parse(None) == parse(()) == {}
+    assert parse_vary({"oct.scan": ("step",)}) == parse_vary(("oct.scan=step",))
+    assert parse_vary(None) == {}
+    assert parse_place("entry", (1.0, 2.0, 3.0)) == parse_place("entry", "1,2,3")
+
+
+def test_a_function_takes_a_request_or_its_parts() -> None:
+    @by_request(UnrollRequest)
+    def asked(request: UnrollRequest) -> tuple[object, bool]:
+        """Say what was asked."""
+        return request.path, request.volume
+
+    assert asked("p", volume=True) == asked(UnrollRequest("p", volume=True)) == ("p", True)
+    assert asked.__doc__ == "Say what was asked."
+    with pytest.raises(TypeError, match="colour"):
+        asked("p", colour=1)  # type: ignore[call-overload]
