@@ -25,6 +25,8 @@ from endoct.modalities.oct.settle import settle_pullback
 from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
 from endoct.modalities.oct.unroll import unroll_bscan
+from endoct.modalities.tube.measurement import Measurement
+from endoct.modalities.tube.target import Target
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 
@@ -79,6 +81,12 @@ class OctModality:
         from endoct.modalities.oct.volume import write_volume  # which loads zarr
 
         write_volume(stream, calibration, store)
+
+    def calibrate(self, stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
+        """Return what a pullback through a printed tube tells of the OCT."""
+        from endoct.modalities.oct.tube_calibration import calibrate_pullback  # which only a calibration needs
+
+        return calibrate_pullback(stream, parameters, target)
 
 
 OCT: VolumetricModality[OctParameters, OctCalibration] = OctModality()

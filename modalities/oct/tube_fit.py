@@ -21,9 +21,9 @@ from endoct.modalities.tube.fitting import Fit, fit_model
 from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.target import Target
 
-SURFACE_MM = 0.003
+SURFACE_MM = 0.002
 """Standard error of where the wall's surface is taken to be, the same everywhere (preset `tube`, seeds 0–11)."""
-STEP_MM = 0.001
+STEP_MM = 0.0025
 """The same between two depths of one wall."""
 FLOOR_MM = 0.004
 """The same of a narrow groove's floor against that of the wall."""

@@ -10,6 +10,7 @@ from contextlib import contextmanager, nullcontext, redirect_stderr
 import tyro
 
 from endoct.base.errors import visible
+from endoct.workbench.commands.calibrations import calibrate, target
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
@@ -31,6 +32,8 @@ def run(arguments: Sequence[str]) -> int:
         "unroll": unroll,
         "compare": compare,
         "pose": pose,
+        "calibrate": calibrate,
+        "target": target,
         "dataset": dataset,
         "bench": bench,
         "report": report,
