@@ -27,10 +27,13 @@ USUAL_DISTANCE = 1.25
 CENTRE_PX, OFFSET_MM, TILT_RAD = 3.0, 0.05, 0.02
 """How far the optical axis lies from the outer rim's centre, the bore's axis from the probe's, and their tilt."""
 CLUSTER_MM = 0.5
-N_PARAMETERS = 12
-ANGLE, FOCAL, DISTANT, DISTORTED, X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y, RADIUS, DEPTH = range(N_PARAMETERS)
+BRIM_MM = 0.015, 0.015
+"""How far below the wall the edge of a groove's ink is seen, and its standard error."""
+N_PARAMETERS = 13
+ANGLE, FOCAL, DISTANT, DISTORTED, X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y, RADIUS, DEPTH, BRIM = range(N_PARAMETERS)
 """Parameters: half angle, rad; logarithms of focal length and distance; distortion at the outer rim, relative; optical
-axis, px; the probe's axis off the bore's, mm, and its tilt; radius and ring's depth off the stated ones, mm."""
+axis, px; the probe's axis off the bore's, mm, and its tilt; radius and ring's depth off the stated ones, and how far
+below the wall grooves' edges are seen, mm."""
 UNDISTORTING = 6
 
 
@@ -63,6 +66,7 @@ class TubeModel:
         sigma[DISTORTED] = DISTORTION
         sigma[[X, Y]], sigma[[OFF_X, OFF_Y]], sigma[[TILT_X, TILT_Y]] = CENTRE_PX, OFFSET_MM, TILT_RAD
         sigma[RADIUS], sigma[DEPTH] = max(known.bore_diameter_mm / 2, 1e-5), max(known.depth_mm, 1e-5)
+        expected[BRIM], sigma[BRIM] = BRIM_MM
         return expected, sigma
 
     def places(self, values: Coordinates) -> tuple[Coordinates, Coordinates]:
@@ -81,7 +85,7 @@ class TubeModel:
         way = _tilted(np.sin(out) * cos, np.sin(out) * sin, np.cos(out), values[TILT_X], values[TILT_Y])
         px, py = start[0] + values[OFF_X], start[1] + values[OFF_Y]
         depth = self.target.ring_depth_mm + values[DEPTH]
-        radius = self.target.radius_mm + values[RADIUS] + depth * marks.in_ring
+        radius = self.target.radius_mm + values[RADIUS] + values[BRIM] + depth * marks.in_ring
         square, ahead = way[0] ** 2 + way[1] ** 2, px * way[0] + py * way[1]
         inside = radius**2 - px**2 - py**2
         along = (np.sqrt(np.maximum(ahead**2 + square * inside, 1e-9)) - ahead) / square

@@ -25,6 +25,8 @@ NEAREST_GROOVES_MM = 0.2
 AROUND_MM = 0.25
 """Beyond a groove's edges, where the wall around it is looked at."""
 LEAST_CONTRAST = 0.15
+LEVEL = 0.35
+"""Of a groove's contrast at its edges: a side that faces the camera is not as dark as the floor."""
 WIDTHS = 0.75, 1.3
 """Of a groove's width as it is stated, within which the measured one is believed."""
 LEAST_SAMPLES = 3
@@ -165,7 +167,7 @@ def _middles(
     half_rad: float,
     around_rad: float,
 ) -> Coordinates:
-    """Return the angle of the middle between a groove's edges, (n,), each at half the contrast; NaN where not clear."""
+    """Return the angle of the middle between a groove's edges, (n,), each at ``LEVEL`` of the contrast; NaN where not clear."""
     step = 2 * np.pi / N_ANGLES
     reach = int(np.ceil((half_rad + around_rad) / step))
     first = np.rint(expected_rad / step).astype(np.intp)
@@ -181,7 +183,7 @@ def _middles(
     clear = np.isfinite(profile).all(axis=1) & (floor - ground.max(axis=0) > LEAST_CONTRAST)
     for k in np.flatnonzero(clear):
         edges = []
-        for side, level in ((-1, (ground[0, k] + floor[k]) / 2), (1, (ground[1, k] + floor[k]) / 2)):
+        for side, level in zip((-1, 1), ground[:, k] + LEVEL * (floor[k] - ground[:, k]), strict=True):
             course = smooth[k, reach::side] if side > 0 else smooth[k, reach::-1]
             below = np.flatnonzero(course < level)
             if not below.size or below[0] == 0:

@@ -126,7 +126,7 @@ class Ct(Parameters):
 class Tube(Parameters):
     """A printed tube to calibrate by, in place of bone: an axial and a helical groove, and two rings.
 
-    The grooves have their widths along the circumference, their floors are inked. ``sigma_*``: the standard errors that
+    The grooves have their widths along the circumference, and are inked. ``sigma_*``: the standard errors that
     are stated of it; ``*_error``: by how many of these it is off. The capillary is that of the OCT.
     """
 
@@ -141,7 +141,8 @@ class Tube(Parameters):
     wide_z_mm: float = drawn(7.2, 7.2, "middle of the wide ring, mm from the mouth (chosen)", (0.5, 50))
     wide_width_mm: float = drawn(1.8, 1.8, "of the wide ring, mm (chosen)", (0.1, 5))
     edge_mm: float = drawn(0.02, 0.05, "over which edges are rounded, mm (a printer of 50 µm)", (0.005, 0.2))
-    ink: float = drawn(0.25, 0.5, "albedo of inked floors over that of the tube (chosen)", (0, 1))
+    ink: float = drawn(0.25, 0.5, "albedo of ink over that of the tube (chosen)", (0, 1))
+    brim_mm: float = drawn(0.0, 0.03, "depth below the wall from which grooves are inked: filled and wiped (chosen)", (0, 0.3))
     sigma_bore_mm: float = drawn(0.001, 0.005, "of the bore's diameter, mm (a pin gauge)", (0, 0.1))
     sigma_depth_mm: float = drawn(0.001, 0.010, "of the depths, one error for all, mm (measured, or printed)", (0, 0.1))
     sigma_z_mm: float = drawn(0.002, 0.020, "of the distance of the rings, mm (measured, or printed)", (0, 0.2))
