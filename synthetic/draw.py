@@ -146,7 +146,9 @@ def _network(one: Drawer) -> Network:
 
 def _tube(one: Drawer) -> Tube:
     """Draw a printed tube, and by how much it differs from what is stated of it."""
-    errors = dict(zip(("bore", "depth", "z", "capillary"), np.clip(one.rng.normal(size=4), -3, 3).tolist(), strict=True))
+    errors = dict(
+        zip(("bore", "depth", "z", "capillary"), np.clip(one.rng.normal(size=4), -3, 3).tolist(), strict=True)
+    )
     return Tube(**one.numbers(Tube), **{f"{name}_error": value for name, value in errors.items()})
 
 

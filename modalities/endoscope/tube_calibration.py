@@ -18,7 +18,7 @@ from endoct.modalities.endoscope.mirror.optics import ASSUMED_LENGTH, ConeOptics
 from endoct.modalities.endoscope.opening import EndoscopeRecording
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey_frames
-from endoct.modalities.endoscope.tube_fit import ANGLE, DISTANT, DISTORTED, FOCAL, TubeModel, optics_of
+from endoct.modalities.endoscope.tube_fit import ANGLE, DISTANT, FOCAL, TubeModel, optics_of
 from endoct.modalities.endoscope.tube_marks import (
     HELICAL,
     Darkness,
@@ -43,6 +43,8 @@ ROUNDS = 2
 ALONE_SIGMAS = 0.1
 """Relative, above which a standard error says that a number is not told apart from others."""
 ROLLING_RAD = 0.05
+WANDER_MM = 0.015
+"""How far a probe wanders off its mean place in the bore, which turns what a frame sees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,12 +161,16 @@ def _measurement(
     }
     quantities = [
         Quantity("mm_per_px", "mm along z per pixel, mid annulus", float(numbers[1]), float(stretched[1]), "mm"),
-        Quantity("visible_length_mm", "length the annulus shows in this tube", float(numbers[0]), float(stretched[0]), "mm"),
+        Quantity("visible_length_mm", "length that the annulus shows", float(numbers[0]), float(stretched[0]), "mm"),
         Quantity("slant_inner_deg", "slant of the view, inner rim", float(numbers[2]), float(errors[2]), "deg"),
         Quantity("slant_deg", "slant of the view, mid annulus", float(numbers[3]), float(errors[3]), "deg"),
         Quantity("slant_outer_deg", "slant of the view, outer rim", float(numbers[4]), float(errors[4]), "deg"),
         Quantity(
-            "cone_half_angle_deg", "half angle of the cone", math.degrees(values[ANGLE]), math.degrees(sigma[ANGLE]), "deg"
+            "cone_half_angle_deg",
+            "half angle of the cone",
+            math.degrees(values[ANGLE]),
+            math.degrees(sigma[ANGLE]),
+            "deg",
         ),
         Quantity("focal_px", "focal length", optics.focal_px, optics.focal_px * float(sigma[FOCAL]), "px"),
         Quantity(
@@ -177,14 +183,16 @@ def _measurement(
         Quantity("distortion", "k1 of the lens", float(numbers[5]), float(errors[5]), "1"),
         Quantity("theta_origin_rad", "θ of the image's +x axis", theta_rad, _turn_sigma(fitted, first), "rad"),
     ]
-    feed = _feed(acquisition, calibration, fitted)
+    feed = _feed(acquisition, fitted)
     if feed is not None:
         value, error = feed
         keys["feed_pitch_mm"] = value
         quantities.append(
-            Quantity("feed_pitch_mm", "feed between frames", value, math.hypot(error, value * target.stretch_sigma), "mm")
+            Quantity(
+                "feed_pitch_mm", "feed between frames", value, math.hypot(error, value * target.stretch_sigma), "mm"
+            )
         )
-    doubts = _doubts(acquisition, calibration, pose, inward, fitted, sigma)
+    doubts = _doubts(acquisition, pose, inward, fitted, sigma)
     return Measurement(
         keys,
         {each.name: each.sigma for each in quantities if each.name in keys},
@@ -195,15 +203,14 @@ def _measurement(
 
 
 def _turn_sigma(fitted: _Fitted, frame: int) -> float:
-    """Return the standard error of a frame's turn: what its neighbours scatter by."""
+    """Return the standard error of a frame's turn: by the scatter of its points, and as the probe wanders."""
     marks, target = fitted.model.marks, fitted.model.target
     of_frame = fitted.fit.residual_mm[(marks.frame == frame) & (marks.line != HELICAL)]
-    return float(np.std(of_frame)) / target.radius_mm if of_frame.size > 2 else ROLLING_RAD
+    by_points_mm = float(np.std(of_frame)) if of_frame.size > 2 else ROLLING_RAD * target.radius_mm
+    return math.hypot(by_points_mm, WANDER_MM) / target.radius_mm
 
 
-def _feed(
-    acquisition: EndoscopeAcquisition, calibration: EndoscopeCalibration, fitted: _Fitted
-) -> tuple[float, float] | None:
+def _feed(acquisition: EndoscopeAcquisition, fitted: _Fitted) -> tuple[float, float] | None:
     """Return the feed between frames, mm, and its standard error; None where no constant feed is stated."""
     pitch_mm, n = acquisition.pitch_mm, fitted.apex_mm.size
     if pitch_mm is None or acquisition.feed_pitch_mm is None or n < 3:
@@ -219,7 +226,6 @@ def _feed(
 
 def _doubts(
     acquisition: EndoscopeAcquisition,
-    calibration: EndoscopeCalibration,
     pose: Pose,
     inward: bool,
     fitted: _Fitted,
@@ -238,8 +244,8 @@ def _doubts(
         doubts.append(
             Doubt(
                 "image-mirrored",
-                "The helical groove winds the wrong way, so images are mirrored, or the endoscope came in at the tube's "
-                "other end with its travel stated wrongly: turn the images over before they are unrolled.",
+                "The helical groove winds the wrong way, so images are mirrored, or the endoscope came in at the "
+                "tube's other end with its travel stated wrongly: turn the images over before they are unrolled.",
             )
         )
     if max(sigma[DISTANT], sigma[FOCAL]) > ALONE_SIGMAS:
@@ -280,7 +286,9 @@ def _panels(darkness: Darkness, fitted: _Fitted, optics: ConeOptics) -> tuple[Pa
     flat = np.stack([r_px, np.zeros_like(r_px)], axis=1)
 
     def off(chosen: NDArray[np.bool_], title: str) -> Panel:
-        return Panel(title, "image radius, px", "µm on the wall", marks.r_px[chosen], 1000 * fit.residual_mm[chosen], flat)
+        return Panel(
+            title, "image radius, px", "µm on the wall", marks.r_px[chosen], 1000 * fit.residual_mm[chosen], flat
+        )
 
     return (
         Panel(

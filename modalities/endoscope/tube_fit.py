@@ -29,11 +29,15 @@ CENTRE_PX, OFFSET_MM, TILT_RAD = 3.0, 0.05, 0.02
 CLUSTER_MM = 0.5
 BRIM_MM = 0.015, 0.015
 """How far below the wall the edge of a groove's ink is seen, and its standard error."""
-N_PARAMETERS = 13
-ANGLE, FOCAL, DISTANT, DISTORTED, X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y, RADIUS, DEPTH, BRIM = range(N_PARAMETERS)
+SHIFT_MM, TREND_MM, BEND_MM = 0.003, 0.0025, 0.002
+"""By how much light shifts the helical groove's middle: in a ring against elsewhere, that from mid annulus to a rim, and
+along the annulus by a parabola; along the circumference (preset `tube`, seeds 0, 1 and 20 to 22)."""
+N_PARAMETERS = 16
+ANGLE, FOCAL, DISTANT, DISTORTED, X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y = range(10)
+RADIUS, DEPTH, BRIM, SHIFT, TREND, BEND = range(10, N_PARAMETERS)
 """Parameters: half angle, rad; logarithms of focal length and distance; distortion at the outer rim, relative; optical
 axis, px; the probe's axis off the bore's, mm, and its tilt; radius and ring's depth off the stated ones, and how far
-below the wall grooves' edges are seen, mm."""
+below the wall grooves' edges are seen, mm; and the helical groove's shifts, mm."""
 UNDISTORTING = 6
 
 
@@ -41,8 +45,8 @@ UNDISTORTING = 6
 class TubeModel:
     """How far points of grooves lie from where the parameters put them.
 
-    ``sign``: +1 where larger radii of the image look farther in; ``sense``: −1 for mirrored images. ``rims_px``: radii of
-    inner and outer rim.
+    ``sign``: +1 where larger radii of the image look farther in; ``sense``: −1 for mirrored images. ``rims_px``: radii
+    of inner and outer rim.
     """
 
     marks: Marks
@@ -67,6 +71,7 @@ class TubeModel:
         sigma[[X, Y]], sigma[[OFF_X, OFF_Y]], sigma[[TILT_X, TILT_Y]] = CENTRE_PX, OFFSET_MM, TILT_RAD
         sigma[RADIUS], sigma[DEPTH] = max(known.bore_diameter_mm / 2, 1e-5), max(known.depth_mm, 1e-5)
         expected[BRIM], sigma[BRIM] = BRIM_MM
+        sigma[[SHIFT, TREND, BEND]] = SHIFT_MM, TREND_MM, BEND_MM
         return expected, sigma
 
     def places(self, values: Coordinates) -> tuple[Coordinates, Coordinates]:
@@ -124,7 +129,10 @@ class TubeModel:
         z_mm, theta = self.places(values)
         # as on a tube at z = 0 that is not turned; where it lies, marks are off by a constant for each line and frame
         helix = np.where(self.marks.line == HELICAL, 2 * math.pi / self.target.helix_lead_mm * z_mm, 0.0)
-        off = theta - helix
+        inner, outer = self.rims_px
+        along = 2 * (self.marks.r_px - inner) / (outer - inner) - 1
+        shift_mm = values[BEND] * along**2 + self.marks.in_ring * (values[SHIFT] + values[TREND] * along)
+        off = theta - helix - (self.marks.line == HELICAL) * shift_mm / self.target.radius_mm
         first = self._first_of_line[self._line]
         return np.asarray(self.target.radius_mm * (off[first] + wrap_rad(off - off[first])))
 

@@ -1,4 +1,4 @@
-"""The marks of a printed tube in an endoscope's frames: darkness along circles, and where its inked grooves cross them."""
+"""The marks of a printed tube in an endoscope's frames: darkness along circles, and where inked grooves cross them."""
 
 from dataclasses import dataclass, replace
 
@@ -40,7 +40,8 @@ AXIAL, HELICAL = 1, 2
 class Darkness:
     """Natural logarithm of the light that is missing along circles about the annulus' centre.
 
-    ``image``, float32 (n_frames, ``N_CIRCLES``, ``N_ANGLES``), NaN outside the image; ``r_px``, float64 (``N_CIRCLES``,).
+    ``image``, float32 (n_frames, ``N_CIRCLES``, ``N_ANGLES``), NaN outside the image; ``r_px``, float64
+    (``N_CIRCLES``,); ``light``, float32 (``N_CIRCLES``, ``N_ANGLES``), logarithm of the light on the bare wall.
     """
 
     image: Image
@@ -121,9 +122,7 @@ class Marks:
         return replace(self, **{name: values[chosen] for name, values in vars(self).items()})
 
 
-def find_marks(
-    darkness: Darkness, z_mm: Coordinates, turn_rad: Coordinates, sense: int, target: Target
-) -> Marks:
+def find_marks(darkness: Darkness, z_mm: Coordinates, turn_rad: Coordinates, sense: int, target: Target) -> Marks:
     """Return the middles of both grooves on every circle of every frame where they are clear.
 
     ``z_mm`` (n_frames, ``N_CIRCLES``) of the circles on the tube, about; θ on the tube is ``turn_rad`` (n_frames,) +
@@ -167,7 +166,10 @@ def _middles(
     half_rad: float,
     around_rad: float,
 ) -> Coordinates:
-    """Return the angle of the middle between a groove's edges, (n,), each at ``LEVEL`` of the contrast; NaN where not clear."""
+    """Return the angle of the middle between a groove's edges, (n,); NaN where they are not clear.
+
+    An edge is where ``LEVEL`` of the contrast is reached.
+    """
     step = 2 * np.pi / N_ANGLES
     reach = int(np.ceil((half_rad + around_rad) / step))
     first = np.rint(expected_rad / step).astype(np.intp)

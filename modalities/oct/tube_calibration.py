@@ -41,6 +41,8 @@ FACE_MM = 0.001
 """Of the line of the outer face."""
 CONTRADICTION_SIGMAS, CONTRADICTION_MM = 5.0, 0.02
 SURE_START_RAD = 0.05
+TURNING_RAD = 0.01
+"""Usual error of the angle of an A-scan within its turn, where it is not known."""
 
 
 def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
@@ -75,7 +77,7 @@ def _locate(beams: Beams, target: Target) -> Pose:
 
 
 def _check_diameter(model: TubeModel, fit: Fit, capillary_mm: float) -> None:
-    off, sigma = float(fit.values[WALL]), float(model.expected_sigma(capillary_mm)[WALL])
+    off, sigma = float(fit.values[WALL]), float(model.expected(capillary_mm)[1][WALL])
     if abs(off) > max(CONTRADICTION_MM, CONTRADICTION_SIGMAS * sigma):
         target = model.target
         raise EndoctError(
@@ -96,6 +98,8 @@ def _measurement(
     pitch_mm = acquisition.pullback_pitch_mm * abs(values[PITCH])
     pitch_sigma = math.hypot(acquisition.pullback_pitch_mm * sigma[PITCH], pitch_mm * target.stretch_sigma)
     theta_rad = float(np.mod(values[THETA], 2 * np.pi))
+    turning = calibration.rotation.shape_sigma_rad
+    theta_sigma = math.hypot(sigma[THETA], float(np.nanmedian(turning)) if np.isfinite(turning).any() else TURNING_RAD)
     inward = pose.direction * (model.beams.z_mm[-1] - model.beams.z_mm[0]) > 0
     keys: dict[str, KeyValue] = {
         "axial_pixel_mm": pixel_mm,
@@ -106,7 +110,7 @@ def _measurement(
     }
     quantities = [
         Quantity("axial_pixel_mm", "axial pixel in air", pixel_mm, pixel_sigma, "mm"),
-        Quantity("theta_origin_rad", "θ of A-scan 0", theta_rad, float(sigma[THETA]), "rad"),
+        Quantity("theta_origin_rad", "θ of A-scan 0", theta_rad, theta_sigma, "rad"),
         Quantity("pullback_pitch_mm", "pullback between slices", pitch_mm, pitch_sigma, "mm"),
     ]
     doubts = _doubts(calibration, inward)
@@ -146,8 +150,8 @@ def _doubts(calibration: OctCalibration, inward: bool) -> tuple[Doubt, ...]:
         doubts.append(
             Doubt(
                 "travel-against-tube",
-                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says '{stated}': one "
-                "of them is wrong, or the instrument came in at the tube's other end, and handedness is wrong, too.",
+                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says '{stated}': "
+                "one of them is wrong, or the instrument came in at the tube's other end, and handedness is wrong, too.",
             )
         )
     if acquisition.medium_index != 1:

@@ -23,17 +23,17 @@ from endoct.modalities.tube.target import Target
 
 SURFACE_MM = 0.002
 """Standard error of where the wall's surface is taken to be, the same everywhere (preset `tube`, seeds 0–11)."""
-STEP_MM = 0.0025
-"""The same between two depths of one wall."""
-FLOOR_MM = 0.004
-"""The same of a narrow groove's floor against that of the wall."""
+STEP_MM = 0.002, 0.002
+"""By how much a ring's floor is seen too deep, as less light comes back from there, and its standard error."""
+FLOOR_MM = -0.002, 0.004
+"""The same of a narrow groove's floor against a ring's (both: preset `tube`, seeds 0–6)."""
 TILTED = 0.02
 """Usual slope of the tube's axis against the capillary's, and what they lie apart, mm, is not bounded."""
 CLUSTER_MM = 1.2
 N_PARAMETERS = 13
 SCALE, WALL, DEPTH, FLOOR, X, Y, LEAN_X, LEAN_Y, Z, PITCH, THETA, SWAY, BULGE = range(N_PARAMETERS)
-"""Parameters: logarithm of true over stated axial pixel; wall off the stated radius, all depths off the stated ones, and
-the grooves' inked floors in addition, mm; the tube's axis off the capillary's in its middle, mm, and its slopes; z of
+"""Parameters: logarithm of true over stated axial pixel; wall off the stated radius, all depths off the stated ones,
+and the grooves' floors in addition, mm; the tube's axis off the capillary's in its middle, mm, and its slopes; z of
 the nominal z = 0, mm; true over stated pitch; θ of the angle 0; what an oblique beam makes of the radius, by the first
 and by the second order of the offset, so that the eccentricity tells nothing of the scale."""
 
@@ -53,15 +53,16 @@ class TubeModel:
         values[[Z, PITCH, THETA]] = self.pose.z_mm, self.pose.scale, self.pose.theta_rad
         return values
 
-    def expected_sigma(self, capillary_sigma_mm: float) -> Coordinates:
-        """Return how far parameters may lie from 0, standard errors; infinite where nothing is known."""
+    def expected(self, capillary_sigma_mm: float) -> tuple[Coordinates, Coordinates]:
+        """Return what is known of the parameters beforehand, and its standard errors, infinite where nothing is."""
         known = self.target.standard_errors
         sigma = np.full(N_PARAMETERS, np.inf)
         sigma[WALL] = math.hypot(known.bore_diameter_mm / 2, capillary_sigma_mm / 2, SURFACE_MM)
-        sigma[DEPTH] = math.hypot(known.depth_mm, STEP_MM)
-        sigma[FLOOR] = FLOOR_MM
+        expected = np.zeros(N_PARAMETERS)
+        expected[DEPTH], sigma[DEPTH] = STEP_MM[0], math.hypot(known.depth_mm, STEP_MM[1])
+        expected[FLOOR], sigma[FLOOR] = FLOOR_MM
         sigma[[LEAN_X, LEAN_Y]] = TILTED
-        return sigma
+        return expected, sigma
 
     def distances_mm(self, values: Coordinates) -> Coordinates:
         """Return how far each mark lies from the tube's, along the radius or the circumference, float64 (n,)."""
@@ -85,7 +86,9 @@ class TubeModel:
         # in stated mm, as depths were measured: a smaller scale must not make their errors smaller
         off_radius = (radius - expected - values[FLOOR] * marks.in_groove) / scale
 
-        # where the beam, in the shared frame, is as far from the tube's axis as the groove's edges
+        # where the beam, in the shared frame, is as far from the tube's axis as the groove's edges; by the stated offset, so
+        # that angles tell nothing of the scale
+        x, y = self.beams.x_mm[of], self.beams.y_mm[of]
         level = target.radius_mm + target.ring_depth_mm * marks.in_ring
         ox, oy = c * x - s * y - axis_x, s * x + c * y - axis_y
         dx, dy = c * cos - s * sin, s * cos + c * sin
@@ -116,8 +119,7 @@ class TubeModel:
         return fit_model(
             self.distances_mm,
             start,
-            np.zeros_like(start),
-            self.expected_sigma(capillary_sigma_mm),
+            *self.expected(capillary_sigma_mm),
             self.groups(),
             self.clusters(),
         )

@@ -158,9 +158,7 @@ def find_marks(beams: Beams, pose: Pose, target: Target) -> Marks:
         angle = np.arctan2(y + along * np.sin(beam), x + along * np.cos(beam)) - beams.bend_rad[index]
         theta = pose.theta_rad + pose.sense * (angle + beams.start_rad[index])
         across = target.from_grooves_mm(z_mm[index], theta)
-        row = _Row(
-            index, in_ring, beam, beams.gap_mm[index], beams.bend_rad[index], beams.good[index], theta, *across
-        )
+        row = _Row(index, in_ring, beam, beams.gap_mm[index], beams.bend_rad[index], beams.good[index], theta, *across)
         points += _depths(row, target)
         floor_mm = circle_distance_mm(beam, x, y, radius_mm + target.groove_depth_mm / 2)
         opened = row.gap_mm > floor_mm - circle_distance_mm(beam, x, y, beams.face_radius_mm)

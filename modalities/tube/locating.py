@@ -4,7 +4,7 @@ The template is laid on the recording at every z in small steps, at every θ by 
 in all four orientations.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ COLUMNS = 128
 STEP_MM = 0.04
 MARGIN_MM = 2.0
 """Beyond the tube's ends, to which a recording may reach."""
-LEAST_ROWS = 6
 
 
 @dataclass(frozen=True)
@@ -43,14 +42,12 @@ def poses(
     row_z_mm: Coordinates,
     target: Target,
     template: Callable[[Coordinates, Coordinates], Coordinates],
-    scales: Sequence[float],
-    shift_mm: float = 0.0,
+    scales: Iterable[float],
 ) -> list[Pose]:
     """Return the best pose of each orientation, the best first.
 
-    ``image`` float64 (n_rows, ``COLUMNS``), NaN where nothing is known, of evenly spaced θ from 0, at places ``row_z_mm``
-    (n_rows,). ``template`` maps z (n, 1) and θ (m,) to what the image would show there. The best have at least
-    ``shift_mm`` between them, with 0 one of each orientation.
+    ``image`` float64 (n_rows, ``COLUMNS``), NaN where nothing is known, of evenly spaced θ from 0, at places
+    ``row_z_mm`` (n_rows,). ``template`` maps z (n, 1) and θ (m,) to what the image would show there.
     """
     known = np.isfinite(image)
     values = np.where(known, image - np.nanmean(image), 0.0)
@@ -63,7 +60,7 @@ def poses(
     waves = np.fft.rfft(table, axis=1)
     found: list[Pose] = []
     for direction in (1, -1):
-        best: dict[int, list[Pose]] = {1: [], -1: []}
+        best: dict[int, Pose] = {}
         for scale in scales:
             along = direction * scale * row_z_mm
             for first in np.arange(-along.min(), target.length_mm - along.max() + 1e-9, STEP_MM):
@@ -77,19 +74,8 @@ def poses(
                     product = (spectra.conj() if sense > 0 else spectra) * rows
                     course = np.fft.irfft(product.sum(axis=0), COLUMNS)
                     top = int(np.argmax(course))
-                    best[sense].append(
-                        Pose(first, scale, direction, float(theta[top]), sense, float(course[top] / norm))
-                    )
-        for of_sense in best.values():
-            found += _apart(sorted(of_sense, key=lambda pose: -pose.correlation), shift_mm)
+                    correlation = float(course[top] / norm)
+                    if sense not in best or correlation > best[sense].correlation:
+                        best[sense] = Pose(first, scale, direction, float(theta[top]), sense, correlation)
+        found += best.values()
     return sorted(found, key=lambda pose: -pose.correlation)
-
-
-def _apart(ranked: Sequence[Pose], shift_mm: float) -> list[Pose]:
-    kept: list[Pose] = []
-    for pose in ranked[:2000]:
-        if all(shift_mm and abs(pose.z_mm - other.z_mm) > shift_mm for other in kept):
-            kept.append(pose)
-        if len(kept) == 4:
-            break
-    return kept

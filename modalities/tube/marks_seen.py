@@ -11,8 +11,8 @@ LEAST_CORRELATION = 0.6
 LEAST_LEAD = 0.03
 """By which the best orientation's correlation must exceed that of the next."""
 REMEDY = (
-    "check that tube.toml is that of this tube, and that the recording reaches from before its first ring to behind its "
-    "second"
+    "check that tube.toml is that of this tube, and that the recording reaches from before its first ring to behind "
+    "its second"
 )
 
 
@@ -58,4 +58,3 @@ def check_rings(target: Target, z_mm: Coordinates) -> None:
 def orientation(pose: Pose) -> tuple[int, int]:
     """Return direction and sense of a pose."""
     return pose.direction, pose.sense
-

@@ -58,11 +58,13 @@ class Target(BaseModel):
     @property
     def ring_edges_mm(self) -> Coordinates:
         """z of the edges of the rings, float64 (4,), ascending."""
-        return np.array([
-            z + side * width / 2
-            for z, width in zip(self.ring_z_mm, self.ring_width_mm, strict=True)
-            for side in (-1, 1)
-        ])
+        return np.array(
+            [
+                z + side * width / 2
+                for z, width in zip(self.ring_z_mm, self.ring_width_mm, strict=True)
+                for side in (-1, 1)
+            ]
+        )
 
     @property
     def stretch_sigma(self) -> float:
@@ -94,8 +96,7 @@ class Target(BaseModel):
     def relief_mm(self, z_mm: Coordinates, theta_rad: Coordinates) -> Coordinates:
         """Return how much farther from the axis than the bore the wall lies, float64. Shapes broadcast."""
         return np.asarray(
-            self.ring_depth_mm * (self.ring_inside_mm(z_mm) > 0)
-            + self.groove_depth_mm * self.inked(z_mm, theta_rad)
+            self.ring_depth_mm * (self.ring_inside_mm(z_mm) > 0) + self.groove_depth_mm * self.inked(z_mm, theta_rad)
         )
 
     def inked(self, z_mm: Coordinates, theta_rad: Coordinates) -> Mask:
@@ -105,7 +106,7 @@ class Target(BaseModel):
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
         edges = self.ring_edges_mm
-        if not (0 < edges[0] and edges[1] < edges[2] and edges[3] < self.length_mm):
+        if not (edges[0] > 0 and edges[1] < edges[2] and edges[3] < self.length_mm):
             raise ValueError("two rings one after the other, both within the tube")
         if self.ring_width_mm[1] < 1.5 * self.ring_width_mm[0]:
             raise ValueError("a second ring that is at least 1.5 times as wide as the first")

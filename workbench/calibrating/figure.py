@@ -11,6 +11,7 @@ from endoct.modalities.tube.measurement import Measurement
 
 COLUMNS = 3
 PANEL_IN = 3.2, 2.5
+LINE_IN = 0.2
 DPI = 150
 MARK = "endoct calibration"
 MOST_POINTS = 4000
@@ -24,10 +25,13 @@ def figure_path(output: Path) -> Path:
 def write_figure(measured: Measurement, path: Path) -> None:
     """Write the panels of a calibration as PNG, and its quantities with their standard errors below."""
     rows = -(-len(measured.panels) // COLUMNS)
-    size = COLUMNS * PANEL_IN[0], rows * PANEL_IN[1] + 0.2 * len(measured.quantities) + 0.3
+    text_in = LINE_IN * len(measured.quantities)
+    size = COLUMNS * PANEL_IN[0], rows * PANEL_IN[1] + text_in + 0.3
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    places = figure.add_gridspec(rows + 1, COLUMNS, height_ratios=[PANEL_IN[1]] * rows + [0.2 * len(measured.quantities)])
+    places = figure.add_gridspec(
+        rows + 1, COLUMNS, height_ratios=[PANEL_IN[1]] * rows + [0.2 * len(measured.quantities)]
+    )
     for k, panel in enumerate(measured.panels):
         axes = figure.add_subplot(places[k // COLUMNS, k % COLUMNS])
         some = slice(None, None, max(1, panel.x.size // MOST_POINTS))
