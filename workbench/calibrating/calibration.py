@@ -7,20 +7,20 @@ from typing import Any, cast
 import tomli_w
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import check_unchanged, digests, path_text, read_start, sha256_of, state_of
+from endoct.base.files.files import check_unchanged, digests, path_text, sha256_of, state_of
 from endoct.base.files.output import check_output, new_output
 from endoct.modalities.acquisition import read_keys, sidecar_path
 from endoct.modalities.contract import CalibratingModality
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target, read_target
-from endoct.workbench.calibrating.figure import figure_path, is_our_figure, write_figure
+from endoct.workbench.calibrating.figure import figure_path, write_figure
+from endoct.workbench.exporting.mark import BLANK, is_marked, mark
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import split
 from endoct.workbench.running.kinds import CALIBRATION
 from endoct.workbench.running.progress import SilentStages, Stages
 
-FIRST_LINE = "# Calibration by endoct."
 SAME_DIAMETER = 0.02
 """Relative, within which the sidecar's bore and the tube's are one."""
 DIGITS = 6
@@ -48,8 +48,8 @@ def calibrate(
     stages = progress or SilentStages()
     tube = read_target(target)
     figure = figure_path(output)
-    for path, is_ours in ((output, is_our_calibration), (figure, is_our_figure)):
-        check_output(path, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_ours)
+    for path in (output, figure):
+        check_output(path, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_marked)
     files = state_of(recording)
     manifest = manifest_for(recording, modality)
     implementation = manifest.load()
@@ -62,16 +62,13 @@ def calibrate(
         measured = cast(CalibratingModality[Any, Any], implementation).calibrate(stream, parameters, tube)
     check_unchanged(recording, files)
     text = _toml(measured, recording, target)
-    with new_output(figure, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_our_figure) as scratch:
+    with new_output(figure, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_marked) as scratch:
         write_figure(measured, scratch)
-    with new_output(output, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_our_calibration) as scratch:
+        mark(scratch)
+    with new_output(output, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_marked) as scratch:
         scratch.write_text(text, encoding="utf-8")
+        mark(scratch)
     return measured
-
-
-def is_our_calibration(path: Path) -> bool:
-    """Say whether a file is a calibration that endoct wrote."""
-    return read_start(path, len(FIRST_LINE)) == FIRST_LINE.encode()
 
 
 def _bore_of(recording: Path, tube: Target, overrides: Mapping[str, object]) -> dict[str, object]:

@@ -6,14 +6,13 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from endoct.base.files.files import read_start
 from endoct.modalities.tube.measurement import Measurement
+from endoct.workbench.exporting.mark import BLANK
 
 COLUMNS = 3
 PANEL_IN = 3.2, 2.5
 LINE_IN = 0.2
 DPI = 150
-MARK = "endoct calibration"
 MOST_POINTS = 4000
 
 
@@ -47,9 +46,4 @@ def write_figure(measured: Measurement, path: Path) -> None:
     axes.axis("off")
     lines = [f"{each.title}: {each.value:.6g} ± {each.sigma:.2g} {each.unit}" for each in measured.quantities]
     axes.text(0, 1, "\n".join(lines), fontsize=7, va="top", family="monospace", transform=axes.transAxes)
-    figure.savefig(path, dpi=DPI, format="png", metadata={"Software": MARK})
-
-
-def is_our_figure(path: Path) -> bool:
-    """Say whether a file is the figure of a calibration that endoct wrote."""
-    return MARK.encode() in read_start(path, 400)
+    figure.savefig(path, dpi=DPI, format="png", metadata={"Software": BLANK})
