@@ -28,10 +28,10 @@ CENTRE_PX, OFFSET_MM, TILT_RAD = 3.0, 0.05, 0.02
 """How far the optical axis lies from the outer rim's centre, the bore's axis from the probe's, and their tilt."""
 CLUSTER_MM = 0.5
 BRIM_MM = 0.015, 0.015
-"""How far below the wall the edge of a groove's ink is seen, and its standard error."""
+"""How far below the wall the edge of a groove's ink is seen, with its standard error."""
 SHIFT_MM, TREND_MM, BEND_MM = 0.003, 0.0025, 0.002
-"""By how much light shifts the helical groove's middle: in a ring against elsewhere, that from mid annulus to a rim, and
-along the annulus by a parabola; along the circumference (preset `tube`, seeds 0, 1 and 20 to 22)."""
+"""By how much light shifts the helical groove's middle along the circumference: in a ring against elsewhere, that from
+mid annulus to a rim, and along the annulus by a parabola (preset `tube`, seeds 0, 1 and 20 to 22)."""
 N_PARAMETERS = 16
 ANGLE, FOCAL, DISTANT, DISTORTED, X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y = range(10)
 RADIUS, DEPTH, BRIM, SHIFT, TREND, BEND = range(10, N_PARAMETERS)

@@ -150,8 +150,9 @@ def _doubts(calibration: OctCalibration, inward: bool) -> tuple[Doubt, ...]:
         doubts.append(
             Doubt(
                 "travel-against-tube",
-                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says '{stated}': "
-                "one of them is wrong, or the instrument came in at the tube's other end, and handedness is wrong, too.",
+                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says "
+                f"'{stated}': one of them is wrong, or the instrument came in at the tube's other end, and handedness "
+                "is wrong, too.",
             )
         )
     if acquisition.medium_index != 1:

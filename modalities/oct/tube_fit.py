@@ -86,8 +86,8 @@ class TubeModel:
         # in stated mm, as depths were measured: a smaller scale must not make their errors smaller
         off_radius = (radius - expected - values[FLOOR] * marks.in_groove) / scale
 
-        # where the beam, in the shared frame, is as far from the tube's axis as the groove's edges; by the stated offset, so
-        # that angles tell nothing of the scale
+        # where the beam, in the shared frame, is as far from the tube's axis as the groove's edges; by the stated
+        # offset, so that angles tell nothing of the scale
         x, y = self.beams.x_mm[of], self.beams.y_mm[of]
         level = target.radius_mm + target.ring_depth_mm * marks.in_ring
         ox, oy = c * x - s * y - axis_x, s * x + c * y - axis_y

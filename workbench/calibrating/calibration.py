@@ -88,7 +88,8 @@ def _toml(measured: Measurement, recording: Path, target: Path) -> str:
     found = digests(recording)
     recorded = next(iter(found.values())) if len(found) == 1 else f"{len(found)} files"
     lines = [
-        f'{FIRST_LINE} Cite it in sidecars as calibration = "NAME.toml", next to them, and leave these keys out there.',
+        f"# Calibration by endoct ({BLANK}).",
+        '# Sidecars next to it cite it as calibration = "NAME.toml" and leave out these keys.',
         f"# endoct {versions()['endoct']}; recording {path_text(recording.name)} ({recorded}); "
         f"tube {path_text(target.name)} ({sha256_of(target)})",
         *(f"# DOUBT {doubt.code}: {doubt.what}" for doubt in measured.doubts),
