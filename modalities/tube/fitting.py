@@ -104,7 +104,9 @@ def _covariance(jacobian: Coordinates, residual: Coordinates, clusters: NDArray[
     number = np.unique(clusters, return_inverse=True)[1]
     pull = np.zeros((int(number.max()) + 1, k))
     np.add.at(pull, number, jacobian[:n] * residual[:n, None])
-    few = len(pull) / max(len(pull) - 1, 1) * n / max(n - k, 1)
+    # what the points were fitted by takes from their residuals, cluster by cluster
+    fitted = float(np.trace(bread @ jacobian[:n].T @ jacobian[:n]))
+    few = len(pull) / max(len(pull) - fitted, 1.0)
     before = jacobian[n:]
     meat = few * pull.T @ pull + before.T @ before
     return np.asarray(bread @ meat @ bread)
