@@ -18,6 +18,8 @@ ROUNDS = 4
 STRAY_SIGMAS = 4.0
 LEAST_SIGMA = 1e-3
 """mm: nothing is measured better."""
+MOST_SCATTER_MM = 0.05
+"""Of points that lie on marks."""
 SIGMA_PER_MEDIAN = 1.4826
 
 
@@ -79,8 +81,13 @@ def fit_model(
         residual = distances_mm(values)
         scale = _scales(residual, kept, groups, least=LEAST_SIGMA)
         kept = np.abs(residual) < STRAY_SIGMAS * scale[groups]
-        if 2 * np.count_nonzero(kept) < residual.size or np.count_nonzero(kept) < values.size:
-            raise NotSeen("the marks of the tube do not fit each other", found=f"{kept.mean():.0%} of their points do")
+        if np.count_nonzero(kept) < values.size or scale.max() > MOST_SCATTER_MM:
+            raise NotSeen(
+                "the marks of the tube do not fit each other",
+                found=f"{np.count_nonzero(kept)} points that scatter by {1000 * scale.max():.0f} µm",
+                expected=f"less than {1000 * MOST_SCATTER_MM:.0f} µm",
+                remedy="check that tube.toml is that of this tube",
+            )
     found = least_squares(weighed, values, x_scale="jac", max_nfev=60)
     values, jacobian = found.x, found.jac
     residual = distances_mm(values)
