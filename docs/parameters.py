@@ -28,6 +28,7 @@ Where a number comes from stands in brackets:
 PARTS: dict[str, type[BaseModel]] = {
     "bore": parameters.Bore,
     "network": parameters.Network,
+    "tube": parameters.Tube,
     "density": parameters.Density,
     "ct": parameters.Ct,
     "oct": parameters.Oct,
