@@ -30,6 +30,7 @@ where nothing stands, it was chosen for plausibility.
 PARTS: dict[str, type[BaseModel]] = {
     "bore": parameters.Bore,
     "network": parameters.Network,
+    "tube": parameters.Tube,
     "density": parameters.Density,
     "ct": parameters.Ct,
     "oct": parameters.Oct,

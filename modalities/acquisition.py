@@ -150,6 +150,7 @@ Handedness = Literal["same", "mirrored", "unknown"]
 MOST_PLACE_MM = 1e4
 """No bore is longer."""
 MOST_PLACES = 1_000_000
+MOST_STATED = 100
 Place = Annotated[float, Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)]
 LONGEST_KEY = 100
 _COMMA_DECIMAL = re.compile(
@@ -201,6 +202,9 @@ class Acquisition(BaseModel):
         default=0.0, ge=-1000, le=1000, description="θ of the first A-scan or of the image's +x axis"
     )
     calibration: str | None = Field(default=None, description="a TOML file next to this one with further keys")
+    standard_errors: Mapping[str, Annotated[float, Field(ge=0, le=1e6)]] = Field(
+        default={}, max_length=MOST_STATED, description="a table: standard errors of keys, as a calibration gives them"
+    )
 
     @property
     def axial_scale(self) -> AxialScale:

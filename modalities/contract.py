@@ -14,6 +14,7 @@ A plug-in
 - may **keep** of every frame what these two need, so that the recording is read once;
 - may **settle** the assembled panorama;
 - may **locate** places of the wall in its pictures of a frame;
+- may **calibrate** its instrument by a recording of a printed tube;
 - may compute parts of this **on a device** of torch's;
 - marks unknown samples invalid, changes no input, raises only :class:`EndoctError`.
 
@@ -35,6 +36,8 @@ from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import MOST_PLACE_MM, Acquisition
 from endoct.modalities.device import Device
 from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.tube.measurement import Measurement
+from endoct.modalities.tube.target import Target
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import Meaning
@@ -286,6 +289,16 @@ class VolumetricModality(Modality[P, C], Protocol[P, C]):
 
     def write_volume(self, stream: FrameStream, calibration: C, store: Path) -> None:
         """Write the group ``volume`` (z, theta, depth) into the Zarr ``store``, one frame at a time."""
+
+
+class CalibratingModality(Modality[P, C], Protocol[P, C]):
+    """A plug-in whose instrument can be calibrated by a printed tube."""
+
+    def calibrate(self, stream: FrameStream, parameters: P, target: Target) -> Measurement:
+        """Return keys of the sidecar, with standard errors, that a recording of the tube ``target`` tells.
+
+        Raises :class:`EndoctError` where it does not show the tube's marks, or contradicts its sizes.
+        """
 
 
 class LocatingModality(Modality[P, C], Protocol[P, C]):

@@ -28,6 +28,7 @@ from endoct.synthetic.sample.parameters import (
     SheathLine,
     Speck,
     Travel,
+    Tube,
     Volume,
 )
 from endoct.synthetic.sample.presets import PRESETS, Bone, Preset, PresetName
@@ -36,11 +37,8 @@ from endoct.synthetic.sample.ranges import NO_RANGES, Drawer, Range, check_range
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06
-NETWORK_STREAM, CT_STREAM, DENSITY_STREAM = (
-    2,
-    4,
-    7,
-)  # of the bore's generators: what a phantom draws does not depend on it
+# of the bore's generators: what a phantom draws does not depend on them
+NETWORK_STREAM, CT_STREAM, DENSITY_STREAM, TUBE_STREAM = 2, 4, 7, 8
 CLEARANCE_MM = 0.10  # of the mirror from the wall
 LEAST_INNER_SHARE = 0.08
 CONE_BEAM_RANGES: Mapping[str, Range] = {
@@ -77,6 +75,7 @@ def draw(
         Drawer(generator(bore_seed, Stage.BORE), ranges),
         Drawer(generator(bore_seed, Stage.BORE, NETWORK_STREAM), ranges),
         Drawer(generator(bore_seed, Stage.BORE, DENSITY_STREAM), ranges),
+        Drawer(generator(bore_seed, Stage.BORE, TUBE_STREAM), ranges),
         size,
         volume,
     )
@@ -110,7 +109,9 @@ def _pairs(values: Coordinates) -> tuple[tuple[float, float], ...]:
     return tuple((float(first), float(second)) for first, second in values)
 
 
-def _bore(drawer: Drawer, of_network: Drawer, of_density: Drawer, size: Preset, volume: Volume | None) -> Bore:
+def _bore(
+    drawer: Drawer, of_network: Drawer, of_density: Drawer, of_tube: Drawer, size: Preset, volume: Volume | None
+) -> Bore:
     drawn = drawer.numbers(Bore)
     recorded_mm = size.pitch_mm * max(size.n_slices, size.n_frames)
     # room for two recordings that share no more than they must, with a visible band of up to 1.1 mm
@@ -123,7 +124,8 @@ def _bore(drawer: Drawer, of_network: Drawer, of_density: Drawer, size: Preset, 
     bone = cast(Bone, drawer.word("bore.bone", dict.fromkeys(size.bone, 1.0)))
     network = _network(of_network) if bone == "network" else None
     density = Density(**of_density.numbers(Density)) if bone == "network" else None
-    known = {"bone": bone, "length_mm": length_mm, "network": network, "density": density}
+    tube = _tube(of_tube) if bone == "tube" else None
+    known = {"bone": bone, "length_mm": length_mm, "network": network, "density": density, "tube": tube}
     bore = Bore.model_validate({**drawn, **known})
     return bore.model_copy(update={"cells": draw_cells(drawer.rng, bore)})
 
@@ -140,6 +142,14 @@ def _network(drawer: Drawer) -> Network:
     x, y, z = (float(value) for value in inward / np.linalg.norm(inward))
     drawn = drawer.numbers(Network)
     return Network(**drawn, entry_mm=entry, inward=(x, y, z))
+
+
+def _tube(one: Drawer) -> Tube:
+    """Draw a printed tube, and by how much it differs from what is stated of it."""
+    errors = dict(
+        zip(("bore", "depth", "z", "capillary"), np.clip(one.rng.normal(size=4), -3, 3).tolist(), strict=True)
+    )
+    return Tube(**one.numbers(Tube), **{f"{name}_error": value for name, value in errors.items()})
 
 
 def _length_mm(volume: Volume, recorded_mm: float) -> float:

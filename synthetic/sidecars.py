@@ -25,6 +25,15 @@ def oct_sidecar(sample: Sample) -> dict[str, TomlValue]:
         "scan": oct_.scan,
         "medium_index": 1.0,
     }
+    if (tube := sample.bore.tube) is not None:  # what is to be measured is not stated, or roughly
+        capillary_mm = oct_.capillary_outer_diameter_mm + tube.capillary_error * tube.sigma_capillary_mm
+        return keys | {
+            "axial_pixel_mm": oct_.axial_pixel_mm * tube.axial_pixel_factor,
+            "pullback_pitch_mm": PRESETS[sample.preset].pitch_mm * tube.pitch_factor,
+            "capillary_outer_diameter_mm": capillary_mm,
+            "handedness": "unknown",
+            "standard_errors": {"capillary_outer_diameter_mm": tube.sigma_capillary_mm},
+        }
     if oct_.states_first_sample:
         keys["first_sample_mm"] = oct_.first_sample_mm
     return keys
@@ -56,6 +65,9 @@ def endoscope_sidecar(sample: Sample) -> dict[str, TomlValue]:
         "outer_rim": "ahead",
         "travel": camera.stated_travel,
     }
+    if sample.bore.tube is not None:  # of an endoscope that is to be calibrated, nothing is known
+        del keys["visible_length_mm"], keys["outer_rim"]
+        return keys
     if camera.states_optics:
         keys |= {
             "cone_half_angle_deg": camera.half_angle_deg,
@@ -67,6 +79,31 @@ def endoscope_sidecar(sample: Sample) -> dict[str, TomlValue]:
         x, y = camera.centre_px[0]
         keys["annulus"] = {"x": x, "y": y, "inner_px": camera.inner_px, "outer_px": camera.outer_px}
     return keys
+
+
+def tube_file(sample: Sample) -> dict[str, TomlValue]:
+    """Return the keys of ``tube.toml``: what is stated of a printed tube; none for bone."""
+    bore, tube = sample.bore, sample.bore.tube
+    if tube is None:
+        return {}
+    return {
+        "bore_diameter_mm": bore.diameter_mm,
+        "outer_diameter_mm": bore.diameter_mm + 3.2,
+        "length_mm": bore.length_mm,
+        "groove_width_mm": tube.groove_width_mm,
+        "helix_width_mm": tube.helix_width_mm,
+        "groove_depth_mm": tube.groove_depth_mm,
+        "helix_theta_rad": tube.helix_theta_rad,
+        "helix_lead_mm": tube.helix_lead_mm,
+        "ring_z_mm": [tube.narrow_z_mm, tube.wide_z_mm],
+        "ring_width_mm": [tube.narrow_width_mm, tube.wide_width_mm],
+        "ring_depth_mm": tube.ring_depth_mm,
+        "standard_errors": {
+            "bore_diameter_mm": tube.sigma_bore_mm,
+            "depth_mm": tube.sigma_depth_mm,
+            "z_mm": tube.sigma_z_mm,
+        },
+    }
 
 
 def toml(keys: Mapping[str, TomlValue]) -> str:

@@ -112,6 +112,10 @@ def write_specimen(
         truth = pool.submit(write_its_truth)
         write_recordings(folder, model, processes, progress)
         truth.result()
+    if sample.bore.tube is not None:
+        from endoct.synthetic.sidecars import toml, tube_file
+
+        (folder / "tube.toml").write_text(toml(tube_file(sample)), encoding="utf-8")
     if sample.ct or sample.cone_beam:
         from endoct.synthetic.ct_scan import write_ct, write_lines
 

@@ -232,3 +232,12 @@ CHOSEN_FEED_MM, CHOSEN_ROLL_RAD = 0.017, 0.015
 # ring, at most so much is farther from them than their edge reaches.
 OVERLAY_FOUND = 0.95
 OVERLAY_EXCESS = 0.002
+# Where a tube's template is laid: half of its step along z and a change of scale over 4 mm; a column in θ.
+TUBE_PLACE_MM = 0.06
+TUBE_PLACE_RAD = 0.05
+# Root mean square of 60 errors over their standard errors: 1/√120 is 0.09, times three; and few clusters.
+TUBE_SIGMA_REL = 0.3
+# What marks placed by closed forms give back: relative scale, and lengths, in noise of 3 µm over some hundred points.
+TUBE_SCALE_REL = 0.004
+TUBE_LENGTH_REL = 0.006
+TUBE_SLANT_DEG = 0.6

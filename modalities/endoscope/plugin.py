@@ -15,6 +15,8 @@ from endoct.modalities.endoscope.pictures import locate_in_frame, picture_frame
 from endoct.modalities.endoscope.sniffing import sniff_frames
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.endoscope.unroll import unroll_frame
+from endoct.modalities.tube.measurement import Measurement
+from endoct.modalities.tube.target import Target
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 
@@ -65,6 +67,12 @@ class EndoscopeModality:
     def locate(self, index: int, places: Places, calibration: EndoscopeCalibration) -> dict[str, Coordinates]:
         """Return which pixel of a frame sees each place, and where that is in the frame's strip."""
         return locate_in_frame(index, places, calibration)
+
+    def calibrate(self, stream: FrameStream, parameters: EndoscopeParameters, target: Target) -> Measurement:
+        """Return what a recording of a printed tube tells of the endoscope."""
+        from endoct.modalities.endoscope.tube_calibration import calibrate_endoscope  # which only a calibration needs
+
+        return calibrate_endoscope(stream, parameters, target)
 
 
 ENDOSCOPE: LocatingModality[EndoscopeParameters, EndoscopeCalibration] = EndoscopeModality()

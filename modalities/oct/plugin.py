@@ -26,6 +26,8 @@ from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
 from endoct.modalities.oct.undistort import write_volume
 from endoct.modalities.oct.unroll import unroll_bscan
+from endoct.modalities.tube.measurement import Measurement
+from endoct.modalities.tube.target import Target
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 
@@ -78,6 +80,12 @@ class OctModality:
     def write_volume(self, stream: FrameStream, calibration: OctCalibration, store: Path) -> None:
         """Write the dense hollow cylinder as the group ``volume`` of ``store``, one slice a chunk."""
         write_volume(stream, calibration, store)
+
+    def calibrate(self, stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
+        """Return what a pullback through a printed tube tells of the OCT."""
+        from endoct.modalities.oct.tube_calibration import calibrate_pullback  # which only a calibration needs
+
+        return calibrate_pullback(stream, parameters, target)
 
 
 OCT: VolumetricModality[OctParameters, OctCalibration] = OctModality()

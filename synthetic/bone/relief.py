@@ -11,6 +11,7 @@ from numpy.random import Generator
 from endoct.base.arrays import Image
 from endoct.base.compute.parallel import thread_map
 from endoct.base.numeric.circle import gaussian, pad_circle
+from endoct.synthetic.bone.tube import tube_relief
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator, smooth_field
@@ -40,12 +41,13 @@ class BoreRelief:
     """Maps over the wall's grid, float32 (n_z, n_theta), of the bore without its cells.
 
     ``displacement_mm``: wall radius minus the nominal radius; ``grooves``: the drill's mark, relative, about
-    ±1; ``fine``: what is rough in it, rms 1.
+    ±1; ``fine``: what is rough in it, rms 1; ``ink``: the share of ink on a tube's marks, None where there is none.
     """
 
     displacement_mm: Image
     grooves: Image
     fine: Image
+    ink: Image | None = None
 
 
 def wall_grid(sample: Sample) -> WallGrid:
@@ -99,4 +101,8 @@ def bore_relief(sample: Sample, workers: int = 1) -> BoreRelief:
     displacement += np.float32(bore.taper_mm) * (z_mm / np.float32(bore.length_mm) - np.float32(0.5))
     displacement += np.float32(bore.drill_mark_depth_mm) * grooves
     displacement += np.float32(bore.roughness_mm) * fine
-    return BoreRelief(displacement, grooves, fine)
+    if bore.tube is None:
+        return BoreRelief(displacement, grooves, fine)
+    marks_mm, ink = tube_relief(bore.tube, grid.radius_mm, z_mm, np.float32(2 * math.pi) * turns)
+    displacement += marks_mm
+    return BoreRelief(displacement, grooves, fine, ink)

@@ -46,6 +46,8 @@ def albedo_of(
     np.clip(albedo, 0.3, 1.6, out=albedo)
     albedo *= 1 - np.float32(bore.smear) * np.clip((smears - 1.4) / 0.4, 0, 1)
     albedo *= contents.lining[cell_id]
+    if relief.ink is not None and bore.tube is not None:
+        albedo *= 1 - np.float32(1 - bore.tube.ink) * relief.ink
     density = density_of(sample)
     if density is not None:
         albedo *= _albedo_of_density(density, grid, relief_mm)

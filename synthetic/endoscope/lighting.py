@@ -117,7 +117,7 @@ def light(sample: Sample, frame_index: int, lit: Surface, pixels: View, hits: Hi
     diffuse *= through * kept
     if not camera.colour:
         return np.asarray((diffuse + white)[None], dtype=np.float32)
-    lined = np.minimum(deep_mm / LINED_MM, 1) if sample.bore.bone != "phantom" else None
+    lined = np.minimum(deep_mm / LINED_MM, 1) if sample.bore.bone not in ("phantom", "tube") else None
     arrived = np.empty((3, diffuse.size), np.float32)
     for plane, bone, lining in zip(arrived, BONE_RGB, LINING_RGB, strict=True):
         np.multiply(diffuse, bone if lined is None else bone + lined * (lining - bone), out=plane)

@@ -125,13 +125,50 @@ class Ct(Parameters):
     slice_mm: float | None = Field(default=None, ge=0.1, le=2, description="distance of the slices; null for voxel_mm")
 
 
+class Tube(Parameters):
+    """A printed tube to calibrate by, in place of bone: an axial and a helical groove, and two rings.
+
+    The grooves have their widths along the circumference, and are inked. ``sigma_*``: the standard errors that
+    are stated of it; ``*_error``: by how many of these it is off. The capillary is that of the OCT.
+    """
+
+    groove_width_mm: float = drawn(0.35, 0.35, "of the axial groove at θ = 0, mm (chosen)", (0.1, 1))
+    helix_width_mm: float = drawn(0.5, 0.5, "of the helical groove, mm (chosen)", (0.1, 1))
+    groove_depth_mm: float = drawn(0.3, 0.3, "of both grooves, mm (chosen)", (0.05, 1))
+    helix_theta_rad: float = drawn(1.5708, 1.5708, "of it at the mouth, rad (chosen)", (-6.2832, 6.2832))
+    helix_lead_mm: float = drawn(7.0, 7.0, "length over which it goes once around, with θ inward, mm (chosen)", (2, 50))
+    ring_depth_mm: float = drawn(0.4, 0.4, "of both rings, mm (chosen)", (0.05, 1))
+    narrow_z_mm: float = drawn(3.6, 3.6, "middle of the narrow ring, mm from the mouth (chosen)", (0.5, 50))
+    narrow_width_mm: float = drawn(0.6, 0.6, "of the narrow ring, mm (chosen)", (0.1, 5))
+    wide_z_mm: float = drawn(7.2, 7.2, "middle of the wide ring, mm from the mouth (chosen)", (0.5, 50))
+    wide_width_mm: float = drawn(1.8, 1.8, "of the wide ring, mm (chosen)", (0.1, 5))
+    edge_mm: float = drawn(0.02, 0.05, "over which edges are rounded, mm (a printer of 50 µm)", (0.005, 0.2))
+    ink: float = drawn(0.25, 0.5, "albedo of ink over that of the tube (chosen)", (0, 1))
+    brim_mm: float = drawn(0.0, 0.03, "depth from which grooves are inked, filled and wiped (chosen)", (0, 0.3))
+    sigma_bore_mm: float = drawn(0.001, 0.005, "of the bore's diameter, mm (a pin gauge)", (0, 0.1))
+    sigma_depth_mm: float = drawn(0.001, 0.010, "of the depths, one error for all, mm (measured, or printed)", (0, 0.1))
+    sigma_z_mm: float = drawn(0.002, 0.020, "of the distance of the rings, mm (measured, or printed)", (0, 0.2))
+    sigma_capillary_mm: float = drawn(0.001, 0.004, "of the capillary's outer diameter, mm (a micrometer)", (0, 0.1))
+    bore_error: float = between(-5, 5, "of the bore's diameter, standard errors")
+    depth_error: float = between(-5, 5, "of the depths, standard errors")
+    z_error: float = between(-5, 5, "of the distance of the rings, standard errors")
+    capillary_error: float = between(-5, 5, "of the stated diameter of the capillary, standard errors")
+    axial_pixel_factor: float = drawn(0.97, 1.03, "stated over true axial pixel of the OCT (chosen)", (0.5, 2))
+    pitch_factor: float = drawn(0.97, 1.03, "stated over true pitch of the pullback (chosen)", (0.5, 2))
+
+    @property
+    def stretch(self) -> float:
+        """By what factor the true tube is longer than the stated one."""
+        return 1 + self.z_error * self.sigma_z_mm / (self.wide_z_mm - self.narrow_z_mm)
+
+
 class Bore(Parameters):
     """The drill hole and its cells."""
 
     bone: Bone = Field(
         description="phantom: drilled bone substitute; mastoid: air cells planted on the wall; network: a "
-        "three-dimensional mastoid; volume: the user's CT",
-        json_schema_extra={STATED_ONLY: ["volume"]},
+        "three-dimensional mastoid; volume: the user's CT; tube: a printed tube to calibrate by",
+        json_schema_extra={STATED_ONLY: ["volume", "tube"]},
     )
     diameter_mm: float = drawn(2.4, 2.6, "nominal diameter, as in both sidecars (paper: 2.5)", (1.6, 4.0))
     length_mm: float = Field(ge=0.1, lt=100, description="length of the simulated wall, from the mouth")
@@ -158,3 +195,4 @@ class Bore(Parameters):
     volume: Volume | None = Field(default=None, description="the CT; volume only")
     network: Network | None = Field(default=None, description="network only")
     density: Density | None = Field(default=None, description="network and volume only; null for even bone")
+    tube: Tube | None = Field(default=None, description="tube only")

@@ -11,7 +11,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from endoct.synthetic.sample.bone_parameters import Bore, Cell, Ct, Density, Network, Volume
+from endoct.synthetic.sample.bone_parameters import Bore, Cell, Ct, Density, Network, Tube, Volume
 from endoct.synthetic.sample.oct_parameters import LostAscans, Oct, Shadow, SheathLine
 from endoct.synthetic.sample.parameter_fields import (
     LARGEST_SEED,
@@ -45,6 +45,7 @@ __all__ = [
     "SheathLine",
     "Speck",
     "Travel",
+    "Tube",
     "Volume",
 ]
 
@@ -201,9 +202,9 @@ class Sample(Parameters):
     def _holds_together(self) -> Self:
         if (self.ct or self.cone_beam) and self.bore.bone not in ("volume", "network"):
             raise ValueError("a CT of bone in three dimensions only")
-        if self.bore.cells and self.bore.bone in ("volume", "network"):
+        if self.bore.cells and self.bore.bone in ("volume", "network", "tube"):
             raise ValueError("planted cells in the bone 'phantom' or 'mastoid' only")
-        for kind in ("volume", "network"):
+        for kind in ("volume", "network", "tube"):
             if (getattr(self.bore, kind) is not None) != (self.bore.bone == kind):
                 raise ValueError(f"a {kind} with the bone '{kind}', and with no other")
         if self.bore.density and self.bore.bone not in ("volume", "network"):

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-PresetName = Literal["quick", "paper", "mastoid", "patient", "small-patient", "hard", "learning"]
-Bone = Literal["phantom", "mastoid", "network", "volume"]
+PresetName = Literal["quick", "paper", "mastoid", "patient", "small-patient", "hard", "learning", "tube"]
+Bone = Literal["phantom", "mastoid", "network", "volume", "tube"]
 Ranges = Mapping[str, tuple[float, float]]
 
 
@@ -71,6 +71,23 @@ HARD_RANGES: Ranges = {
     "endoscope.dropped": (0.0, 0.08),
 }
 
+# a printed tube: smooth but for its layers, seen by instruments of which little is known
+TUBE_RANGES: Ranges = {
+    "bore.diameter_mm": (2.2, 2.6),
+    "bore.taper_mm": (-0.004, 0.004),
+    "bore.wander_mm": (0.001, 0.004),
+    "bore.drill_mark_pitch_mm": (0.05, 0.05),
+    "bore.drill_mark_depth_mm": (0.001, 0.004),
+    "bore.smear": (0.0, 0.0),
+    "bore.tilt_rad": (0.0, 0.004),
+    "oct.capillary_outer_diameter_mm": (1.55, 1.75),
+    "endoscope.half_angle_deg": (38.0, 52.0),
+    "endoscope.mirror_distance_mm": (0.9, 4.0),
+    "endoscope.outer_share": (0.40, 0.50),
+    "endoscope.probe_offset_mm": (0.0, 0.06),
+    "endoscope.probe_tilt_rad": (0.0, 0.015),
+}
+
 PRESETS: Mapping[PresetName, Preset] = {
     "quick": Preset(n_slices=40, n_ascans=2000, n_frames=40),
     # 30 mm of pullback, 390 turns a minute at 91 000 A-scans a second (Laves 2019, Methods)
@@ -101,5 +118,15 @@ PRESETS: Mapping[PresetName, Preset] = {
         wall_n_theta=1024,
         helical=0.25,
         ranges=LEARNING_RANGES,
+    ),
+    "tube": Preset(
+        n_slices=30,
+        n_ascans=768,
+        n_frames=30,
+        bone=("tube",),
+        image_px=((480, 360),),
+        pitch_mm=0.25,
+        shared=0.9,
+        ranges=TUBE_RANGES,
     ),
 }

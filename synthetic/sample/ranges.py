@@ -11,12 +11,13 @@ from pydantic import BaseModel
 
 from endoct.base.errors import EndoctError
 from endoct.synthetic.sample.parameter_fields import STATED_ONLY
-from endoct.synthetic.sample.parameters import Bore, Ct, Density, Endoscope, Network, Oct
+from endoct.synthetic.sample.parameters import Bore, Ct, Density, Endoscope, Network, Oct, Tube
 
 PARTS: Mapping[str, type[BaseModel]] = {
     "bore": Bore,
     "network": Network,
     "density": Density,
+    "tube": Tube,
     "ct": Ct,
     "oct": Oct,
     "endoscope": Endoscope,

@@ -11,6 +11,7 @@ from typing import Any
 import tyro
 
 from endoct.base.errors import visible
+from endoct.workbench.commands.calibrations import calibrate, target
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
@@ -32,6 +33,8 @@ def run(arguments: Sequence[str]) -> int:
         "unroll": Unroll,
         "compare": Compare,
         "pose": Pose,
+        "calibrate": calibrate,
+        "target": target,
         "dataset": dataset,
         "bench": bench,
         "report": report,

@@ -18,6 +18,8 @@ EXPORT = "export"
 SIDECAR = "sidecar"
 THUMBNAIL = "thumbnail"
 POSE = "pose"
+CALIBRATION = "calibration"
+TUBE = "tube to print"
 
 
 def output_if_any(

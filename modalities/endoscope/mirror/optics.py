@@ -58,7 +58,7 @@ class ConeOptics:
     @property
     def visible_length_mm(self) -> float:
         """Axial length between the rims, mm."""
-        inner, outer = self._ahead_mm(np.array([self.inner_px, self.outer_px]))
+        inner, outer = self.ahead_mm(np.array([self.inner_px, self.outer_px]))
         return float(outer - inner)
 
     @property
@@ -68,7 +68,7 @@ class ConeOptics:
 
     def z_mm(self, r_px: Coordinates) -> Coordinates:
         """z relative to the middle of the visible band, float64, any shape."""
-        return self.rim_sign * (self._ahead_mm(r_px) - self._middle_mm)
+        return self.rim_sign * (self.ahead_mm(r_px) - self._middle_mm)
 
     def r_px(self, z_mm: Coordinates) -> Coordinates:
         """Image radius that shows ``z_mm`` from the middle of the visible band."""
@@ -82,7 +82,7 @@ class ConeOptics:
     def centre_shift_px_per_mm(self, r_px: Coordinates) -> Coordinates:
         """Return m/(dz/dr), px/mm: how far a circle of constant z is off centre for 1 mm that the bore's axis is."""
         psi = np.arctan(self._undistorted(r_px))
-        slope = (self._ahead_mm(r_px + 0.5) - self._ahead_mm(r_px - 0.5)).clip(1e-9)
+        slope = (self.ahead_mm(r_px + 0.5) - self.ahead_mm(r_px - 0.5)).clip(1e-9)
         return np.asarray(1 / np.tan(2 * self.half_angle_rad - psi) / slope)
 
     def slant(self, r_px: Coordinates) -> Coordinates:
@@ -91,9 +91,10 @@ class ConeOptics:
 
     @cached_property
     def _middle_mm(self) -> float:
-        return float(np.mean(self._ahead_mm(np.array([self.inner_px, self.outer_px]))))
+        return float(np.mean(self.ahead_mm(np.array([self.inner_px, self.outer_px]))))
 
-    def _ahead_mm(self, r_px: Coordinates) -> Coordinates:
+    def ahead_mm(self, r_px: Coordinates) -> Coordinates:
+        """z from the apex, away from the camera, of an image radius."""
         a, d = self.half_angle_rad, self.mirror_distance_mm
         psi = np.arctan(self._undistorted(r_px))
         z: Coordinates = -d * np.cos(2 * a) + (self.bore_radius_mm + d * np.sin(2 * a)) / np.tan(2 * a - psi)

@@ -81,7 +81,7 @@ def test_no_unevenness_is_too_large_to_be_answered(stretch: float) -> None:
 def test_rays_go_on_by_the_slant(sign: int) -> None:
     mirror = cone(46.0) if sign > 0 else turned(cone(46.0))
     wider = replace(mirror, bore_radius_mm=1.26)
-    ahead = wider._ahead_mm(RADII_PX) - mirror._ahead_mm(RADII_PX)
+    ahead = wider.ahead_mm(RADII_PX) - mirror.ahead_mm(RADII_PX)
     np.testing.assert_allclose(mirror.slant(RADII_PX), sign * ahead / 0.01, rtol=1e-9)
 
 

@@ -1,0 +1,317 @@
+"""Calibration of a cone-mirror endoscope by a recording of a printed tube."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.modalities.contract import FrameStream
+from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+from endoct.modalities.endoscope.mirror.optics import ASSUMED_LENGTH, ConeOptics, scale_is_stated
+from endoct.modalities.endoscope.opening import EndoscopeRecording
+from endoct.modalities.endoscope.parameters import EndoscopeParameters
+from endoct.modalities.endoscope.survey import survey_frames
+from endoct.modalities.endoscope.tube_fit import ANGLE, DISTANT, FOCAL, TubeModel, optics_of
+from endoct.modalities.endoscope.tube_marks import (
+    HELICAL,
+    Darkness,
+    darkness_map,
+    darkness_of_tube,
+    examine_darkness,
+    find_marks,
+    on_tube,
+)
+from endoct.modalities.tube.fitting import Fit
+from endoct.modalities.tube.locating import Pose, poses
+from endoct.modalities.tube.marks_seen import check_rings, clear_pose
+from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.target import Target
+
+BY_FEED = np.arange(0.86, 1.141, 0.02)
+"""True over assumed length of the annulus, where the feed or the sidecar gave that."""
+UNKNOWN = np.geomspace(0.5, 2.0, 70)
+"""The same where nothing did."""
+LEAST_POINTS = 300
+ROUNDS = 2
+ALONE_SIGMAS = 0.1
+"""Relative, above which a standard error says that a number is not told apart from others."""
+ROLLING_RAD = 0.05
+WANDER_MM = 0.015
+"""How far a probe wanders off its mean place in the bore, which turns what a frame sees."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """The model with its points, its fit, and where circles lie on the tube: z of frames' apex, and their turn."""
+
+    model: TubeModel
+    fit: Fit
+    apex_mm: Coordinates
+    turn_rad: Coordinates
+
+
+def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, target: Target) -> Measurement:
+    """Return what a recording of a tube tells of the endoscope.
+
+    Raises :class:`NotSeen` where it does not show the tube's marks, or too little of them.
+    """
+    acquisition = cast(EndoscopeAcquisition, stream.acquisition)
+    knows_scale = scale_is_stated(acquisition) or acquisition.pitch_mm is not None
+    if not knows_scale and acquisition.positions_mm is None:
+        begun = {"visible_length_mm": ASSUMED_LENGTH * target.radius_mm}
+        stream = replace(cast(EndoscopeRecording, stream), acquisition=acquisition.model_copy(update=begun))
+    calibration = survey_frames(stream, parameters)
+    darkness = examine_darkness(stream, calibration)
+    image, row_z_mm = darkness_map(darkness, calibration)
+    scales = BY_FEED if knows_scale or acquisition.positions_mm is not None else UNKNOWN
+    pose = clear_pose(poses(image, row_z_mm, target, partial(darkness_of_tube, target), scales))
+    check_rings(target, pose.z_of(row_z_mm))
+    fitted = _fit(darkness, calibration, pose, target)
+    return _measurement(acquisition, calibration, darkness, pose, fitted)
+
+
+def _fit(darkness: Darkness, calibration: EndoscopeCalibration, pose: Pose, target: Target) -> _Fitted:
+    optics, sign = calibration.optics, calibration.optics.rim_sign * pose.direction
+    rims = optics.inner_px, optics.outer_px
+    z_mm, turn = on_tube(pose, calibration, darkness.r_px)
+    start: Coordinates | None = None
+    for _ in range(ROUNDS):
+        marks = find_marks(darkness, z_mm, turn, pose.sense, target)
+        if marks.frame.size < LEAST_POINTS or not marks.in_ring.any() or (marks.line == HELICAL).mean() < 0.2:
+            raise EndoctError(
+                "too little is seen of the tube's grooves",
+                found=f"{marks.frame.size} places, {int(marks.in_ring.sum())} of them in rings",
+                expected=f"{LEAST_POINTS} at least, some of them in rings",
+                remedy="ink both grooves, light the tube evenly, and record it frame by frame",
+            )
+        model = TubeModel(marks, target, sign, pose.sense, rims)
+        fit = model.fit(model.start(optics, pose.scale) if start is None else start)
+        model = TubeModel(marks.of(fit.kept), target, sign, pose.sense, rims)
+        fit = model.fit(fit.values)
+        start = fit.values
+        apex_mm, turn = _places_of_frames(model, start, z_mm, darkness.r_px, len(turn))
+        z_mm = apex_mm[:, None] + _circles(model, start, darkness.r_px)
+    return _Fitted(model, fit, apex_mm, turn)
+
+
+def _circles(model: TubeModel, values: Coordinates, r_px: Coordinates) -> Coordinates:
+    """Return z of circles from the apex, on the tube's bore."""
+    optics = optics_of(model, values)
+    return model.sign * optics.ahead_mm(r_px)
+
+
+def _places_of_frames(
+    model: TubeModel, values: Coordinates, about_mm: Coordinates, r_px: Coordinates, n: int
+) -> tuple[Coordinates, Coordinates]:
+    """Return z of every frame's apex and its turn, on the tube; those of frames without both grooves interpolated."""
+    frames, apex_mm, roll = model.frames(values)
+    lead = model.target.helix_lead_mm
+    guess = np.median(about_mm - _circles(model, values, r_px), axis=1)
+    apex_mm = apex_mm + lead * np.round((guess[frames] - apex_mm) / lead)
+    every = np.arange(n)
+    along = guess + np.interp(every, frames, apex_mm - guess[frames])
+    return along, np.interp(every, frames, np.unwrap(roll))
+
+
+def _measurement(
+    acquisition: EndoscopeAcquisition,
+    calibration: EndoscopeCalibration,
+    darkness: Darkness,
+    pose: Pose,
+    fitted: _Fitted,
+) -> Measurement:
+    model, fit, target = fitted.model, fitted.fit, fitted.model.target
+    optics, values = optics_of(model, fit.values), fit.values
+    sigma = np.sqrt(np.diag(fit.covariance))
+    middle_px = np.array([(optics.inner_px + optics.outer_px) / 2])
+
+    def derived(values: Coordinates) -> Coordinates:
+        of = optics_of(model, values)
+        slant = np.degrees(np.arctan(of.slant(np.array([of.inner_px, float(middle_px[0]), of.outer_px]))))
+        mm_per_px = np.abs(np.diff(of.z_mm(middle_px + np.array([-0.5, 0.5]))))
+        return np.concatenate([[of.visible_length_mm], mm_per_px, slant, of.distortion])
+
+    numbers, errors = derived(values), fit.sigma_of(derived)
+    stretched = np.hypot(errors[:2], numbers[:2] * target.stretch_sigma)
+    annulus = calibration.annuli[0]
+    inward = pose.direction * (calibration.z_mm[-1] - calibration.z_mm[0]) > 0
+    first = int(np.argmin(fitted.apex_mm))
+    theta_rad = float(np.mod(fitted.turn_rad[first], 2 * np.pi))
+    keys: dict[str, KeyValue] = {
+        "cone_half_angle_deg": math.degrees(values[ANGLE]),
+        "focal_px": optics.focal_px,
+        "mirror_distance_mm": optics.mirror_distance_mm,
+        "distortion": optics.distortion,
+        "outer_rim": "ahead" if model.sign > 0 else "behind",
+        "annulus": {
+            "x": float(annulus.columns(np.float64(annulus.outer_x_px))),
+            "y": annulus.outer_y_px,
+            "inner_px": annulus.inner_px,
+            "outer_px": annulus.outer_px,
+        },
+        "travel": "in" if inward else "out",
+        "theta_origin_rad": theta_rad,
+    }
+    quantities = [
+        Quantity("mm_per_px", "mm along z per pixel, mid annulus", float(numbers[1]), float(stretched[1]), "mm"),
+        Quantity("visible_length_mm", "length that the annulus shows", float(numbers[0]), float(stretched[0]), "mm"),
+        Quantity("slant_inner_deg", "slant of the view, inner rim", float(numbers[2]), float(errors[2]), "deg"),
+        Quantity("slant_deg", "slant of the view, mid annulus", float(numbers[3]), float(errors[3]), "deg"),
+        Quantity("slant_outer_deg", "slant of the view, outer rim", float(numbers[4]), float(errors[4]), "deg"),
+        Quantity(
+            "cone_half_angle_deg",
+            "half angle of the cone",
+            math.degrees(values[ANGLE]),
+            math.degrees(sigma[ANGLE]),
+            "deg",
+        ),
+        Quantity("focal_px", "focal length", optics.focal_px, optics.focal_px * float(sigma[FOCAL]), "px"),
+        Quantity(
+            "mirror_distance_mm",
+            "pupil to apex",
+            optics.mirror_distance_mm,
+            optics.mirror_distance_mm * float(sigma[DISTANT]),
+            "mm",
+        ),
+        Quantity("distortion", "k1 of the lens", float(numbers[5]), float(errors[5]), "1"),
+        Quantity("theta_origin_rad", "θ of the image's +x axis", theta_rad, _turn_sigma(fitted, first), "rad"),
+    ]
+    feed = _feed(acquisition, fitted)
+    if feed is not None:
+        value, error = feed
+        keys["feed_pitch_mm"] = value
+        quantities.append(
+            Quantity(
+                "feed_pitch_mm", "feed between frames", value, math.hypot(error, value * target.stretch_sigma), "mm"
+            )
+        )
+    doubts = _doubts(acquisition, pose, inward, fitted, sigma)
+    return Measurement(
+        keys,
+        {each.name: each.sigma for each in quantities if each.name in keys},
+        tuple(quantities),
+        _panels(darkness, fitted, optics),
+        doubts,
+    )
+
+
+def _turn_sigma(fitted: _Fitted, frame: int) -> float:
+    """Return the standard error of a frame's turn: by the scatter of its points, and as the probe wanders."""
+    marks, target = fitted.model.marks, fitted.model.target
+    of_frame = fitted.fit.residual_mm[(marks.frame == frame) & (marks.line != HELICAL)]
+    by_points_mm = float(np.std(of_frame)) if of_frame.size > 2 else ROLLING_RAD * target.radius_mm
+    return math.hypot(by_points_mm, WANDER_MM) / target.radius_mm
+
+
+def _feed(acquisition: EndoscopeAcquisition, fitted: _Fitted) -> tuple[float, float] | None:
+    """Return the feed between frames, mm, and its standard error; None where no constant feed is stated."""
+    pitch_mm, n = acquisition.pitch_mm, fitted.apex_mm.size
+    if pitch_mm is None or acquisition.feed_pitch_mm is None or n < 3:
+        return None
+    nominal = acquisition.positions_mm
+    along = np.asarray(nominal if nominal is not None else pitch_mm * np.arange(n), np.float64)
+    slope, covariance = np.polyfit(along, fitted.apex_mm, 1, cov=True)
+    steps = np.diff(fitted.apex_mm)
+    # places wander as sums of steps that err each by itself
+    error = float(np.std(steps)) / math.sqrt(n - 1)
+    return pitch_mm * abs(float(slope[0])), max(error, pitch_mm * float(np.sqrt(covariance[0, 0])))
+
+
+def _doubts(
+    acquisition: EndoscopeAcquisition,
+    pose: Pose,
+    inward: bool,
+    fitted: _Fitted,
+    sigma: Coordinates,
+) -> tuple[Doubt, ...]:
+    doubts: list[Doubt] = []
+    if acquisition.travel != "unknown" and (acquisition.travel == "in") != inward:
+        doubts.append(
+            Doubt(
+                "travel-against-tube",
+                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says "
+                f"'{acquisition.travel}': one of them is wrong, or the endoscope came in at the tube's other end.",
+            )
+        )
+    if pose.sense < 0:
+        doubts.append(
+            Doubt(
+                "image-mirrored",
+                "The helical groove winds the wrong way, so images are mirrored, or the endoscope came in at the "
+                "tube's other end with its travel stated wrongly: turn the images over before they are unrolled.",
+            )
+        )
+    if max(sigma[DISTANT], sigma[FOCAL]) > ALONE_SIGMAS:
+        doubts.append(
+            Doubt(
+                "optics-not-separable",
+                f"Distance and focal length are told apart to {max(sigma[DISTANT], sigma[FOCAL]):.0%} alone: z of a "
+                "radius and the slant of the view are known much better, and only together do these numbers give them.",
+                value=float(max(sigma[DISTANT], sigma[FOCAL])),
+                unit="1",
+            )
+        )
+    spread = float(np.std(fitted.turn_rad))
+    if spread > ROLLING_RAD:
+        doubts.append(
+            Doubt(
+                "origin-not-kept",
+                f"The endoscope rolled by {math.degrees(spread):.0f}° (rms) during the recording: theta_origin_rad is "
+                "that of the frame nearest the mouth.",
+                value=spread,
+                unit="rad",
+            )
+        )
+    return tuple(doubts)
+
+
+def _panels(darkness: Darkness, fitted: _Fitted, optics: ConeOptics) -> tuple[Panel, ...]:
+    model, fit = fitted.model, fitted.fit
+    marks, target = model.marks, model.target
+    helical = marks.line == HELICAL
+    r_px = darkness.r_px
+    per_mm = 2 * math.pi * target.radius_mm / target.helix_lead_mm
+    land = helical & ~marks.in_ring
+    expected = optics.z_mm(marks.r_px[land])
+    course = np.stack([r_px, optics.z_mm(r_px)], axis=1)
+    frames = np.arange(fitted.apex_mm.size, dtype=np.float64)
+    light = np.exp(np.nanmedian(darkness.light, axis=1))
+    flat = np.stack([r_px, np.zeros_like(r_px)], axis=1)
+
+    def off(chosen: NDArray[np.bool_], title: str) -> Panel:
+        return Panel(
+            title, "image radius, px", "µm on the wall", marks.r_px[chosen], 1000 * fit.residual_mm[chosen], flat
+        )
+
+    return (
+        Panel(
+            "z along the annulus, by the helical groove",
+            "image radius, px",
+            "mm from mid annulus",
+            marks.r_px[land],
+            expected + fit.residual_mm[land] / per_mm,
+            course,
+        ),
+        off(helical & ~marks.in_ring, "helical groove off the model"),
+        off(helical & marks.in_ring, "helical groove off the model, in rings"),
+        off(~helical, "axial groove off the model"),
+        Panel(
+            "slant of the view",
+            "image radius, px",
+            "degrees",
+            r_px[:0],
+            r_px[:0],
+            np.stack([r_px, np.degrees(np.arctan(optics.slant(r_px)))], axis=1),
+        ),
+        Panel(
+            "place of the frames", "frame", "z of the apex, mm", frames, fitted.apex_mm,
+        ),
+        Panel("light along the annulus (flat field)", "image radius, px", "of full scale", r_px, light),
+    )  # fmt: skip

@@ -1,0 +1,225 @@
+"""Calibration of an OCT by a pullback through a printed tube."""
+
+import math
+
+import numpy as np
+
+from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
+from endoct.modalities.contract import FrameStream
+from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.survey import survey_pullback
+from endoct.modalities.oct.tube_fit import (
+    LEAN_X,
+    LEAN_Y,
+    PITCH,
+    SCALE,
+    THETA,
+    WALL,
+    TubeModel,
+    X,
+    Y,
+    Z,
+    first_sample_mm,
+    refined,
+)
+from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
+from endoct.modalities.tube.fitting import Fit
+from endoct.modalities.tube.locating import COLUMNS, Pose, poses
+from endoct.modalities.tube.marks_seen import check_rings, clear_pose
+from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.target import Target
+
+N_BEAMS = 1024
+SCALES = np.arange(0.9, 1.101, 0.01)
+"""True over stated pitch."""
+CAPILLARY_MM, GLASS_MM = 0.005, 0.002
+"""Standard errors of the capillary's diameter where none is stated, and of its glass as its inner face shows it."""
+FACE_MM = 0.001
+"""Of the line of the outer face."""
+CONTRADICTION_SIGMAS, CONTRADICTION_MM = 5.0, 0.02
+SURE_START_RAD = 0.05
+TURNING_RAD = 0.01
+"""Usual error of the angle of an A-scan within its turn, where it is not known."""
+
+
+def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
+    """Return what a pullback through a tube tells of the OCT.
+
+    Raises :class:`NotSeen` where it does not show the tube's marks, :class:`EndoctError` where the tube's diameter
+    contradicts it.
+    """
+    parameters = parameters.model_copy(update={"n_theta": parameters.n_theta or N_BEAMS})
+    calibration = survey_pullback(stream, parameters)
+    beams = examine_beams(stream, calibration)
+    pose = _locate(beams, target)
+    check_rings(target, pose.z_of(beams.z_mm))
+    capillary_mm = calibration.acquisition.standard_errors.get("capillary_outer_diameter_mm", CAPILLARY_MM)
+    for _ in range(2):
+        model = TubeModel(beams, find_marks(beams, pose, target), target, pose)
+        fit = model.fit(capillary_mm)
+        pose = refined(pose, fit)
+    _check_diameter(model, fit, capillary_mm)
+    return _measurement(calibration, model, fit, pose, capillary_mm)
+
+
+def _locate(beams: Beams, target: Target) -> Pose:
+    deepest = target.ring_depth_mm + target.groove_depth_mm
+
+    def relief(z_mm: Coordinates, theta_rad: Coordinates) -> Coordinates:
+        return target.relief_mm(z_mm, theta_rad)
+
+    image = beams.relief_map(target.radius_mm, COLUMNS)
+    image = np.clip(image - np.nanmedian(image), -0.1, deepest + 0.1)
+    return clear_pose(poses(image, beams.z_mm, target, relief, SCALES))
+
+
+def _check_diameter(model: TubeModel, fit: Fit, capillary_mm: float) -> None:
+    off, sigma = float(fit.values[WALL]), float(model.expected(capillary_mm)[1][WALL])
+    if abs(off) > max(CONTRADICTION_MM, CONTRADICTION_SIGMAS * sigma):
+        target = model.target
+        raise EndoctError(
+            "the tube's diameter contradicts what the recording shows of its steps",
+            found=f"{target.bore_diameter_mm + 2 * off:.3f} mm, if rings and grooves are as deep as stated",
+            expected=f"{target.bore_diameter_mm:.3f} mm",
+            remedy="check bore_diameter_mm in tube.toml and capillary_outer_diameter_mm in the sidecar",
+        )
+
+
+def _measurement(
+    calibration: OctCalibration, model: TubeModel, fit: Fit, pose: Pose, capillary_mm: float
+) -> Measurement:
+    acquisition, target, values = calibration.acquisition, model.target, fit.values
+    sigma = np.sqrt(np.diag(fit.covariance))
+    pixel_mm = acquisition.axial_pixel_mm * math.exp(values[SCALE])
+    pixel_sigma = pixel_mm * sigma[SCALE]
+    pitch_mm = acquisition.pullback_pitch_mm * abs(values[PITCH])
+    pitch_sigma = math.hypot(acquisition.pullback_pitch_mm * sigma[PITCH], pitch_mm * target.stretch_sigma)
+    theta_rad = float(np.mod(values[THETA], 2 * np.pi))
+    turning = calibration.rotation.shape_sigma_rad
+    theta_sigma = math.hypot(sigma[THETA], float(np.nanmedian(turning)) if np.isfinite(turning).any() else TURNING_RAD)
+    inward = pose.direction * (model.beams.z_mm[-1] - model.beams.z_mm[0]) > 0
+    keys: dict[str, KeyValue] = {
+        "axial_pixel_mm": pixel_mm,
+        "handedness": "same" if pose.sense > 0 else "mirrored",
+        "theta_origin_rad": theta_rad,
+        "travel": "in" if inward else "out",
+        "pullback_pitch_mm": pitch_mm,
+    }
+    quantities = [
+        Quantity("axial_pixel_mm", "axial pixel in air", pixel_mm, pixel_sigma, "mm"),
+        Quantity("theta_origin_rad", "θ of A-scan 0", theta_rad, theta_sigma, "rad"),
+        Quantity("pullback_pitch_mm", "pullback between slices", pitch_mm, pitch_sigma, "mm"),
+    ]
+    doubts = _doubts(calibration, inward)
+    if calibration.glass.thickness_mm:
+        first_mm = float(first_sample_mm(values, calibration)[0])
+        by_scale = float(fit.sigma_of(lambda at: first_sample_mm(at, calibration))[0])
+        first_sigma = math.hypot(by_scale, capillary_mm / 2, 0.46 * GLASS_MM, FACE_MM)
+        keys["first_sample_mm"] = first_mm
+        quantities.insert(1, Quantity("first_sample_mm", "path to depth sample 0", first_mm, first_sigma, "mm"))
+    else:
+        doubts += (
+            Doubt(
+                "depth-zero-unknown",
+                "The capillary's inner face is not seen, so its glass is not known, nor first_sample_mm.",
+            ),
+        )
+    off_mm, off_sigma = math.hypot(values[X], values[Y]), math.hypot(sigma[X], sigma[Y])
+    lean_rad, lean_sigma = math.hypot(values[LEAN_X], values[LEAN_Y]), math.hypot(sigma[LEAN_X], sigma[LEAN_Y])
+    quantities += [
+        Quantity("capillary_off_axis_mm", "capillary off the tube's axis", off_mm, off_sigma, "mm"),
+        Quantity("capillary_lean_rad", "slope of the capillary in the tube", lean_rad, lean_sigma, "rad"),
+    ]
+    return Measurement(
+        keys,
+        {each.name: each.sigma for each in quantities if each.name in keys},
+        tuple(quantities),
+        _panels(model, fit),
+        doubts,
+    )
+
+
+def _doubts(calibration: OctCalibration, inward: bool) -> tuple[Doubt, ...]:
+    doubts: list[Doubt] = []
+    acquisition = calibration.acquisition
+    stated = acquisition.travel
+    if stated != "unknown" and (stated == "in") != inward:
+        doubts.append(
+            Doubt(
+                "travel-against-tube",
+                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says "
+                f"'{stated}': one of them is wrong, or the instrument came in at the tube's other end, and handedness "
+                "is wrong, too.",
+            )
+        )
+    if acquisition.medium_index != 1:
+        doubts.append(
+            Doubt(
+                "index-not-separable",
+                "Depths tell the axial pixel over the refractive index alone: axial_pixel_mm is right if medium_index "
+                f"is {acquisition.medium_index:g}.",
+            )
+        )
+    starts = calibration.rotation.start_rad
+    spread = float(np.std(np.angle(np.exp(1j * (starts - np.angle(np.exp(1j * starts).sum()))))))
+    if spread > SURE_START_RAD:
+        doubts.append(
+            Doubt(
+                "origin-not-kept",
+                f"Turns start {math.degrees(spread):.0f}° from each other, so the next recording starts anywhere: "
+                "theta_origin_rad is that of this one alone.",
+                value=spread,
+                unit="rad",
+            )
+        )
+    return tuple(doubts)
+
+
+def _panels(model: TubeModel, fit: Fit) -> tuple[Panel, ...]:
+    marks, target, values = model.marks, model.target, fit.values
+    depth = marks.line == DEPTHS
+    scale = math.exp(values[SCALE])
+    expected = target.radius_mm + marks.relief_mm - model.beams.face_radius_mm
+    line = np.array([expected[depth].min(), expected[depth].max()])
+    helical = marks.line == HELICAL
+    z_mm = values[Z] + model.pose.direction * values[PITCH] * model.beams.z_mm
+    of_helix = z_mm[marks.slice_index[helical]]
+    course = np.array([z_mm.min(), z_mm.max()])
+    turned = fit.residual_mm[helical] / target.radius_mm
+    return (
+        Panel(
+            "depth beyond the capillary",
+            "stated, mm",
+            "by the tube, mm",
+            marks.gap_mm[depth],
+            expected[depth],
+            np.stack([line / scale, line], axis=1),
+        ),
+        Panel(
+            "wall and floors off the model",
+            "z of the tube, mm",
+            "µm",
+            z_mm[marks.slice_index[depth]],
+            1000 * fit.residual_mm[depth],
+            np.stack([course, np.zeros(2)], axis=1),
+        ),
+        Panel(
+            "helical groove from the axial one",
+            "z of the tube, mm",
+            "rad",
+            of_helix,
+            target.helix_rad(of_helix) + turned,
+            np.stack([course, target.helix_rad(course)], axis=1),
+        ),
+        Panel(
+            "helical groove off the model",
+            "z of the tube, mm",
+            "µm along the circumference",
+            of_helix,
+            1000 * fit.residual_mm[helical],
+            np.stack([course, np.zeros(2)], axis=1),
+        ),
+    )

@@ -1,0 +1,148 @@
+"""A pullback's scales and zeros from a printed tube, by least squares over where its beams meet the tube's marks.
+
+The tube's wall lies at its radius, the capillary's outer face at its own; what lies between them, and the steps of
+rings and grooves, give the depth of a pixel. The helical groove is a vernier along z: it gives the pitch, and the two
+rings say which way. The zero of the depth axis follows from the capillary, its glass being as thick as its inner face
+shows.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Coordinates
+from endoct.base.numeric.circle import wrap_rad
+from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.face.face_circle import circle_distance_mm
+from endoct.modalities.oct.tube_marks import AXIAL, DEPTHS, HELICAL, SECTORS, Beams, Marks
+from endoct.modalities.tube.fitting import Fit, fit_model
+from endoct.modalities.tube.locating import Pose
+from endoct.modalities.tube.target import Target
+
+SURFACE_MM = 0.002
+"""Standard error of where the wall's surface is taken to be, the same everywhere (preset `tube`, seeds 0–11)."""
+STEP_MM = 0.002, 0.002
+"""By how much a ring's floor is seen too deep, as less light comes back from there, and its standard error."""
+FLOOR_MM = -0.002, 0.004
+"""The same of a narrow groove's floor against a ring's (both: preset `tube`, seeds 0–6)."""
+TILTED = 0.02
+"""Usual slope of the tube's axis against the capillary's, and what they lie apart, mm, is not bounded."""
+CLUSTER_MM = 1.2
+N_PARAMETERS = 13
+SCALE, WALL, DEPTH, FLOOR, X, Y, LEAN_X, LEAN_Y, Z, PITCH, THETA, SWAY, BULGE = range(N_PARAMETERS)
+"""Parameters: logarithm of true over stated axial pixel; wall off the stated radius, all depths off the stated ones,
+and the grooves' floors in addition, mm; the tube's axis off the capillary's in its middle, mm, and its slopes; z of
+the nominal z = 0, mm; true over stated pitch; θ of the angle 0; what an oblique beam makes of the radius, by the first
+and by the second order of the offset, so that the eccentricity tells nothing of the scale."""
+
+
+@dataclass(frozen=True, eq=False)
+class TubeModel:
+    """How far marks lie from where the parameters put them."""
+
+    beams: Beams
+    marks: Marks
+    target: Target
+    pose: Pose
+
+    def start(self) -> Coordinates:
+        """Return parameters to begin with."""
+        values = np.zeros(N_PARAMETERS)
+        values[[Z, PITCH, THETA]] = self.pose.z_mm, self.pose.scale, self.pose.theta_rad
+        return values
+
+    def expected(self, capillary_sigma_mm: float) -> tuple[Coordinates, Coordinates]:
+        """Return what is known of the parameters beforehand, and its standard errors, infinite where nothing is."""
+        known = self.target.standard_errors
+        sigma = np.full(N_PARAMETERS, np.inf)
+        sigma[WALL] = math.hypot(known.bore_diameter_mm / 2, capillary_sigma_mm / 2, SURFACE_MM)
+        expected = np.zeros(N_PARAMETERS)
+        expected[DEPTH], sigma[DEPTH] = STEP_MM[0], math.hypot(known.depth_mm, STEP_MM[1])
+        expected[FLOOR], sigma[FLOOR] = FLOOR_MM
+        sigma[[LEAN_X, LEAN_Y]] = TILTED
+        return expected, sigma
+
+    def distances_mm(self, values: Coordinates) -> Coordinates:
+        """Return how far each mark lies from the tube's, along the radius or the circumference, float64 (n,)."""
+        marks, of, target = self.marks, self.marks.slice_index, self.target
+        scale = math.exp(values[SCALE])
+        x, y = scale * self.beams.x_mm[of], scale * self.beams.y_mm[of]
+        cos, sin = np.cos(marks.beam_rad), np.sin(marks.beam_rad)
+        nominal = self.beams.z_mm[of]
+        aside = nominal - self.beams.z_mm.mean()
+        axis_x, axis_y = (values[at] + values[lean] * aside for at, lean in ((X, LEAN_X), (Y, LEAN_Y)))
+        # the tube's axis is given in the frame that slices share; beams are turned there by start and bend
+        turn = self.beams.start_rad[of] - marks.bend_rad
+        c, s = np.cos(turn), np.sin(turn)
+        along = circle_distance_mm(marks.beam_rad, x, y, self.beams.face_radius_mm) + scale * marks.gap_mm
+        px, py = x + along * cos, y + along * sin
+        radius = np.hypot(c * px - s * py - axis_x, s * px + c * py - axis_y)
+        off_axis, aside_mm = x * cos + y * sin, x * sin - y * cos
+        radius = radius - values[SWAY] * off_axis - values[BULGE] * aside_mm**2
+        steps = marks.in_ring.astype(float) + marks.in_groove
+        expected = target.radius_mm + marks.relief_mm + values[WALL] + values[DEPTH] * steps
+        # in stated mm, as depths were measured: a smaller scale must not make their errors smaller
+        off_radius = (radius - expected - values[FLOOR] * marks.in_groove) / scale
+
+        # where the beam, in the shared frame, is as far from the tube's axis as the groove's edges; by the stated
+        # offset, so that angles tell nothing of the scale
+        x, y = self.beams.x_mm[of], self.beams.y_mm[of]
+        level = target.radius_mm + target.ring_depth_mm * marks.in_ring
+        ox, oy = c * x - s * y - axis_x, s * x + c * y - axis_y
+        dx, dy = c * cos - s * sin, s * cos + c * sin
+        ahead, across = ox * dx + oy * dy, ox * dy - oy * dx
+        reach = np.sqrt(np.maximum(level**2 - across**2, 1e-9)) - ahead
+        angle = np.arctan2(oy + reach * dy, ox + reach * dx)
+        theta = values[THETA] + self.pose.sense * angle
+        z_mm = values[Z] + self.pose.direction * values[PITCH] * nominal
+        axial, helical = marks.line == AXIAL, marks.line == HELICAL
+        off_angle = theta.copy()
+        off_angle[helical] -= theta[axial] + target.helix_rad(z_mm[helical])  # wherever the turn started
+        return np.where(marks.line == DEPTHS, off_radius, target.radius_mm * wrap_rad(off_angle))
+
+    def groups(self) -> NDArray[np.intp]:
+        """Return which points have one scale of errors: depths of the wall, of grooves, middles of either groove."""
+        return np.where(self.marks.line > 0, 1 + self.marks.line, self.marks.in_groove.astype(np.intp))
+
+    def clusters(self) -> NDArray[np.intp]:
+        """Return which points lie close together on the tube and err alike."""
+        z = np.floor((self.beams.z_mm * self.pose.scale)[self.marks.slice_index] / CLUSTER_MM).astype(np.intp)
+        around = 2 * np.pi * self.target.radius_mm / SECTORS
+        sector = self.marks.sector // max(1, round(CLUSTER_MM / around))
+        return z * 1000 + self.marks.line * 100 + np.where(self.marks.line > 0, 0, sector)
+
+    def fit(self, capillary_sigma_mm: float) -> Fit:
+        """Return the parameters that fit best. Raises :class:`NotSeen` where none do."""
+        start = self.start()
+        return fit_model(
+            self.distances_mm,
+            start,
+            *self.expected(capillary_sigma_mm),
+            self.groups(),
+            self.clusters(),
+        )
+
+
+def refined(pose: Pose, fit: Fit) -> Pose:
+    """Return the pose that a fit gives."""
+    return Pose(
+        float(fit.values[Z]), float(fit.values[PITCH]), pose.direction, float(fit.values[THETA]), pose.sense,
+        pose.correlation,
+    )  # fmt: skip
+
+
+def first_sample_mm(values: Coordinates, calibration: OctCalibration) -> Coordinates:
+    """Return the optical path from the catheter's axis to depth sample 0, by the capillary's face, float64 (1,)."""
+    scale, faces, index = math.exp(values[SCALE]), calibration.faces, calibration.acquisition.medium_index
+    known = np.flatnonzero(~faces.bridged)
+    capillary, glass = faces.capillary, calibration.glass
+    turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    stated = [capillary.circle(i).distance_mm(turn).mean() + capillary.axis_depth_mm[i] for i in known]
+    true = [
+        circle_distance_mm(turn, scale * capillary.x_mm[i], scale * capillary.y_mm[i], capillary.radius_mm).mean()
+        for i in known
+    ]
+    delay_mm = glass.path_mm - glass.thickness_mm
+    return np.array([index * (np.median(np.array(true) - scale * np.array(stated)) + delay_mm)])

@@ -1,0 +1,69 @@
+"""A pullback's scales from marks that closed forms place on a tube, by a catheter off the axis, in noise."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from printed_tube import TUBE
+from tolerances import TUBE_SCALE_REL
+
+from endoct.modalities.oct.tube_fit import PITCH, SCALE, THETA, TubeModel, Z
+from endoct.modalities.oct.tube_marks import HELICAL, Beams, find_marks
+from endoct.modalities.tube.locating import Pose
+
+FACE_MM, N_SLICES, N_BEAMS = 0.85, 30, 600
+PIXEL, STEP = 1.02, 0.99
+"""True over stated axial pixel, and pitch."""
+
+
+def beams(rng: np.random.Generator, sense: int) -> Beams:
+    """Beams from a catheter 0.15 mm off the axis, of which every A-scan's wall lies where the tube has it."""
+    z_mm = 0.25 * np.arange(N_SLICES)
+    beam = np.tile(2 * np.pi / N_BEAMS * np.arange(N_BEAMS), (N_SLICES, 1))
+    x, y = np.full(N_SLICES, 0.15), np.full(N_SLICES, -0.02)
+    reach = np.linspace(1.0, 2.4, 2801)
+    gap = np.empty_like(beam)
+    for k in range(N_SLICES):
+        px = x[k] + (reach[:, None] - 0.15) * np.cos(beam[k])
+        py = y[k] + (reach[:, None] - 0.15) * np.sin(beam[k])
+        theta = 0.4 + sense * np.arctan2(py, px)
+        wall = TUBE.radius_mm + TUBE.relief_mm(np.full_like(px, 1.9 + STEP * z_mm[k]), theta)
+        first = np.argmax(np.hypot(px, py) > wall, axis=0)
+        across = x[k] * np.sin(beam[k]) - y[k] * np.cos(beam[k])
+        face = np.sqrt(FACE_MM**2 - across**2) - (x[k] * np.cos(beam[k]) + y[k] * np.sin(beam[k]))
+        gap[k] = reach[first] - 0.15 - face
+    gap += 0.004 * rng.standard_normal(gap.shape)
+    good = rng.random(gap.shape) < 0.9
+    zero = np.zeros(N_SLICES)
+    return Beams(beam, gap / PIXEL, good, zero, x / PIXEL, y / PIXEL, z_mm, np.zeros_like(beam), FACE_MM)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_scales_come_back(sense: int) -> None:
+    recorded = beams(np.random.default_rng(sense + 5), sense)
+    pose = Pose(1.93, 1.0, 1, 0.42, sense, 0.9)
+    for _ in range(2):
+        model = TubeModel(recorded, find_marks(recorded, pose, TUBE), TUBE, pose)
+        fit = model.fit(capillary_sigma_mm=0.0005)
+        pose = replace(
+            pose, z_mm=float(fit.values[Z]), scale=float(fit.values[PITCH]), theta_rad=float(fit.values[THETA])
+        )
+    sigma = np.sqrt(np.diag(fit.covariance))
+    assert np.count_nonzero(model.marks.line == HELICAL) > 15
+    assert math.exp(fit.values[SCALE]) == pytest.approx(PIXEL, rel=max(TUBE_SCALE_REL, 2 * sigma[SCALE]))
+    assert sigma[SCALE] < 0.012
+    assert fit.values[PITCH] == pytest.approx(STEP, rel=TUBE_SCALE_REL)
+    assert np.angle(np.exp(1j * (fit.values[THETA] - 0.4))) == pytest.approx(0, abs=0.004)
+
+
+def test_noise_alone_does_not_shrink_the_scale() -> None:
+    """Depths err, and a smaller scale would make these errors smaller: residuals are in stated mm."""
+    quiet, loud = (beams(np.random.default_rng(8), 1) for _ in range(2))
+    loud = replace(loud, gap_mm=loud.gap_mm + 0.02 * np.random.default_rng(9).standard_normal(loud.gap_mm.shape))
+    pose = Pose(1.9, STEP, 1, 0.4, 1, 0.9)
+    scales = []
+    for each in (quiet, loud):
+        fit = TubeModel(each, find_marks(each, pose, TUBE), TUBE, pose).fit(capillary_sigma_mm=0.0005)
+        scales.append(math.exp(fit.values[SCALE]))
+    assert scales[0] == pytest.approx(scales[1], rel=TUBE_SCALE_REL)

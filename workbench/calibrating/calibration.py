@@ -1,0 +1,113 @@
+"""A recording of a printed tube to the file that later sidecars cite."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import tomli_w
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_unchanged, digests, path_text, sha256_of, state_of
+from endoct.base.files.output import check_output, new_output
+from endoct.modalities.acquisition import read_keys, sidecar_path
+from endoct.modalities.contract import CalibratingModality
+from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.tube.measurement import Measurement
+from endoct.modalities.tube.target import Target, read_target
+from endoct.workbench.calibrating.figure import figure_path, write_figure
+from endoct.workbench.exporting.mark import BLANK, is_marked, mark
+from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.pipeline.settings import split
+from endoct.workbench.running.kinds import CALIBRATION
+from endoct.workbench.running.progress import SilentStages, Stages
+
+SAME_DIAMETER = 0.02
+"""Relative, within which the sidecar's bore and the tube's are one."""
+DIGITS = 6
+
+
+def calibrate(
+    modality: str,
+    recording: Path | str,
+    *,
+    target: Path | str,
+    output: Path | str,
+    settings: Mapping[str, object] | None = None,
+    overwrite: bool = False,
+    progress: Stages | None = None,
+) -> Measurement:
+    """Calibrate an instrument by a recording of a printed tube; write the file that sidecars cite, and its figure.
+
+    ``modality`` names the plug-in; ``target`` is the tube's ``tube.toml``; ``settings`` are keys of the recording's
+    sidecar and of its processing. The figure lies next to ``output``, by the same name with ``.png``.
+
+    Raises :class:`EndoctError` where the plug-in cannot be calibrated, the recording does not show the tube's marks, or
+    the tube's diameter contradicts it; nothing is written then.
+    """
+    recording, target, output = Path(recording), Path(target), Path(output)
+    stages = progress or SilentStages()
+    tube = read_target(target)
+    figure = figure_path(output)
+    for path in (output, figure):
+        check_output(path, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_marked)
+    files = state_of(recording)
+    manifest = manifest_for(recording, modality)
+    implementation = manifest.load()
+    if not hasattr(implementation, "calibrate"):
+        raise EndoctError(f"the modality '{manifest.name}' cannot be calibrated by a tube")
+    overrides, parameters = split(settings or {}, manifest)
+    overrides = _bore_of(recording, tube, overrides)
+    _, stream = open_recording(recording, modality=modality, overrides=overrides)
+    with stages.stage(f"calibrate {manifest.name}"):
+        measured = cast(CalibratingModality[Any, Any], implementation).calibrate(stream, parameters, tube)
+    check_unchanged(recording, files)
+    text = _toml(measured, recording, target)
+    with new_output(figure, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_marked) as scratch:
+        write_figure(measured, scratch)
+        mark(scratch)
+    with new_output(output, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_marked) as scratch:
+        scratch.write_text(text, encoding="utf-8")
+        mark(scratch)
+    return measured
+
+
+def _bore_of(recording: Path, tube: Target, overrides: Mapping[str, object]) -> dict[str, object]:
+    """Return the overrides with the tube's diameter. Raises :class:`EndoctError` where the sidecar has another."""
+    stated = overrides.get("bore_diameter_mm", read_keys(recording).get("bore_diameter_mm"))
+    if isinstance(stated, int | float) and abs(stated / tube.bore_diameter_mm - 1) > SAME_DIAMETER:
+        raise EndoctError(
+            "the diameter in the sidecar is not that of the tube",
+            found=f"bore_diameter_mm = {stated:g} in {sidecar_path(recording)}",
+            expected=f"{tube.bore_diameter_mm:g}",
+            remedy="name the tube.toml of the tube that was recorded",
+        )
+    return {**overrides, "bore_diameter_mm": tube.bore_diameter_mm}
+
+
+def _toml(measured: Measurement, recording: Path, target: Path) -> str:
+    found = digests(recording)
+    recorded = next(iter(found.values())) if len(found) == 1 else f"{len(found)} files"
+    lines = [
+        f"# Calibration by endoct ({BLANK}).",
+        '# Sidecars next to it cite it as calibration = "NAME.toml" and leave out these keys.',
+        f"# endoct {versions()['endoct']}; recording {path_text(recording.name)} ({recorded}); "
+        f"tube {path_text(target.name)} ({sha256_of(target)})",
+        *(f"# DOUBT {doubt.code}: {doubt.what}" for doubt in measured.doubts),
+    ]
+    keys = {name: _rounded(value) for name, value in measured.keys.items()}
+    errors = {name: _significant(value) for name, value in measured.standard_errors.items()}
+    return "\n".join(lines) + "\n\n" + tomli_w.dumps({**keys, "standard_errors": errors})
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, float):
+        return round(value, DIGITS + 2) if abs(value) < 1 else round(value, DIGITS)
+    if isinstance(value, tuple):
+        return [_rounded(each) for each in value]
+    if isinstance(value, Mapping):
+        return {name: _rounded(each) for name, each in value.items()}
+    return value
+
+
+def _significant(value: float) -> float:
+    return float(f"{value:.2g}")
