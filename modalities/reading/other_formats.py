@@ -9,7 +9,7 @@ from pathlib import Path
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular, read_start
-from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
+from endoct.modalities.dicom.dicom_file import MAGIC, PREAMBLE, START_BYTES, UNKNOWN, kind_of
 
 _VIDEO = "convert it without losses: ffmpeg -i IN -c:v ffv1 OUT.mkv"
 _IMAGE = "convert its images to PNG or TIFF"
@@ -38,8 +38,8 @@ def kind_not_read(path: Path) -> OtherKind | None:
     start = read_start(path, _LOOKED_AT)
     if start.startswith(b"PK\3\4"):
         return _zip(path, start)
-    if is_dicom(path):
-        name = kind_of(path).name
+    if (kind := kind_of(path)) != UNKNOWN or start[PREAMBLE:START_BYTES] == MAGIC:
+        name = kind.name
         return OtherKind(f"a DICOM file of {name}" if name else "a DICOM file", _EXPORT)
     for is_that, name, remedy in _KINDS:
         if is_that(start):
