@@ -37,8 +37,10 @@ OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING = f"{_STORAGE}.14.1", f"{_STORAGE}.14.2
 ULTRASOUND = frozenset(f"{_STORAGE}.{end}" for end in ("3", "3.1", "6", "6.1"))
 ENDOSCOPIC = frozenset(f"{_STORAGE}.{end}" for end in ("77.1.1", "77.1.1.1"))
 """Images, and a video."""
-PICTURES = ENDOSCOPIC | frozenset(f"{_STORAGE}.{end}" for end in ("7.2", "7.3", "7.4"))
-"""Of an endoscope, and secondary captures of many frames."""
+CAPTURES = frozenset(f"{_STORAGE}.{end}" for end in ("7.2", "7.3", "7.4"))
+"""Secondary captures of many frames."""
+OF_CAMERAS = ("ES", "XC", "GM", "OT", "SC", "")
+"""Modalities of captures that are pictures: endoscopy, photographs, microscopy, others. Those of a CT are a volume."""
 IN_VESSELS = ("IVOCT", "IVUS", "OCT")
 """Modalities of catheters that turn in vessels; ophthalmic OCT is "OPT"."""
 _LAST_OF_KIND = 0x0008_0060
@@ -55,13 +57,13 @@ class Kind:
     def is_catheter(self) -> bool:
         """Whether it is a recording of a catheter that turns: OCT or ultrasound."""
         oct_ = self.sop_class in (OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING)
-        pictured = self.sop_class in PICTURES | ULTRASOUND
-        return oct_ or (pictured and self.modality in IN_VESSELS)
+        drawn = self.sop_class in CAPTURES | ULTRASOUND
+        return oct_ or (drawn and self.modality in IN_VESSELS)
 
     @property
     def is_pictures(self) -> bool:
-        """Whether it holds pictures or a video of an endoscope, or of what is not known."""
-        return self.sop_class in PICTURES and not self.is_catheter
+        """Whether it holds pictures or a video of an endoscope, or of another camera."""
+        return self.sop_class in ENDOSCOPIC or (self.sop_class in CAPTURES and self.modality in OF_CAMERAS)
 
     @property
     def is_recording(self) -> bool:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import read_start
-from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
+from endoct.modalities.dicom.dicom_file import MAGIC, PREAMBLE, START_BYTES, UNKNOWN, kind_of
 
 _VIDEO = "convert it without losses: ffmpeg -i IN -c:v ffv1 OUT.mkv"
 _IMAGE = "convert its images to PNG or TIFF"
@@ -30,8 +30,8 @@ class OtherKind:
 def kind_not_read(path: Path) -> OtherKind | None:
     """Return what a file is, by its first bytes, if that is of a known kind which is not read; else None."""
     start = read_start(path, _LOOKED_AT)
-    if is_dicom(path):
-        name = kind_of(path).name
+    if (kind := kind_of(path)) != UNKNOWN or start[PREAMBLE:START_BYTES] == MAGIC:
+        name = kind.name
         return OtherKind(f"a DICOM file of {name}" if name else "a DICOM file", _EXPORT)
     for is_that, name, remedy in _KINDS:
         if is_that(start):

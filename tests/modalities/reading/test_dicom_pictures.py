@@ -228,6 +228,13 @@ def test_other_dicom_is_refused_by_its_class(tmp_path: Path) -> None:
     assert is_volume(tmp_path / "a.dcm")
 
 
+def test_a_ct_in_a_capture_of_many_frames_is_no_recording(tmp_path: Path) -> None:
+    path = write(captured(GREY, "MONOCHROME2", f"{STORAGE}.7.3", Modality="CT"), tmp_path / "a.dcm")
+    assert is_volume(path)
+    with pytest.raises(EndoctError, match="a DICOM file of Multi-frame Grayscale Word Secondary Capture"):
+        open_stack(path)
+
+
 def test_what_is_cut_off_or_lies_is_one_line(tmp_path: Path) -> None:
     coded = [bytes(imagecodecs.jpegls_encode(frame)) for frame in GREY]
     one = captured(GREY, "MONOCHROME2")
