@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 STAMP_JITTER = 0.1
 """Of the usual step: what time stamps of a video jitter; where they do more, frames were taken at uneven times."""
+SHORTEST_STEP_S, LONGEST_STEP_S = 1e-5, 100.0
+"""Between frames of a camera; a file whose time stamps lie otherwise states no rate."""
 _ORIENTATIONS = {
     (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
     (0, -1, 1, 0): 8,
@@ -175,12 +177,10 @@ def _claims_video(path: Path) -> bool:
 
 
 def _states_of_video(files: Files) -> Stated:
-    usual_s = spacing_of(index_of(files[0]).times_s, within=STAMP_JITTER).usual
-    return (
-        Stated({"frame_rate_hz": float(f"{1 / usual_s:.6g}")}, f"the time stamps of {files[0].name}")
-        if usual_s > 0
-        else Stated()
-    )
+    step_s = spacing_of(index_of(files[0]).times_s, within=STAMP_JITTER).usual
+    if not SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
+        return Stated()
+    return Stated({"frame_rate_hz": float(f"{1 / step_s:.6g}")}, f"the time stamps of {files[0].name}")
 
 
 VIDEO = Format("video", _claims_video, _open_video, _states_of_video)

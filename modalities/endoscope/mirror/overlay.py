@@ -42,11 +42,11 @@ def find_overlay(images: Sequence[Image], annulus: Annulus) -> Mask | None:
     ``images``: grey, float32 of full scale 1, in all of which the ring lies about where ``annulus`` has it and between
     which the wall moves on.
     """
-    if len(images) < FEWEST_FRAMES:
+    whole = _ring(annulus, images[0].shape, -RIM_PX)
+    if len(images) < FEWEST_FRAMES or not whole.any():
         return None
     rows, columns = _around(annulus, images[0].shape)
-    part = [np.ascontiguousarray(image[rows, columns]) for image in images]
-    ring = _ring(annulus, images[0].shape, -RIM_PX)[rows, columns]
+    part, ring = [np.ascontiguousarray(image[rows, columns]) for image in images], whole[rows, columns]
     slopes = list(thread_map(_slopes, part))
     still = _still(part, ring)
     edges = ring & _grown(still, 1) & _edges(_medians(slopes), annulus, rows, columns)

@@ -80,7 +80,7 @@ def find_turns(levels: Levels, n_ascans: int, usual: float, most: int | None = N
     coarse = _compared(levels, np.arange(0, n_ascans, step, dtype=np.intp))
     period = usual / step
     at, lag, close = _followed(coarse, period)
-    starts, alike = [0.0], []
+    starts, alike = [0.0], list[float]()
     while most is None or len(alike) < most:
         begin = starts[-1]
         end = begin + step * float(np.interp(begin / step, at, lag))
@@ -161,8 +161,8 @@ def _followed(stream: Image, period: float) -> tuple[Coordinates, Coordinates, C
         close = gaussian_filter1d(product, sigma, mode="constant") / np.maximum(both, np.finfo(np.float32).tiny)
         alike[reached, k] = close[places[reached]]
     path = _best_path(alike)
-    lag = np.asarray(lags[path] + _between(alike, path), np.float64)
-    return np.asarray(places, np.float64), lag, np.asarray(alike[np.arange(path.size), path], np.float64)
+    followed = np.asarray(lags[path] + _between(alike, path), np.float64)
+    return np.asarray(places, np.float64), followed, np.asarray(alike[np.arange(path.size), path], np.float64)
 
 
 def _best_path(alike: Coordinates) -> NDArray[np.intp]:
