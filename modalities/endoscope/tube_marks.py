@@ -127,8 +127,8 @@ def find_marks(
 ) -> Marks:
     """Return the middles of both grooves on every circle of every frame where they are clear.
 
-    ``bore_mm`` and ``floor_mm`` (n_frames, ``N_CIRCLES``): about z of the circles on the tube, where their rays pass the
-    bore's radius and the rings' floor. θ on the tube is ``turn_rad`` (n_frames,) + ``sense`` · image angle.
+    ``bore_mm`` and ``floor_mm`` (n_frames, ``N_CIRCLES``): about z of the circles on the tube, where their rays pass
+    the bore's radius and the rings' floor. θ on the tube is ``turn_rad`` (n_frames,) + ``sense`` · image angle.
     """
     entering, ending = target.ring_inside_mm(bore_mm), target.ring_inside_mm(floor_mm)
     in_ring = np.minimum(entering, ending) > EDGE_MM

@@ -56,7 +56,7 @@ def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: T
     beams = examine_beams(stream, calibration)
     pose = _locate(beams, target)
     check_rings(target, pose.z_of(beams.z_mm))
-    capillary_mm = calibration.acquisition.standard_errors.get("capillary_outer_diameter_mm", CAPILLARY_MM)
+    capillary_mm = (calibration.acquisition.standard_errors or {}).get("capillary_outer_diameter_mm", CAPILLARY_MM)
     for _ in range(2):
         model = TubeModel(beams, find_marks(beams, pose, target), target, pose)
         fit = model.fit(capillary_mm)
