@@ -195,7 +195,7 @@ class Acquisition(BaseModel):
     standard_errors: Mapping[str, Annotated[float, Field(ge=0, le=1e6)]] | None = Field(
         default=None,
         max_length=MOST_STATED,
-        description="a table: standard errors of keys, as a calibration gives them",
+        description="a table: standard errors of keys, as a calibration has them",
     )
 
     @property
