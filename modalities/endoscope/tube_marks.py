@@ -204,7 +204,7 @@ def _middles(
 def on_tube(
     pose: Pose, calibration: EndoscopeCalibration, r_px: Coordinates, ring_depth_mm: float
 ) -> tuple[Coordinates, Coordinates, Coordinates]:
-    """Return z of circles at the bore and at rings' floors (n_frames, n), and the turn of frames, as a pose has them."""
+    """Return z of circles at the bore and at rings' floors (n_frames, n), and turns of frames, as a pose has them."""
     along = calibration.z_mm[:, None] + calibration.optics.z_mm(r_px)
     bore_mm = pose.z_of(along)
     floor_mm = bore_mm + pose.direction * ring_depth_mm * calibration.optics.slant(r_px)
