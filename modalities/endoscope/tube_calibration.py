@@ -30,7 +30,7 @@ from endoct.modalities.endoscope.tube_marks import (
 )
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import Pose, poses
-from endoct.modalities.tube.marks_seen import check_rings, clear_pose
+from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
 from endoct.modalities.tube.target import Target
 
@@ -58,7 +58,7 @@ class _Fitted:
 
 
 def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, target: Target) -> Measurement:
-    """Return what a recording of a tube tells of the endoscope.
+    """Return what a recording of a tube says of the endoscope.
 
     Raises :class:`NotSeen` where it does not show the tube's marks, or too little of them.
     """

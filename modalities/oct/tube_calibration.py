@@ -28,7 +28,7 @@ from endoct.modalities.oct.tube_fit import (
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import COLUMNS, Pose, poses
-from endoct.modalities.tube.marks_seen import check_rings, clear_pose
+from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
 from endoct.modalities.tube.target import Target
 
@@ -46,7 +46,7 @@ TURNING_RAD = 0.01
 
 
 def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
-    """Return what a pullback through a tube tells of the OCT.
+    """Return what a pullback through a tube says of the OCT.
 
     Raises :class:`NotSeen` where it does not show the tube's marks, :class:`EndoctError` where the tube's diameter
     contradicts it.
