@@ -30,8 +30,8 @@ from endoct.modalities.endoscope.tube_marks import (
 )
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import Pose, poses
-from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 BY_FEED = np.arange(0.86, 1.141, 0.02)

@@ -28,8 +28,8 @@ from endoct.modalities.oct.tube_fit import (
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import COLUMNS, Pose, poses
-from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 N_BEAMS = 1024
