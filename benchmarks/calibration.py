@@ -125,12 +125,12 @@ def summary(table: pd.DataFrame) -> str:
         else:
             error, sigmas, relative = rows["error"], rows["sigmas"], 100 * rows["error"] / rows["true"].abs()
             size = error.abs()
+            within, rms = int((sigmas.abs() <= 2).sum()), float(np.sqrt((sigmas**2).mean()))
             lines.append(
                 f"{modality} {quantity}: error mean {error.mean():+.3g}, median {error.median():+.3g}, median size "
                 f"{size.median():.3g}, worst {size.max():.3g}; in % mean {relative.mean():+.2f}, median size "
                 f"{relative.abs().median():.2f}, worst {relative.abs().max():.2f}; "
-                f"σ median {rows['sigma'].median():.3g}; rms {np.sqrt((sigmas**2).mean()):.2f} σ; "
-                f"within 2σ {int((sigmas.abs() <= 2).sum())} of {len(rows)}"
+                f"σ median {rows['sigma'].median():.3g}; rms {rms:.2f} σ; within 2σ {within} of {len(rows)}"
             )
     return "\n".join(lines)
 

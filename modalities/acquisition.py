@@ -202,8 +202,10 @@ class Acquisition(BaseModel):
         default=0.0, ge=-1000, le=1000, description="θ of the first A-scan or of the image's +x axis"
     )
     calibration: str | None = Field(default=None, description="a TOML file next to this one with further keys")
-    standard_errors: Mapping[str, Annotated[float, Field(ge=0, le=1e6)]] = Field(
-        default={}, max_length=MOST_STATED, description="a table: standard errors of keys, as a calibration gives them"
+    standard_errors: Mapping[str, Annotated[float, Field(ge=0, le=1e6)]] | None = Field(
+        default=None,
+        max_length=MOST_STATED,
+        description="a table: standard errors of keys, as a calibration has them",
     )
 
     @property

@@ -295,7 +295,7 @@ class CalibratingModality(Modality[P, C], Protocol[P, C]):
     """A plug-in whose instrument can be calibrated by a printed tube."""
 
     def calibrate(self, stream: FrameStream, parameters: P, target: Target) -> Measurement:
-        """Return keys of the sidecar, with standard errors, that a recording of the tube ``target`` tells.
+        """Return keys of the sidecar, with standard errors, that a recording of the tube ``target`` gives.
 
         Raises :class:`EndoctError` where it does not show the tube's marks, or contradicts its sizes.
         """

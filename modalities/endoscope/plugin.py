@@ -69,7 +69,7 @@ class EndoscopeModality:
         return locate_in_frame(index, places, calibration)
 
     def calibrate(self, stream: FrameStream, parameters: EndoscopeParameters, target: Target) -> Measurement:
-        """Return what a recording of a printed tube tells of the endoscope."""
+        """Return what a recording of a printed tube says of the endoscope."""
         from endoct.modalities.endoscope.tube_calibration import calibrate_endoscope  # which only a calibration needs
 
         return calibrate_endoscope(stream, parameters, target)

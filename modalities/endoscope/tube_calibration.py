@@ -30,8 +30,8 @@ from endoct.modalities.endoscope.tube_marks import (
 )
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import Pose, poses
-from endoct.modalities.tube.marks_seen import check_rings, clear_pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 BY_FEED = np.arange(0.86, 1.141, 0.02)
@@ -39,7 +39,7 @@ BY_FEED = np.arange(0.86, 1.141, 0.02)
 UNKNOWN = np.geomspace(0.5, 2.0, 70)
 """The same where nothing did."""
 LEAST_POINTS = 300
-ROUNDS = 2
+ROUNDS = 3
 ALONE_SIGMAS = 0.1
 """Relative, above which a standard error says that a number is not told apart from others."""
 ROLLING_RAD = 0.05
@@ -58,7 +58,7 @@ class _Fitted:
 
 
 def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, target: Target) -> Measurement:
-    """Return what a recording of a tube tells of the endoscope.
+    """Return what a recording of a tube says of the endoscope.
 
     Raises :class:`NotSeen` where it does not show the tube's marks, or too little of them.
     """
@@ -80,10 +80,10 @@ def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, ta
 def _fit(darkness: Darkness, calibration: EndoscopeCalibration, pose: Pose, target: Target) -> _Fitted:
     optics, sign = calibration.optics, calibration.optics.rim_sign * pose.direction
     rims = optics.inner_px, optics.outer_px
-    z_mm, turn = on_tube(pose, calibration, darkness.r_px)
+    bore_mm, floor_mm, turn = on_tube(pose, calibration, darkness.r_px, target.ring_depth_mm)
     start: Coordinates | None = None
     for _ in range(ROUNDS):
-        marks = find_marks(darkness, z_mm, turn, pose.sense, target)
+        marks = find_marks(darkness, bore_mm, floor_mm, turn, pose.sense, target)
         if marks.frame.size < LEAST_POINTS or not marks.in_ring.any() or (marks.line == HELICAL).mean() < 0.2:
             raise EndoctError(
                 "too little is seen of the tube's grooves",
@@ -96,8 +96,9 @@ def _fit(darkness: Darkness, calibration: EndoscopeCalibration, pose: Pose, targ
         model = TubeModel(marks.of(fit.kept), target, sign, pose.sense, rims)
         fit = model.fit(fit.values)
         start = fit.values
-        apex_mm, turn = _places_of_frames(model, start, z_mm, darkness.r_px, len(turn))
-        z_mm = apex_mm[:, None] + _circles(model, start, darkness.r_px)
+        apex_mm, turn = _places_of_frames(model, start, bore_mm, darkness.r_px, len(turn))
+        bore_mm = apex_mm[:, None] + _circles(model, start, darkness.r_px)
+        floor_mm = bore_mm + target.ring_depth_mm * optics_of(model, start).slant(darkness.r_px)
     return _Fitted(model, fit, apex_mm, turn)
 
 

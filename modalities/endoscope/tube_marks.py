@@ -19,7 +19,7 @@ from endoct.modalities.tube.target import Target
 N_CIRCLES, N_ANGLES = 64, 1024
 DARKEST, BRIGHTEST = 1.2, -0.3
 """Darkness within which marks are looked for: a deep hole is no darker mark."""
-EDGE_MM = 0.12
+EDGE_MM = 0.1
 """From a ring's edge on, a groove is seen as deep as on one side of it alone."""
 NEAREST_GROOVES_MM = 0.2
 AROUND_MM = 0.25
@@ -122,17 +122,21 @@ class Marks:
         return replace(self, **{name: values[chosen] for name, values in vars(self).items()})
 
 
-def find_marks(darkness: Darkness, z_mm: Coordinates, turn_rad: Coordinates, sense: int, target: Target) -> Marks:
+def find_marks(
+    darkness: Darkness, bore_mm: Coordinates, floor_mm: Coordinates, turn_rad: Coordinates, sense: int, target: Target
+) -> Marks:
     """Return the middles of both grooves on every circle of every frame where they are clear.
 
-    ``z_mm`` (n_frames, ``N_CIRCLES``) of the circles on the tube, about; θ on the tube is ``turn_rad`` (n_frames,) +
-    ``sense`` · image angle.
+    ``bore_mm`` and ``floor_mm`` (n_frames, ``N_CIRCLES``): about z of the circles on the tube, where their rays pass
+    the bore's radius and the rings' floor. θ on the tube is ``turn_rad`` (n_frames,) + ``sense`` · image angle.
     """
-    inside_ring = target.ring_inside_mm(z_mm)
+    entering, ending = target.ring_inside_mm(bore_mm), target.ring_inside_mm(floor_mm)
+    in_ring = np.minimum(entering, ending) > EDGE_MM
+    z_mm = np.where(in_ring, floor_mm, bore_mm)
     helix = target.helix_rad(z_mm)
     apart = target.radius_mm * np.abs(np.angle(np.exp(1j * helix)))
     meet = apart < (target.groove_width_mm + target.helix_width_mm) / 2 + NEAREST_GROOVES_MM
-    usable = (np.abs(inside_ring) > EDGE_MM) & ~meet
+    usable = (in_ring | (entering < -EDGE_MM)) & ~meet
     parts = []
     for line, width, middle in (
         (AXIAL, target.groove_width_mm, np.zeros_like(z_mm)),
@@ -150,7 +154,7 @@ def find_marks(darkness: Darkness, z_mm: Coordinates, turn_rad: Coordinates, sen
                 darkness.r_px[circle],
                 found,
                 np.full(frame.size, line),
-                inside_ring[frame, circle] > 0,
+                in_ring[frame, circle],
                 z_mm[frame, circle],
             )
         )
@@ -197,7 +201,11 @@ def _middles(
     return middle
 
 
-def on_tube(pose: Pose, calibration: EndoscopeCalibration, r_px: Coordinates) -> tuple[Coordinates, Coordinates]:
-    """Return z of circles (n_frames, n) and the turn of frames (n_frames,) on the tube, as a pose has them."""
-    z_mm = pose.z_of(calibration.z_mm[:, None] + calibration.optics.z_mm(r_px))
-    return z_mm, pose.theta_rad + pose.sense * calibration.roll_rad
+def on_tube(
+    pose: Pose, calibration: EndoscopeCalibration, r_px: Coordinates, ring_depth_mm: float
+) -> tuple[Coordinates, Coordinates, Coordinates]:
+    """Return z of circles at the bore and at rings' floors (n_frames, n), and turns of frames, as a pose has them."""
+    along = calibration.z_mm[:, None] + calibration.optics.z_mm(r_px)
+    bore_mm = pose.z_of(along)
+    floor_mm = bore_mm + pose.direction * ring_depth_mm * calibration.optics.slant(r_px)
+    return bore_mm, floor_mm, pose.theta_rad + pose.sense * calibration.roll_rad

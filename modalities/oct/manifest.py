@@ -62,8 +62,11 @@ class OctAcquisition(Acquisition):
 
     @property
     def axial_scale(self) -> AxialScale:
-        """The pitch, unless positions beat it: nothing in a pullback measures it."""
-        return AxialScale({} if self.positions_mm else {"pullback_pitch_mm": self.pullback_pitch_mm})
+        """The pitch, unless positions beat it: nothing in a pullback measures it, but a calibration may have."""
+        if self.positions_mm:
+            return AxialScale()
+        measured = "pullback_pitch_mm" in (self.standard_errors or {})
+        return AxialScale({"pullback_pitch_mm": self.pullback_pitch_mm}, checked=measured)
 
     @classmethod
     def measures(cls, keys: Mapping[str, Any], n_frames: int, shape: tuple[int, ...]) -> dict[str, str]:

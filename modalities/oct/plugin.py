@@ -82,7 +82,7 @@ class OctModality:
         write_volume(stream, calibration, store)
 
     def calibrate(self, stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
-        """Return what a pullback through a printed tube tells of the OCT."""
+        """Return what a pullback through a printed tube says of the OCT."""
         from endoct.modalities.oct.tube_calibration import calibrate_pullback  # which only a calibration needs
 
         return calibrate_pullback(stream, parameters, target)

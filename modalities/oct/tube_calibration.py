@@ -28,8 +28,8 @@ from endoct.modalities.oct.tube_fit import (
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import COLUMNS, Pose, poses
-from endoct.modalities.tube.marks_seen import check_rings, clear_pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 N_BEAMS = 1024
@@ -46,7 +46,7 @@ TURNING_RAD = 0.01
 
 
 def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
-    """Return what a pullback through a tube tells of the OCT.
+    """Return what a pullback through a tube says of the OCT.
 
     Raises :class:`NotSeen` where it does not show the tube's marks, :class:`EndoctError` where the tube's diameter
     contradicts it.
@@ -56,7 +56,7 @@ def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: T
     beams = examine_beams(stream, calibration)
     pose = _locate(beams, target)
     check_rings(target, pose.z_of(beams.z_mm))
-    capillary_mm = calibration.acquisition.standard_errors.get("capillary_outer_diameter_mm", CAPILLARY_MM)
+    capillary_mm = (calibration.acquisition.standard_errors or {}).get("capillary_outer_diameter_mm", CAPILLARY_MM)
     for _ in range(2):
         model = TubeModel(beams, find_marks(beams, pose, target), target, pose)
         fit = model.fit(capillary_mm)

@@ -1,4 +1,4 @@
-"""What a tube told of an instrument: quantities with their standard errors, and what to draw of them."""
+"""What a recording of a tube says of an instrument: quantities with standard errors, and what to draw of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -34,11 +34,10 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """All that a recording of a tube told.
+    """All that a recording of a tube says of its instrument.
 
     Attributes: ``keys`` of the sidecar; ``standard_errors`` of those that are numbers; ``quantities``, for people;
-    ``panels`` to draw; ``doubts``, also of what could not be told; ``starting``: keys of the tube's own sidecar
-    that were only to begin with, and that later ones leave to the calibration.
+    ``panels`` to draw; ``doubts``, also of what could not be measured.
     """
 
     keys: Mapping[str, KeyValue]

@@ -41,6 +41,11 @@ def test_a_pullback_by_its_pitch_unless_positions_beat_it() -> None:
     assert OctAcquisition.model_validate({**OCT, "positions_mm": (0.0, 0.2)}).axial_scale == AxialScale()
 
 
+def test_a_calibrated_pitch_is_measured() -> None:
+    stated = OctAcquisition.model_validate({**OCT, "standard_errors": {"pullback_pitch_mm": 0.001}})
+    assert stated.axial_scale == AxialScale({"pullback_pitch_mm": 0.2}, checked=True)
+
+
 @pytest.mark.parametrize("value", [0, -1.0, float("inf"), float("nan"), True, "0.2"])
 def test_nothing_but_a_positive_number_scales(value: object) -> None:
     with pytest.raises(EndoctError, match="cannot scale"):

@@ -81,14 +81,14 @@ def tube_mesh(tube: Target) -> Mesh:
     points = np.concatenate([_cylinder(inner, z, theta), _cylinder(outer, z, theta)])
     n = inner.size
     ring = np.arange(N_AROUND)
-    beside = np.roll(ring, -1)
+    following = np.roll(ring, -1)
     last = n - N_AROUND
     faces = np.concatenate(
         [
             _quads(inner.shape)[:, ::-1],
             _quads(inner.shape) + n,
-            _between(ring, beside, ring + n, beside + n),
-            _between(beside + last, ring + last, beside + last + n, ring + last + n),
+            _between(ring, following, ring + n, following + n),
+            _between(following + last, ring + last, following + last + n, ring + last + n),
         ]
     )
     return Mesh(
@@ -104,8 +104,8 @@ def _cylinder(radius_mm: Coordinates, z_mm: Coordinates, theta: Coordinates) -> 
 def _quads(shape: tuple[int, ...]) -> NDArray[np.intp]:
     """Return the triangles of a cylinder, facing away from its axis."""
     here = np.arange(shape[0] * shape[1]).reshape(shape)
-    beside = np.roll(here, -1, axis=1)
-    return _between(beside[1:].ravel(), here[1:].ravel(), beside[:-1].ravel(), here[:-1].ravel())
+    following = np.roll(here, -1, axis=1)
+    return _between(following[1:].ravel(), here[1:].ravel(), following[:-1].ravel(), here[:-1].ravel())
 
 
 def _between(a: NDArray[np.intp], b: NDArray[np.intp], c: NDArray[np.intp], d: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -134,7 +134,7 @@ def _section(axes: Axes, tube: Target) -> None:
     for side in (1, -1):
         axes.fill_between(z, side * ring, side * tube.outer_diameter_mm / 2, color="0.8", lw=0.8, edgecolor="k")
     axes.set_aspect("equal")
-    axes.set(xlabel="z from the mouth, mm", ylabel="mm", title="section beside the grooves")
+    axes.set(xlabel="z from the mouth, mm", ylabel="mm", title="section away from the grooves")
     for middle, width in zip(tube.ring_z_mm, tube.ring_width_mm, strict=True):
         axes.annotate(f"{width:g} wide, {tube.ring_depth_mm:g} deep, at {middle:g}", (middle, 0), ha="center", size=7)
     low = -tube.outer_diameter_mm / 2

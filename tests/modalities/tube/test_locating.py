@@ -7,7 +7,7 @@ from tolerances import TUBE_PLACE_MM, TUBE_PLACE_RAD
 
 from endoct.base.errors import NotSeen
 from endoct.modalities.tube.locating import COLUMNS, poses
-from endoct.modalities.tube.marks_seen import check_rings, clear_pose
+from endoct.modalities.tube.recognition import check_rings, clear_pose
 
 ROWS_MM = 0.25 * np.arange(32)
 

@@ -17,11 +17,11 @@ REMEDY = (
 
 
 def clear_pose(poses: Sequence[Pose]) -> Pose:
-    """Return the best of the ``poses``, the best first.
+    """Return the best of ``poses``, one for each orientation, the best first.
 
     Raises :class:`NotSeen` where it does not fit, or another orientation fits as well.
     """
-    best, others = poses[0], [pose for pose in poses if (pose.direction, pose.sense) != orientation(poses[0])]
+    best, *others = poses
     if best.correlation < LEAST_CORRELATION:
         raise NotSeen(
             "the marks of the tube are not seen",
@@ -41,20 +41,15 @@ def clear_pose(poses: Sequence[Pose]) -> Pose:
 def check_rings(target: Target, z_mm: Coordinates) -> None:
     """Raise :class:`NotSeen` where a recording at ``z_mm`` (n,) of the tube does not show both rings."""
     edges = target.ring_edges_mm
-    shown = [
+    whole = [
         name
         for name, low, high in (("narrow", edges[0], edges[1]), ("wide", edges[2], edges[3]))
         if ((z_mm > low) & (z_mm < high)).any() and z_mm.min() < low and z_mm.max() > high
     ]
-    if len(shown) < 2:
+    if len(whole) < 2:
         raise NotSeen(
             "the recording does not show both rings of the tube",
-            found=f"the {shown[0]} one alone" if shown else "neither, whole",
+            found=f"the {whole[0]} one alone" if whole else "neither, whole",
             expected="both, from one edge to the other",
             remedy=f"record the tube from {edges[0] - 0.5:.1f} to {edges[3] + 0.5:.1f} mm at least",
         )
-
-
-def orientation(pose: Pose) -> tuple[int, int]:
-    """Return direction and sense of a pose."""
-    return pose.direction, pose.sense
