@@ -1,5 +1,7 @@
 """NIfTI-1: the header that comes before a volume's voxels, made by nibabel."""
 
+from typing import Any
+
 import numpy as np
 
 from endoct.base.arrays import Coordinates
@@ -20,7 +22,7 @@ def nifti_header(
     from nibabel.nifti1 import Nifti1Header  # takes a while to load
     from nibabel.spatialimages import HeaderDataError
 
-    header = Nifti1Header(endianness="<")
+    header: Any = Nifti1Header(endianness="<")  # type: ignore[no-untyped-call]
     try:
         header.set_data_dtype(dtype)
     except HeaderDataError as error:
