@@ -56,8 +56,8 @@ def survey_frames(stream: FrameStream, parameters: EndoscopeParameters) -> Endos
     places, on_places = place_frames(motion, centring, nominal, acquisition, parameters)
     overlay = None
     if reference.overlay is not None:
-        shape = stream[0].samples.shape
-        overlay = in_pixels_of_files(reference.overlay, shape[:2], reference.factor, annulus.pixels)
+        height, width = stream[0].samples.shape[:2]
+        overlay = in_pixels_of_files(reference.overlay, (height, width), reference.factor, annulus.pixels)
     grid, oversample = _grid(places.z_mm, band, parameters)
     return EndoscopeCalibration(
         grid=grid,

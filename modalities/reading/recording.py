@@ -191,8 +191,8 @@ def format_of(path: Path) -> str | None:
         form, files = located
         return form.name + (f", {len(files)} files" if len(files) > 1 else "")
     images = _images(path) if is_folder(path) else [path] if path.suffix.lower() in IMAGE_SUFFIXES else []
-    if len(images) == 1 and (form := _format_of(images[0])) is not None:
-        return form.name
+    if len(images) == 1 and (of_image := _format_of(images[0])) is not None:
+        return of_image.name
     kinds = sorted({file.suffix.lower().removeprefix(".") for file in images})
     return f"{len(images)} image{'s' if len(images) > 1 else ''} ({', '.join(kinds)})" if images else None
 
