@@ -21,9 +21,9 @@ from endoct.modalities.tube.fitting import Fit, fit_model
 from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.target import Target
 
-SURFACE_MM = 0.004
+SURFACE_MM = 0.005
 """Standard error of where the wall's surface is taken to be, everywhere alike: 0.0015 in the preset `tube`, seeds 0 to
-6, but 0.005 in recordings of another origin, whose walls are brighter at their surface."""
+6, but 0.005 to 0.007 in recordings of another origin, whose walls are brighter at their surface."""
 STEP_MM = 0.002, 0.002
 """By how much a ring's floor is seen too deep, as less light comes back from there, and its standard error."""
 FLOOR_MM = -0.002, 0.004
