@@ -137,7 +137,7 @@ def refined(pose: Pose, fit: Fit) -> Pose:
 def first_sample_mm(values: Coordinates, calibration: OctCalibration) -> Coordinates:
     """Return the optical path from the catheter's axis to depth sample 0, by the capillary's face, float64 (1,)."""
     scale, faces, index = math.exp(values[SCALE]), calibration.faces, calibration.acquisition.medium_index
-    known = np.flatnonzero(~faces.bridged)
+    known = list(map(int, np.flatnonzero(~faces.bridged)))
     capillary, glass = faces.capillary, calibration.glass
     turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     stated = [capillary.circle(i).distance_mm(turn).mean() + capillary.axis_depth_mm[i] for i in known]
