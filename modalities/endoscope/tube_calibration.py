@@ -145,8 +145,9 @@ def _measurement(
     inward = pose.direction * (calibration.z_mm[-1] - calibration.z_mm[0]) > 0
     first = int(np.argmin(fitted.apex_mm))
     theta_rad = float(np.mod(fitted.turn_rad[first], 2 * np.pi))
+    half_angle_deg = math.degrees(values[ANGLE])
     keys: dict[str, KeyValue] = {
-        "cone_half_angle_deg": math.degrees(values[ANGLE]),
+        "cone_half_angle_deg": half_angle_deg,
         "focal_px": optics.focal_px,
         "mirror_distance_mm": optics.mirror_distance_mm,
         "distortion": optics.distortion,

@@ -138,7 +138,7 @@ class TubeModel:
 
     @property
     def _line(self) -> NDArray[np.intp]:
-        return 2 * self.marks.frame + (self.marks.line == HELICAL)
+        return np.asarray(2 * self.marks.frame + (self.marks.line == HELICAL), np.intp)
 
     @property
     def _first_of_line(self) -> NDArray[np.intp]:

@@ -51,7 +51,7 @@ class Darkness:
     @property
     def angle_rad(self) -> Coordinates:
         """Image angles of the samples."""
-        return 2 * np.pi / N_ANGLES * np.arange(N_ANGLES)
+        return np.linspace(0, 2 * np.pi, N_ANGLES, endpoint=False)
 
 
 def centred(annulus: Annulus) -> Annulus:
@@ -63,7 +63,7 @@ def examine_darkness(stream: FrameStream, calibration: EndoscopeCalibration) -> 
     """Return the darkness of all frames of a surveyed recording, its light evened out."""
     optics = calibration.optics
     r_px = np.linspace(optics.inner_px + RIM_PX, optics.outer_px - RIM_PX, N_CIRCLES)
-    angle = 2 * np.pi / N_ANGLES * np.arange(N_ANGLES)
+    angle = np.linspace(0, 2 * np.pi, N_ANGLES, endpoint=False)
 
     def of_frame(index: int) -> NDArray[np.float16]:
         light, _ = reduced_light(stream[index].samples, calibration.full_scale, 1)

@@ -21,8 +21,9 @@ from endoct.modalities.tube.fitting import Fit, fit_model
 from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.target import Target
 
-SURFACE_MM = 0.002
-"""Standard error of where the wall's surface is taken to be, the same everywhere (preset `tube`, seeds 0–11)."""
+SURFACE_MM = 0.005
+"""Standard error of where the wall's surface is taken to be, everywhere alike: 0.0015 in the preset `tube`, seeds 0 to
+6, but 0.005 to 0.007 in recordings of another origin, whose walls are brighter at their surface."""
 STEP_MM = 0.002, 0.002
 """By how much a ring's floor is seen too deep, as less light comes back from there, and its standard error."""
 FLOOR_MM = -0.002, 0.004
@@ -136,7 +137,7 @@ def refined(pose: Pose, fit: Fit) -> Pose:
 def first_sample_mm(values: Coordinates, calibration: OctCalibration) -> Coordinates:
     """Return the optical path from the catheter's axis to depth sample 0, by the capillary's face, float64 (1,)."""
     scale, faces, index = math.exp(values[SCALE]), calibration.faces, calibration.acquisition.medium_index
-    known = np.flatnonzero(~faces.bridged)
+    known = list(map(int, np.flatnonzero(~faces.bridged)))
     capillary, glass = faces.capillary, calibration.glass
     turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     stated = [capillary.circle(i).distance_mm(turn).mean() + capillary.axis_depth_mm[i] for i in known]

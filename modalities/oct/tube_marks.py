@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,7 +164,7 @@ def find_marks(beams: Beams, pose: Pose, target: Target) -> Marks:
         floor_mm = circle_distance_mm(beam, x, y, radius_mm + target.groove_depth_mm / 2)
         opened = row.gap_mm > floor_mm - circle_distance_mm(beam, x, y, beams.face_radius_mm)
         points += _middles(row, opened, float(z_mm[index]), target)
-    columns = {
+    columns: dict[str, NDArray[Any]] = {
         name: np.array([getattr(point, name) for point in points], kind)
         for name, kind in (
             ("slice_index", np.intp), ("beam_rad", np.float64), ("gap_mm", np.float64), ("in_ring", np.bool_),
@@ -192,7 +193,7 @@ def _depths(row: _Row, target: Target) -> Iterator[_Point]:
 def _middles(row: _Row, opened: Mask, z_mm: float, target: Target) -> list[_Point]:
     """Return the middles of both grooves, each by its edges at half its depth; none where either is not clear."""
     widths = target.groove_width_mm, target.helix_width_mm
-    apart = target.radius_mm * abs(float(wrap_rad(target.helix_rad(np.float64(z_mm)))))
+    apart = target.radius_mm * abs(float(wrap_rad(target.helix_rad(np.array(z_mm)))))
     if apart < sum(widths) / 2 + NEAREST_GROOVES_MM:
         return []
     middles = []

@@ -54,7 +54,7 @@ def poses(
     energy = float((values**2).sum())
     spectra = np.fft.rfft(values, axis=1)
     z = np.arange(-MARGIN_MM, target.length_mm + MARGIN_MM, STEP_MM)
-    theta = 2 * np.pi / COLUMNS * np.arange(COLUMNS)
+    theta = np.linspace(0, 2 * np.pi, COLUMNS, endpoint=False)
     table = template(z[:, None], theta)
     means, squares = table.mean(axis=1), (table**2).mean(axis=1)
     waves = np.fft.rfft(table, axis=1)

@@ -14,7 +14,6 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.acquisition import read_toml, validate
 
 Width = Annotated[float, Field(ge=0.05, le=20)]
@@ -90,6 +89,8 @@ class Target(BaseModel):
 
     def from_grooves_mm(self, z_mm: Coordinates, theta_rad: Coordinates) -> tuple[Coordinates, Coordinates]:
         """Return the way along the bore's circumference from the middles of the axial and of the helical groove."""
+        from endoct.base.numeric.circle import wrap_rad  # which loads OpenCV; manifests do without
+
         axial, helical = wrap_rad(theta_rad + 0 * z_mm), wrap_rad(theta_rad - self.helix_rad(z_mm))
         return self.radius_mm * axial, self.radius_mm * helical
 

@@ -103,8 +103,6 @@ def bore_relief(sample: Sample, workers: int = 1) -> BoreRelief:
     displacement += np.float32(bore.roughness_mm) * fine
     if bore.tube is None:
         return BoreRelief(displacement, grooves, fine)
-    marks_mm, ink = tube_relief(
-        bore.tube, grid.radius_mm, z_mm, np.asarray(np.float32(2 * math.pi) * turns, np.float32)
-    )
+    marks_mm, ink = tube_relief(bore.tube, grid.radius_mm, z_mm, np.asarray(2 * math.pi * turns, np.float32))
     displacement += marks_mm
     return BoreRelief(displacement, grooves, fine, ink)

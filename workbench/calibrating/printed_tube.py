@@ -71,7 +71,7 @@ def tube_mesh(tube: Target) -> Mesh:
     edges = tube.ring_edges_mm
     z = np.concatenate([np.arange(0, tube.length_mm, STEP_Z_MM), [tube.length_mm]])
     z = np.unique(np.concatenate([z, edges - EDGE_MM, edges + EDGE_MM]).round(6))
-    theta = 2 * np.pi / N_AROUND * np.arange(N_AROUND)
+    theta = np.linspace(0, 2 * np.pi, N_AROUND, endpoint=False)
     inner = tube.radius_mm + tube.relief_mm(z[:, None], theta)
     outer = np.full_like(inner, tube.outer_diameter_mm / 2)
     on_flat = z < tube.length_mm / 3
