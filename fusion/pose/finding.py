@@ -16,6 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.fit import SOFTNESS, Fit, fit_pose, start_of
@@ -53,7 +54,7 @@ class PoseAnswer:
     alone: tuple[BorePose, ...]
     reason: str | None
     standing: tuple[float, ...]
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
 
 PIECE_MM = 4.0
@@ -184,23 +185,21 @@ def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnsw
     reason = "; ".join(reasons) if len(reasons) == len(found) else None
     reason = reason or by_mirror or _contradiction(air, found) or _stranger(found, together) or too_wide(pose)
     standing = [one.standing for one in found if one.reason is None]
-    doubts = [
-        *of_hands,
-        *support_doubts(pose, standing),
-        *(f"{one}: its own depth and turn may be wrong" for one in reasons),
-    ]
+    left_out = (Doubt("side-left-out", f"{one}: its own depth and turn may be wrong") for one in reasons)
+    doubts = (*of_hands, *support_doubts(pose, standing), *left_out)
     return PoseAnswer(
         pose=pose,
         alone=tuple(BorePose(plan, one.fit) for one in found),
         reason=reason,
         standing=tuple(one.standing for one in found),
-        doubts=() if reason is not None else tuple(doubts),
+        doubts=() if reason is not None else doubts,
     )
 
 
-def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[str | None, list[str]]:
+def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[str | None, list[Doubt]]:
     """Return why a mirror image rules the pose out, if it does, and what is doubted of the sense of θ."""
-    unknown = [one.fit.sides[0].name for one in found if not one.fit.sides[0].handed]
+    senses = zip(together.sides, together.senses, strict=True)
+    unknown = [(side.name, sense) for side, sense in senses if not side.handed]
     for one in found if unknown else ():
         if (side := one.fit.sides[0]).handed:
             mirrored = favours_mirror(air, side, together.parameters[:SHARED])

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from endoct.base.doubt import Doubt
 from endoct.fusion.pose.clinical import BEYOND_MM
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
@@ -70,20 +71,23 @@ def too_wide(pose: BorePose) -> str | None:
     )
 
 
-def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[str]:
+def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[Doubt]:
     """Yield what is doubted of a pose that is told. ``standing`` of those sides that can tell it alone."""
     bare = longest_bare_stretch(pose)
     if bare.length_mm >= LONG_BARE_MM:
-        yield (
+        what = (
             f"{bare.length_mm:.1f} mm of the bore show no edge of a cell, from {bare.from_mm:.1f} to {bare.to_mm:.1f} "
             "mm depth: the axis is drawn on there from the rest"
         )
+        yield Doubt("long-bare-stretch", what, value=bare.length_mm, unit="mm", expected=(0.0, LONG_BARE_MM))
     if (reach := ellipse_mm(pose)) > WIDE_MM:
-        yield (
+        what = (
             f"{BEYOND_MM:g} mm beyond the target the axis is known to {reach:.1f} mm only; {WIDE_MM:g} mm are asked for"
         )
-    if standing and max(standing) < CLEAR_STANDING:
-        yield (
-            f"the pattern stands {max(standing):.1f} spreads above rearranged ones, {CLEAR_STANDING:g} are clear: "
+        yield Doubt("wide-ellipse", what, value=reach, unit="mm", expected=(0.0, WIDE_MM))
+    if standing and (highest := max(standing)) < CLEAR_STANDING:
+        what = (
+            f"the pattern stands {highest:.1f} spreads above rearranged ones, {CLEAR_STANDING:g} are clear: "
             "it may lie elsewhere"
         )
+        yield Doubt("weak-pattern", what, value=highest, unit="1")

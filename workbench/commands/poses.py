@@ -8,10 +8,10 @@ from tyro.conf import Positional, arg
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.device import Device
-from endoct.workbench.commands.console import command_stages, print_json, print_line
+from endoct.workbench.commands.console import command_stages, print_json, print_line, status_of
 from endoct.workbench.commands.options import ModalityName, Output, Place, Settings
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.refusals import DONE, UNTOLD
+from endoct.workbench.running.refusals import UNTOLD
 
 if TYPE_CHECKING:
     from endoct.modalities.ct.trajectory import Point
@@ -49,6 +49,7 @@ def pose(
     radius: float | None = None,
     seen: float | None = None,
     device: Device = "cpu",
+    strict: bool = False,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -74,6 +75,7 @@ def pose(
         radius: with --plan-only, of the bore, mm; default: 1.25
         seen: with --plan-only, how much of the bore a recording would show, mm; default: the plan's length
         device: where to compute; cuda: on a GPU
+        strict: end with exit status 3 where there is a doubt; the output is written all the same
         overwrite: replace the output if it exists
         json: print the result as JSON
     """
@@ -105,7 +107,7 @@ def pose(
             print_line(outlook.outlook.sentence)
             _print_doubts(outlook)
             print_line(f"report: {output / 'report.html'}")
-        return DONE if outlook.tellable else UNTOLD
+        return status_of(outlook.doubts, strict=strict) if outlook.tellable else UNTOLD
     result = find_pose(
         sides,
         ct,
@@ -118,17 +120,17 @@ def pose(
         settings_b=parse(set_b),
         **asked,
     )
-    return print_pose(result, output, as_json=json)
+    return print_pose(result, output, as_json=json, strict=strict)
 
 
-def print_pose(result: "PoseResult", folder: Path, *, as_json: bool) -> int:
-    """Print the result of a pose that was written to ``folder``; return the exit status."""
+def print_pose(result: "PoseResult", folder: Path, *, as_json: bool, strict: bool = False) -> int:
+    """Print the result of a pose that was written to ``folder``; return the exit status, ``strict`` about doubts."""
     if as_json:
         print_json(result.to_json())
     else:
         _print(result)
         print_line(f"report: {folder / 'report.html'}")
-    return DONE if result.told else UNTOLD
+    return status_of(result.doubts, strict=strict) if result.told else UNTOLD
 
 
 def _check_options(plan_only: bool, of_sides: Mapping[str, object], of_plan: Mapping[str, object]) -> None:
@@ -162,6 +164,10 @@ def _print(result: "PoseResult") -> None:
         f"the bore's axis in the CT ({result.coordinates.upper()}, mm): {place_text(result.place(0.0))} at the depth "
         f"of the planned entry, {place_text(result.place(length_mm))} at that of the target"
     )
+    name, depth = result.deepest
+    print_line(
+        f"the deepest row, by {name}: {place_text(result.place(depth.value))} at {estimate_text(depth)} mm depth"
+    )
     for name, roll in summary.roll_deg.items():
         print_line(f"roll of {name}: θ = 0 lies at {estimate_text(roll, 0)}° about the axis")
     for one in summary.clearances:
@@ -171,7 +177,7 @@ def _print(result: "PoseResult") -> None:
 
 def _print_doubts(result: "PoseResult | OutlookResult") -> None:
     for doubt in result.doubts:
-        print_line(f"doubt: {doubt}")
+        print_line(f"doubt: {doubt.what}")
     for facts in result.volumes.values():
         for note in facts.notes:
             print_line(f"note ({facts.title}): {note}")

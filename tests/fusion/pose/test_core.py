@@ -134,7 +134,7 @@ def test_a_side_that_cannot_tell_alone_is_doubted(found: Found) -> None:
     assert answer(air, PLAN, [found, found]).doubts == ()
     told = answer(air, PLAN, [found, replace(found, standing=0.5)])
     assert told.reason is None
-    assert [doubt.endswith("its own depth and turn may be wrong") for doubt in told.doubts] == [True]
+    assert [doubt.what.endswith("its own depth and turn may be wrong") for doubt in told.doubts] == [True]
     assert answer(air, PLAN, [replace(found, standing=0.5)]).doubts == ()
 
 
@@ -173,7 +173,10 @@ def test_a_mirrored_ct_is_settled_by_the_side_whose_sense_is_known(found: Found)
     free = find_alone(other, replace(side, name="ranger", handed=False))
     assert free.reason is None  # in a mirror image it fits as well
     (first, *_) = answer(other, PLAN, [free]).doubts
-    assert "sense of θ of ranger is not known" in first
+    assert "sense of θ of ranger is not known" in first.what
+    assert 'only if handedness is "mirrored" for ranger' in first.what  # which sense fits can be looked up
+    here = find_alone(a_bone(1), replace(side, name="ranger", handed=False))
+    assert 'only if handedness is "same" for ranger' in answer(a_bone(1), PLAN, [here]).doubts[0].what
     known = find_alone(other, side)
     assert known.reason is not None
     assert "fits the mirror image" in (answer(other, PLAN, [free, known]).reason or "")

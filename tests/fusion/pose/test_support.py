@@ -92,14 +92,14 @@ def test_the_longest_bare_stretch_is_where_no_edge_is_seen(sparse: BorePose, ful
 def test_what_is_hardly_held_up_is_doubted_or_not_told(sparse: BorePose, full: BorePose) -> None:
     assert list(support_doubts(full, [5.0])) == []
     (weak,) = support_doubts(full, [3.4, 3.1])
-    assert "3.4 spreads" in weak
-    assert any("show no edge of a cell" in doubt for doubt in support_doubts(sparse, [5.0]))
+    assert "3.4 spreads" in weak.what
+    assert any("show no edge of a cell" in doubt.what for doubt in support_doubts(sparse, [5.0]))
     assert too_wide(full) is None
     loose = BorePose(PLAN, _scaled(full.fit, 1.5 / ellipse_mm(full)))
     assert "leave open" in (too_wide(loose) or "")
     wide = BorePose(PLAN, _scaled(full.fit, 0.7 / ellipse_mm(full)))
     assert too_wide(wide) is None
-    assert ["known to 0.7 mm only" in doubt for doubt in support_doubts(wide, [5.0])] == [True]
+    assert ["known to 0.7 mm only" in doubt.what for doubt in support_doubts(wide, [5.0])] == [True]
 
 
 def _scaled(fit: Fit, by: float) -> Fit:
