@@ -139,7 +139,7 @@ def judged(case: PoseCase, about: Row) -> Iterator[Row]:
 
 
 def _depths(pose: BorePose, case: PoseCase) -> dict[str, float]:
-    """Return of how many ends of panoramas the depth was asked, and of how many the 95 % interval holds the true one."""
+    """Return how many ends the panoramas have, and of how many the 95 % interval of the depth holds the true one."""
     to_lps, held, ends = case.truth.to_lps, 0, 0
     for name, panorama, truth in zip(pose.names, case.given[0], case.truth.sides, strict=True):
         rows = panorama.z_mm[[0, -1]]

@@ -1,15 +1,15 @@
 """How well poses are found in bone, recordings and CTs of another origin than our simulator's.
 
-    python -m benchmarks.second_origin found --sparse 2200:2214 --real LT143_256 RT147_256 --of 2200:2208 --csv found.csv
-    python -m benchmarks.second_origin impossible --real LT143_256 RT147_256 --of 2200:2205
-    python -m benchmarks.second_origin rivals --real LT143_256 RT147_256 --of 2200:2205
+    python -m benchmarks.second_origin found --sparse 2300:2320 --made 2300:2340 --csv found.csv
+    python -m benchmarks.second_origin impossible --real LT143_256 RT147_256 --of 2300:2305
+    python -m benchmarks.second_origin rivals --real LT143_256 RT147_256 --of 2300:2310
     python -m benchmarks.second_origin table --csv found.csv
 
 ``--sparse``, ``--made``: seeds of bores in bone of ellipsoids, in the former on a third of the bore only. ``--real``:
 folders of slices of a segmented bone, bone where the last channel is not 0 (LCSR-SICKKIDS/volumetric_drilling,
-``resources/volumes``), and ``--of``: seeds of the bores in each. Kinds take turns: one sparse, two made, one real. A row
-a case and a choice of sides; 35 s of one core a bore, 40 s more for impossible pairs. ``rivals``: ours and existing
-libraries, by OCT.
+``resources/volumes``), and ``--of``: seeds of the bores in each. Kinds take turns: one sparse, two made, one real. A
+row a case and a choice of sides; 35 s of one core a bore, 40 s more for impossible pairs. ``rivals``: existing
+libraries, by OCT. ``table``: of rows that ``found`` wrote.
 """
 
 import argparse
