@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +39,27 @@ class BareStretch:
 
 def longest_bare_stretch(pose: BorePose) -> BareStretch:
     """Return the longest stretch of what any side saw of the bore in which none shows an edge."""
+    return max(_bare_stretches(pose), key=lambda stretch: stretch.length_mm)
+
+
+def drawn_on(pose: BorePose) -> list[BareStretch]:
+    """Return where the axis is drawn on from the rest: what no side saw of the plan's length, long bare stretches."""
+    bare = _bare_stretches(pose)
+    unseen = BareStretch(0.0, bare[0].from_mm), BareStretch(bare[-1].to_mm, pose.plan.length_mm)
+    return [
+        *(stretch for stretch in unseen if stretch.length_mm > 0),
+        *(stretch for stretch in bare if stretch.length_mm >= LONG_BARE_MM),
+    ]
+
+
+def _bare_stretches(pose: BorePose) -> list[BareStretch]:
+    """Return the stretches between rows with edges, from the first depth that any side saw to the last."""
     seen, edges = [], []
     for name, side in zip(pose.names, pose.fit.sides, strict=True):
         depths = pose.depth_of(name, side.z_mm)
         seen += [float(depths.min()), float(depths.max())]
         edges += depths[shows_edges(side)].tolist()
-    places = np.array([min(seen), *sorted(edges), max(seen)])
-    widest = int(np.argmax(np.diff(places)))
-    return BareStretch(float(places[widest]), float(places[widest + 1]))
+    return [BareStretch(*ends) for ends in pairwise([min(seen), *sorted(edges), max(seen)])]
 
 
 def shows_edges(side: Observation) -> NDArray[np.bool_]:
