@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from endoct.fusion.pose import finding
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.finding import Found, answer, find_alone, shuffled_patterns, turned_patterns
 from endoct.fusion.pose.fit import ALIKE, _together
@@ -187,3 +188,13 @@ def test_a_side_of_another_bore_lets_nothing_be_told(found: Found) -> None:
     air = a_bone(1)
     stranger = find_alone(air, a_side(a_bone(2)))
     assert "of another bore" in (answer(air, PLAN, [found, stranger]).reason or "")
+
+
+def test_a_stranger_that_agrees_by_chance_does_not_stand_out(found: Found, monkeypatch: pytest.MonkeyPatch) -> None:
+    air = a_bone(1)
+    monkeypatch.setattr(finding, "LEAST_BY_CELLS", -1.0)  # no correlation is too small
+    strangers = [find_alone(air, a_side(a_bone(seed))) for seed in (2, 3)]
+    reasons = [answer(air, PLAN, [found, replace(one, standing=0.5)]).reason for one in strangers]
+    assert all("spreads above rearranged ones, 2 at least: of another bore" in (reason or "") for reason in reasons)
+    axis = found.fit.parameters[:SHARED]
+    assert finding.standing_along(air, found.fit.sides[0], axis) > finding.LEAST_STANDING
