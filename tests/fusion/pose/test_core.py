@@ -196,5 +196,7 @@ def test_a_stranger_that_agrees_by_chance_does_not_stand_out(found: Found, monke
     strangers = [find_alone(air, a_side(a_bone(seed))) for seed in (2, 3)]
     reasons = [answer(air, PLAN, [found, replace(one, standing=0.5)]).reason for one in strangers]
     assert all("spreads above rearranged ones, 2 at least: of another bore" in (reason or "") for reason in reasons)
+    mirrored = replace(found, standing=0.5, mirrored=True)  # nor is one that fits the mirror image of the CT
+    assert "fits the mirror image" in (answer(air, PLAN, [found, mirrored]).reason or "")
     axis = found.fit.parameters[:SHARED]
     assert finding.standing_along(air, found.fit.sides[0], axis) > finding.LEAST_STANDING
