@@ -124,7 +124,7 @@ LEAST_STANDING = 3.0
 them sparse, the least had 3.4, and in another bone the most 2.5."""
 LEAST_ALONG = 2.0
 """The same along the axis that the other side finds, where a pattern has far fewer places to fit by chance. Of 136
-recordings of other bores seven reached it, and all of ten of the same bore."""
+recordings of other bores seven reached it, and all eleven of the same bore."""
 LEAST_BY_DEPTH, LEAST_BY_CELLS = 0.4, 0.45
 """Least agreement with the CT near edges. By cells alone, mirrored bores of the preset 'patient' reach 0.44."""
 MOST_APART = 28.5
