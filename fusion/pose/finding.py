@@ -321,13 +321,13 @@ def _stranger(air: AirAround, found: Sequence[Found], together: Fit) -> str | No
     for one, side, agreement in zip(found, together.sides, together.agreement, strict=True):
         if one.reason is None:
             continue
-        if one.mirrored:
-            return one.reason
         where = f"along the axis that the other side finds the {side.name}'s"
         if agreement < _least_of(side):
             said = f"edges correlate {agreement:.2f} with the CT's, {_least_of(side):g} at least"
         elif (standing := standing_along(air, side, together.parameters[:SHARED])) < LEAST_ALONG:
             said = f"pattern stands {standing:.1f} spreads above rearranged ones, {LEAST_ALONG:g} at least"
+        elif one.mirrored:
+            said = "pattern is there, but it fits the mirror image of the CT better"
         else:
             continue
         return f"{where} {said}: of another bore, or too poor; try the other side alone"
