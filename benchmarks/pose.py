@@ -29,8 +29,10 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.pose.air import AirAround, air_around
+from endoct.fusion.pose.clinical import WITHIN
 from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
 from endoct.fusion.pose.observation import Observation, observe
+from endoct.fusion.pose.pose import BorePose
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
 from endoct.synthetic.ct_scan import scan
@@ -132,8 +134,20 @@ def judged(case: PoseCase, about: Row) -> Iterator[Row]:
             given=(tuple(panoramas[number] for number in numbers), ct, plan),
             truth=replace(case.truth, sides=tuple(case.truth.sides[number] for number in numbers)),
         )
-        scores = judge(one, located(answered.pose, one.given[0]))
+        scores = judge(one, located(answered.pose, one.given[0])) | _depths(answered.pose, one)
         yield {**about, "sides": sides, **_row_of(answered, of), **scores}
+
+
+def _depths(pose: BorePose, case: PoseCase) -> dict[str, float]:
+    """Return how many ends the panoramas have, and of how many the 95 % interval of the depth holds the true one."""
+    to_lps, held, ends = case.truth.to_lps, 0, 0
+    for name, panorama, truth in zip(pose.names, case.given[0], case.truth.sides, strict=True):
+        rows = panorama.z_mm[[0, -1]]
+        found = (pose.axis_lps(pose.depth_of(name, rows)) - to_lps[:3, 3]) @ to_lps[:3, 2]
+        deviations = np.array([pose.depth_deviation_mm(name, float(row)) for row in rows])
+        held += int((np.abs(found - truth.z_bore(rows)) < WITHIN * deviations).sum())
+        ends += rows.size
+    return {"depth_ends": ends, "depth_inside_95": held}
 
 
 def _said(sides: Sequence[Observation], ct: CtVolume, plan: Trajectory, name: str) -> Iterator[Row]:

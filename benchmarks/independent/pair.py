@@ -57,7 +57,7 @@ def write_pair(pair: Pair, folder: Path) -> None:
         Image.fromarray(frame).save(endoscope_folder / f"frame_{k:04d}.png", compress_level=1)
     stated = endoscope_sidecar(pair.recipe.endoscope, pair.endoscope, pair.recipe.bore.diameter_mm)
     _write_sidecar(endoscope_folder, stated)
-    np.savez_compressed(
+    np.savez(
         truth / "truth.npz",
         cell=pair.bore.level < 1,
         relief_mm=pair.bore.relief_mm,

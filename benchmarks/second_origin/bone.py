@@ -20,9 +20,9 @@ REACH_MM = 11.0
 
 @dataclass(frozen=True, eq=False)
 class Bone:
-    """``air`` (k, j, i) bool; the voxel [k, j, i] lies at ``voxel_mm`` · (i, j, k)."""
+    """``air`` (k, j, i) float32, 1 in air and 0 in bone; the voxel [k, j, i] lies at ``voxel_mm`` · (i, j, k)."""
 
-    air: NDArray[np.bool_]
+    air: NDArray[np.float32]
     voxel_mm: float
 
     def share(self, places_mm: Floats) -> NDArray[np.float32]:
@@ -30,7 +30,7 @@ class Bone:
         at = np.moveaxis(places_mm[..., ::-1] / self.voxel_mm, -1, 0)
         low = np.maximum(np.floor(at.reshape(3, -1).min(axis=1)).astype(int) - 2, 0)
         high = np.minimum(np.ceil(at.reshape(3, -1).max(axis=1)).astype(int) + 3, self.air.shape)
-        part = self.air[tuple(slice(a, max(b, a + 1)) for a, b in zip(low, high, strict=True))].astype(np.float32)
+        part = self.air[tuple(slice(a, max(b, a + 1)) for a, b in zip(low, high, strict=True))]
         shifted = at - low.reshape(3, *[1] * (at.ndim - 1))
         return np.asarray(ndimage.map_coordinates(part, shifted, order=1, mode="nearest"), dtype=np.float32)
 
@@ -39,12 +39,13 @@ def segmented(folder: Path, voxel_mm: float) -> Bone:
     """Return the bone in a folder of slices, where it is where their last channel is not 0."""
     # numbers are not padded alike: plane000, plane0010, plane00100
     slices = sorted(folder.glob("*.png"), key=lambda path: (len(path.stem), path.stem))
-    return Bone(np.stack([np.asarray(Image.open(path))[..., -1] == 0 for path in slices]), voxel_mm)
+    air = np.stack([np.asarray(Image.open(path))[..., -1] == 0 for path in slices])
+    return Bone(air.astype(np.float32), voxel_mm)
 
 
 def made_of_ellipsoids(rng: Generator, bore: Floats, length_mm: float, *, sparse: bool) -> Bone:
     """Return bone with sharp cells around a bore (4, 4): all along it, or in one third of it and on 4 to 8 % of it."""
-    air = np.zeros((MADE_VOXELS,) * 3, np.bool_)
+    air = np.zeros((MADE_VOXELS,) * 3, np.float32)
     third = rng.uniform(0, 2 / 3) * length_mm
     ends = (third, third + length_mm / 3) if sparse else (-4.0, length_mm + 4.0)
     wanted = rng.uniform(0.04, 0.08) if sparse else rng.uniform(0.1, 0.3)
@@ -89,7 +90,7 @@ def frame(origin_mm: Floats, rng: Generator) -> Floats:
     return placed
 
 
-def _carve(air: NDArray[np.bool_], middle_mm: Floats, radii_mm: Floats, rng: Generator) -> None:
+def _carve(air: NDArray[np.float32], middle_mm: Floats, radii_mm: Floats, rng: Generator) -> None:
     reach = float(radii_mm.max())
     low = np.maximum(np.floor((middle_mm - reach) / MADE_MM).astype(int), 0)
     high = np.minimum(np.ceil((middle_mm + reach) / MADE_MM).astype(int) + 1, air.shape[0])
@@ -99,7 +100,7 @@ def _carve(air: NDArray[np.bool_], middle_mm: Floats, radii_mm: Floats, rng: Gen
     k, j, i = np.meshgrid(z, y, x, indexing="ij")
     along = np.stack([i, j, k], axis=-1) @ frame(middle_mm, rng)[:3, :3]
     inside = ((along / radii_mm) ** 2).sum(axis=-1) < 1
-    air[low[2] : high[2], low[1] : high[1], low[0] : high[0]] |= inside
+    air[low[2] : high[2], low[1] : high[1], low[0] : high[0]][inside] = 1
 
 
 def _in_disc(rng: Generator) -> Floats:

@@ -16,6 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.fit import SOFTNESS, Fit, fit_pose, start_of
@@ -53,7 +54,7 @@ class PoseAnswer:
     alone: tuple[BorePose, ...]
     reason: str | None
     standing: tuple[float, ...]
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
 
 PIECE_MM = 4.0
@@ -121,6 +122,9 @@ ROUGH, FINE = SOFTNESS[:3], SOFTNESS[3:]
 LEAST_STANDING = 3.0
 """Spreads of the controls' scores by which a pattern has to stand above their mean. Of 12 bores on tuning seeds, ten of
 them sparse, the least had 3.4, and in another bone the most 2.5."""
+LEAST_ALONG = 2.0
+"""The same along the axis that the other side finds, where a pattern has far fewer places to fit by chance. Of 136
+recordings of other bores seven reached it, and all eleven of the same bore."""
 LEAST_BY_DEPTH, LEAST_BY_CELLS = 0.4, 0.45
 """Least agreement with the CT near edges. By cells alone, mirrored bores of the preset 'patient' reach 0.44."""
 MOST_APART = 28.5
@@ -182,25 +186,23 @@ def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnsw
     reasons = [one.reason for one in found if one.reason is not None]
     by_mirror, of_hands = _of_hands(air, found, together)
     reason = "; ".join(reasons) if len(reasons) == len(found) else None
-    reason = reason or by_mirror or _contradiction(air, found) or _stranger(found, together) or too_wide(pose)
+    reason = reason or by_mirror or _contradiction(air, found) or _stranger(air, found, together) or too_wide(pose)
     standing = [one.standing for one in found if one.reason is None]
-    doubts = [
-        *of_hands,
-        *support_doubts(pose, standing),
-        *(f"{one}: its own depth and turn may be wrong" for one in reasons),
-    ]
+    left_out = (Doubt("side-left-out", f"{one}: its own depth and turn may be wrong") for one in reasons)
+    doubts = (*of_hands, *support_doubts(pose, standing), *left_out)
     return PoseAnswer(
         pose=pose,
         alone=tuple(BorePose(plan, one.fit) for one in found),
         reason=reason,
         standing=tuple(one.standing for one in found),
-        doubts=() if reason is not None else tuple(doubts),
+        doubts=() if reason is not None else doubts,
     )
 
 
-def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[str | None, list[str]]:
+def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[str | None, list[Doubt]]:
     """Return why a mirror image rules the pose out, if it does, and what is doubted of the sense of θ."""
-    unknown = [one.fit.sides[0].name for one in found if not one.fit.sides[0].handed]
+    senses = zip(together.sides, together.senses, strict=True)
+    unknown = [(side.name, sense) for side, sense in senses if not side.handed]
     for one in found if unknown else ():
         if (side := one.fit.sides[0]).handed:
             mirrored = favours_mirror(air, side, together.parameters[:SHARED])
@@ -222,18 +224,29 @@ def searched(air: AirAround, side: Observation) -> tuple[list[Candidate], float,
     a mirror image fits better where the sense of θ is known.
     """
     device = str(air.values.device)
-    true = [pattern_of(side, sense, device) for sense in senses_of(side)]
-    turned, shuffled = turned_patterns(true[0]), shuffled_patterns(true[0])
+    true, controls = _patterns(side, device)
     back = [replace(sense, turning=-sense.turning) for sense in senses_of(side)] if side.handed else []
     mirrored = [pattern_of(side, sense, device) for sense in back]
-    by_pattern = candidates_along(air, side, [*true, *turned, *shuffled, *mirrored], axes_around(air.length_mm))
+    by_pattern = candidates_along(air, side, [*true, *controls, *mirrored], axes_around(air.length_mm))
     best = [some[0].score for some in by_pattern]
-    highest, controls = max(best[: len(true)]), len(turned) + len(shuffled)
-    of_controls = np.split(np.array(best[len(true) : len(true) + controls]), 2)
-    standing = min(_standing(highest, kind) for kind in of_controls)
+    highest, others = max(best[: len(true)]), len(true) + len(controls)
+    standing = _standing(highest, best[len(true) : others])
     candidates = sorted((one for some in by_pattern[: len(true)] for one in some), key=lambda one: -one.score)
-    mirror_fits = max(best[len(true) + controls :], default=-1.0) > highest
+    mirror_fits = max(best[others:], default=-1.0) > highest
     return _apart(candidates, air.length_mm), standing, mirror_fits
+
+
+def standing_along(air: AirAround, side: Observation, axis: Coordinates) -> float:
+    """Return how far ``side`` stands out of its controls along one axis (4,), at its best depth and turn."""
+    true, controls = _patterns(side, str(air.values.device))
+    best = [some[0].score for some in candidates_along(air, side, [*true, *controls], axis[np.newaxis])]
+    return _standing(max(best[: len(true)]), best[len(true) :])
+
+
+def _patterns(side: Observation, device: str) -> tuple[list[Pattern], list[Pattern]]:
+    """Return the patterns of a side in its senses, and as many controls of either kind."""
+    true = [pattern_of(side, sense, device) for sense in senses_of(side)]
+    return true, [*turned_patterns(true[0]), *shuffled_patterns(true[0])]
 
 
 def fitted(air: AirAround, side: Observation, starts: Sequence[Candidate], standing: float) -> Found:
@@ -275,10 +288,14 @@ def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
     return fit_pose(air, sides, senses, torch.cat(start), softness=softness, leading=leading)
 
 
-def _standing(score: float, of_controls: Coordinates) -> float:
-    """Return by how many of the controls' spreads a score lies above their mean; 0 where nothing has a pattern."""
-    spread = float(of_controls.std(ddof=1))
-    return (score - float(of_controls.mean())) / spread if spread > 0 else 0.0
+def _standing(score: float, of_controls: Sequence[float]) -> float:
+    """Return by how many spreads a score lies above the mean of either kind of controls; 0 where nothing has a pattern.
+
+    ``of_controls``: the scores of the one kind, then as many of the other.
+    """
+    kinds = np.reshape(of_controls, (2, -1))
+    spreads, apart = kinds.std(axis=1, ddof=1), score - kinds.mean(axis=1)
+    return float(np.min(apart / spreads)) if (spreads > 0).all() else 0.0
 
 
 def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:
@@ -299,14 +316,21 @@ def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:
     return f"{names[0]} and {names[1]} find axes that lie {distance:.2f} mm apart, more than either could be off"
 
 
-def _stranger(found: Sequence[Found], together: Fit) -> str | None:
-    """Return which side shows nothing of the bore that the other one finds, None where each fits somewhere along it."""
+def _stranger(air: AirAround, found: Sequence[Found], together: Fit) -> str | None:
+    """Return which side is none of the bore that the other one finds, None where each fits somewhere along it."""
     for one, side, agreement in zip(found, together.sides, together.agreement, strict=True):
-        if one.reason is not None and agreement < _least_of(side):
-            return (
-                f"along the axis that the other side finds the {side.name}'s edges correlate {agreement:.2f} with the "
-                f"CT's, {_least_of(side):g} at least: of another bore, or too poor; try the other side alone"
-            )
+        if one.reason is None:
+            continue
+        where = f"along the axis that the other side finds the {side.name}'s"
+        if agreement < _least_of(side):
+            said = f"edges correlate {agreement:.2f} with the CT's, {_least_of(side):g} at least"
+        elif (standing := standing_along(air, side, together.parameters[:SHARED])) < LEAST_ALONG:
+            said = f"pattern stands {standing:.1f} spreads above rearranged ones, {LEAST_ALONG:g} at least"
+        elif one.mirrored:
+            said = "pattern is there, but it fits the mirror image of the CT better"
+        else:
+            continue
+        return f"{where} {said}: of another bore, or too poor; try the other side alone"
     return None
 
 

@@ -6,10 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.search import candidates_along, pattern_of, senses_of
+from endoct.fusion.pose.wall import Sense
 
+OPEN = "handedness-open"
+"""The code of the doubt where no side settles it."""
 SETTLED = 0.1
 """By how much one sense has to correlate better than the other."""
 
@@ -33,10 +37,12 @@ def mirror_reason(side: str) -> str:
     )
 
 
-def open_handedness(sides: Sequence[str]) -> str:
-    """Return the doubt about sides of which no sense of θ is known."""
-    names = " and ".join(sides)
-    return (
-        f"the sense of θ of {names} is not known: a mirrored CT would fit as well, at a place that is wrong "
-        "(state handedness in the sidecar)"
+def open_handedness(sides: Sequence[tuple[str, Sense]]) -> Doubt:
+    """Return the doubt about a pose that rests on sides of unknown sense of θ, each with the sense that fits."""
+    names = " and ".join(name for name, _ in sides)
+    fits = ", ".join(f'"{"mirrored" if sense.turning < 0 else "same"}" for {name}' for name, sense in sides)
+    return Doubt(
+        OPEN,
+        f"the sense of θ of {names} is not known: a mirrored CT, or one of the other ear, would fit as well, at a "
+        f"place that is wrong. This pose holds only if handedness is {fits}: state it in the sidecar",
     )

@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from endoct.base.doubt import Doubt
 from endoct.fusion.pose.clinical import BEYOND_MM
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
@@ -37,14 +39,27 @@ class BareStretch:
 
 def longest_bare_stretch(pose: BorePose) -> BareStretch:
     """Return the longest stretch of what any side saw of the bore in which none shows an edge."""
+    return max(_bare_stretches(pose), key=lambda stretch: stretch.length_mm)
+
+
+def drawn_on(pose: BorePose) -> list[BareStretch]:
+    """Return where the axis is drawn on from the rest: what no side saw of the plan's length, long bare stretches."""
+    bare = _bare_stretches(pose)
+    unseen = BareStretch(0.0, bare[0].from_mm), BareStretch(bare[-1].to_mm, pose.plan.length_mm)
+    return [
+        *(stretch for stretch in unseen if stretch.length_mm > 0),
+        *(stretch for stretch in bare if stretch.length_mm >= LONG_BARE_MM),
+    ]
+
+
+def _bare_stretches(pose: BorePose) -> list[BareStretch]:
+    """Return the stretches between rows with edges, from the first depth that any side saw to the last."""
     seen, edges = [], []
     for name, side in zip(pose.names, pose.fit.sides, strict=True):
         depths = pose.depth_of(name, side.z_mm)
         seen += [float(depths.min()), float(depths.max())]
         edges += depths[shows_edges(side)].tolist()
-    places = np.array([min(seen), *sorted(edges), max(seen)])
-    widest = int(np.argmax(np.diff(places)))
-    return BareStretch(float(places[widest]), float(places[widest + 1]))
+    return [BareStretch(*ends) for ends in pairwise([min(seen), *sorted(edges), max(seen)])]
 
 
 def shows_edges(side: Observation) -> NDArray[np.bool_]:
@@ -70,20 +85,23 @@ def too_wide(pose: BorePose) -> str | None:
     )
 
 
-def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[str]:
+def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[Doubt]:
     """Yield what is doubted of a pose that is told. ``standing`` of those sides that can tell it alone."""
     bare = longest_bare_stretch(pose)
     if bare.length_mm >= LONG_BARE_MM:
-        yield (
+        what = (
             f"{bare.length_mm:.1f} mm of the bore show no edge of a cell, from {bare.from_mm:.1f} to {bare.to_mm:.1f} "
             "mm depth: the axis is drawn on there from the rest"
         )
+        yield Doubt("long-bare-stretch", what, value=bare.length_mm, unit="mm", expected=(0.0, LONG_BARE_MM))
     if (reach := ellipse_mm(pose)) > WIDE_MM:
-        yield (
+        what = (
             f"{BEYOND_MM:g} mm beyond the target the axis is known to {reach:.1f} mm only; {WIDE_MM:g} mm are asked for"
         )
-    if standing and max(standing) < CLEAR_STANDING:
-        yield (
-            f"the pattern stands {max(standing):.1f} spreads above rearranged ones, {CLEAR_STANDING:g} are clear: "
+        yield Doubt("wide-ellipse", what, value=reach, unit="mm", expected=(0.0, WIDE_MM))
+    if standing and (highest := max(standing)) < CLEAR_STANDING:
+        what = (
+            f"the pattern stands {highest:.1f} spreads above rearranged ones, {CLEAR_STANDING:g} are clear: "
             "it may lie elsewhere"
         )
+        yield Doubt("weak-pattern", what, value=highest, unit="1")

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.commands.console import command_stages, print_json, print_line
+from endoct.workbench.commands.console import command_stages, print_json, print_line, status_of
 from endoct.workbench.requests import OutlookRequest, Output, PlanRequest, PoseRequest
-from endoct.workbench.running.refusals import DONE, UNTOLD
+from endoct.workbench.running.refusals import UNTOLD
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.outlook_result import OutlookResult
@@ -22,6 +22,7 @@ class Pose(PoseRequest):
         plan_only: before there is a recording: how well this trajectory could be told, by the CT alone
         radius: with --plan-only, of the bore, mm; default: 1.25
         seen: with --plan-only, how much of the bore a recording would show, mm; default: the plan's length
+        strict: end with exit status 3 where there is a doubt; the output is written all the same
         json: print the result as JSON
     """
 
@@ -30,6 +31,7 @@ class Pose(PoseRequest):
     plan_only: bool = False
     radius: float | None = None
     seen: float | None = None
+    strict: bool = False
     json: bool = False
 
     def __call__(self) -> int:
@@ -40,7 +42,7 @@ class Pose(PoseRequest):
         from endoct.workbench.posing.pose import pose
 
         result = pose(replace(self, progress=command_stages(self.json)))
-        return print_pose(result, Path(self.output), as_json=self.json)
+        return print_pose(result, Path(self.output), as_json=self.json, strict=self.strict)
 
     def _plan_only(self) -> int:
         from endoct.workbench.posing.outlook import pose_outlook
@@ -55,7 +57,7 @@ class Pose(PoseRequest):
             print_line(outlook.outlook.sentence)
             _print_doubts(outlook)
             print_line(f"report: {Path(self.output) / 'report.html'}")
-        return DONE if outlook.tellable else UNTOLD
+        return status_of(outlook.doubts, strict=self.strict) if outlook.tellable else UNTOLD
 
     def _check(self) -> None:
         """Raise :class:`EndoctError` where something is given that has no meaning with, or without, --plan-only."""
@@ -79,14 +81,14 @@ class Pose(PoseRequest):
             )
 
 
-def print_pose(result: "PoseResult", folder: Path, *, as_json: bool) -> int:
-    """Print the result of a pose that was written to ``folder``; return the exit status."""
+def print_pose(result: "PoseResult", folder: Path, *, as_json: bool, strict: bool = False) -> int:
+    """Print the result of a pose that was written to ``folder``; return the exit status, ``strict`` about doubts."""
     if as_json:
         print_json(result.to_json())
     else:
         _print(result)
         print_line(f"report: {folder / 'report.html'}")
-    return DONE if result.told else UNTOLD
+    return status_of(result.doubts, strict=strict) if result.told else UNTOLD
 
 
 def _print(result: "PoseResult") -> None:
@@ -106,6 +108,10 @@ def _print(result: "PoseResult") -> None:
         f"the bore's axis in the CT ({result.coordinates.upper()}, mm): {place_text(result.place(0.0))} at the depth "
         f"of the planned entry, {place_text(result.place(length_mm))} at that of the target"
     )
+    name, depth = result.deepest
+    print_line(
+        f"the deepest row, by {name}: {place_text(result.place(depth.value))} at {estimate_text(depth)} mm depth"
+    )
     for name, roll in summary.roll_deg.items():
         print_line(f"roll of {name}: θ = 0 lies at {estimate_text(roll, 0)}° about the axis")
     for one in summary.clearances:
@@ -115,7 +121,7 @@ def _print(result: "PoseResult") -> None:
 
 def _print_doubts(result: "PoseResult | OutlookResult") -> None:
     for doubt in result.doubts:
-        print_line(f"doubt: {doubt}")
+        print_line(f"doubt: {doubt.what}")
     for facts in result.volumes.values():
         for note in facts.notes:
             print_line(f"note ({facts.title}): {note}")

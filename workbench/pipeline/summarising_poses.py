@@ -18,7 +18,7 @@ MOST_BYTES = 16_000_000
 EQUIVALENT_MM = 0.3
 """Bound that a mean difference of the two sides is tested against."""
 PLACES = ("at_entry", "at_target")
-ALWAYS = ("pose", "sides", "told", "reason", "offset_at_entry_mm", "offset_at_target_mm", "angle_deg")
+ALWAYS = ("pose", "sides", "told", "reason", "doubts", "offset_at_entry_mm", "offset_at_target_mm", "angle_deg")
 """Columns that are there even where no pose was told."""
 
 
@@ -51,10 +51,11 @@ def summarise_any(first: Sequence[Path], second: Sequence[Path], *, repeats: boo
 def summarise_poses(folders: Sequence[Path]) -> dict[str, list[Row]]:
     """Return the tables of a summary by name, each a list of rows.
 
-    ``poses``: a row a pose: told or not and why, offsets from the plan, angle, depth of each side's last row, distance
-    and margin of each structure, and the difference of the two sides, each with its interval; empty where it is not
-    told. ``agreement``: a row a pair of sides, a place and a direction across the bore: the sides' differences over
-    all poses that were told, with limits of agreement and a test of equivalence; none where there are too few.
+    ``poses``: a row a pose: told or not and why, codes of its doubts, offsets from the plan, angle, depth of each
+    side's last row, distance and margin of each structure, and the difference of the two sides, each with its interval;
+    empty where it is not told. ``agreement``: a row a pair of sides, a place and a direction across the bore: the
+    sides' differences over all poses that were told, with limits of agreement and a test of equivalence; none where
+    there are too few.
 
     Raises :class:`EndoctError` where a folder is no pose.
     """
@@ -82,6 +83,7 @@ def _row(folder: Path, pose: dict[str, Any]) -> Iterator[tuple[str, str | float 
     yield "reason", pose["reason"]
     if not pose["told"]:
         return
+    yield "doubts", spreadsheet_text(" ".join(map(str, pose["doubt_codes"])))
     found, difference = pose["pose"], pose["difference"]
     for name in ("at_entry", "at_target", "beyond_target"):
         yield from _estimate(f"offset_{name}_mm", found[name]["distance_mm"])

@@ -14,7 +14,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import mask_of, name_of, segments_in
 from endoct.fusion.pose.summary import radius_of
-from endoct.fusion.pose.support import LONG_BARE_MM, longest_bare_stretch
+from endoct.fusion.pose.support import LONG_BARE_MM, drawn_on
 from endoct.modalities.ct.ct_volume import CtVolume, part_around
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -63,7 +63,6 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) 
     width_in = PAGE_WIDTH_IN - 0.6
     height_in = width_in * np.ptp(aside) / np.ptp(z)
     low, high = _window(ct)
-    bare = longest_bare_stretch(pose)
     names: dict[str, str] = {}
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 2 * height_in + 1.0)
@@ -74,8 +73,8 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) 
             if labels is not None:
                 names |= _outline_structures(axes, labels, pose, z, aside, axis)
             _draw_bore(axes, pose, axis, told)
-            if bare.length_mm >= LONG_BARE_MM:
-                axes.axvspan(bare.from_mm, bare.to_mm, color=SKY, alpha=0.25, linewidth=0)
+            for stretch in drawn_on(pose):
+                axes.axvspan(stretch.from_mm, stretch.to_mm, color=SKY, alpha=0.25, linewidth=0)
             axes.set_title(f"({'ab'[k]}) {title}", pad=3)
             axes.set_ylabel("from the axis (mm)")
             axes.set_xlim(z[0], z[-1])
@@ -94,8 +93,8 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) 
     caption = (
         "Two planes through the found axis, at right angles, drawn to scale; the CT is from before drilling. "
         "Solid: the bore's envelope and axis, between thin lines that hold the wall in 95 % of cases. Dashed: the "
-        f"plan, projected onto the plane. Tinted, where it is {LONG_BARE_MM:g} mm or more: no edge of a cell was seen, "
-        "and the axis is drawn on from the rest."
+        "plan, projected onto the plane. Tinted: nothing shows how the bore runs, and the axis is drawn on from the "
+        f"rest; no side recorded it there, or over {LONG_BARE_MM:g} mm or more none saw an edge of a cell."
     )
     return Drawn(rendered, "cut", "The CT along the bore", caption)
 
@@ -121,7 +120,7 @@ def draw_wall(side: Side, prediction: Panorama) -> Drawn:
             image = show_surface(axes[k], coarse, thin, known & np.isfinite(thin), colours, *limits)
             colour_bar(axes[k], image, unit)
             if outlined:
-                _outline(axes[k], coarse, thin_bone)
+                _outline(axes[k], coarse, thin_bone, BLUE if by_depth else ORANGE)
         wall_panel(axes[2], grid, "(c) predicted by the CT", first=False)
         image = show_surface(axes[2], coarse, thin_bone, np.isfinite(thin_bone), INTENSITY_COLOURS, 0.0, 1.0)
         colour_bar(axes[2], image, "share of bone")
@@ -194,9 +193,9 @@ def _outline_structures(
     return found
 
 
-def _outline(axes: Axes, grid: SurfaceGrid, bone: NDArray[np.floating]) -> None:
+def _outline(axes: Axes, grid: SurfaceGrid, bone: NDArray[np.floating], colour: str) -> None:
     # one column more on either side, so that outlines run on over the seam
     degrees = np.degrees(grid.theta0_rad + grid.dtheta_rad * np.arange(-1, grid.n_theta + 1))
     padded = np.pad(np.nan_to_num(bone, nan=1.0), ((0, 0), (1, 1)), mode="wrap")
     if padded.max() > 0.5 > padded.min():
-        axes.contour(degrees, grid.z_mm, padded, levels=[0.5], colors=[ORANGE], linewidths=0.7)
+        axes.contour(degrees, grid.z_mm, padded, levels=[0.5], colors=[colour], linewidths=0.7)

@@ -104,7 +104,8 @@ def write_folder(result: PoseResult, planned: Planned, sides: Spread[SideInAir],
     (folder / "pose.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
     write_line(pose.plan, "plan", folder / "plan.mrk.json")
     if result.told:
-        write_handover(pose, folder)
+        # who sees the line in another program sees no report
+        write_handover(pose, "bore (doubted: see report.html)" if result.doubts else "bore", folder)
     with stages.stage("compare with the CT"):
         walls = sides.map(write_side, pose, result.made, folder)
     with stages.stage("report"):

@@ -21,14 +21,14 @@ BORE_TO_WORLD = "takes points of the bore frame (mm, z inward from the planned e
 WORLD_TO_BORE = "takes points of the CT's world, LPS, to the bore frame (mm, z inward from the planned entry)"
 
 
-def write_handover(pose: BorePose, folder: Path) -> None:
-    """Write the transforms both ways, the axis as a line, and the bore as a mesh into ``folder``."""
+def write_handover(pose: BorePose, name: str, folder: Path) -> None:
+    """Write the transforms both ways, the axis as a line called ``name``, and the bore as a mesh into ``folder``."""
     to_lps = pose.bore_to_lps
     to_bore = np.asarray(np.linalg.inv(to_lps), dtype=np.float64)
     save_affine(to_lps[:3, :3], to_lps[:3, 3], BORE_TO_WORLD, folder / "bore_to_world.tfm")
     save_affine(to_bore[:3, :3], to_bore[:3, 3], WORLD_TO_BORE, folder / "world_to_bore.tfm")
     _write_hdf5(to_lps, folder / "bore_to_world.h5")
-    write_line(axis_of(pose), "bore", folder / "trajectory.mrk.json")
+    write_line(axis_of(pose), name, folder / "trajectory.mrk.json")
     tube = tube_of(to_lps, radius_of(pose), pose.plan.length_mm)
     save_ply(tube, folder / "bore.ply", "LPS of the patient's CT")
     save_stl(tube, folder / "bore.stl")

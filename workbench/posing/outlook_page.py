@@ -52,7 +52,7 @@ def _heading(result: OutlookResult, title: str) -> Heading:
             (f"It {outlook.sentence}.",),
             "Why",
         ),
-        doubts=tuple(doubt for facts in result.volumes.values() for doubt in facts.doubts),
+        doubts=result.doubts,
         scores=tuple(scores),
         notes=sum(len(facts.notes) for facts in result.volumes.values()),
         endoct=result.made.versions.get("endoct", ""),

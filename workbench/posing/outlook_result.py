@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from endoct.base.arrays import Image
+from endoct.base.doubt import Doubt
 from endoct.fusion.pose.outlook import Outlook, Prospect
 from endoct.modalities.ct.stored import Convention
 from endoct.modalities.ct.trajectory import Trajectory
@@ -36,9 +37,9 @@ class OutlookResult:
     volumes: Mapping[str, VolumeFacts]
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """All that is doubted of the CT, in sentences."""
-        return tuple(doubt.what for facts in self.volumes.values() for doubt in facts.doubts)
+    def doubts(self) -> tuple[Doubt, ...]:
+        """All that is doubted of the CT."""
+        return tuple(doubt for facts in self.volumes.values() for doubt in facts.doubts)
 
     @property
     def tellable(self) -> bool:
@@ -55,7 +56,7 @@ class OutlookResult:
             "notice": NOTICE,
             "level": self.outlook.level,
             "verdict": self.outlook.sentence,
-            "doubts": list(self.doubts),
+            "doubts": [doubt.what for doubt in self.doubts],
             "volumes": {name: facts.to_json() for name, facts in self.volumes.items()},
             "coordinates": self.coordinates,
             "plan": plan_json(self.plan, self.coordinates),

@@ -5,7 +5,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from markupsafe import Markup
 
 from endoct.base.files.contents import marked
-from endoct.fusion.pose.clinical import Difference, Estimate, Offset
+from endoct.fusion.pose.clinical import Difference, Estimate, Offset, offset_at
+from endoct.fusion.pose.handedness import OPEN
 from endoct.fusion.pose.summary import PoseSummary
 from endoct.workbench.page.heading import Heading, Score, printed_page
 from endoct.workbench.pipeline.information import texts_of
@@ -34,14 +35,12 @@ def pose_page(result: PoseResult, title: str, drawn: Sequence[Drawn]) -> str:
 
 def _heading(result: PoseResult, title: str) -> Heading:
     summary, names = result.summary, " and ".join(result.answer.pose.names)
-    doubts, of_ct = result.answer.doubts, tuple(doubt for facts in result.volumes.values() for doubt in facts.doubts)
     if not result.told:
         why = (str(result.answer.reason),)
         verdict = Verdict("unaligned", f"It cannot be told where the bore lies. {NOTICE}", why, "Why")
-    elif doubts:
-        verdict = Verdict("doubted", f"Told by {names}, with {count_doubts(doubts)}. {NOTICE}", doubts, "Why")
-    elif of_ct:
-        verdict = Verdict("doubted", f"Told by {names}, with {count_doubts(of_ct)}. {NOTICE}")
+    elif result.doubts:
+        unless = " if the CT is not mirrored" if any(doubt.code == OPEN for doubt in result.doubts) else ""
+        verdict = Verdict("doubted", f"Told by {names}{unless}, with {count_doubts(result.doubts)}. {NOTICE}")
     else:
         verdict = Verdict("trusted", f"Told by {names}. {NOTICE}")
     scores = _scores(summary) if result.told else ()
@@ -49,7 +48,7 @@ def _heading(result: PoseResult, title: str) -> Heading:
         title=f"{title}: the bore in the CT",
         facts=(("sides", names), ("coordinates", result.coordinates.upper())),
         verdict=verdict,
-        doubts=of_ct,
+        doubts=result.doubts,
         scores=tuple(scores),
         notes=sum(len(facts.notes) for facts in result.volumes.values()),
         endoct=result.made.versions.get("endoct", ""),
@@ -109,6 +108,9 @@ def _places(result: PoseResult) -> list[tuple[str, ...]]:
     places: list[tuple[str, Offset]] = [("entry", summary.at_entry), ("target", summary.at_target)]
     if summary.recess is not None:
         places.insert(1, ("facial recess", summary.recess))
+    name, depth = result.deepest
+    places.append((f"deepest row of {name}", offset_at(result.answer.pose, depth.value)))
+    places.sort(key=lambda place: place[1].depth_mm)
     places.append(("5 mm beyond the target", summary.beyond))
     rows = [
         (name, f"{one.depth_mm:.1f}", place_text(result.place(one.depth_mm)), _across(one),

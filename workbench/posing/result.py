@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from endoct.base.arrays import Coordinates
+from endoct.base.doubt import Doubt
 from endoct.fusion.pose.clinical import Estimate
 from endoct.fusion.pose.finding import PoseAnswer
 from endoct.fusion.pose.pose import BorePose
@@ -71,14 +72,20 @@ class PoseResult:
         return self.answer.pose if self.told else None
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """All that is doubted, in sentences: of the pose, the gravest first, then of the volumes."""
-        return (*self.answer.doubts, *(doubt.what for facts in self.volumes.values() for doubt in facts.doubts))
+    def doubts(self) -> tuple[Doubt, ...]:
+        """All that is doubted: of the pose, the gravest first, then of the volumes."""
+        return (*self.answer.doubts, *(doubt for facts in self.volumes.values() for doubt in facts.doubts))
 
     @property
     def axis(self) -> Trajectory:
         """The bore's axis, from the depth of the plan's entry to that of its target."""
         return axis_of(self.answer.pose)
+
+    @property
+    def deepest(self) -> tuple[str, Estimate]:
+        """The side that saw the bore deepest, and the depth of its deepest row, mm from the planned entry."""
+        deepest = {name: max(ends, key=lambda end: end.value) for name, ends in self.summary.ends_mm.items()}
+        return max(deepest.items(), key=lambda item: item[1].value)
 
     def place(self, depth_mm: float) -> Point:
         """Return the point of the bore's axis at a depth from the planned entry, mm in ``coordinates``."""
@@ -97,7 +104,8 @@ class PoseResult:
             "notice": NOTICE,
             "told": self.told,
             "reason": self.answer.reason,
-            "doubts": list(self.doubts),
+            "doubts": [doubt.what for doubt in self.doubts],
+            "doubt_codes": [doubt.code for doubt in self.doubts],
             "volumes": {name: facts.to_json() for name, facts in self.volumes.items()},
             "sides": list(self.answer.pose.names),
             "coordinates": self.coordinates,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from endoct.fusion.pose import finding
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.finding import Found, answer, find_alone, shuffled_patterns, turned_patterns
 from endoct.fusion.pose.fit import ALIKE, _together
@@ -134,7 +135,7 @@ def test_a_side_that_cannot_tell_alone_is_doubted(found: Found) -> None:
     assert answer(air, PLAN, [found, found]).doubts == ()
     told = answer(air, PLAN, [found, replace(found, standing=0.5)])
     assert told.reason is None
-    assert [doubt.endswith("its own depth and turn may be wrong") for doubt in told.doubts] == [True]
+    assert [doubt.what.endswith("its own depth and turn may be wrong") for doubt in told.doubts] == [True]
     assert answer(air, PLAN, [replace(found, standing=0.5)]).doubts == ()
 
 
@@ -173,7 +174,10 @@ def test_a_mirrored_ct_is_settled_by_the_side_whose_sense_is_known(found: Found)
     free = find_alone(other, replace(side, name="ranger", handed=False))
     assert free.reason is None  # in a mirror image it fits as well
     (first, *_) = answer(other, PLAN, [free]).doubts
-    assert "sense of θ of ranger is not known" in first
+    assert "sense of θ of ranger is not known" in first.what
+    assert 'only if handedness is "mirrored" for ranger' in first.what  # which sense fits can be looked up
+    here = find_alone(a_bone(1), replace(side, name="ranger", handed=False))
+    assert 'only if handedness is "same" for ranger' in answer(a_bone(1), PLAN, [here]).doubts[0].what
     known = find_alone(other, side)
     assert known.reason is not None
     assert "fits the mirror image" in (answer(other, PLAN, [free, known]).reason or "")
@@ -184,3 +188,15 @@ def test_a_side_of_another_bore_lets_nothing_be_told(found: Found) -> None:
     air = a_bone(1)
     stranger = find_alone(air, a_side(a_bone(2)))
     assert "of another bore" in (answer(air, PLAN, [found, stranger]).reason or "")
+
+
+def test_a_stranger_that_agrees_by_chance_does_not_stand_out(found: Found, monkeypatch: pytest.MonkeyPatch) -> None:
+    air = a_bone(1)
+    monkeypatch.setattr(finding, "LEAST_BY_CELLS", -1.0)  # no correlation is too small
+    strangers = [find_alone(air, a_side(a_bone(seed))) for seed in (2, 3)]
+    reasons = [answer(air, PLAN, [found, replace(one, standing=0.5)]).reason for one in strangers]
+    assert all("spreads above rearranged ones, 2 at least: of another bore" in (reason or "") for reason in reasons)
+    mirrored = replace(found, standing=0.5, mirrored=True)  # nor is one that fits the mirror image of the CT
+    assert "fits the mirror image" in (answer(air, PLAN, [found, mirrored]).reason or "")
+    axis = found.fit.parameters[:SHARED]
+    assert finding.standing_along(air, found.fit.sides[0], axis) > finding.LEAST_STANDING

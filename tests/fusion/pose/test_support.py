@@ -10,7 +10,7 @@ from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.fit import Fit, fit_pose
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.support import ellipse_mm, longest_bare_stretch, support_doubts, too_wide
+from endoct.fusion.pose.support import drawn_on, ellipse_mm, longest_bare_stretch, support_doubts, too_wide
 from endoct.fusion.pose.wall import DEPTH, OF_SIDE, SHARED, Sense, wall_places
 from endoct.modalities.ct.trajectory import Trajectory
 
@@ -87,19 +87,24 @@ def test_the_longest_bare_stretch_is_where_no_edge_is_seen(sparse: BorePose, ful
     assert bare.from_mm == pytest.approx(6.0, abs=1.0)
     assert bare.to_mm == pytest.approx(1 + SEEN_MM, abs=0.3)
     assert longest_bare_stretch(full).length_mm < 3
+    # the side sees the bore from 1 mm on
+    before, after = drawn_on(full)
+    assert (before.from_mm, after.to_mm) == (0.0, LENGTH_MM)
+    assert (before.to_mm, after.from_mm) == pytest.approx((1, 1 + SEEN_MM), abs=0.3)
+    assert drawn_on(sparse)[-1] == bare
 
 
 def test_what_is_hardly_held_up_is_doubted_or_not_told(sparse: BorePose, full: BorePose) -> None:
     assert list(support_doubts(full, [5.0])) == []
     (weak,) = support_doubts(full, [3.4, 3.1])
-    assert "3.4 spreads" in weak
-    assert any("show no edge of a cell" in doubt for doubt in support_doubts(sparse, [5.0]))
+    assert "3.4 spreads" in weak.what
+    assert any("show no edge of a cell" in doubt.what for doubt in support_doubts(sparse, [5.0]))
     assert too_wide(full) is None
     loose = BorePose(PLAN, _scaled(full.fit, 1.5 / ellipse_mm(full)))
     assert "leave open" in (too_wide(loose) or "")
     wide = BorePose(PLAN, _scaled(full.fit, 0.7 / ellipse_mm(full)))
     assert too_wide(wide) is None
-    assert ["known to 0.7 mm only" in doubt for doubt in support_doubts(wide, [5.0])] == [True]
+    assert ["known to 0.7 mm only" in doubt.what for doubt in support_doubts(wide, [5.0])] == [True]
 
 
 def _scaled(fit: Fit, by: float) -> Fit:

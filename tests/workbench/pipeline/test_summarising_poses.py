@@ -34,6 +34,7 @@ def a_pose(folder: Path, apart_mm: float | None, *, told: bool = True) -> Path:
         "sides": ["oct"] if apart_mm is None else ["oct", "endoscope"],
         "told": told,
         "reason": None if told else "no pose stands out",
+        "doubt_codes": [] if apart_mm is not None else ["handedness-open", "wide-ellipse"],
         "pose": pose if told else None,
         "difference": None
         if apart_mm is None
@@ -52,6 +53,7 @@ def test_a_row_a_pose_and_the_agreement_of_those_that_were_told(tmp_path: Path) 
     assert len(rows) == len(folders)
     assert (rows["untold"]["told"], rows["untold"]["reason"]) == (0.0, "no pose stands out")
     assert rows["untold"]["offset_at_target_mm"] is None
+    assert (rows["alone"]["doubts"], rows["bore-0"]["doubts"]) == ("handedness-open wide-ellipse", "")
     assert rows["alone"]["difference_at_target_mm"] is None
     assert rows["bore-0"]["facial_nerve_margin_mm"] == 0.8
     assert rows["bore-1"]["difference_at_target_x_mm"] == APART_MM[1]

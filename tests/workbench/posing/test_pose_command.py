@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from pose_case import PoseCase, text
 from endoct.base.errors import EndoctError
 from endoct.fusion.pose.finding import PoseAnswer
 from endoct.modalities.ct.trajectory import Trajectory, write_line
+from endoct.stitching.store import save_panorama
 from endoct.workbench import compare, verify
 from endoct.workbench.page.report import write_report
 from endoct.workbench.posing import finding
@@ -79,6 +81,28 @@ def test_untold_is_3_and_hands_no_pose_over(
     there = {path.name for path in out.iterdir()}
     assert there == {"pose.json", "plan.mrk.json", "predicted", "figures", "report.html", "endoct-output.json"}
     assert "No pose stands out." in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_an_open_handedness_is_said_first_everywhere(
+    command: Command, case: PoseCase, files: Path, tmp_path: Path
+) -> None:
+    """An instrument with depth that does not say which way its θ runs, by itself."""
+    save_panorama(replace(case.panorama("ranger"), handedness_known=False), tmp_path / "ranger.zarr")
+    words = (tmp_path / "ranger.zarr", "--ct", files / "ct.nrrd", *plan_of(case), "-o", tmp_path / "out")
+    status, errors, printed = command(*words)
+    assert (status, errors) == (0, [])
+    assert printed.startswith("doubt: the sense of θ of ranger is not known: a mirrored CT")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    above = page.partition("<header")[2].partition("</header>")[0].partition('<details class="how"')[0]
+    assert "Told by ranger if the CT is not mirrored, with " in above
+    assert above.index("the sense of θ of ranger is not known") < above.index("<code>handedness-open</code>")
+    markup = json.loads((tmp_path / "out" / "trajectory.mrk.json").read_text(encoding="utf-8"))["markups"][0]
+    assert markup["name"] == "bore (doubted: see report.html)"
+    status, _, printed = command(*words, "--overwrite", "--strict", "--json")
+    said = json.loads(printed)
+    assert (status, said["told"], said["doubt_codes"][0]) == (3, True, "handedness-open")
+    assert "the sense of θ of ranger is not known" in said["doubts"][0]
+    assert said["pose"] is not None
 
 
 def test_a_plan_as_markups_is_the_same_plan(
