@@ -220,6 +220,9 @@ def test_missing_chunks_are_the_fill_value(tmp_path: Path) -> None:
     path = ngff(tmp_path / "a.zarr", stack)
     assert not (path / "0" / "c" / "2" / "0" / "0").exists()
     np.testing.assert_array_equal(read(path), stack)
+    shutil.rmtree(path / "0" / "c" / "4")
+    assert "frame 4 of" in refusal(path)
+    assert "none of its chunks" in refusal(path)
 
 
 def test_a_converters_layout_is_entered(tmp_path: Path) -> None:
@@ -246,6 +249,9 @@ def test_stores_that_cannot_be_followed_are_refused(tmp_path: Path) -> None:
     chunk = linked / "0" / "c" / "1" / "0" / "0"
     chunk.unlink()
     chunk.symlink_to(sound / "0" / "c" / "2" / "0" / "0")
+    assert "found a link" in refusal(linked)
+    chunk.unlink()
+    chunk.symlink_to(chunk.name)  # which leads to itself
     assert "found a link" in refusal(linked)
     bomb = shutil.copytree(sound, tmp_path / "e.zarr")
     import numcodecs
