@@ -150,10 +150,11 @@ class Found:
     def reason(self) -> str | None:
         """Why this side alone cannot tell, None where it can."""
         name, agreement, least = self.fit.sides[0].name, self.fit.agreement[0], _least_of(self.fit.sides[0])
+        if agreement < least:
+            said = f"the {name}'s edges correlate {agreement:.2f} with the CT's at best, {least:g} at least"
+            return f"{said}; the mirror image of the CT fits better" if self.mirrored else said
         if self.mirrored:
             return mirror_reason(name)
-        if agreement < least:
-            return f"the {name}'s edges correlate {agreement:.2f} with the CT's at best, {least:g} at least"
         if self.standing < LEAST_STANDING:
             return (
                 f"the {name}'s pattern fits hardly better than rearranged ones would: "
