@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zarr
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError, refusing
@@ -55,7 +56,6 @@ class _ReadPlanes:
 
     def __call__(self, index: int) -> NDArray[Any]:
         """Return one frame, (row, column)."""
-        import zarr
 
         image, array = self.image, self.image.array
         chunks = [
