@@ -55,7 +55,7 @@ def table() -> str:
 
 
 def _row(part: str, model: type[BaseModel], name: str) -> str:
-    path, what = f"{part}.{name}", _what(model, name)
+    path, what = f"{part}.{name}", _described(model, name)
     by_range: dict[str, list[str]] = {}
     for preset, of in PRESETS.items():
         if path in of.ranges:
@@ -68,11 +68,11 @@ def _row(part: str, model: type[BaseModel], name: str) -> str:
 
 def _others(model: type[BaseModel], names: list[str]) -> str:
     """Return parameters that cannot be varied, as a list."""
-    lines = [f"- `{name}`: {_what(model, name)}".removesuffix(": ") for name in names]
+    lines = [f"- `{name}`: {_described(model, name)}".removesuffix(": ") for name in names]
     return "\n".join(["", *lines, ""]) if names else ""
 
 
-def _what(model: type[BaseModel], name: str) -> str:
+def _described(model: type[BaseModel], name: str) -> str:
     """Return what a parameter is. That it was chosen need not be said: so are all without a source."""
     return (model.model_fields[name].description or "").replace(" (chosen)", "")
 

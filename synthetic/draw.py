@@ -144,12 +144,12 @@ def _network(drawer: Drawer) -> Network:
     return Network(**drawn, entry_mm=entry, inward=(x, y, z))
 
 
-def _tube(one: Drawer) -> Tube:
+def _tube(drawer: Drawer) -> Tube:
     """Draw a printed tube, and by how much it differs from what is stated of it."""
     errors = dict(
-        zip(("bore", "depth", "z", "capillary"), np.clip(one.rng.normal(size=4), -3, 3).tolist(), strict=True)
+        zip(("bore", "depth", "z", "capillary"), np.clip(drawer.rng.normal(size=4), -3, 3).tolist(), strict=True)
     )
-    return Tube(**one.numbers(Tube), **{f"{name}_error": value for name, value in errors.items()})
+    return Tube(**drawer.numbers(Tube), **{f"{name}_error": value for name, value in errors.items()})
 
 
 def _length_mm(volume: Volume, recorded_mm: float) -> float:

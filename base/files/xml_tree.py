@@ -10,13 +10,15 @@ MOST_DEEP, MOST_ELEMENTS = 32, 300_000
 _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
-def read_xml(data: bytes, what: str) -> Element:
-    """Return the root of the XML document that ``what`` names, in UTF-8, UTF-16 or the encoding that it states.
+def read_xml(data: bytes, document: str) -> Element:
+    """Return the root of the XML document that ``document`` names, in UTF-8, UTF-16 or the encoding that it states.
 
     Raises :class:`EndoctError` where it is none, has a document type, which could define entities, or is beyond bounds.
     """
     if len(data) > MOST_BYTES:
-        raise EndoctError(f"{what} is too large", found=f"{len(data) / 1e6:.0f} MB of XML", expected="16 MB at most")
+        raise EndoctError(
+            f"{document} is too large", found=f"{len(data) / 1e6:.0f} MB of XML", expected="16 MB at most"
+        )
     builder, open_elements, n_elements = TreeBuilder(), 0, 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -24,7 +26,7 @@ def read_xml(data: bytes, what: str) -> Element:
         open_elements, n_elements = open_elements + 1, n_elements + 1
         if open_elements > MOST_DEEP or n_elements > MOST_ELEMENTS:
             raise EndoctError(
-                f"{what} is no XML that is read",
+                f"{document} is no XML that is read",
                 found="too many elements, or too many within one another",
                 expected=f"{MOST_ELEMENTS} elements and {MOST_DEEP} levels at most",
             )
@@ -36,9 +38,9 @@ def read_xml(data: bytes, what: str) -> Element:
         builder.end(tag)
 
     def refuse(*_: object) -> None:
-        raise EndoctError(f"{what} is no XML that is read", found="a document type or entities", expected="none")
+        raise EndoctError(f"{document} is no XML that is read", found="a document type or entities", expected="none")
 
-    with refusing(f"{what} is no valid XML", remedy="copy or export it again"):
+    with refusing(f"{document} is no valid XML", remedy="copy or export it again"):
         parser = expat.ParserCreate("utf-16" if data.startswith(_BYTE_ORDER_MARKS) else None)
         parser.buffer_text = True
         parser.StartElementHandler, parser.EndElementHandler = start, end

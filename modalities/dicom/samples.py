@@ -118,10 +118,10 @@ class ReadSamples:
             return np.moveaxis(flat.reshape(samples, rows, columns), 0, -1)
         return flat.reshape(rows, columns, samples)
 
-    def _numbers(self, found: NDArray[Any]) -> NDArray[Any]:
+    def _numbers(self, samples: NDArray[Any]) -> NDArray[Any]:
         """Return the numbers in the bits that are used."""
-        kind = np.dtype(f"u{max(found.dtype.itemsize, 1)}")
-        numbers = np.ascontiguousarray(found).astype(kind, copy=False)
+        kind = np.dtype(f"u{max(samples.dtype.itemsize, 1)}")
+        numbers = np.ascontiguousarray(samples).astype(kind, copy=False)
         shift = self.high_bit + 1 - self.stored if self.syntax in PLAIN else 0
         if shift or self.stored < 8 * kind.itemsize:
             numbers = (numbers >> shift) & kind.type((1 << self.stored) - 1)

@@ -168,7 +168,8 @@ def stated_by(path: Path) -> Stated:
     form, files = located
     if form.is_folder:
         return form.states(files)
-    return _stated_by_files(form, files, tuple(tuple(state_of(file).values()) for file in files))
+    around = {file.parent.stat().st_mtime_ns for file in files}  # a chirp may lie next to a recording
+    return _stated_by_files(form, files, (tuple(tuple(state_of(file).values()) for file in files), frozenset(around)))
 
 
 @lru_cache(maxsize=8)  # what files state is asked for again and again, and may be in the headers of hundreds

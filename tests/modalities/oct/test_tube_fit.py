@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from printed_tube import TUBE
-from tolerances import TUBE_SCALE_REL
+from tolerances import TUBE_NOISY_SCALE_REL, TUBE_SCALE_REL
 
 from endoct.modalities.oct.tube_fit import PITCH, SCALE, THETA, TubeModel, Z
 from endoct.modalities.oct.tube_marks import HELICAL, Beams, find_marks
@@ -52,7 +52,7 @@ def test_scales_come_back(sense: int) -> None:
     sigma = np.sqrt(np.diag(fit.covariance))
     assert np.count_nonzero(model.marks.line == HELICAL) > 15
     assert math.exp(fit.values[SCALE]) == pytest.approx(PIXEL, rel=max(TUBE_SCALE_REL, 2 * sigma[SCALE]))
-    assert sigma[SCALE] < 0.012
+    assert sigma[SCALE] < 0.016
     assert fit.values[PITCH] == pytest.approx(STEP, rel=TUBE_SCALE_REL)
     assert np.angle(np.exp(1j * (fit.values[THETA] - 0.4))) == pytest.approx(0, abs=0.004)
 
@@ -66,4 +66,4 @@ def test_noise_alone_does_not_shrink_the_scale() -> None:
     for each in (quiet, loud):
         fit = TubeModel(each, find_marks(each, pose, TUBE), TUBE, pose).fit(capillary_sigma_mm=0.0005)
         scales.append(math.exp(fit.values[SCALE]))
-    assert scales[0] == pytest.approx(scales[1], rel=TUBE_SCALE_REL)
+    assert scales[0] == pytest.approx(scales[1], rel=TUBE_NOISY_SCALE_REL)

@@ -84,7 +84,7 @@ def test_keys_of_a_calibration_stay_there(tmp_path: Path) -> None:
 def test_a_table_of_the_sidecar_is_kept(tmp_path: Path) -> None:
     np.save(tmp_path / "pullback.npy", np.zeros((3, 100, 100), np.uint8))
     sidecar, _ = write_sidecar_template(tmp_path, "oct", overwrite=False)
-    assert "# spectra = { file = …, samples = …, ascans = …, chirp = … }" in sidecar.read_text(encoding="utf-8")
+    assert "# spectra = { file = …, samples = …, chirp = … }" in sidecar.read_text(encoding="utf-8")
     table = '{ file = "a.bin", samples = 1024, ascans = 500, chirp = "even", dispersion_rad = [1.5, 2] }'
     with sidecar.open("a", encoding="utf-8") as file:
         file.write(f"spectra = {table}\n")

@@ -16,7 +16,7 @@ SIDE = 200
 RING = Annulus(101.0, 99.0, 30.0, 99.0, 100.0, 88.0)
 ROW, COLUMN = np.indices((SIDE, SIDE)).astype(np.float32)
 RADIUS, ANGLE = np.hypot(COLUMN - 99, ROW - 100), np.arctan2(ROW - 100, COLUMN - 99)
-SEEN = (RADIUS < 88) & (np.hypot(COLUMN - 101, ROW - 99) > 30)
+ANNULUS = (RADIUS < 88) & (np.hypot(COLUMN - 101, ROW - 99) > 30)
 Picture = NDArray[np.uint8]
 Draw = Callable[[Picture, int], None]
 
@@ -35,7 +35,7 @@ def frames(draw: Draw | None = None, n: int = 12, seed: int = 0) -> list[Image]:
         bright *= 1 - 0.9 * np.exp(-(((COLUMN - 60) ** 2 + (ROW - 140) ** 2) / 8**2))  # dirt, out of focus
         bright += 0.35 * np.exp(-(((RADIUS - 80) / 1.2) ** 2))  # a specular ring
         bright += 1.5 * np.exp(-(((COLUMN - 150) ** 2 + (ROW - 80) ** 2) / 9**2))  # light that saturates
-        image = np.where(SEEN, bright, 0.03)
+        image = np.where(ANNULUS, bright, 0.03)
         image = cv2.GaussianBlur(image, (0, 0), 1.0) + rng.normal(0, 0.012, image.shape)
         counts = (np.clip(image, 0, 1) * 255).round().astype(np.uint8)
         if draw is not None:
@@ -79,8 +79,8 @@ def test_what_is_drawn_is_found_and_little_else(draw: Draw) -> None:
     assert found is not None
     there = drawn(draw)
     assert found[there].mean() >= OVERLAY_FOUND
-    assert (found & SEEN & ~grown(there, 9)).sum() <= OVERLAY_EXCESS * SEEN.sum()
-    assert share_of_ring(found, RING) == pytest.approx(found[SEEN].mean(), abs=0.01)
+    assert (found & ANNULUS & ~grown(there, 9)).sum() <= OVERLAY_EXCESS * ANNULUS.sum()
+    assert share_of_ring(found, RING) == pytest.approx(found[ANNULUS].mean(), abs=0.01)
 
 
 @pytest.mark.parametrize("seed", range(4))
