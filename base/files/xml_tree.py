@@ -17,7 +17,7 @@ def read_xml(data: bytes, document: str) -> Element:
     """
     if len(data) > MOST_BYTES:
         raise EndoctError(
-            f"{document} is too large", found=f"{len(data) / 1e6:.0f} MB of XML", expected="16 MB at most"
+            f"{document} is too large", found=f"{len(data) / 1e6:.0f} MB", expected="16 MB of XML at most"
         )
     builder, open_elements, n_elements = TreeBuilder(), 0, 0
 

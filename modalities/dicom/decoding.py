@@ -44,20 +44,20 @@ def decoder_of(syntax: str) -> Callable[[bytes, Stated], NDArray[Any]] | None:
     return next((decode for syntaxes, decode in _DECODERS if syntax in syntaxes), None)
 
 
-def decoded(syntax: str, picture: bytes, stated: Stated, picture_of: str) -> NDArray[Any]:
-    """Return a compressed picture of ``picture_of``, (row, column) or (row, column, sample), in stored numbers.
+def decoded(syntax: str, picture: bytes, stated: Stated, place: str) -> NDArray[Any]:
+    """Return a compressed picture, which lies at ``place``, (row, column) or (row, column, sample), in stored numbers.
 
-    Raises :class:`EndoctError` for one of another size than ``stated``, for a damaged one picture_of imagecodecs raises.
+    Raises :class:`EndoctError` for one of another size than ``stated``, for a damaged one what imagecodecs raises.
     """
     decode = decoder_of(syntax)
     if decode is None:
-        raise EndoctError(f"{picture_of} cannot be read", found=f"pictures compressed as {syntax}", expected=READ)
+        raise EndoctError(f"{place} cannot be read", found=f"pictures compressed as {syntax}", expected=READ)
     size = (stated.rows, stated.columns) if syntax in RLE else _size(picture)
     numbers = decode(picture, stated) if size == (stated.rows, stated.columns) else None
     if numbers is None or numbers.shape != stated.shape:
         found = size if numbers is None else numbers.shape
         raise EndoctError(
-            f"{picture_of} has other pictures in it than it says", found=f"{found}", expected=f"{stated.shape}"
+            f"{place} has other pictures in it than it says", found=f"{found}", expected=f"{stated.shape}"
         )
     return numbers
 
