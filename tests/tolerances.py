@@ -240,6 +240,4 @@ TUBE_SIGMA_REL = 0.3
 # What marks placed by closed forms give back: relative scale, and lengths, in noise of 3 µm over some hundred points.
 TUBE_SCALE_REL = 0.004
 TUBE_LENGTH_REL = 0.006
-# The same where depths err by 20 µm: six times the noise, on steps of 0.4 mm.
-TUBE_NOISY_SCALE_REL = 0.008
 TUBE_SLANT_DEG = 0.6

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from printed_tube import TUBE
-from tolerances import TUBE_NOISY_SCALE_REL, TUBE_SCALE_REL
+from tolerances import TUBE_SCALE_REL
 
 from endoct.modalities.oct.tube_fit import PITCH, SCALE, THETA, TubeModel, Z
 from endoct.modalities.oct.tube_marks import HELICAL, Beams, find_marks
@@ -58,12 +58,17 @@ def test_scales_come_back(sense: int) -> None:
 
 
 def test_noise_alone_does_not_shrink_the_scale() -> None:
-    """Depths err, and a smaller scale would make these errors smaller: residuals are in stated mm."""
-    quiet, loud = (beams(np.random.default_rng(8), 1) for _ in range(2))
-    loud = replace(loud, gap_mm=loud.gap_mm + 0.02 * np.random.default_rng(9).standard_normal(loud.gap_mm.shape))
-    pose = Pose(1.9, STEP, 1, 0.4, 1, 0.9)
-    scales = []
-    for each in (quiet, loud):
-        fit = TubeModel(each, find_marks(each, pose, TUBE), TUBE, pose).fit(capillary_sigma_mm=0.0005)
-        scales.append(math.exp(fit.values[SCALE]))
-    assert scales[0] == pytest.approx(scales[1], rel=TUBE_NOISY_SCALE_REL)
+    """Depths err, and a smaller scale would make these errors smaller: residuals are in stated mm.
+
+    One draw of 20 µm moves the scale by 0.4 % either way; the mean of six does not move.
+    """
+    pose, shrunk = Pose(1.9, STEP, 1, 0.4, 1, 0.9), []
+    for seed in range(6):
+        quiet = beams(np.random.default_rng(8 + 10 * seed), 1)
+        noise = 0.02 * np.random.default_rng(9 + seed).standard_normal(quiet.gap_mm.shape)
+        scale, noisy = (
+            TubeModel(each, find_marks(each, pose, TUBE), TUBE, pose).fit(capillary_sigma_mm=0.0005).values[SCALE]
+            for each in (quiet, replace(quiet, gap_mm=quiet.gap_mm + noise))
+        )
+        shrunk.append(noisy - scale)
+    assert np.mean(shrunk) == pytest.approx(0, abs=TUBE_SCALE_REL)
