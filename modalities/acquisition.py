@@ -54,6 +54,11 @@ def field_at(model: type[BaseModel], place: Iterable[Any]) -> FieldInfo | None:
     return field
 
 
+def field_limits(model: type[BaseModel], key: str) -> tuple[float | None, float | None]:
+    """Return the least and the largest value that a key of ``model`` may have, None where it has no such limit."""
+    return _bounds(model, (key,))
+
+
 def check_kinds(model: type[BaseModel], keys: Mapping[str, Any], where: str, inside: str = "") -> None:
     """Raise :class:`EndoctError` for a text or true and false where ``model`` has a number, and for absurd numbers.
 

@@ -16,6 +16,7 @@ from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
+from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Unroll, info, modalities
 from endoct.workbench.commands.research import bench
@@ -28,6 +29,7 @@ LONGEST_NAME = 30
 def run(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status."""
     commands: dict[str, Callable[..., Any]] = {
+        "open": open_folder,
         "demo": demo,
         "simulate": Simulate,
         "unroll": Unroll,

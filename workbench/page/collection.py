@@ -71,23 +71,29 @@ class Entry:
         return self.kind != "specimen" and not self.fault
 
 
-def read_collection(folder: Path) -> tuple[Entry, ...]:
+def entries_in(folder: Path) -> tuple[Entry, ...]:
     """Return what lies in ``folder``, by name. Links are not followed; what cannot be read says so itself.
 
-    Raises :class:`EndoctError` where there is nothing, or more than anybody could look through.
+    Raises :class:`EndoctError` where there is more than anybody could look through.
     """
     found = []
     for path, kind in _found(folder):
         found.append(_entry(folder, path, kind))
         if len(found) > MOST_ENTRIES:
             raise EndoctError(f"{folder} holds too much to list", expected=f"{MOST_ENTRIES} comparisons at most")
-    if not found:
+    return tuple(sorted(found, key=lambda entry: entry.name))
+
+
+def read_collection(folder: Path) -> tuple[Entry, ...]:
+    """Return what :func:`entries_in` does. Raises :class:`EndoctError` where there is nothing, too."""
+    entries = entries_in(folder)
+    if not entries:
         raise EndoctError(
             f"{folder} cannot be shown",
             found="no comparison, no panorama and no simulated specimen" if folder.is_dir() else "no such folder",
             expected="what `endoct compare` or `endoct unroll` wrote, or a folder with some of these",
         )
-    return tuple(sorted(found, key=lambda entry: entry.name))
+    return entries
 
 
 def check_no_links(path: Path) -> None:
@@ -213,9 +219,9 @@ def collection_html(title: str, entries: Sequence[Entry], version: str) -> Marku
     )
 
 
-def address_of(entry: Entry) -> str:
-    """Return where the page of an entry is."""
-    return f"{PAGES}/{quote(os.fsencode(entry.name))}/"
+def address_of(entry: Entry, pages: str = PAGES) -> str:
+    """Return where the page of an entry is, below ``pages``."""
+    return f"{pages}/{quote(os.fsencode(entry.name))}/"
 
 
 def _level(entry: Entry) -> tuple[int, str]:

@@ -56,7 +56,25 @@ def session_routes(session: Sessions | None) -> list[Route]:
 
 
 async def _answer(request: Request, act: Callable[[bytes], dict[str, Any]], origin: Origin) -> Response:
-    """Answer with what ``act`` makes of the body; the guard has seen to it that an origin is the page's own."""
+    """Answer with what ``act`` makes of the body."""
+    data = await posted_json(request)
+    if isinstance(data, Response):
+        return data
+    try:
+        origin.check_named(request)
+        return JSONResponse(await run_in_threadpool(act, data), headers=FRESH)
+    except Gone:
+        raise
+    except EndoctError as error:
+        await run_in_threadpool(origin.check_present)  # rather than what is amiss with what lies there now
+        return PlainTextResponse(str(error), status_code=409)
+
+
+async def posted_json(request: Request) -> bytes | Response:
+    """Return the body of a request that the page itself sent as JSON, or the answer that refuses it.
+
+    The guard has seen to it that an origin is the page's own.
+    """
     if "origin" not in request.headers:
         return PlainTextResponse("only the page itself may send this", status_code=403)
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
@@ -69,14 +87,7 @@ async def _answer(request: Request, act: Callable[[bytes], dict[str, Any]], orig
                 return PlainTextResponse("that is too much", status_code=413, headers={"connection": "close"})
     except ClientDisconnect:  # the page was closed meanwhile: nobody waits for an answer
         return Response(status_code=400)
-    try:
-        origin.check_named(request)
-        return JSONResponse(await run_in_threadpool(act, data), headers=FRESH)
-    except Gone:
-        raise
-    except EndoctError as error:
-        await run_in_threadpool(origin.check_present)  # rather than what is amiss with what lies there now
-        return PlainTextResponse(str(error), status_code=409)
+    return data
 
 
 LOOPBACK = frozenset(("127.0.0.1", "localhost", "[::1]"))
@@ -147,7 +158,9 @@ TYPES = {
     "page.js": "text/javascript",
     "cylinder.js": "text/javascript",
     "folder.js": "text/javascript",
+    "desk.js": "text/javascript",
     "page.css": "text/css",
+    "desk.css": "text/css",
 }
 MOST_DIGITS = 9
 """Of a number in an address: what is longer names nothing here."""

@@ -33,6 +33,7 @@ from endoct.workbench.page.collection import (
     address_of,
     check_no_links,
     collection_html,
+    entries_in,
     read_collection,
     thumbnail,
 )
@@ -62,9 +63,18 @@ def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], N
     Without a ``port`` it is the usual one, or where that is taken any that is free. Raises :class:`EndoctError` where
     the folder cannot be shown, or the port cannot be had.
     """
+    run_server(page_or_table(folder), host, port, announce)
+
+
+def run_server(
+    serves: Callable[[str, int], "Starlette"], host: str, port: int | None, announce: Callable[[str], None]
+) -> None:
+    """Serve the application that ``serves`` makes for a host and a port, until interrupted.
+
+    ``announce`` is told its address. Raises :class:`EndoctError` where the port cannot be had.
+    """
     import uvicorn
 
-    serves = page_or_table(folder)
     with listening_socket(host, port) as listening:
         called, chosen = name_in_browsers(host, listening), listening.getsockname()[1]
         announce(f"http://{f'[{called}]' if ':' in called else called}:{chosen}/")
@@ -95,7 +105,7 @@ def page_or_table(folder: Path) -> Callable[[str, int], "Starlette"]:
     if can_be_shown(folder):
         shown = open_shown(folder)
         return lambda host, port: page_app(shown, partial(open_shown, folder), host, port)
-    collection = Collection(folder)
+    collection = Collection(folder, read_collection(folder))
     return lambda host, port: collection_app(collection, host, port)
 
 
@@ -157,27 +167,37 @@ MOST_TABLES = 20
 
 
 class Collection:
-    """What was found in ``folder`` when its table was asked for last, and the pages that were opened.
+    """The ``entries`` that were found in ``folder`` when it was looked into last, and the pages that were opened.
 
-    Raises :class:`EndoctError` where there is nothing to show.
+    Pages lie below the address ``pages``, and lead back to ``above``.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, entries: tuple[Entry, ...] = (), above: str = "/", pages: str = PAGES) -> None:
         self.title = folder.resolve().name or str(folder.resolve())
-        self._folder = folder
-        self._entries = read_collection(folder)
+        self.pages = pages
+        self._folder, self._above = folder, above
+        self._entries = entries
         self._tables: OrderedDict[str, tuple[Entry, ...]] = OrderedDict()
         self._pages: OrderedDict[str, ASGIApp] = OrderedDict()
         self._lock = threading.Lock()
 
     def table(self) -> str:
         """Look into the folder again and return the page of what is there now."""
-        entries, version = read_collection(self._folder), f"{time.time_ns():x}"
+        entries = read_collection(self._folder)
+        return collection_html(self.title, entries, self._remember(entries))
+
+    def look(self) -> tuple[str, tuple[Entry, ...]]:
+        """Look into the folder again and return the version of the table, and the entries, of what is there now."""
+        entries = entries_in(self._folder)
+        return self._remember(entries), entries
+
+    def _remember(self, entries: tuple[Entry, ...]) -> str:
+        version = f"{time.time_ns():x}"
         with self._lock:
             self._entries = self._tables[version] = entries
             while len(self._tables) > MOST_TABLES:
                 self._tables.popitem(last=False)
-        return collection_html(self.title, entries, version)
+        return version
 
     def entry(self, version: str, number: int) -> Entry:
         """Return an entry by its place in the table of that version, or in the last one where that is forgotten.
@@ -202,11 +222,34 @@ class Collection:
 
         with self._lock:
             if entry.name not in self._pages:
-                self._pages[entry.name] = Page(opened(), opened, host, port, ("/", self.title))
+                self._pages[entry.name] = Page(opened(), opened, host, port, (self._above, self.title))
                 while len(self._pages) > MOST_OPEN:
                     self._pages.popitem(last=False)
             self._pages.move_to_end(entry.name)
             return self._pages[entry.name]
+
+
+async def answer_page(
+    collection: Collection, host: str, port: int, scope: Scope, receive: Receive, send: Send
+) -> None:
+    """Answer a request below the ``pages`` of a collection with the page of the entry that it names."""
+    # by the bytes of the address: a name need not be UTF-8, nor a path that routes could match
+    path = os.fsdecode(unquote_to_bytes(scope["raw_path"]))[len(collection.pages) :].lstrip("/")
+    entry = collection.named(path)
+    if entry is None:  # gone, if a page that was open names what it shows
+        status = 410 if NAMED in parse_qs(scope["query_string"].decode("latin-1")) else 404
+        await PlainTextResponse("there is no such page", status_code=status)(scope, receive, send)
+        return
+    if path == entry.name:
+        await RedirectResponse(address_of(entry, collection.pages))(scope, receive, send)
+        return
+    try:
+        app = await run_in_threadpool(collection.page, entry, host, port)
+    except EndoctError as error:
+        await PlainTextResponse(str(error), status_code=500)(scope, receive, send)
+        return
+    within = path.removeprefix(entry.name)
+    await app({**scope, "root_path": collection.pages, "path": collection.pages + within}, receive, send)
 
 
 def collection_app(collection: Collection, host: str, port: int) -> Starlette:
@@ -221,23 +264,7 @@ def collection_app(collection: Collection, host: str, port: int) -> Starlette:
         return Response(png, media_type="image/png", headers={"cache-control": KEPT})
 
     async def page(scope: Scope, receive: Receive, send: Send) -> None:
-        # by the bytes of the address: a name need not be UTF-8, nor a path that routes could match
-        path = os.fsdecode(unquote_to_bytes(scope["raw_path"]))[len(PAGES) :].lstrip("/")
-        entry = collection.named(path)
-        if entry is None:  # gone, if a page that was open names what it shows
-            status = 410 if NAMED in parse_qs(scope["query_string"].decode("latin-1")) else 404
-            await PlainTextResponse("there is no such page", status_code=status)(scope, receive, send)
-            return
-        if path == entry.name:
-            await RedirectResponse(address_of(entry))(scope, receive, send)
-            return
-        try:
-            app = await run_in_threadpool(collection.page, entry, host, port)
-        except EndoctError as error:
-            await PlainTextResponse(str(error), status_code=500)(scope, receive, send)
-            return
-        within = path.removeprefix(entry.name)
-        await app({**scope, "root_path": PAGES, "path": PAGES + within}, receive, send)
+        await answer_page(collection, host, port, scope, receive, send)
 
     return Starlette(
         lifespan=few_threads,

@@ -5,6 +5,7 @@ Python function displays its progress.
 """
 
 import html
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +20,9 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from endoct.base.errors import visible
 from endoct.workbench.running.interruption import stop_if_interrupted
+
+EVERY_S_NAME = "ENDOCT_PROGRESS_S"
+"""The environment variable that says how often a line of progress is printed where there is no terminal."""
 
 Advance = Callable[[float], None]
 """Called with the share done, 0 to 1."""
@@ -73,6 +77,7 @@ class ConsoleStages(SilentStages):
 
     def __init__(self, console: Console, quiet_s: float = 0.0) -> None:
         super().__init__()
+        self._line_every_s = _seconds(os.environ.get(EVERY_S_NAME, ""), self.LINE_EVERY_S)
         self._console = console
         self._quiet_s = quiet_s
         self._begun: float | None = None
@@ -158,7 +163,7 @@ class ConsoleStages(SilentStages):
             stop_if_interrupted()
             with self._lock:
                 stage.share = max(stage.share, share)
-                if (now := time.monotonic()) - self._printed >= self.LINE_EVERY_S:
+                if (now := time.monotonic()) - self._printed >= self._line_every_s:
                     self._printed = now
                     every = ", ".join(f"{one.title} {one.share:.0%}" for one in self._logged)
                     self._print(f"after {now - begun:.0f} s: {every}")
@@ -240,6 +245,15 @@ def stages_for(progress: bool | Stages) -> Stages:
         return NotebookStages(QUIET_S)
     console = Console(stderr=True)
     return ConsoleStages(console, QUIET_S) if progress and console.is_terminal else SilentStages()
+
+
+def _seconds(text: str, default: float) -> float:
+    """Return the seconds that ``text`` states, or the ``default`` where it states none."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        return default
+    return seconds if seconds > 0 else default
 
 
 def in_notebook() -> bool:

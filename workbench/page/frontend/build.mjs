@@ -14,6 +14,7 @@ const made = digest.digest("hex");
 const programs = [
   { entry: "src/main.ts", name: "page.js", globalName: undefined, contains: "OpenSeadragon (BSD-3-Clause)" },
   { entry: "src/folder.ts", name: "folder.js", globalName: undefined, contains: "" },
+  { entry: "src/desk.ts", name: "desk.js", globalName: undefined, contains: "" },
   { entry: "src/cylinder_scene.ts", name: "cylinder.js", globalName: "endoctCylinder", contains: "three.js (MIT)" },
 ];
 for (const { entry, name, globalName, contains } of programs) {
@@ -30,7 +31,9 @@ for (const { entry, name, globalName, contains } of programs) {
     banner: { js: `/* sources ${made}${contains && `; contains ${contains}, see notices.txt`} */` },
   });
 }
-await build({ entryPoints: ["src/page.css"], outfile: `${bundle}/page.css`, minify: true, charset: "utf8" });
+for (const name of ["page.css", "desk.css"]) {
+  await build({ entryPoints: [`src/${name}`], outfile: `${bundle}/${name}`, minify: true, charset: "utf8" });
+}
 const notice = (name, program, folder, file, address) => {
   const licence = readFileSync(`node_modules/${folder}/${file}`, "utf8").trim();
   const { version } = JSON.parse(readFileSync(`node_modules/${folder}/package.json`, "utf8"));

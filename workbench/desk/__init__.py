@@ -1,0 +1,1 @@
+"""What `endoct open` serves: a folder of recordings, their sidecars, and a queue of endoct's own commands."""

@@ -1,0 +1,206 @@
+"""A recording's sidecar as a form: every key with its unit, its bounds, what the files state, and its value.
+
+A saved form changes the keys that were changed and nothing else: comments and the order of a sidecar stay.
+"""
+
+import hashlib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import tomlkit
+from pydantic.fields import FieldInfo
+from tomlkit.exceptions import TOMLKitError
+
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small, sha256_of, text_of
+from endoct.base.files.output import new_output
+from endoct.modalities.acquisition import (
+    Acquisition,
+    field_limits,
+    read_keys,
+    read_toml,
+    sidecar_path,
+    table_model,
+    unit_of,
+    validate,
+)
+from endoct.modalities.contract import Manifest
+from endoct.modalities.reading.folders import exists
+from endoct.modalities.registry import manifest_for, sniffed
+from endoct.modalities.stated import stated_keys
+from endoct.workbench.pipeline.sidecar_template import missing_keys
+from endoct.workbench.running.kinds import SIDECAR
+
+Kind = Literal["number", "choice", "text", "toml"]
+LONGEST = 100_000
+"""Characters of a value: positions of many frames."""
+
+
+@dataclass(frozen=True)
+class SidecarForm:
+    """The sidecar of ``recording``, as its form begins: ``manifest`` says which keys there are.
+
+    Attributes: ``keys`` in the sidecar itself; ``cited``, those of the calibration that it cites; ``stated`` by the
+    recording's own files, and ``stated_by`` which; ``digest`` of the sidecar, None where there is none yet.
+    """
+
+    recording: Path
+    manifest: Manifest
+    keys: Mapping[str, Any]
+    cited: Mapping[str, Any]
+    stated: Mapping[str, Any]
+    stated_by: str
+    needs: tuple[str, ...]
+    digest: str | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form for the page."""
+        return {
+            "sidecar": str(sidecar_path(self.recording)),
+            "modality": self.manifest.name,
+            "title": self.manifest.title,
+            "stated_by": self.stated_by,
+            "digest": self.digest,
+            "fields": list(self._fields()),
+            "missing": self.missing({}),
+        }
+
+    def drafted(self, texts: Mapping[str, object]) -> dict[str, Any]:
+        """Return the sidecar's own keys as a form with ``texts`` by key has them; an empty text leaves a key out.
+
+        Raises :class:`EndoctError` for a key that is not known, and for a text that is no value of its kind.
+        """
+        fields = self.manifest.acquisition.model_fields
+        keys: dict[str, Any] = {key: value for key, value in self.keys.items() if key not in texts}
+        for key, text in texts.items():
+            if key not in fields or not isinstance(text, str) or len(text) > LONGEST:
+                raise EndoctError(f"'{str(key)[:40]}' is no key of '{self.manifest.name}', or has no value")
+            if text.strip():
+                keys[key] = _value(key, fields[key], text.strip())
+        return keys | {"modality": self.manifest.name}
+
+    def missing(self, texts: Mapping[str, object]) -> dict[str, str]:
+        """Return what is still missing with ``texts``, and why it matters, by key."""
+        return missing_keys(self.manifest.acquisition, self._all(self.drafted(texts)), self.needs)
+
+    def acquisition(self, texts: Mapping[str, object]) -> Acquisition:
+        """Return the checked sidecar with ``texts``. Raises :class:`EndoctError` for the first fault of it."""
+        return validate(self.manifest.acquisition, self._all(self.drafted(texts)), "the form")
+
+    def save(self, texts: Mapping[str, object], based_on: str | None) -> None:
+        """Write the keys that ``texts`` change into the sidecar; its other lines stay as they are.
+
+        ``based_on`` is the digest of the sidecar that the form was made of, None where there was none. Raises
+        :class:`EndoctError` where a value cannot be used, or the file was changed meanwhile.
+        """
+        self._check_values(texts)
+        path, keys = sidecar_path(self.recording), self.drafted(texts)
+        if digest_of(path) != based_on:
+            raise EndoctError(
+                f"{path} was changed meanwhile, by another window or an editor perhaps",
+                remedy="note what you entered and load the page anew",
+            )
+        with refusing(f"{path} cannot be changed", remedy="edit it by hand"):
+            document = tomlkit.parse(text_of(read_small(path))) if based_on else tomlkit.document()
+            for key in [key for key in document if key not in keys]:
+                document.remove(key)
+            for key, value in keys.items():
+                if key not in document or document[key] != value:
+                    document[key] = value
+            text = tomlkit.dumps(document)
+            if tomllib.loads(text) != keys:
+                raise EndoctError("its values would change")
+        with new_output(
+            path, SIDECAR, overwrite=based_on is not None, is_ours=lambda p: sha256_of(p) == based_on
+        ) as out:
+            out.write_text(text, encoding="utf-8")
+
+    def _all(self, own: Mapping[str, Any]) -> dict[str, Any]:
+        return {**self.stated, **self.cited, **own}
+
+    def _check_values(self, texts: Mapping[str, object]) -> None:
+        """Raise :class:`EndoctError` for a value that cannot be used; keys may still be missing."""
+        if not self.missing(texts):
+            self.acquisition(texts)
+
+    def _fields(self) -> Iterator[dict[str, Any]]:
+        model = self.manifest.acquisition
+        one_of = {key: each.why for each in model.alternatives for key in each.keys}
+        for key, field in model.model_fields.items():
+            if key == "modality":
+                continue
+            low, high = field_limits(model, key)
+            default = field.get_default()
+            yield {
+                "key": key,
+                "kind": _kind(field),
+                "unit": unit_of(key),
+                "about": field.description or "",
+                "choices": [*_choices(field)],
+                "low": low,
+                "high": high,
+                "required": field.is_required() or key in self.needs,
+                "one_of": one_of.get(key, ""),
+                "value": _text(self.keys[key]) if key in self.keys else "",
+                "stated": _text(self.stated[key]) if key in self.stated else "",
+                "cited": _text(self.cited[key]) if key in self.cited else "",
+                "default": "" if field.is_required() or default is None else _text(default),
+            }
+
+
+def sidecar_form(recording: Path, modality: str | None = None) -> SidecarForm:
+    """Return the form of a recording's sidecar, which need not be there yet.
+
+    Raises :class:`EndoctError` where nothing says which plug-in reads the recording, or its sidecar cannot be read.
+    """
+    manifest, sidecar = manifest_for(recording, modality), sidecar_path(recording)
+    keys = read_toml(sidecar) if exists(sidecar) else {}
+    cited = {key: value for key, value in read_keys(recording).items() if key not in keys}
+    stated = stated_keys(recording, manifest.acquisition)
+    needs = sniffed(recording, manifest).needs
+    return SidecarForm(recording, manifest, keys, cited, stated.keys, stated.by, needs, digest_of(sidecar))
+
+
+def digest_of(path: Path) -> str | None:
+    """Return the sha256 of a file, None where there is none."""
+    return hashlib.sha256(read_small(path)).hexdigest() if exists(path) else None
+
+
+def _kind(field: FieldInfo) -> Kind:
+    if _choices(field):
+        return "choice"
+    if table_model(field) is not None:
+        return "toml"
+    kinds = set(get_args(field.annotation)) or {field.annotation}
+    if kinds & {int, float}:
+        return "number"
+    return "text" if str in kinds else "toml"
+
+
+def _choices(field: FieldInfo) -> tuple[str, ...]:
+    hints = (field.annotation, *get_args(field.annotation))
+    return next((get_args(hint) for hint in hints if get_origin(hint) is Literal), ())
+
+
+def _value(key: str, field: FieldInfo, text: str) -> Any:
+    """Return the value that a text of the form stands for."""
+    if _kind(field) in ("choice", "text"):
+        return text
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (tomllib.TOMLDecodeError, RecursionError):
+        expected = "a number, with a point" if _kind(field) == "number" else "a value as TOML has it"
+        raise EndoctError(f"'{key}' cannot be used", found=text[:80], expected=expected) from None
+
+
+def _text(value: object) -> str:
+    """Return a value as the form has it: texts as they are, others as TOML."""
+    if isinstance(value, str):
+        return value
+    try:
+        return str(tomlkit.item(value).as_string())
+    except (TOMLKitError, ValueError, TypeError):
+        return str(value)

@@ -1,0 +1,84 @@
+"""What `endoct open` keeps for its user, outside of every study: the queue, recent folders, and the secret address."""
+
+import json
+import os
+import secrets
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from platformdirs import user_state_path
+
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.json_values import read_object
+from endoct.workbench.desk.runs import Queue
+
+MOST_RECENT = 20
+
+
+@dataclass(frozen=True)
+class Recent:
+    """A folder that was opened, and when."""
+
+    folder: Path
+    opened: str
+
+
+class State:
+    """The user's own folder for this; nobody else may look into it."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = user_state_path("endoct", appauthor=False) if folder is None else folder
+        with refusing(f"{self.folder} cannot be used", remedy="set XDG_STATE_HOME to a folder where you may write"):
+            self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            self.folder.chmod(0o700)
+        self.queue = Queue(self.folder / "queue")
+
+    @property
+    def token(self) -> str:
+        """The part of the address that nobody can guess; the same every time, so that a bookmark holds."""
+        path = self.folder / "token"
+        with suppress(OSError, UnicodeDecodeError):
+            text = path.read_text("ascii").strip()
+            if len(text) >= 32 and text.isalnum():
+                return text
+        text = secrets.token_hex(16)
+        self._write("token", text)
+        return text
+
+    def address_file(self, address: str) -> Path:
+        """Write a page that leads to ``address``, for a browser to open, and return its path.
+
+        A browser's own command line can be read by other users of the machine; this file cannot.
+        """
+        page = f'<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={escape(address)}">'
+        return self._write("open.html", page)
+
+    def recent(self) -> list[Recent]:
+        """Return the folders that were opened and are still there, the last one first."""
+        listed: list[Recent] = []
+        with suppress(EndoctError):
+            for each in read_object(self.folder / "recent.json").get("folders", []):
+                folder = Path(str(each.get("folder"))) if isinstance(each, dict) else None
+                if folder is not None and folder.is_absolute() and folder.is_dir():
+                    listed.append(Recent(folder, str(each.get("opened", ""))[:30]))
+        return listed[:MOST_RECENT]
+
+    def remember(self, folder: Path) -> None:
+        """Put ``folder`` first among the recent ones."""
+        others = [each for each in self.recent() if each.folder != folder]
+        listed = [Recent(folder, time.strftime("%Y-%m-%d %H:%M")), *others][:MOST_RECENT]
+        text = json.dumps({"folders": [{"folder": str(each.folder), "opened": each.opened} for each in listed]})
+        self._write("recent.json", text)
+
+    def _write(self, name: str, text: str) -> Path:
+        """Write a file that only its user can read, at one stroke."""
+        path, scratch = self.folder / name, self.folder / f".{name}-{os.getpid()}"
+        with refusing(f"{path} cannot be written"):
+            handle = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            scratch.replace(path)
+        return path

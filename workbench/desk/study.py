@@ -1,0 +1,221 @@
+"""A folder that is open: the recordings, CTs and plans that lie in it, looked for by a thread, and their pairs.
+
+A recording is known by its content, as `endoct info` knows it. What endoct wrote is no input, but for specimens.
+"""
+
+import os
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import NAME, kind_of
+from endoct.base.files.files import path_text
+from endoct.modalities.acquisition import SIDECAR_NAME
+from endoct.modalities.ct.ct_volume import is_volume
+from endoct.modalities.ct.trajectory import is_plan
+from endoct.modalities.reading.folders import exists
+from endoct.modalities.reading.video_container import VIDEO_SUFFIXES
+from endoct.modalities.registry import manifests
+from endoct.stitching.store import is_panorama
+from endoct.workbench.pipeline.information import describe, recognise, side_by_side
+from endoct.workbench.running.kinds import POSE, SPECIMEN
+
+Kind = Literal["recording", "volume", "plan", "pose"]
+DEEPEST = 5
+"""How many folders below the one that is open anything is looked for."""
+MOST_INPUTS = 1000
+MOST_FOLDERS = 20_000
+MOST_FILES = 40
+"""Files of a folder that are looked at one by one, where the folder as a whole is no recording."""
+VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd")
+PLAN_SUFFIX = ".mrk.json"
+
+
+@dataclass(frozen=True)
+class Input:
+    """What a command can read: ``name`` is its path below the folder with "/", ``facts`` what `endoct info` says.
+
+    ``fault`` says why it cannot be read, "" where it can.
+    """
+
+    name: str
+    path: Path
+    kind: Kind
+    facts: dict[str, Any] = field(default_factory=dict)
+    fault: str = ""
+
+    @property
+    def modality(self) -> str:
+        """The plug-in that reads a recording, "" of anything else."""
+        return str(self.facts.get("modality", ""))
+
+    @property
+    def parent(self) -> str:
+        """The folder it lies in, as ``name`` has it."""
+        return self.name.rpartition("/")[0]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the input for the page."""
+        return {"name": path_text(self.name), "kind": self.kind, "facts": self.facts, "fault": self.fault}
+
+
+class Study:
+    """The folder ``folder`` and what was found in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        self._inputs: dict[str, Input] = {}
+        self._lock = threading.Lock()
+        self._looking: threading.Thread | None = None
+        self._fault = ""
+
+    def look(self) -> None:
+        """Begin to look through the folder, unless that is under way."""
+        with self._lock:
+            if self._looking is None or not self._looking.is_alive():
+                self._looking = threading.Thread(target=self._look, daemon=True)
+                self._looking.start()
+
+    def inputs(self) -> tuple[Input, ...]:
+        """Return what was found so far, by name."""
+        with self._lock:
+            return tuple(sorted(self._inputs.values(), key=lambda each: each.name))
+
+    def input(self, name: str) -> Input:
+        """Return what was found under ``name``. Raises :class:`EndoctError` where nothing was."""
+        with self._lock:
+            if name in self._inputs:
+                return self._inputs[name]
+        raise EndoctError("there is no such recording in the folder", found=name[:80], remedy="load the page anew")
+
+    def renew(self, name: str) -> Input:
+        """Look at one input again, as its sidecar was changed, and return what it is now."""
+        before = self.input(name)
+        now = _recording(self.folder, before.path) or before
+        with self._lock:
+            self._inputs[name] = now
+        return now
+
+    def pairs(self) -> list[tuple[Input, Input]]:
+        """Return an endoscope and an OCT recording each that lie alone in one folder, the endoscope's first."""
+        by_parent: dict[str, dict[str, list[Input]]] = {}
+        for each in self.inputs():
+            if each.kind == "recording" and not each.fault:
+                by_parent.setdefault(each.parent, {}).setdefault(each.modality, []).append(each)
+        both = [found for found in by_parent.values() if set(found) == {"endoscope", "oct"}]
+        return [
+            (found["endoscope"][0], found["oct"][0]) for found in both if all(len(each) == 1 for each in found.values())
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the study for the page; ``looking``: more may be found."""
+        looking = self._looking is not None and self._looking.is_alive()
+        return {
+            "folder": path_text(self.folder),
+            "looking": looking,
+            "fault": self._fault,
+            "inputs": [each.to_json() for each in self.inputs()],
+            "pairs": [[path_text(a.name), path_text(b.name)] for a, b in self.pairs()],
+        }
+
+    def _look(self) -> None:
+        fault, names = "", set()
+        try:
+            for each in inputs_in(self.folder):
+                names.add(each.name)
+                with self._lock:
+                    self._inputs[each.name] = each
+                if len(names) >= MOST_INPUTS:
+                    fault = f"There is more in this folder: {MOST_INPUTS} inputs are listed at most."
+                    break
+        except EndoctError as error:
+            fault = str(error)
+        with self._lock:
+            self._fault = fault
+            self._inputs = {name: each for name, each in self._inputs.items() if name in names}
+
+
+def inputs_in(folder: Path) -> Iterator[Input]:
+    """Yield what commands can read in ``folder``, itself included. Links to folders are not followed.
+
+    Raises :class:`EndoctError` where there is more than anybody could look through.
+    """
+    below = [(folder, 0)]
+    for _ in range(MOST_FOLDERS):
+        if not below:
+            return
+        here, depth = below.pop()
+        kind = kind_of(here) if exists(here / NAME) else None
+        if kind == POSE:
+            yield Input(here.relative_to(folder).as_posix(), here, "pose")
+        if is_panorama(here) or (kind is not None and kind != SPECIMEN):
+            continue
+        if (recording := _recording(folder, here)) is not None:
+            yield recording
+            continue
+        folders, files = _listed(here)
+        yield from _single_files(folder, files)
+        if depth < DEEPEST:
+            below += [(path, depth + 1) for path in reversed(folders) if kind != SPECIMEN or path.name != "truth"]
+    raise EndoctError(f"{folder} has too many folders to look through", expected=f"{MOST_FOLDERS} at most")
+
+
+def picture_of(recording: Path) -> bytes:
+    """Return a PNG of the first, the middle and the last frame of a recording as its files hold them.
+
+    Raises :class:`EndoctError` where it cannot be read, or its plug-in gives no pictures.
+    """
+    preview = recognise(recording).sniff.preview
+    if preview is None or not preview.pictures:
+        raise EndoctError(f"the plug-in that reads {recording} gives no pictures before it is opened")
+    picture = side_by_side(preview.pictures)
+    return cv2.imencode(".png", picture[..., ::-1] if picture.ndim == 3 else picture)[1].tobytes()
+
+
+def _recording(folder: Path, path: Path) -> Input | None:
+    """Return the recording at ``path``; None where there is none."""
+    name = path.relative_to(folder).as_posix()
+    has_sidecar = path.is_dir() and exists(path / SIDECAR_NAME)
+    try:
+        if not has_sidecar:
+            recognise(path)
+    except EndoctError:
+        return None
+    try:
+        facts = describe(path)
+    except EndoctError as error:
+        return Input(name, path, "recording", fault=str(error))
+    return Input(name, path, "recording", facts) if facts["kind"] == "recording" else None
+
+
+def _single_files(folder: Path, files: list[Path]) -> Iterator[Input]:
+    suffixes = {suffix for manifest in manifests().values() for suffix in manifest.suffixes} | set(VIDEO_SUFFIXES)
+    looked_at = 0
+    for path in files:
+        lower = path.name.lower()
+        if lower.endswith(PLAN_SUFFIX):
+            if is_plan(path):
+                yield Input(path.relative_to(folder).as_posix(), path, "plan")
+        elif lower.endswith(VOLUME_SUFFIXES):
+            if is_volume(path):
+                yield Input(path.relative_to(folder).as_posix(), path, "volume")
+        elif path.suffix.lower() in suffixes and looked_at < MOST_FILES:
+            looked_at += 1
+            if (recording := _recording(folder, path)) is not None:
+                yield recording
+
+
+def _listed(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return the folders and the files in ``folder``, each by name; none where it is somebody else's."""
+    try:
+        with os.scandir(folder) as scan:
+            listed = [each for each in scan if not each.name.startswith(".")]
+    except OSError:
+        return [], []
+    folders = sorted(Path(each.path) for each in listed if each.is_dir(follow_symlinks=False))
+    return folders, sorted(Path(each.path) for each in listed if each.is_file())

@@ -1,0 +1,1 @@
+"""Templates of the start page and of a study's page."""

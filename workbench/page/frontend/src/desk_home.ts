@@ -1,0 +1,51 @@
+/** The start page: recent folders, and folders to choose from. */
+
+import { ask, message, post } from "./desk_server";
+import { button, element } from "./dom";
+
+interface Listed {
+  folder: string;
+  above: string;
+  names: string[];
+}
+
+export async function showHome(main: HTMLElement): Promise<void> {
+  const root = main.dataset["root"] ?? "";
+  const recent = JSON.parse(main.dataset["recent"] ?? "[]") as { folder: string; opened: string; address: string }[];
+  const path = element("input", { type: "text", "aria-label": "path of a folder", placeholder: "/path/of/a/folder", spellcheck: "false" });
+  const fault = element("p", { class: "fault", role: "alert" });
+  const list = element("ul", { class: "folders" });
+  const open = async (): Promise<void> => {
+    try {
+      fault.textContent = "";
+      const { address } = await post<{ address: string }>(`${root}/open`, { folder: path.value.trim() });
+      location.assign(address);
+    } catch (error) {
+      fault.textContent = message(error);
+    }
+  };
+  const look = async (folder: string): Promise<void> => {
+    try {
+      fault.textContent = "";
+      const listed = await ask<Listed>(`${root}/folders.json?in=${encodeURIComponent(folder)}`);
+      path.value = listed.folder;
+      const rows = listed.names.map((name) =>
+        element("li", {}, button(name, `look into ${name}`, null, () => void look(`${listed.folder === "/" ? "" : listed.folder}/${name}`))));
+      list.replaceChildren(element("li", {}, button("‹ the folder above", listed.above, null, () => void look(listed.above))), ...rows);
+    } catch (error) {
+      fault.textContent = message(error);
+    }
+  };
+  const form = element("form", { class: "line" }, path, element("button", { type: "submit", class: "chief" }, "Open this folder"));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    void open();
+  });
+  const rows = recent.map((each) =>
+    element("li", {}, element("a", { href: each.address }, each.folder), " ", element("small", {}, each.opened)));
+  main.append(
+    ...(rows.length ? [element("section", { class: "card" }, element("h2", {}, "Recent"), element("ul", { class: "recent" }, ...rows))] : []),
+    element("section", { class: "card" }, element("h2", {}, "Open a folder"), form, fault, list),
+  );
+  await look("");
+}

@@ -1,0 +1,180 @@
+/** A recording's sidecar as a form, and a frame drawn at once as the form has it. */
+
+import { ask, message, named, post, type Preview, type Sidecar, type SidecarField } from "./desk_server";
+import { button, element, select } from "./dom";
+import { CurveColours, drawPicture } from "./frame_picture";
+import type { FramePicture } from "./source";
+
+const WAIT_MS = 300;
+
+export async function showRecording(main: HTMLElement): Promise<void> {
+  await new RecordingPage(main).start();
+}
+
+class RecordingPage {
+  private readonly name: string;
+  private readonly form = element("form", { class: "sidecar" });
+  private readonly pictures = element("div", { class: "pictures" });
+  private readonly said = element("p", { role: "status" });
+  private readonly fault = element("p", { class: "fault", role: "alert" });
+  private readonly place = element("input", { type: "range", min: "0", max: "1", step: "0.005", value: "0.5", "aria-label": "which frame" });
+  private readonly frame = element("span", { class: "frame" });
+  private readonly save = element("button", { type: "submit", class: "chief" }, "Save");
+  private readonly controls = new Map<string, HTMLInputElement | HTMLSelectElement>();
+  private readonly colours = new CurveColours();
+  private sidecar: Sidecar | null = null;
+  private drawn: { canvas: HTMLCanvasElement; image: HTMLImageElement; picture: FramePicture }[] = [];
+  private busy = false;
+  private again = false;
+  private timer = 0;
+
+  constructor(private readonly main: HTMLElement) {
+    this.name = main.dataset["recording"] ?? "";
+    this.form.addEventListener("input", () => this.later());
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.store();
+    });
+    this.place.addEventListener("input", () => this.later());
+    new ResizeObserver(() => this.draw()).observe(this.pictures);
+  }
+
+  async start(): Promise<void> {
+    this.main.append(element("div", { class: "columns recording" },
+      element("section", { class: "card" }, element("h2", {}, "A frame, as the sidecar has it"),
+        element("div", { class: "line" }, this.place, this.frame), this.said, this.pictures),
+      element("section", { class: "card" }, element("h2", {}, "Sidecar"), this.fault, this.form)));
+    await this.load(null);
+  }
+
+  private async load(modality: string | null): Promise<void> {
+    try {
+      const asked = named("sidecar.json", this.name) + (modality ? `&modality=${encodeURIComponent(modality)}` : "");
+      this.sidecar = await ask<Sidecar>(asked);
+      this.fault.textContent = "";
+      this.fill(this.sidecar);
+      this.later();
+    } catch (error) {
+      this.fault.textContent = message(error);
+      if (!this.sidecar) this.form.replaceChildren(this.kinds(""));
+    }
+  }
+
+  /** Which kind of recording it is, where the guess is wrong. */
+  private kinds(chosen: string): HTMLElement {
+    const kinds = [...new Set(["endoscope", "oct", chosen])].filter(Boolean);
+    const list = select("which instrument recorded it", kinds.map((kind) => [kind, kind] as const), chosen, (kind) => void this.load(kind));
+    return element("div", { class: "field" }, element("label", {}, "instrument", element("small", {}, "what recorded it")), list);
+  }
+
+  private fill(sidecar: Sidecar): void {
+    this.controls.clear();
+    // of keys of which one will do, all are offered until one is there
+    const isOpen = (why: string): boolean => why !== "" && Object.keys(sidecar.missing).some((key) => key.startsWith("one of") && sidecar.missing[key] === why);
+    const rank = (field: SidecarField): number => (field.value ? 2 : field.required ? 0 : isOpen(field.one_of) ? 1 : 3);
+    const chief = sidecar.fields.filter((field) => rank(field) < 3).sort((a, b) => rank(a) - rank(b));
+    const others = sidecar.fields.filter((field) => rank(field) === 3);
+    this.form.replaceChildren(
+      this.kinds(sidecar.modality), ...chief.map((field) => this.row(field)),
+      element("details", {}, element("summary", {}, `${others.length} more that may be known`), ...others.map((field) => this.row(field))),
+      element("div", { class: "line buttons" }, this.save, button("Undo", "back to what is saved", null, () => void this.load(null)),
+        element("small", {}, sidecar.sidecar)));
+  }
+
+  private row(field: SidecarField): HTMLElement {
+    const usual = field.cited || field.stated || field.default;
+    const from = field.cited ? " (from the calibration)" : field.stated ? ` (stated by ${this.sidecar?.stated_by || "the files"})` : "";
+    let control: HTMLInputElement | HTMLSelectElement;
+    if (field.kind === "choice") {
+      control = element("select", {}, element("option", { value: "" }, usual ? `${usual}${from}` : ""), ...field.choices.map((choice) => element("option", { value: choice }, choice)));
+    } else {
+      control = element("input", { type: "text", spellcheck: "false", placeholder: usual + from });
+      if (field.kind === "number") control.inputMode = "decimal";
+    }
+    control.value = field.value;
+    control.id = `key-${field.key}`;
+    this.controls.set(field.key, control);
+    const range = field.low !== null && field.high !== null ? `, ${field.low} to ${field.high}` : "";
+    const unit = field.unit ? ` (${field.unit}${field.kind === "number" ? range : ""})` : "";
+    const about = field.one_of ? `${field.about}; one way to give ${field.one_of}` : field.about;
+    return element("div", { class: `field ${field.required ? "required" : ""}`, "data-key": field.key },
+      element("label", { for: control.id }, element("code", {}, field.key), unit, element("small", {}, about)), control);
+  }
+
+  /** What the form has changed; an empty text takes a key out. */
+  private texts(): Record<string, string> {
+    const texts: Record<string, string> = {};
+    for (const field of this.sidecar?.fields ?? []) {
+      const value = this.controls.get(field.key)?.value.trim() ?? "";
+      if (value !== field.value) texts[field.key] = value;
+    }
+    return texts;
+  }
+
+  private later(): void {
+    window.clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => void this.preview(), WAIT_MS);
+  }
+
+  /** Have a frame drawn; what is changed meanwhile is drawn after it. */
+  private async preview(): Promise<void> {
+    if (this.busy || !this.sidecar) {
+      this.again = this.busy;
+      return;
+    }
+    this.busy = true;
+    this.main.setAttribute("aria-busy", "true");
+    try {
+      const drawn = await post<Preview>("preview", { name: this.name, modality: this.sidecar.modality, texts: this.texts(), share: Number(this.place.value) });
+      this.fault.textContent = drawn.fault;
+      await this.show(drawn);
+    } catch (error) {
+      this.fault.textContent = message(error);
+    }
+    this.busy = false;
+    this.main.setAttribute("aria-busy", "false");
+    if (this.again) {
+      this.again = false;
+      void this.preview();
+    }
+  }
+
+  private async show(drawn: Preview): Promise<void> {
+    const missing = Object.keys(drawn.missing);
+    this.said.textContent = missing.length ? `Still needed: ${missing.join("; ")}.` : drawn.fault ? "This sidecar does not fit the recording." : "Nothing is missing.";
+    for (const row of this.form.querySelectorAll<HTMLElement>("[data-key]")) row.classList.toggle("lacking", missing.includes(row.dataset["key"] ?? ""));
+    this.frame.textContent = drawn.frames ? `frame ${drawn.frame + 1} of ${drawn.frames}` : "";
+    const made = [];
+    for (const picture of drawn.pictures) {
+      const image = new Image();
+      image.src = picture.image;
+      await image.decode();
+      made.push({ canvas: element("canvas"), image, picture });
+    }
+    this.drawn = made;
+    this.pictures.replaceChildren(...made.map(({ canvas, picture }) => {
+      const legends = Object.keys(picture.curves).map((label) => {
+        const legend = element("span", { class: "legend" }, label);
+        legend.style.setProperty("--line-colour", this.colours.of(label));
+        return legend;
+      });
+      return element("figure", {}, canvas, element("figcaption", {}, element("b", {}, picture.title), ...legends));
+    }));
+    this.draw();
+  }
+
+  private draw(): void {
+    for (const { canvas, image, picture } of this.drawn) drawPicture(canvas, image, picture, this.colours, null);
+  }
+
+  private async store(): Promise<void> {
+    if (!this.sidecar) return;
+    try {
+      await post("sidecar", { name: this.name, modality: this.sidecar.modality, texts: this.texts(), based_on: this.sidecar.digest });
+      await this.load(null);
+      this.said.textContent = `Saved in ${this.sidecar.sidecar}.`;
+    } catch (error) {
+      this.fault.textContent = message(error);
+    }
+  }
+}

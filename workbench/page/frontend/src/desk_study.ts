@@ -1,0 +1,189 @@
+/** The page of an open folder: recordings, what can be done with them, and what came of it. */
+
+import { openForm } from "./desk_form";
+import { QueuePanel } from "./desk_queue";
+import { ask, message, named, post, type Form, type Found, type Item, type Result, type Values } from "./desk_server";
+import { button, element } from "./dom";
+
+const LOOK_MS = 600;
+const LEVELS = { trusted: "trusted", doubted: "doubted", unaligned: "not aligned" };
+
+export async function showStudy(main: HTMLElement): Promise<void> {
+  await new StudyPage(main).start();
+}
+
+class StudyPage {
+  private readonly inputs = element("tbody");
+  private readonly pairs = element("div");
+  private readonly results = element("tbody");
+  private readonly said = element("small", { role: "status" });
+  private readonly fault = element("p", { class: "fault", role: "alert" });
+  private readonly queue: QueuePanel;
+  private forms: Record<string, Form> = {};
+  private found: Found = { looking: true, fault: "", inputs: [], pairs: [] };
+  private entries: Result[] = [];
+
+  constructor(private readonly main: HTMLElement) {
+    const root = main.dataset["root"] ?? "";
+    this.queue = new QueuePanel(root, main.dataset["folder"] ?? "", () => void this.look());
+  }
+
+  async start(): Promise<void> {
+    const head = (...titles: string[]): HTMLElement => element("thead", {}, element("tr", {}, ...titles.map((title) => element("th", { scope: "col" }, title))));
+    const look = button("look again", "look through the folder once more", null, () => void this.look());
+    const simulate = button("simulate…", "make a specimen with known truth in this folder", null, () => this.run("simulate", { output: this.free("specimen-1"), preset: "quick", seed: 0 }));
+    this.main.append(
+      element("div", { class: "columns" },
+        element("div", {},
+          this.fault,
+          element("section", { class: "card" }, element("h2", {}, "Recordings", this.said, look, simulate),
+            element("table", { class: "inputs" }, head("", "name", "what it is", "size", ""), this.inputs), this.pairs),
+          element("section", { class: "card" }, element("h2", {}, "Results"),
+            element("table", { class: "results" }, head("", "name", "verdict", "Jaccard index", "doubts", "written"), this.results))),
+        this.queue.element));
+    try {
+      this.forms = await ask<Record<string, Form>>(`${this.main.dataset["root"] ?? ""}/forms.json`);
+    } catch (error) {
+      this.fault.textContent = message(error);
+    }
+    await this.follow();
+    await this.showResults();
+  }
+
+  /** Look through the folder anew. */
+  private async look(): Promise<void> {
+    try {
+      await post("look");
+    } catch (error) {
+      this.fault.textContent = message(error);
+    }
+    await this.follow();
+    await this.showResults();
+  }
+
+  private async follow(): Promise<void> {
+    try {
+      do {
+        this.found = await ask<Found>("found.json");
+        this.showInputs();
+        if (this.found.looking) await new Promise((done) => setTimeout(done, LOOK_MS));
+      } while (this.found.looking);
+    } catch (error) {
+      this.fault.textContent = message(error);
+    }
+  }
+
+  private showInputs(): void {
+    const { inputs, looking, fault } = this.found;
+    this.said.textContent = looking ? `looking… ${inputs.length} found` : inputs.length ? String(inputs.length) : "none found: simulate a specimen, or copy recordings here and look again";
+    if (fault) this.fault.textContent = fault;
+    this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
+    const pairs = this.found.pairs;
+    this.pairs.replaceChildren(...(pairs.length > 1 && !looking
+      ? [button(`compare all ${pairs.length} pairs`, "queue a comparison for every folder with one endoscope and one OCT recording", null, () => void this.compareAll())]
+      : []));
+  }
+
+  private inputRow(item: Item): HTMLElement {
+    const missing = Object.keys((item.facts["missing"] as Record<string, string> | undefined) ?? {}).length;
+    const isRecording = item.kind === "recording";
+    const address = named("recording", item.name);
+    const picture = isRecording && !item.fault ? [element("img", { src: named("picture.png", item.name), loading: "lazy", alt: "" })] : [];
+    const name = isRecording && !item.fault ? element("a", { href: address }, item.name) : element("span", {}, item.name);
+    const doubts = (item.facts["doubts"] as { what: string }[] | undefined) ?? [];
+    return element("tr", { "data-name": item.name },
+      element("td", {}, ...picture), element("td", {}, name),
+      element("td", {}, ...this.whatItIs(item)),
+      element("td", {}, String(item.facts["axes"] ?? ""), ...doubts.map((doubt) => element("small", { class: "doubt" }, doubt.what))),
+      element("td", { class: "acts" }, ...(item.fault ? [] : this.acts(item, missing, address))));
+  }
+
+  private whatItIs(item: Item): (Node | string)[] {
+    if (item.fault) return [element("span", { class: "fault" }, item.fault)];
+    if (item.kind !== "recording") return [{ volume: "CT or labels", plan: "plan of a bore", pose: "pose" }[item.kind]];
+    const certainty = String(item.facts["certainty"] ?? "");
+    return [String(item.facts["title"] ?? ""), " ", element("small", { title: String(item.facts["seen"] ?? "") }, certainty)];
+  }
+
+  private acts(item: Item, missing: number, address: string): Node[] {
+    if (item.kind === "pose") return [element("a", { href: named("report", item.name), target: "_blank" }, "report")];
+    if (item.kind !== "recording") return [];
+    const describe = element("a", { href: address, class: missing ? "chief" : "" }, missing ? `describe it: ${missing} missing` : "sidecar");
+    if (missing) return [describe];
+    const pair = this.found.pairs.find((both) => both.includes(item.name));
+    const sides = pair ? [pair[0], pair[1]] : [item.name];
+    const isOfTube = "calibrate" in this.forms;
+    return [
+      button("unroll…", "unroll this recording", null, () => this.run("unroll", { path: item.name, output: this.free(`results/${flat(item.name)}.zarr`) })),
+      button("compare…", "compare it with another side of the same bore", null, () => this.run("compare", this.compared(item, pair))),
+      button("pose…", "find the bore in a CT", null, () => this.run("pose", { sides, ct: this.found.inputs.find((each) => each.kind === "volume")?.name ?? "", output: this.free(`results/${flat(item.name)}-pose`) })),
+      ...(isOfTube ? [button("calibrate…", "this is a recording of the printed tube: calibrate the instrument", null, () => this.run("calibrate", { modality: String(item.facts["modality"] ?? ""), recording: item.name, target: "", output: this.free(`${flat(item.name)}-calibration.toml`) }))] : []),
+      describe,
+    ];
+  }
+
+  private compared(item: Item, pair: [string, string] | undefined): Values {
+    const [a, b] = pair ?? [item.name, ""];
+    const at = parentOf(item.name);
+    return { a, b, output: this.free(`results/${flat(pair && at ? at : item.name)}`) };
+  }
+
+  private async compareAll(): Promise<void> {
+    try {
+      for (const [a, b] of this.found.pairs) {
+        const output = this.free(`results/${flat(parentOf(a) || a)}`);
+        await post("run", { command: "compare", values: { a, b, output } });
+      }
+    } catch (error) {
+      this.fault.textContent = message(error);
+    }
+    await this.queue.follow();
+  }
+
+  private run(command: string, given: Values): void {
+    const form = this.forms[command];
+    const paths = [...this.found.inputs.map((item) => item.name), ...this.entries.filter((entry) => !entry.fault).map((entry) => entry.name)];
+    if (form) openForm(form, given, paths, () => void this.queue.follow());
+  }
+
+  /** A name that no result has: the suggested one, with a number where that is taken. */
+  private free(name: string): string {
+    const taken = new Set([...this.entries.map((entry) => entry.name), ...this.found.inputs.flatMap((item) => [item.name, parentOf(item.name)])]);
+    const [, stem = name, suffix = ""] = /^(.*?)(\.zarr|\.toml)?$/.exec(name) ?? [];
+    let free = name;
+    for (let k = 2; taken.has(free); k++) free = `${stem.replace(/-\d+$/, "")}-${k}${suffix}`;
+    return free;
+  }
+
+  private async showResults(): Promise<void> {
+    try {
+      this.entries = (await ask<{ entries: Result[] }>("results.json")).entries;
+    } catch (error) {
+      this.fault.textContent = message(error);
+      return;
+    }
+    const rows = this.entries.filter((entry) => entry.kind !== "specimen").map(resultRow);
+    this.results.replaceChildren(...(rows.length ? rows : [element("tr", {}, element("td", { colspan: "6" }, element("small", {}, "None yet. Unroll a recording, or compare two.")))]));
+  }
+}
+
+function resultRow(entry: Result): HTMLElement {
+  const interval = entry.interval ? ` (${entry.interval.map((end) => end.toFixed(2)).join("–")})` : "";
+  return element("tr", { "data-name": entry.name },
+    element("td", {}, ...(entry.thumbnail ? [element("img", { src: entry.thumbnail, loading: "lazy", alt: "" })] : [])),
+    element("td", {}, entry.address ? element("a", { href: entry.address }, entry.name) : entry.name, " ", element("small", {}, entry.about)),
+    element("td", {}, entry.fault ? element("span", { class: "fault" }, entry.fault)
+      : element("span", { class: `level ${entry.level ?? ""}`, title: entry.headline }, entry.level ? LEVELS[entry.level] : "")),
+    element("td", {}, entry.jaccard === null ? "" : entry.jaccard.toFixed(2), interval),
+    element("td", { title: entry.doubts.join("\n") }, entry.doubts.length ? String(entry.doubts.length) : ""),
+    element("td", {}, entry.written));
+}
+
+/** A name without folders. */
+function flat(name: string): string {
+  return name.replace(/\.[a-z0-9]{2,4}$/i, "").replaceAll("/", "-");
+}
+
+function parentOf(name: string): string {
+  return name.includes("/") ? name.slice(0, name.lastIndexOf("/")) : "";
+}
