@@ -73,6 +73,7 @@ def opened(started: Any, url: str, ready: str = "", **context: Any) -> Iterator[
         watched.settle()
     yield watched
     assert watched.errors == [], "; ".join(watched.errors)
-    here = ("data:", "blob:", url.split("?")[0])
+    server = url if url.startswith("file:") else "/".join(url.split("/")[:3]) + "/"
+    here = ("data:", "blob:", server.split("?")[0])
     assert [one for one in watched.asked if not one.startswith(here)] == []
     made.close()

@@ -3,6 +3,7 @@
 import json
 import shutil
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from http.client import HTTPConnection
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import uvicorn
 from mock_comparison import GRID, Kind, write_comparison
+from starlette.applications import Starlette
 
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
@@ -80,12 +82,12 @@ def post(served: Served, path: str, body: Any, **headers: str | None) -> tuple[i
 
 
 class serving:
-    """Serves the page of a folder as long as the block runs."""
+    """Serves the page of a folder, or what makes an application for a host and a port, as long as the block runs."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, served: Path | Callable[[str, int], Starlette]) -> None:
         self._socket = listening_socket("127.0.0.1", 0)
         self._port: int = self._socket.getsockname()[1]
-        app = page_or_table(folder)("127.0.0.1", self._port)
+        app = (page_or_table(served) if isinstance(served, Path) else served)("127.0.0.1", self._port)
         self._server = uvicorn.Server(uvicorn.Config(app, log_level="error"))
         self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [self._socket]})
 

@@ -15,7 +15,7 @@ from anyio.to_thread import current_default_thread_limiter
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -23,6 +23,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import an_object
 from endoct.workbench.desk.desk import Desk
+from endoct.workbench.desk.dropped_files import take_file
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
@@ -32,6 +33,7 @@ from endoct.workbench.page.server import (
     allowed_hosts,
     asset,
     posted_json,
+    refused_post,
     whole_number,
 )
 from endoct.workbench.page.serving import answer_page
@@ -105,6 +107,19 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
     def of_folder(act: Callable[[Any, dict[str, Any]], Any]) -> Callable[[Request, dict[str, Any]], Any]:
         return lambda request, posted: act(desk.folder(request.path_params["key"]), posted)
 
+    async def file(request: Request) -> Response:
+        """Take a file that was dropped on the page of a folder."""
+        if refused := refused_post(request, "application/octet-stream"):
+            return refused
+        folder = await run_in_threadpool(desk.folder, request.path_params["key"])
+        try:
+            await take_file(folder.folder, request.query_params.get("name", ""), request.stream())
+        except ClientDisconnect:  # the page was closed meanwhile
+            return Response(status_code=400)
+        except EndoctError as error:
+            return PlainTextResponse(str(error), status_code=409, headers={**FRESH, "connection": "close"})
+        return JSONResponse({"done": True}, headers=FRESH)
+
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         current_default_thread_limiter().total_tokens = MOST_THREADS
@@ -152,6 +167,7 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
         routes=[
             *(Route(f"{desk.root}{path}", answer) for path, answer in routes.items()),
             *(Route(f"{desk.root}{path}", _posted(act), methods=["POST"]) for path, act in actions.items()),
+            Route(f"{desk.root}/f/{{key}}/file", file, methods=["POST"]),
             Route(f"{desk.root}/{{name}}", asset),
         ],
         middleware=[

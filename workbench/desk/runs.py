@@ -34,8 +34,8 @@ STARTING_S = 20.0
 LOOK_S = 0.3
 """How often the queue is looked at."""
 MOST_RUNS = 2000
-LOG_BYTES = 200_000
-"""Of the end of what a run printed."""
+LOG_BYTES, LAST_BYTES = 200_000, 4_000
+"""Of the end of what a run printed: to be read, and to see how far it is."""
 
 State = Literal["waiting", "running", "done", "doubted", "failed", "cancelled", "lost"]
 _ENDS: dict[int, State] = {DONE: "done", DOUBTED: "doubted", NOT_ALIGNED: "doubted", INTERRUPTED: "cancelled"}
@@ -139,7 +139,7 @@ class Queue:
 
     def log(self, name: str) -> str:
         """Return the end of what a run printed, without the lines that only say how far it is."""
-        return "\n".join(line for line in _log(self._path(name)) if not _PROGRESS.fullmatch(line))
+        return "\n".join(line for line in _log(self._path(name), LOG_BYTES) if not _PROGRESS.fullmatch(line))
 
     def cancel(self, name: str) -> None:
         """Have a run end, or not begin: nothing of it is left half-written."""
@@ -208,7 +208,7 @@ def _read(path: Path) -> Run | None:
     except (EndoctError, KeyError, TypeError):
         return None
     state, seconds = _state(path)
-    lines = _log(path) if state != "waiting" else []
+    lines = _log(path, LAST_BYTES) if state != "waiting" else []
     said = [line for line in lines if not _PROGRESS.fullmatch(line)]
     stages = _stages(lines[-1]) if lines and state == "running" else {}
     return Run(path.name, tuple(arguments), folder, state, seconds, stages, said[-1] if said else "")
@@ -237,10 +237,10 @@ def _is_held(lock: Path) -> bool:
         return True
 
 
-def _log(path: Path) -> list[str]:
+def _log(path: Path, n_bytes: int) -> list[str]:
     try:
         with (path / LOG).open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - LOG_BYTES))
+            file.seek(max(0, file.seek(0, os.SEEK_END) - n_bytes))
             return file.read().decode("utf-8", "replace").splitlines()
     except OSError:
         return []

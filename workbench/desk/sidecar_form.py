@@ -190,8 +190,9 @@ def _value(key: str, field: FieldInfo, text: str) -> Any:
     if _kind(field) in ("choice", "text"):
         return text
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError):
+        (value,) = tomllib.loads(f"value = {text}").values()  # a text of several lines could bring further keys
+        return value
+    except (ValueError, RecursionError):
         expected = "a number, with a point" if _kind(field) == "number" else "a value as TOML has it"
         raise EndoctError(f"'{key}' cannot be used", found=text[:80], expected=expected) from None
 

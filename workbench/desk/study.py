@@ -14,7 +14,7 @@ import cv2
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME, kind_of
-from endoct.base.files.files import path_text
+from endoct.base.files.files import inside, path_text
 from endoct.modalities.acquisition import SIDECAR_NAME
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
@@ -87,11 +87,18 @@ class Study:
             return tuple(sorted(self._inputs.values(), key=lambda each: each.name))
 
     def input(self, name: str) -> Input:
-        """Return what was found under ``name``. Raises :class:`EndoctError` where nothing was."""
+        """Return what was found under ``name``, or is found there now. Raises :class:`EndoctError` where nothing is."""
         with self._lock:
             if name in self._inputs:
                 return self._inputs[name]
-        raise EndoctError("there is no such recording in the folder", found=name[:80], remedy="load the page anew")
+        path = self.folder if name == "." else inside(self.folder, name, "a recording")
+        recording = _recording(self.folder, path) if path.resolve().is_relative_to(self.folder) else None
+        if recording is None:
+            raise EndoctError(
+                "there is no such recording in the folder", found=name[:80], remedy="look through it again"
+            )
+        with self._lock:
+            return self._inputs.setdefault(name, recording)
 
     def renew(self, name: str) -> Input:
         """Look at one input again, as its sidecar was changed, and return what it is now."""

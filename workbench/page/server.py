@@ -70,15 +70,22 @@ async def _answer(request: Request, act: Callable[[bytes], dict[str, Any]], orig
         return PlainTextResponse(str(error), status_code=409)
 
 
+def refused_post(request: Request, media_type: str) -> Response | None:
+    """Return the answer that refuses what the page itself did not send, or sent as anything but ``media_type``."""
+    if "origin" not in request.headers:
+        return PlainTextResponse("only the page itself may send this", status_code=403)
+    if request.headers.get("content-type", "").split(";")[0].strip().lower() != media_type:
+        return PlainTextResponse(f"only {media_type} is taken", status_code=415)
+    return None
+
+
 async def posted_json(request: Request) -> bytes | Response:
     """Return the body of a request that the page itself sent as JSON, or the answer that refuses it.
 
     The guard has seen to it that an origin is the page's own.
     """
-    if "origin" not in request.headers:
-        return PlainTextResponse("only the page itself may send this", status_code=403)
-    if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
-        return PlainTextResponse("only JSON is taken", status_code=415)
+    if refused := refused_post(request, "application/json"):
+        return refused
     data = b""
     try:
         async for part in request.stream():

@@ -229,9 +229,7 @@ class Collection:
             return self._pages[entry.name]
 
 
-async def answer_page(
-    collection: Collection, host: str, port: int, scope: Scope, receive: Receive, send: Send
-) -> None:
+async def answer_page(collection: Collection, host: str, port: int, scope: Scope, receive: Receive, send: Send) -> None:
     """Answer a request below the ``pages`` of a collection with the page of the entry that it names."""
     # by the bytes of the address: a name need not be UTF-8, nor a path that routes could match
     path = os.fsdecode(unquote_to_bytes(scope["raw_path"]))[len(collection.pages) :].lstrip("/")

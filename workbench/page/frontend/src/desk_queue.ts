@@ -15,8 +15,7 @@ export class QueuePanel {
   private readonly list = element("ol");
   private readonly fault = element("p", { class: "fault", role: "alert" });
   private readonly count = element("small", { role: "status" });
-  private readonly open = new Set<string>();
-  private states = "";
+  private readonly rows = new Map<string, RunRow>();
   private timer = 0;
 
   /** `ended` is called whenever a run has ended; `folder` is the one that is open. */
@@ -32,68 +31,16 @@ export class QueuePanel {
     try {
       const { runs } = await ask<{ runs: Run[] }>(`${this.root}/queue.json`);
       this.fault.textContent = "";
-      busy = runs.some((run) => run.state === "running" || run.state === "waiting");
-      await this.show(runs);
+      busy = runs.some(isOpen);
+      this.show(runs);
     } catch (error) {
       this.fault.textContent = message(error);
     }
+    window.clearTimeout(this.timer);
     this.timer = window.setTimeout(() => void this.follow(), busy ? EVERY_MS : IDLE_MS);
   }
 
-  private async show(runs: readonly Run[]): Promise<void> {
-    const [now, waiting] = ["running", "waiting"].map((state) => runs.filter((run) => run.state === state).length);
-    this.count.textContent = now || waiting ? `${now} under way, ${waiting} waiting` : runs.length ? "nothing is under way" : "empty";
-    const rows = await Promise.all(runs.slice().reverse().map((run) => this.row(run)));
-    const active = document.activeElement instanceof HTMLElement ? document.activeElement.dataset["act"] : undefined;
-    this.list.replaceChildren(...rows);
-    if (active) this.list.querySelector<HTMLElement>(`[data-act="${active}"]`)?.focus();
-    const states = runs.map((run) => `${run.name} ${run.state === "running" || run.state === "waiting"}`).join();
-    if (this.states && states !== this.states) this.ended();
-    this.states = states;
-  }
-
-  private async row(run: Run): Promise<HTMLElement> {
-    const busy = run.state === "running" || run.state === "waiting";
-    const act = (label: string, title: string, does: () => void): HTMLButtonElement => {
-      const made = button(label, title, null, does);
-      made.dataset["act"] = `${label} ${run.name}`;
-      return made;
-    };
-    const more = this.open.has(run.name);
-    const log = more ? [element("code", { class: "command" }, run.command), element("pre", {}, (await this.log(run.name)) || "nothing printed yet")] : [];
-    const stages = Object.entries(run.stages).map(([title, share]) =>
-      element("label", { class: "stage" }, title, element("progress", { max: "1", value: String(share) })));
-    const here = run.folder === this.folder;
-    const report = here && run.verb === "pose" && (run.state === "done" || run.state === "doubted") && run.output;
-    return element("li", { class: run.state },
-      element("div", { class: "line" },
-        element("strong", {}, run.verb), element("span", { class: "output", title: run.command }, run.output || run.command),
-        element("span", { class: "state" }, WORDS[run.state], run.seconds === null ? "" : ` ${time(run.seconds)}`)),
-      ...stages,
-      ...(busy || run.state === "failed" ? [element("p", { class: run.state === "failed" ? "fault" : "" }, run.state === "running" ? "" : run.last_line)] : []),
-      ...(here ? [] : [element("small", {}, run.folder)]),
-      element("div", { class: "line buttons" },
-        ...(report ? [element("a", { href: named("report", run.output), target: "_blank" }, "report")] : []),
-        ...(busy ? [act("cancel", "end it; nothing is left half-written", () => void this.act(`${run.name}/cancel`))]
-          : [act("again", "queue the same command once more", () => void this.act(`${run.name}/repeat`))]),
-        act(more ? "less" : "log", "what it printed, and its command line", () => this.toggle(run.name))),
-      ...log);
-  }
-
-  private async log(name: string): Promise<string> {
-    try {
-      return (await ask<{ log: string }>(`${this.root}/queue/${name}/log.json`)).log;
-    } catch (error) {
-      return message(error);
-    }
-  }
-
-  private toggle(name: string): void {
-    if (!this.open.delete(name)) this.open.add(name);
-    void this.follow();
-  }
-
-  private async act(address: string): Promise<void> {
+  async act(address: string): Promise<void> {
     try {
       await post(`${this.root}/queue/${address}`);
       await this.follow();
@@ -101,6 +48,104 @@ export class QueuePanel {
       this.fault.textContent = message(error);
     }
   }
+
+  async log(name: string): Promise<string> {
+    try {
+      return (await ask<{ log: string }>(`${this.root}/queue/${name}/log.json`)).log;
+    } catch (error) {
+      return message(error);
+    }
+  }
+
+  /** Rows stay where they are, and so does what the pointer is on; only what has changed in them is set. */
+  private show(runs: readonly Run[]): void {
+    const [now, waiting] = ["running", "waiting"].map((state) => runs.filter((run) => run.state === state).length);
+    this.count.textContent = now || waiting ? `${now} under way, ${waiting} waiting` : runs.length ? "nothing is under way" : "empty";
+    const names = new Set(runs.map((run) => run.name));
+    for (const [name, row] of this.rows) {
+      if (names.has(name)) continue;
+      row.element.remove();
+      this.rows.delete(name);
+    }
+    let hasEnded = false;
+    for (const run of runs) {
+      let row = this.rows.get(run.name);
+      if (!row) {
+        row = new RunRow(this, run, run.folder === this.folder);
+        this.rows.set(run.name, row);
+        this.list.prepend(row.element);
+      }
+      hasEnded = row.update(run) || hasEnded;
+    }
+    if (hasEnded) this.ended();
+  }
+}
+
+class RunRow {
+  readonly element: HTMLElement;
+  private readonly state = element("span", { class: "state" });
+  private readonly stages = element("div");
+  private readonly said = element("p");
+  private readonly links = element("span");
+  private readonly details = element("div", { hidden: "" });
+  private readonly log = element("pre");
+  private readonly cancel: HTMLButtonElement;
+  private readonly again: HTMLButtonElement;
+  private readonly more: HTMLButtonElement;
+  private last: Run | null = null;
+
+  constructor(private readonly queue: QueuePanel, run: Run, private readonly isHere: boolean) {
+    this.cancel = button("cancel", "end it; nothing is left half-written", null, () => void queue.act(`${run.name}/cancel`));
+    this.again = button("again", "queue the same command once more", null, () => void queue.act(`${run.name}/repeat`));
+    this.more = button("log", "what it printed, and its command line", false, () => void this.toggle());
+    this.details.append(element("code", { class: "command" }, run.command), this.log);
+    this.element = element("li", {},
+      element("div", { class: "line" },
+        element("strong", {}, run.verb), element("span", { class: "output", title: run.command }, run.output || run.command), this.state),
+      this.stages, this.said, ...(isHere ? [] : [element("small", {}, run.folder)]),
+      element("div", { class: "line buttons" }, this.links, this.cancel, this.again, this.more),
+      this.details);
+  }
+
+  /** Set what `run` has changed, and say whether it has ended since. */
+  update(run: Run): boolean {
+    const before = this.last;
+    this.last = run;
+    const isNew = before?.state !== run.state;
+    this.element.className = run.state;
+    this.state.textContent = WORDS[run.state] + (run.seconds === null ? "" : ` ${time(run.seconds)}`);
+    this.setStages(run.stages);
+    this.said.textContent = run.state === "failed" ? run.last_line : "";
+    this.said.className = run.state === "failed" ? "fault" : "";
+    this.cancel.hidden = !isOpen(run);
+    this.again.hidden = isOpen(run);
+    const hasReport = this.isHere && run.verb === "pose" && run.output && (run.state === "done" || run.state === "doubted");
+    if (isNew) this.links.replaceChildren(...(hasReport ? [element("a", { href: named("report", run.output), target: "_blank" }, "report")] : []));
+    if (!this.details.hidden && (isNew || isOpen(run))) void this.read();
+    return before !== null && isOpen(before) && !isOpen(run);
+  }
+
+  private setStages(stages: Readonly<Record<string, number>>): void {
+    const titles = Object.keys(stages);
+    if (titles.join() !== [...this.stages.children].map((each) => each.firstChild?.textContent).join()) {
+      this.stages.replaceChildren(...titles.map((title) => element("label", { class: "share" }, title, element("progress", { max: "1" }))));
+    }
+    this.stages.querySelectorAll("progress").forEach((bar, k) => (bar.value = stages[titles[k] ?? ""] ?? 0));
+  }
+
+  private async toggle(): Promise<void> {
+    this.details.hidden = !this.details.hidden;
+    this.more.setAttribute("aria-pressed", String(!this.details.hidden));
+    if (!this.details.hidden) await this.read();
+  }
+
+  private async read(): Promise<void> {
+    this.log.textContent = (await this.queue.log(this.last?.name ?? "")) || "nothing printed yet";
+  }
+}
+
+function isOpen(run: Run): boolean {
+  return run.state === "running" || run.state === "waiting";
 }
 
 export function time(seconds: number): string {

@@ -1,6 +1,7 @@
 /** The page of an open folder: recordings, what can be done with them, and what came of it. */
 
 import { openForm } from "./desk_form";
+import { takeDropped } from "./desk_drop";
 import { QueuePanel } from "./desk_queue";
 import { ask, message, named, post, type Form, type Found, type Item, type Result, type Values } from "./desk_server";
 import { button, element } from "./dom";
@@ -46,6 +47,7 @@ class StudyPage {
     } catch (error) {
       this.fault.textContent = message(error);
     }
+    takeDropped(this.main, (said) => (this.said.textContent = said), (fault) => (this.fault.textContent = fault), () => void this.look());
     await this.follow();
     await this.showResults();
   }
@@ -75,7 +77,7 @@ class StudyPage {
 
   private showInputs(): void {
     const { inputs, looking, fault } = this.found;
-    this.said.textContent = looking ? `looking… ${inputs.length} found` : inputs.length ? String(inputs.length) : "none found: simulate a specimen, or copy recordings here and look again";
+    this.said.textContent = looking ? `looking… ${inputs.length} found` : inputs.length ? String(inputs.length) : "none found: drop recordings here, or simulate a specimen";
     if (fault) this.fault.textContent = fault;
     this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
     const pairs = this.found.pairs;

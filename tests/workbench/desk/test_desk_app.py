@@ -1,0 +1,188 @@
+"""The server of `endoct open`: what it answers to its page, and to nobody else."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import pytest
+from workbench_page import Served, post, serving
+
+from endoct.workbench.desk.desk import Desk
+from endoct.workbench.desk.desk_app import desk_app
+
+
+@pytest.fixture
+def served(desk: Desk) -> Iterator[Served]:
+    with serving(lambda host, port: desk_app(desk, host, port)) as found:
+        yield found
+
+
+@pytest.fixture
+def address(desk: Desk, study: Path) -> str:
+    """The address of the page of the study."""
+    return desk.open(study).address
+
+
+def test_the_pages_and_what_they_ask_for(served: Served, desk: Desk, address: str, study: Path):
+    status, page, headers = served.get(f"{desk.root}/")
+    assert (status, headers["referrer-policy"]) == (200, "no-referrer")
+    assert b"desk.js" in page
+    assert str(study).encode() in page
+    assert served.get(address)[0] == 200
+    assert served.get(f"{desk.root}/desk.js")[0] == 200
+    name = quote("bore-1/oct")
+    assert served.get(f"{address}recording?name={name}")[0] == 200
+    assert served.get(f"{address}picture.png?name={name}")[1].startswith(b"\x89PNG")
+    form = json.loads(served.get(f"{address}sidecar.json?name={name}")[1])
+    assert form["modality"] == "oct"
+    assert set(json.loads(served.get(f"{desk.root}/forms.json")[1])) == {
+        "unroll", "compare", "pose", "calibrate", "simulate",
+    }  # fmt: skip
+    listed = json.loads(served.get(f"{desk.root}/folders.json?in={quote(str(study))}")[1])
+    assert listed == {"folder": str(study), "above": str(study.parent), "names": ["bore-1"]}
+
+
+def test_a_recording_is_unrolled_and_its_page_opened(served: Served, desk: Desk, address: str, study: Path):
+    values = {"path": "bore-1/oct", "output": "results/wall.zarr"}
+    asked = {"command": "unroll", "values": values}
+    status, line = post(served, f"{address}command", asked)
+    assert (status, json.loads(line)["command"]) == (200, "endoct unroll bore-1/oct --output=results/wall.zarr")
+    status, queued = post(served, f"{address}run", asked)
+    assert status == 200
+    for _ in range(1200):
+        (run,) = json.loads(served.get(f"{desk.root}/queue.json")[1])["runs"]
+        if run["state"] not in ("waiting", "running"):
+            break
+        time.sleep(0.1)
+    assert (run["state"], run["name"]) == ("done", json.loads(queued)["name"])
+    assert "panorama:" in json.loads(served.get(f"{desk.root}/queue/{run['name']}/log.json")[1])["log"]
+    (entry,) = json.loads(served.get(f"{address}results.json")[1])["entries"]
+    assert (entry["name"], entry["kind"]) == ("results/wall.zarr", "recording")
+    status, page, _ = served.get(entry["address"])
+    assert status == 200
+    assert f'href="{address}"'.encode() in page  # the way back
+    assert served.get(f"{entry['address']}description.json")[0] == 200
+    assert served.get(f"{address}{entry['thumbnail']}")[1].startswith(b"\x89PNG")
+    assert post(served, f"{desk.root}/queue/clear", {})[0] == 200
+    assert json.loads(served.get(f"{desk.root}/queue.json")[1]) == {"runs": []}
+    assert (study / "results" / "wall.zarr").is_dir()
+
+
+def test_a_sidecar_is_saved(served: Served, address: str, study: Path):
+    form = json.loads(served.get(f"{address}sidecar.json?name=bore-1%2Foct")[1])
+    sent: dict[str, Any] = {
+        "name": "bore-1/oct",
+        "modality": "oct",
+        "texts": {"travel": "out"},
+        "based_on": form["digest"],
+    }
+    assert post(served, f"{address}sidecar", sent)[0] == 200
+    assert 'travel = "out"' in (study / "bore-1" / "oct" / "acquisition.toml").read_text()
+    status, said = post(served, f"{address}sidecar", sent)
+    assert status == 409
+    assert "was changed meanwhile" in said
+
+
+def test_a_dropped_file_lies_in_the_folder(served: Served, address: str, study: Path):
+    octets = {"Content-Type": "application/octet-stream"}
+    assert post(served, f"{address}file?name=new%2Fslice_1.png", b"content", **octets)[0] == 200
+    assert (study / "new" / "slice_1.png").read_bytes() == b"content"
+    status, said = post(served, f"{address}file?name=new%2Fslice_1.png", b"other", **octets)
+    assert status == 409
+    assert "exists already" in said
+    assert post(served, f"{address}file?name=..%2Fx", b"content", **octets)[0] == 409
+    assert post(served, f"{address}file?name=x", b"content")[0] == 415
+    assert post(served, f"{address}file?name=x", b"content", Origin=None, **octets)[0] == 403
+    assert not (study.parent / "x").exists()
+
+
+def test_a_bookmark_holds_after_a_restart(served: Served, desk: Desk, address: str, tmp_path: Path):
+    desk._folders.clear()
+    assert served.get(address)[0] == 200
+    assert served.get(f"{desk.root}/f/{'0' * 16}/")[0] == 404
+
+
+@pytest.mark.parametrize("guess", ["", "/", "/x/", f"/{'0' * 32}/", "/%2e%2e/", "/queue.json", "//", "/{}/../x/"])
+def test_who_does_not_know_the_secret_gets_nothing(served: Served, desk: Desk, guess: str):
+    status, body, _ = served.get(guess.replace("{}", "0") or "/")
+    assert status == 403
+    assert body == b"open the address that `endoct open` printed"
+    assert desk.root.encode() not in body
+
+
+def test_a_part_of_the_secret_is_not_enough(served: Served, desk: Desk):
+    for almost in (desk.root[:-1], f"{desk.root}0", desk.root.upper(), f"{desk.root[:-1]}é"):
+        assert served.get(quote(f"{almost}/queue.json", safe="/"))[0] == 403 or almost == desk.root
+
+
+def test_another_page_starts_nothing(served: Served, desk: Desk, address: str, study: Path):
+    asked = {"command": "unroll", "values": {"path": "bore-1/oct", "output": "wall.zarr"}}
+    for headers in (
+        {"Origin": "http://evil.example"},
+        {"Origin": None},
+        {"Origin": "null"},
+        {"Content-Type": "text/plain"},
+        {"Host": "evil.example"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},  # a server of another user, on another port
+    ):
+        assert post(served, f"{address}run", asked, **headers)[0] in (403, 415)
+    assert desk.state.queue.runs() == []
+    assert served.get(f"{address}run")[0] == 405
+    assert served.get(address, Sec_Fetch_Site="cross-site")[0] == 403
+
+
+@pytest.mark.parametrize(
+    ("path", "sent"),
+    [
+        ("run", {"command": "serve", "values": {}}),
+        ("run", {"command": "unroll", "values": {"path": "/etc", "output": "x"}}),
+        ("run", {"command": "unroll", "values": {"path": "bore-1/oct", "output": "../x"}}),
+        ("run", {"command": ["unroll"], "values": {}}),
+        ("run", []),
+        ("run", b"{"),
+        ("sidecar", {"name": "../bore", "modality": None, "texts": {}, "based_on": None}),
+        ("sidecar", {"name": "bore-1/oct", "texts": {"modality": "x"}, "based_on": 1}),
+        ("preview", {"name": "/etc", "texts": {}}),
+        ("preview", {"name": "bore-1/oct", "texts": []}),
+        ("preview", {"name": "bore-1/oct", "modality": "none", "texts": {}}),
+    ],
+)
+def test_nonsense_is_answered_in_one_line(served: Served, desk: Desk, address: str, path: str, sent: Any):
+    status, said = post(served, f"{address}{path}", sent)
+    assert status == 409
+    assert said
+    assert "\n" not in said
+    assert desk.state.queue.runs() == []
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "at/../../x", "at/..%2f..%2fetc/", "at/bore-1/oct/", "report?name=..", "report?name=bore-1", "file",
+        "picture.png?name=%2Fetc%2Fpasswd", "picture.png?name=..%2F..%2Fx", "recording?name=..",
+        "sidecar.json?name=%00", "thumbnails/v/0.png", "thumbnails/v/-1.png", "thumbnails/v/x.png",
+    ],
+)  # fmt: skip
+def test_no_address_leads_elsewhere(served: Served, address: str, path: str):
+    status, body, _ = served.get(f"{address}{path}")
+    assert status >= 400
+    assert b"root:" not in body
+    assert len(body) < 600
+
+
+def test_only_the_whole_path_of_a_folder_is_opened(served: Served, desk: Desk, tmp_path: Path):
+    for text in ("relative", "", str(tmp_path / "none"), None, "/etc/hostname"):
+        status, said = post(served, f"{desk.root}/open", {"folder": text})
+        assert status == 409
+        assert "cannot be opened" in said
+    (tmp_path / "<b>bold<script>").mkdir()
+    status, said = post(served, f"{desk.root}/open", {"folder": str(tmp_path / "<b>bold<script>")})
+    assert status == 200
+    for page in (f"{desk.root}/", json.loads(said)["address"]):
+        html = served.get(page)[1]
+        assert b"<script>" not in html.replace(b"<script src=", b"")
+        assert b"<b>bold" not in html

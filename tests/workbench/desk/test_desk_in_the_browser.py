@@ -1,0 +1,193 @@
+"""The pages of `endoct open` in a real browser: a newcomer's way from two bare folders to a verdict."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_browser import Watched, browser, opened
+from workbench_page import Served, serving
+
+from endoct.workbench.desk.desk import Desk
+from endoct.workbench.desk.desk_app import desk_app
+
+LONG_MS = 120_000
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with browser() as started:
+        yield started
+
+
+@pytest.fixture
+def served(desk: Desk) -> Iterator[Served]:
+    with serving(lambda host, port: desk_app(desk, host, port)) as found:
+        yield found
+
+
+def page_of(chromium: Any, served: Served, address: str, ready: str, **context: Any) -> Any:
+    return opened(chromium, served.url.rstrip("/") + address, ready, **context)
+
+
+def says(page: Any, selector: str, pattern: str) -> None:
+    """Wait until an element says what the pattern asks for; the page forbids programs that are no files of its own."""
+    page.locator(selector, has_text=re.compile(pattern)).first.wait_for(state="attached", timeout=LONG_MS)
+
+
+def keys_of(sidecar: Path) -> dict[str, str]:
+    return dict(re.findall(r"^(\w+) = \"?([^\"\n]+)\"?$", sidecar.read_text(), re.MULTILINE))
+
+
+def described(page: Any, name: str, keys: dict[str, str]) -> None:
+    """Fill in what a recording lacks, see it drawn, and save."""
+    page.click(f".inputs tr[data-name='{name}'] a:has-text('describe it')")
+    page.wait_for_selector("figure canvas", timeout=LONG_MS)
+    assert page.locator("[role=status]").inner_text().startswith("Still needed: bore_diameter_mm")
+    for key, value in keys.items():
+        if key != "modality":
+            control = page.locator(f"#key-{key}")
+            if not control.is_visible():
+                page.click("summary")
+            if control.evaluate("node => node.tagName") == "SELECT":
+                control.select_option(value)
+            else:
+                control.fill(value)
+    says(page, ".desk [role=status]", "^Nothing is missing.$")
+    page.wait_for_selector("figcaption .legend", timeout=LONG_MS)
+    page.click("text=Save")
+    says(page, ".desk [role=status]", "^Saved")
+    page.click(".above")
+    page.wait_for_selector(f".inputs tr[data-name='{name}'] button:has-text('compare')", timeout=LONG_MS)
+
+
+def test_from_two_bare_folders_to_a_verdict_without_a_terminal(chromium: Any, served: Served, desk: Desk, study: Path):
+    keys = {}
+    for side in ("endoscope", "oct"):
+        sidecar = study / "bore-1" / side / "acquisition.toml"
+        keys[side] = keys_of(sidecar)
+        sidecar.unlink()
+    with page_of(chromium, served, f"{desk.root}/", ".folders") as watched:
+        page = watched.page
+        page.fill("input[type=text]", str(study))
+        page.click("text=Open this folder")
+        page.wait_for_selector(".inputs tr[data-name='bore-1/oct']", timeout=LONG_MS)
+        for side in ("endoscope", "oct"):
+            described(page, f"bore-1/{side}", keys[side])
+        page.click(".inputs tr[data-name='bore-1/oct'] button:has-text('compare')")
+        says(page, "dialog .command", "^endoct compare")
+        assert page.locator("dialog .command").inner_text() == (
+            "endoct compare bore-1/endoscope bore-1/oct --output=results/bore-1"
+        )
+        page.click("dialog >> text=Run")
+        page.wait_for_selector(".queue li.running progress", timeout=LONG_MS)
+        page.wait_for_selector(".results tr[data-name='results/bore-1'] .level", timeout=LONG_MS)
+        assert page.locator(".results .level").inner_text() in ("trusted", "doubted", "not aligned")
+        page.click(".results a")
+        page.wait_for_selector(".pane[data-z-mm]", timeout=LONG_MS)
+        assert page.locator(".verdict strong").inner_text()
+        page.click(".above")
+        page.wait_for_selector(".results tr[data-name='results/bore-1']", timeout=LONG_MS)
+
+
+def test_a_run_is_cancelled_and_queued_again(chromium: Any, served: Served, desk: Desk, study: Path):
+    with page_of(chromium, served, desk.open(study).address, ".queue") as watched:
+        page = watched.page
+        page.click("text=simulate…")
+        says(page, "dialog .command", "^endoct simulate")
+        page.click("dialog >> text=Run")
+        page.wait_for_selector(".queue li.running", timeout=LONG_MS)
+        page.click(".queue >> text=cancel")
+        page.wait_for_selector(".queue li.cancelled", timeout=LONG_MS)
+        assert not (study / "specimen-1").exists()
+        page.click(".queue >> text=log")
+        page.wait_for_selector(".queue pre", timeout=LONG_MS)
+        assert "endoct simulate --output=specimen-1" in page.locator(".queue li code").inner_text()
+        page.click(".queue >> text=again")
+        page.wait_for_selector(".queue li:nth-child(2)", timeout=LONG_MS)
+        page.click(".queue >> text=cancel")
+        page.wait_for_selector(".queue li.cancelled:nth-child(1)", timeout=LONG_MS)
+        assert page.locator(".queue li.cancelled").count() == 2
+        page.click(".queue >> text=clear")
+        page.wait_for_selector(".queue li", state="detached", timeout=LONG_MS)
+
+
+def test_what_is_wrong_is_said_while_it_is_entered(chromium: Any, served: Served, desk: Desk, study: Path):
+    with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
+        page = watched.page
+        page.click(".inputs tr[data-name='bore-1/oct'] button:has-text('unroll')")
+        page.fill("dialog #field-output", "../elsewhere.zarr")
+        says(page, "dialog .fault", "no path in the folder")
+        assert page.locator("dialog >> text=Run").is_disabled()
+        page.fill("dialog #field-output", "elsewhere.zarr")
+        says(page, "dialog .command", "elsewhere.zarr$")
+        page.keyboard.press("Escape")
+        page.wait_for_selector("dialog", state="detached")
+        watched.errors[:] = [one for one in watched.errors if "409" not in one]  # Chromium notes the refusal
+
+
+def test_it_is_used_by_keyboard_alone(chromium: Any, served: Served, desk: Desk, study: Path):
+    with page_of(chromium, served, f"{desk.root}/", ".folders li") as watched:
+        page = watched.page
+        page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "path of a folder"
+        page.keyboard.press("Control+a")
+        page.keyboard.type(str(study))
+        page.keyboard.press("Enter")
+        page.wait_for_selector(".inputs tr[data-name='bore-1/oct'] button", timeout=LONG_MS)
+        for _ in range(40):
+            page.keyboard.press("Tab")
+            if page.evaluate("document.activeElement.textContent") == "unroll…":
+                break
+        page.keyboard.press("Enter")
+        says(page, "dialog .command", "^endoct unroll")
+        page.keyboard.press("Escape")
+        page.wait_for_selector("dialog", state="detached")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1024, 768), (390, 844)])
+def test_nothing_sticks_out(
+    chromium: Any, served: Served, desk: Desk, study: Path, scheme: str, width: int, height: int
+):
+    address = desk.open(study).address
+    with page_of(
+        chromium, served, address, ".inputs tr[data-name='bore-1/oct'] button", color_scheme=scheme
+    ) as watched:
+        page = watched.page
+        page.set_viewport_size({"width": width, "height": height})
+        for ready in (
+            "",
+            f"{served.url.rstrip('/')}{address}recording?name=bore-1/oct",
+            f"{served.url.rstrip('/')}{desk.root}/",
+        ):
+            if ready:
+                page.goto(ready)
+                page.wait_for_selector("figure canvas" if "recording" in ready else ".folders li", timeout=LONG_MS)
+            wide = page.evaluate("document.documentElement.scrollWidth")
+            assert wide <= width, ready
+
+
+def dropped(watched: Watched, names: dict[str, str]) -> None:
+    """Drop files with these contents on the page."""
+    watched.page.evaluate(
+        """names => {
+          const dropped = new DataTransfer();
+          for (const [name, content] of Object.entries(names)) dropped.items.add(new File([content], name));
+          const drop = new DragEvent('drop', {dataTransfer: dropped, bubbles: true, cancelable: true});
+          document.querySelector('.desk').dispatchEvent(drop);
+        }""",
+        names,
+    )
+
+
+def test_dropped_files_are_copied_and_looked_at(chromium: Any, served: Served, desk: Desk, study: Path):
+    with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
+        dropped(watched, {"frame_0.txt": "{}", "note.txt": "of mine"})
+        says(watched.page, ".desk [role=status]", "^2$")
+        assert (study / "note.txt").read_text() == "of mine"
+        dropped(watched, {"note.txt": "another"})
+        says(watched.page, ".fault", "exists already")
+        assert (study / "note.txt").read_text() == "of mine"
+        watched.errors[:] = [one for one in watched.errors if "409" not in one]

@@ -1,0 +1,106 @@
+"""A sidecar as a form: every key with its meaning, and only what was changed is written."""
+
+from pathlib import Path
+
+import pytest
+
+from endoct.base.errors import EndoctError
+from endoct.workbench.desk.preview import Previewer
+from endoct.workbench.desk.sidecar_form import sidecar_form
+
+MINE = """# written by hand
+bore_diameter_mm = 2.5   # the drill's
+modality = "endoscope"
+
+# measured with calipers
+feed_pitch_mm = 0.2
+visible_length_mm = 0.786229
+outer_rim = "ahead"
+"""
+
+
+@pytest.fixture
+def endoscope(study: Path) -> Path:
+    return study / "bore-1" / "endoscope"
+
+
+def test_only_what_was_changed_is_written(endoscope: Path):
+    sidecar = endoscope / "acquisition.toml"
+    sidecar.write_text(MINE)
+    form = sidecar_form(endoscope)
+    form.save({"bore_diameter_mm": "2.55", "travel": "in", "visible_length_mm": ""}, form.digest)
+    expected = MINE.replace("2.5 ", "2.55 ").replace("visible_length_mm = 0.786229\n", "")
+    assert sidecar.read_text() == expected + 'travel = "in"\n'
+
+
+def test_a_form_says_what_is_needed_and_what_one_will_do(endoscope: Path):
+    (endoscope / "acquisition.toml").unlink()
+    form = sidecar_form(endoscope)
+    assert form.digest is None
+    assert list(form.missing({})) == [
+        "bore_diameter_mm",
+        next(key for key in form.missing({}) if key.startswith("one of")),
+    ]
+    assert list(form.missing({"bore_diameter_mm": "2.55"})) == [list(form.missing({}))[1]]
+    assert form.missing({"bore_diameter_mm": "2.55", "feed_pitch_mm": "0.2"}) == {}
+    fields = {field["key"]: field for field in form.to_json()["fields"]}
+    assert (fields["bore_diameter_mm"]["unit"], fields["bore_diameter_mm"]["required"]) == ("mm", True)
+    assert (fields["bore_diameter_mm"]["low"], fields["bore_diameter_mm"]["high"]) == (0.1, 100)
+    assert fields["travel"]["choices"] == ["in", "out", "unknown"]
+    assert fields["feed_pitch_mm"]["one_of"]
+    form.save({"bore_diameter_mm": "2.55", "feed_pitch_mm": "0.2"}, None)
+    assert sidecar_form(endoscope).missing({}) == {}
+
+
+def test_what_was_changed_meanwhile_stays(endoscope: Path):
+    form = sidecar_form(endoscope)
+    (endoscope / "acquisition.toml").write_text(MINE)
+    with pytest.raises(EndoctError, match="was changed meanwhile"):
+        form.save({"bore_diameter_mm": "2.6"}, form.digest)
+    assert (endoscope / "acquisition.toml").read_text() == MINE
+    (endoscope / "acquisition.toml").unlink()
+    with pytest.raises(EndoctError, match="was changed meanwhile"):
+        form.save({"bore_diameter_mm": "2.6"}, form.digest)
+    assert not (endoscope / "acquisition.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        ({"bore_diameter_mm": "wide"}, "'bore_diameter_mm' cannot be used"),
+        ({"bore_diameter_mm": "2,55"}, "'bore_diameter_mm' cannot be used"),
+        ({"bore_diameter_mm": "-1"}, "expected 0.1 to 100 mm"),
+        ({"bore_diameter_mm": "2.5\nmodality = 'oct'"}, "'bore_diameter_mm' cannot be used"),
+        ({"travel": "sideways"}, "'travel'"),
+        ({"colour": "red"}, "is no key of 'endoscope'"),
+        ({"bore_diameter_mm": 2}, "is no key of 'endoscope', or has no value"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_and_nothing_is_written(endoscope: Path, texts: dict[str, object], said: str):
+    before = (endoscope / "acquisition.toml").read_bytes()
+    form = sidecar_form(endoscope)
+    with pytest.raises(EndoctError, match=said):
+        form.save(texts, form.digest)
+    assert (endoscope / "acquisition.toml").read_bytes() == before
+
+
+def test_a_frame_is_drawn_as_the_form_has_it(study: Path):
+    previewer = Previewer()
+    try:
+        oct_path = study / "bore-1" / "oct"
+        drawn = previewer.preview(oct_path, None, {}, 0.5)
+        assert (drawn["missing"], drawn["fault"], drawn["frame"], drawn["frames"]) == ({}, "", 6, 13)
+        assert {"wall", "outer face of the capillary"} <= set(drawn["pictures"][0]["curves"])
+        wrong = previewer.preview(oct_path, None, {"axial_pixel_mm": "0.1"}, 0.0)
+        assert "capillary" in wrong["fault"]
+        assert [picture["title"] for picture in wrong["pictures"]] == ["as its file holds it"]
+        last = previewer.preview(study / "bore-1" / "endoscope", None, {}, 1.0)
+        assert (last["frame"], set(last["pictures"][0]["curves"])) == (12, {"inner rim", "outer rim"})
+        with pytest.raises(EndoctError, match="cannot be used"):
+            previewer.preview(oct_path, None, {"axial_pixel_mm": "x"}, 0.5)
+        (oct_path / "acquisition.toml").unlink()
+        bare = previewer.preview(oct_path, "oct", {}, 0.5)
+        assert "axial_pixel_mm" in bare["missing"]
+        assert len(bare["pictures"]) == 1
+    finally:
+        previewer.close()

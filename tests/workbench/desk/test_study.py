@@ -1,0 +1,143 @@
+"""What a folder holds: recordings by their content, their pairs, and nothing of what endoct wrote."""
+
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+from starlette.requests import ClientDisconnect
+
+from endoct.base.errors import EndoctError
+from endoct.workbench.desk.dropped_files import take_file
+from endoct.workbench.desk.state import State
+from endoct.workbench.desk.study import Study, inputs_in, picture_of
+
+
+def looked_through(folder: Path) -> Study:
+    study = Study(folder)
+    study.look()
+    for _ in range(1200):
+        if not study.to_json()["looking"]:
+            return study
+        time.sleep(0.1)
+    pytest.fail("it never ends")
+
+
+def test_recordings_are_found_with_what_they_lack(study: Path):
+    (study / "bore-1" / "oct" / "acquisition.toml").unlink()
+    (study / "notes.txt").write_text("not a recording")
+    (study / "photo.png").write_bytes(b"no picture either")
+    (study / "empty").mkdir()
+    (study / "away").symlink_to("/")
+    found = {each.name: each for each in looked_through(study).inputs()}
+    assert set(found) == {"bore-1/endoscope", "bore-1/oct"}
+    assert found["bore-1/endoscope"].modality == "endoscope"
+    assert set(found["bore-1/oct"].facts["missing"]) >= {"axial_pixel_mm", "bore_diameter_mm"}
+
+
+def test_a_pair_is_one_of_each_alone_in_a_folder(study: Path):
+    shutil.copytree(study / "bore-1", study / "bore-2")
+    shutil.copytree(study / "bore-1", study / "bore-3")
+    shutil.copytree(study / "bore-3" / "oct", study / "bore-3" / "oct-again")
+    pairs = [(a.name, b.name) for a, b in looked_through(study).pairs()]
+    assert pairs == [("bore-1/endoscope", "bore-1/oct"), ("bore-2/endoscope", "bore-2/oct")]
+
+
+def test_a_broken_recording_says_why(study: Path):
+    (study / "bore-1" / "oct" / "acquisition.toml").write_text("modality = oct")
+    fault = next(each.fault for each in looked_through(study).inputs() if each.name == "bore-1/oct")
+    assert "not valid TOML" in fault
+
+
+def test_what_endoct_wrote_is_no_input(study: Path, quick_specimen: Path):
+    shutil.copytree(quick_specimen, study / "specimen")
+    names = [each.name for each in inputs_in(study)]
+    assert sorted(names) == ["bore-1/endoscope", "bore-1/oct", "specimen/endoscope", "specimen/oct"]
+
+
+def test_the_folder_itself_may_be_the_recording(study: Path):
+    assert [each.name for each in inputs_in(study / "bore-1" / "oct")] == ["."]
+    assert Study(study / "bore-1" / "oct").input(".").modality == "oct"
+
+
+def test_a_recording_is_found_by_its_name_before_the_folder_is_looked_through(study: Path):
+    found = Study(study)
+    assert found.input("bore-1/oct").modality == "oct"
+    (study / "link").symlink_to(study.parent)
+    for name in ("../my study/bore-1/oct", "bore-1", "/etc", "link/state", ""):
+        with pytest.raises(EndoctError):
+            found.input(name)
+
+
+def test_what_a_changed_sidecar_says_is_seen(study: Path):
+    found = looked_through(study)
+    sidecar = study / "bore-1" / "oct" / "acquisition.toml"
+    kept = [line for line in sidecar.read_text().splitlines() if not line.startswith("bore_diameter_mm")]
+    sidecar.write_text("\n".join(kept))
+    assert "bore_diameter_mm" in found.renew("bore-1/oct").facts["missing"]
+    assert "bore_diameter_mm" in found.input("bore-1/oct").facts["missing"]
+
+
+def test_a_recording_has_a_picture(study: Path):
+    assert picture_of(study / "bore-1" / "endoscope").startswith(b"\x89PNG")
+
+
+def dropped(folder: Path, name: str, content: bytes = b"content") -> None:
+    import asyncio
+
+    async def parts():
+        yield content[:3]
+        yield content[3:]
+
+    asyncio.run(take_file(folder, name, parts()))
+
+
+def test_dropped_files_appear_and_replace_nothing(tmp_path: Path):
+    dropped(tmp_path, "bore-2/oct/slice 0001.png")
+    assert (tmp_path / "bore-2" / "oct" / "slice 0001.png").read_bytes() == b"content"
+    with pytest.raises(EndoctError, match="exists already"):
+        dropped(tmp_path, "bore-2/oct/slice 0001.png", b"other")
+    assert (tmp_path / "bore-2" / "oct" / "slice 0001.png").read_bytes() == b"content"
+    assert [path.name for path in (tmp_path / "bore-2" / "oct").iterdir()] == ["slice 0001.png"]
+
+
+@pytest.mark.parametrize(
+    "name", ["../x", "/x", "", ".bashrc", "a/.ssh/key", "a//b", "a\nb", "/".join("a" * 20), "away/x"]
+)
+def test_nothing_is_dropped_elsewhere(tmp_path: Path, name: str):
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "away").symlink_to(tmp_path)
+    with pytest.raises(EndoctError):
+        dropped(folder, name)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["away", "study"]
+
+
+def test_a_drop_that_breaks_off_leaves_nothing(tmp_path: Path):
+    import asyncio
+
+    async def parts():
+        yield b"half"
+        raise ClientDisconnect
+
+    with pytest.raises(ClientDisconnect):
+        asyncio.run(take_file(tmp_path, "a/b.png", parts()))
+    assert list((tmp_path / "a").iterdir()) == []
+
+
+def test_the_state_is_its_users_alone(tmp_path: Path):
+    state = State(tmp_path / "state")
+    token = state.token
+    assert token == State(tmp_path / "state").token
+    assert len(token) == 32
+    for folder in (tmp_path, tmp_path / "state"):
+        state.remember(folder)
+    assert [each.folder for each in state.recent()] == [tmp_path / "state", tmp_path]
+    page = state.address_file("http://127.0.0.1:1/x/")
+    assert "http://127.0.0.1:1/x/" in page.read_text()
+    for path in (tmp_path / "state").iterdir():
+        assert path.stat().st_mode & 0o077 == 0
+    (tmp_path / "state" / "recent.json").write_text("no JSON")
+    (tmp_path / "state" / "token").write_text("short")
+    assert state.recent() == []
+    assert len(State(tmp_path / "state").token) == 32
