@@ -16,7 +16,7 @@ from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import HeldError, held
 from endoct.workbench.desk.runs import CANCEL, ENDED, LOCK, LOG, REQUEST
 from endoct.workbench.running.progress import EVERY_S_NAME
-from endoct.workbench.running.refusals import DONE, DOUBTED, INTERRUPTED, NOT_ALIGNED
+from endoct.workbench.running.refusals import DONE, INTERRUPTED, NOT_ALIGNED
 
 PROGRAM = "from endoct.workbench.cli import main; main()"
 PROGRESS_EVERY_S = "0.5"
@@ -68,7 +68,7 @@ def _carry_out(path: Path) -> None:
                 asked = True
             time.sleep(LOOK_S)
     # one that was interrupted before it could listen ends as the system has it
-    _note(path, status if not asked or status in (DONE, DOUBTED, NOT_ALIGNED) else INTERRUPTED, begun)
+    _note(path, status if not asked or status in (DONE, NOT_ALIGNED) else INTERRUPTED, begun)
 
 
 def _note(path: Path, status: int, begun: float) -> None:

@@ -24,7 +24,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import HeldError, held
-from endoct.workbench.running.refusals import DONE, DOUBTED, INTERRUPTED, NOT_ALIGNED
+from endoct.workbench.running.refusals import DONE, INTERRUPTED, NOT_ALIGNED
 
 REQUEST, STARTED, ENDED, CANCEL, LOCK, LOG = "request.json", "started", "ended.json", "cancel", "lock", "log.txt"
 """Files of a run: the command line, that a process was started for it, how it ended, that it shall end, its lock, and
@@ -37,8 +37,8 @@ MOST_RUNS = 2000
 LOG_BYTES, LAST_BYTES = 200_000, 4_000
 """Of the end of what a run printed: to be read, and to see how far it is."""
 
-State = Literal["waiting", "running", "done", "doubted", "failed", "cancelled", "lost"]
-_ENDS: dict[int, State] = {DONE: "done", DOUBTED: "doubted", NOT_ALIGNED: "doubted", INTERRUPTED: "cancelled"}
+State = Literal["waiting", "running", "done", "unanswered", "failed", "cancelled", "lost"]
+_ENDS: dict[int, State] = {DONE: "done", NOT_ALIGNED: "unanswered", INTERRUPTED: "cancelled"}
 _PROGRESS = re.compile(r"after \d+ s: (.+)")
 _SHARE = re.compile(r"(.+?) (\d{1,3})%(?:, |$)")
 

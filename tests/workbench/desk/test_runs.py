@@ -152,5 +152,5 @@ def test_the_end_of_the_log_says_how_far_it_is(queue: Queue, tmp_path: Path):
     assert queue.log(name) == "survey A oct\nsettle"
     (place / runs.ENDED).write_text(json.dumps({"status": 3, "seconds": 2.5}))
     run = queue.run(name)
-    assert (run.state, run.seconds, run.stages) == ("doubted", 2.5, {})
+    assert (run.state, run.seconds, run.stages) == ("unanswered", 2.5, {})
     assert queue.folder.stat().st_mode & 0o077 == 0

@@ -6,7 +6,7 @@ import { button, element } from "./dom";
 const EVERY_MS = 700;
 const IDLE_MS = 3000;
 const WORDS: Record<Run["state"], string> = {
-  waiting: "waits", running: "runs", done: "done", doubted: "done, with doubts", failed: "failed", cancelled: "cancelled",
+  waiting: "waits", running: "runs", done: "done", unanswered: "done, without an answer", failed: "failed", cancelled: "cancelled",
   lost: "lost: the machine was turned off, or the process was killed",
 };
 
@@ -119,7 +119,7 @@ class RunRow {
     this.said.className = run.state === "failed" ? "fault" : "";
     this.cancel.hidden = !isOpen(run);
     this.again.hidden = isOpen(run);
-    const hasReport = this.isHere && run.verb === "pose" && run.output && (run.state === "done" || run.state === "doubted");
+    const hasReport = this.isHere && run.verb === "pose" && run.output && (run.state === "done" || run.state === "unanswered");
     if (isNew) this.links.replaceChildren(...(hasReport ? [element("a", { href: named("report", run.output), target: "_blank" }, "report")] : []));
     if (!this.details.hidden && (isNew || isOpen(run))) void this.read();
     return before !== null && isOpen(before) && !isOpen(run);

@@ -37,7 +37,7 @@ export interface Run {
   verb: string;
   folder: string;
   output: string;
-  state: "waiting" | "running" | "done" | "doubted" | "failed" | "cancelled" | "lost";
+  state: "waiting" | "running" | "done" | "unanswered" | "failed" | "cancelled" | "lost";
   seconds: number | null;
   stages: Record<string, number>;
   last_line: string;
