@@ -189,7 +189,7 @@ COLUMNS = (
 )  # fmt: skip
 PAGES = "/at"
 """Below this lie the pages of entries, by their names."""
-LEVELS = {"trusted": "trusted", "doubted": "doubted", "unaligned": "not aligned"}
+LEVELS = {"trusted": "trusted", "uncertain": "uncertain", "doubted": "doubted", "unaligned": "not aligned"}
 
 
 def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
