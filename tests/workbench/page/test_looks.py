@@ -116,7 +116,7 @@ def test_one_turn_is_marked_and_its_copies_are_dimmed(page: Watched):
     left = round(middle - turn_px / 2)
     assert left > 20, "there are copies"
     marked, copy = row[:, middle - 30 : middle + 30], row[:, 2 : left - 4]
-    assert copy.mean() > marked.mean() + 40  # paler, on paper
+    assert copy.mean() > marked.mean() + 20  # paler, on paper
     assert copy.std() < marked.std() / 2
 
 
@@ -146,7 +146,7 @@ def test_a_frame_of_another_place_says_so(page: Watched):
     page.page.mouse.move(5, 5)
     said = page.page.locator(".drawer .said").inner_text()
     assert re.search(r"oct: slice 7 of 0–14, 1\.\d\d mm farther out", said)
-    for _ in range(7):
+    for _ in range(5):  # slices, from 2.4 to 1.4 mm
         page.page.keyboard.press("ArrowUp")
     assert page.page.locator(".drawer .away").first.inner_text() == ""
 
