@@ -25,6 +25,7 @@ from endoct.workbench.page.recorded import Reader, picture_json, ring_of
 from endoct.workbench.page.sessions import Sessions
 from endoct.workbench.page.volume import volume_bytes
 from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, NoSuchTile, Tile, Wall, pixels_of, row_of_tiles
+from endoct.workbench.report.per_frame import number_of
 from endoct.workbench.report.pictures import load_pictures, pictured_places
 from endoct.workbench.report.sections import Section
 
@@ -170,7 +171,8 @@ def _quality(outline: PanoramaOutline) -> Iterator[SeriesPart]:
 
 
 def _series(name: str, one: PerFrame) -> SeriesPart:
-    limits = None if one.usual is None else tuple(float(v) if math.isfinite(v) else None for v in one.usual)
-    values = tuple(float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in one.values.astype(float).tolist())
+    number = number_of(name, one.values.astype(np.float64), one.title, one.unit, one.usual)
+    limits = None if number.usual is None else tuple(float(v) if math.isfinite(v) else None for v in number.usual)
+    values = tuple(float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in number.values.tolist())
     usual = None if limits is None else (limits[0], limits[1])
-    return SeriesPart(name, one.title, one.unit, usual, is_flag=False, values=values)
+    return SeriesPart(name, one.title, number.unit, usual, is_flag=False, values=values)
