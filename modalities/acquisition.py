@@ -21,6 +21,8 @@ from endoct.modalities.reading.folders import exists, is_folder
 from endoct.stitching.panorama import AxialScale
 
 LARGEST_WHOLE = 2**64
+SETTINGS = "the settings"
+"""Where keys stand that are given for one run, as by ``--set``."""
 UNITS = {
     "_mm_s": "mm/s",
     "_mm2": "mm²",
@@ -261,15 +263,24 @@ def read_keys(recording: Path) -> dict[str, Any]:
     return keys
 
 
-def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also: tuple[str, ...] = ()) -> AnyModel:
+def validate(
+    model: type[AnyModel],
+    keys: Mapping[str, Any],
+    where: str,
+    *,
+    also: tuple[str, ...] = (),
+    settings: Collection[str] = (),
+) -> AnyModel:
     """Return ``keys`` as a checked ``model``.
 
-    ``where`` names the source for the message, ``also`` further keys to suggest from. Raises
-    :class:`EndoctError` for the first key that is unknown (suggesting the nearest), missing, or has an
-    impossible value.
+    ``where`` names the source for the message, ``also`` further keys to suggest from. Those of ``settings`` ("key", or
+    "table.key") were given in place of the source's. Raises :class:`EndoctError` for the first key that is unknown
+    (suggesting the nearest), missing, or has an impossible value.
     """
     _check_known(model, keys, where, also)
-    check_kinds(model, keys, where)
+    given = {name.partition(".")[0] for name in settings}
+    for place, own in ((SETTINGS, given), (where, keys.keys() - given)):
+        check_kinds(model, {name: value for name, value in keys.items() if name in own}, place)
     try:
         return model.model_validate(dict(keys))
     except ValidationError as error:
@@ -286,7 +297,7 @@ def validate(model: type[AnyModel], keys: Mapping[str, Any], where: str, *, also
                 remedy=f"add what is missing to {SIDECAR_NAME}, or give it with settings={{'{first_one}': VALUE}}",
             ) from None
         raise EndoctError(
-            f"'{key}' in {where} cannot be used",
+            f"'{key}' in {SETTINGS if first['loc'][0] in given else where} cannot be used",
             found=abridged(first["input"]),
             expected=said,
         ) from None

@@ -5,6 +5,7 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
+from shlex import quote
 from typing import Any, get_args
 
 from endoct.base.errors import EndoctError, refusing
@@ -115,9 +116,9 @@ def open_recording(
         raise EndoctError(
             f"{path} has no {SIDECAR_NAME}",
             expected=f"it at {sidecar}",
-            remedy=f"write one to fill in with `endoct info {path} --write-sidecar`",
+            remedy=f"write one to fill in with `endoct info {quote(str(path))} --write-sidecar`",
         )
-    acquisition = validate(manifest.acquisition, keys, str(sidecar))
+    acquisition = validate(manifest.acquisition, keys, str(sidecar), settings=overrides)
     with refusing(f"{path} cannot be read by the modality '{manifest.name}'"):
         return manifest, manifest.load(device).open(path, acquisition)
 

@@ -76,10 +76,13 @@ def write_recordings(folder: Path, model: Model, processes: Sequence[WorkerProce
     with ThreadPoolExecutor(2) as pool, rendering(model, processes) as (bscans, frames):
         oct_ = pool.submit(write_oct, folder / "oct", model.sample, bscans.results())
         endoscope = pool.submit(write_endoscope, folder / "endoscope", model.sample, frames.results())
-        for title, writing, share in (("oct", oct_, bscans.share_taken), ("endoscope", endoscope, frames.share_taken)):
+        taken = {"oct": bscans.share_taken, "endoscope": frames.share_taken}
+        for title, writing in (("oct", oct_), ("endoscope", endoscope)):
             while wait([writing], timeout=PROGRESS_EVERY_S).not_done:
-                progress(title, min(share(), ALL_TAKEN))  # what was taken last is still being written
+                for each in [*taken]:
+                    progress(each, min(taken[each](), ALL_TAKEN))  # what was taken last is still being written
             writing.result()
+            del taken[title]
             progress(title, 1.0)
 
 

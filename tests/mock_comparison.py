@@ -79,9 +79,7 @@ def _result(names: tuple[str, str], jaccard: float | None) -> Result:
         jaccard=jaccard,
         dice=dice,
         threshold={names[0]: Threshold(value=0.4123, unit="1", of="darkness <capped>")},
-        scores=PairScores(grid=Overlap(jaccard=jaccard, dice=dice, both_mm2=1.25, only_a_mm2=0.1), own_rows=of_rows)
-        if aligned
-        else None,
+        scores=None if jaccard is None else PairScores(grid=_overlap(jaccard), own_rows=of_rows),
         valid_fraction=0.943,
         overlap_mm=2.7,
         doubts=(),
@@ -91,6 +89,12 @@ def _result(names: tuple[str, str], jaccard: float | None) -> Result:
         parameters={"compare": {"n_theta": 2048, "odd": "<script>alert(1)</script>"}},
         seconds={"align": 1.25, "write": 0.5},
     )
+
+
+def _overlap(jaccard: float) -> Overlap:
+    interval = (jaccard - 0.05, jaccard + 0.05)
+    dice = 2 * jaccard / (1 + jaccard)
+    return Overlap(jaccard=jaccard, dice=dice, both_mm2=1.25, only_a_mm2=0.1, jaccard_interval=interval)
 
 
 def _panorama(side: Kind, intensity: Any, depth_mm: Any, valid: Any) -> Panorama:

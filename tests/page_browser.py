@@ -61,7 +61,7 @@ def opened(started: Any, url: str, ready: str = "", **context: Any) -> Iterator[
 
     It is open when there is what ``ready`` selects; without, when its panes are at rest.
     """
-    made = started.new_context(viewport={"width": 1280, "height": 800}, **context)
+    made = started.new_context(**{"viewport": {"width": 1280, "height": 800}, **context})
     watched = Watched(made.new_page())
     # OpenSeadragon warns of tiles that arrive after their layer was taken away, which is no fault
     watched.page.on("console", lambda m: watched.errors.append(m.text) if m.type == "error" else None)

@@ -16,6 +16,8 @@ from tyro.conf import Fixed, Positional, Suppress, UseAppendAction, arg
 from endoct.modalities.device import Device
 from endoct.synthetic.sample.presets import PresetName
 
+UNSET = arg(help_behavior_hint="")
+"""Of an option without a value: its help names no default, its sentence says what holds then."""
 P = ParamSpec("P")
 Request = TypeVar("Request")
 Asked = TypeVar("Asked", contravariant=True)
@@ -43,14 +45,14 @@ else:
     Recordings = Paths = tuple[Path, ...]
     Settings = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE")]
     Ranges = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=LOW..HIGH")]
-    Place = Annotated[str | None, arg(metavar="X,Y,Z")]
-    TableName = Annotated[str | None, arg(metavar="FILE|endoct")]
+    Place = Annotated[str | None, arg(metavar="X,Y,Z"), UNSET]
+    TableName = Annotated[str | None, arg(metavar="FILE|endoct"), UNSET]
     Convention = Literal["ras", "lps"]
     Progress = Remark = Suppress[Fixed[Any]]
 
 Output = Annotated[AnyPath, arg(aliases=["-o"])]
 OutputPath = Annotated[Path, arg(aliases=["-o"])]
-ModalityName = Annotated[str | None, arg(metavar="NAME")]
+ModalityName = Annotated[str | None, arg(metavar="NAME"), UNSET]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ class UnrollRequest:
     """
 
     path: Positional[AnyPath]
-    output: Output | None = None
+    output: Annotated[Output | None, UNSET] = None
     _: KW_ONLY
     modality: ModalityName = None
     settings: Annotated[Settings, arg(name="set")] = ()
@@ -106,10 +108,10 @@ class CompareRequest:
 
     a: Positional[Recorded]
     b: Positional[Recorded]
-    output: Output | None = None
+    output: Annotated[Output | None, UNSET] = None
     _: KW_ONLY
     truth: Paths = ()
-    session: AnyPath | None = None
+    session: Annotated[AnyPath | None, UNSET] = None
     modality_a: ModalityName = None
     modality_b: ModalityName = None
     settings: Annotated[Settings, arg(name="set")] = ()
@@ -151,17 +153,17 @@ class SimulateRequest:
     _: KW_ONLY
     preset: PresetName = "quick"
     seed: int = 0
-    replay: AnyPath | None = None
+    replay: Annotated[AnyPath | None, UNSET] = None
     vary: Ranges = ()
-    bone: AnyPath | None = None
+    bone: Annotated[AnyPath | None, UNSET] = None
     entry_mm: Annotated[Place, arg(name="entry")] = None
     target_mm: Annotated[Place, arg(name="target")] = None
-    coordinates: "Convention | None" = None
-    bone_hu: float | None = None
-    bone_label: int | None = None
+    coordinates: Annotated["Convention | None", UNSET] = None
+    bone_hu: Annotated[float | None, UNSET] = None
+    bone_label: Annotated[int | None, UNSET] = None
     detail_mm: Annotated[float, arg(name="detail")] = 0.0
     ct: bool = False
-    ct_slice_mm: Annotated[float | None, arg(name="ct-slice")] = None
+    ct_slice_mm: Annotated[float | None, arg(name="ct-slice"), UNSET] = None
     cone_beam: bool = False
     labels: bool = False
     spectra: bool = False
@@ -186,8 +188,8 @@ class PlanRequest:
 
     entry_mm: Annotated[Place, arg(name="entry")] = None
     target_mm: Annotated[Place, arg(name="target")] = None
-    plan: AnyPath | None = None
-    coordinates: "Convention | None" = None
+    plan: Annotated[AnyPath | None, UNSET] = None
+    coordinates: Annotated["Convention | None", UNSET] = None
     device: Device = "cpu"
     overwrite: bool = False
     progress: Progress = True
@@ -213,9 +215,9 @@ class PoseRequest(PlanRequest):
 
     sides: Positional[Recordings]
     ct: AnyPath
-    output: Output | None = None
+    output: Annotated[Output | None, UNSET] = None
     _: KW_ONLY
-    labels: AnyPath | None = None
+    labels: Annotated[AnyPath | None, UNSET] = None
     label_names: TableName = None
     modality_a: ModalityName = None
     modality_b: ModalityName = None
@@ -235,10 +237,10 @@ class OutlookRequest(PlanRequest):
     """
 
     ct: AnyPath
-    output: AnyPath | None = None
+    output: Annotated[AnyPath | None, UNSET] = None
     _: KW_ONLY
     radius_mm: float = 1.25
-    seen_mm: float | None = None
+    seen_mm: Annotated[float | None, UNSET] = None
 
 
 class ByRequest(Protocol[P, Asked, Out]):

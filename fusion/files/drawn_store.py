@@ -15,6 +15,8 @@ from endoct.stitching.store import stored_grid
 
 FORMAT = "endoct-drawn-1"
 NAME = "drawn.zarr"
+MAJORITY = "most raters"
+"""In place of a rater's name: what most raters drew."""
 LONGEST_NAME = 200
 
 

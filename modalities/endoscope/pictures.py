@@ -25,7 +25,7 @@ def picture_frame(frame: Frame, calibration: EndoscopeCalibration) -> tuple[Pict
     return (
         Picture(
             name="frame",
-            title=f"Frame {frame.index} as recorded, with the annulus found",
+            title="as recorded, with the annulus found",
             image=_reduced(frame, calibration.full_scale),
             x_label="column (px)",
             y_label="row (px)",
@@ -36,7 +36,7 @@ def picture_frame(frame: Frame, calibration: EndoscopeCalibration) -> tuple[Pict
         ),
         Picture(
             name="strip",
-            title=f"Frame {frame.index} unrolled, its light evened out",
+            title="unrolled, its light evened out",
             image=np.where(strip.valid, strip.intensity, np.nan)[:, ::step],
             x_label="θ (rad)",
             y_label="z (mm)",

@@ -34,7 +34,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
     wall = np.where(beams.surface, beams.wall_mm, np.nan)
     recorded = Picture(
         name="bscan",
-        title=f"B-scan at z = {frame.z_mm:.2f} mm as recorded",
+        title="B-scan as recorded",
         image=sector_means(frame.samples, n_columns).astype(kind, copy=False).T,
         x_label="rotation (rad)",
         y_label="depth (mm)",
@@ -57,7 +57,7 @@ def picture_bscan(frame: Frame, calibration: OctCalibration) -> tuple[Picture, .
     wall_radius = radius_mm(calibration, index, beams.angle_rad, wall)[nearest]
     return recorded, Picture(
         name="bscan-undistorted",
-        title=f"B-scan at z = {frame.z_mm:.2f} mm undistorted",
+        title="B-scan undistorted",
         image=as_recorded(undistorted, kind).T,
         x_label="θ (rad)",
         y_label="radius (mm)",

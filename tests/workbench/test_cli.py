@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 import sys
 import tomllib
@@ -291,6 +292,31 @@ def test_a_misspelt_command_suggests_the_nearest(
         cli.main()
     assert leave.value.code == 2
     assert f"did you mean '{meant}'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [["demo", "--preset", "papr"], ["simulate", "-o", "x", "--preset=papr"], ["dataset", "x", "--preset", "papr"]],
+)
+def test_a_misspelt_preset_suggests_the_nearest(
+    typed: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["endoct", *typed])
+    with pytest.raises(SystemExit) as leave:
+        cli.main()
+    assert leave.value.code == 2
+    assert capsys.readouterr().err == "endoct: unknown preset 'papr'; did you mean 'paper'?\n"
+
+
+@pytest.mark.parametrize(
+    "command", ["demo", "simulate", "unroll", "compare", "pose", "dataset", "bench", "serve", "export", "info"]
+)
+def test_help_names_no_default_where_there_is_none(command: str, run: Run) -> None:
+    status, said = run(command, "--help")
+    assert status == 0
+    plain = re.sub(r"[\s│]+", " ", said)
+    assert "default: None" not in plain
+    assert "default: " in plain  # those that there are
 
 
 def test_modalities_lists_both(run: Run) -> None:

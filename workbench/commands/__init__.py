@@ -6,11 +6,12 @@ import io
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr
-from typing import Any
+from typing import Any, get_args
 
 import tyro
 
 from endoct.base.errors import visible
+from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.commands.calibrations import calibrate, target
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
@@ -51,6 +52,9 @@ def run(arguments: Sequence[str]) -> int:
     if arguments and (near := _near(arguments[0], commands)):
         sys.stderr.write(f"endoct: unknown command '{visible(arguments[0])}'; did you mean '{near}'?\n")
         return WRONG_USAGE
+    if refused := _misspelt_preset(arguments):
+        sys.stderr.write(f"endoct: {refused}\n")
+        return WRONG_USAGE
     with nullcontext() if all(map(str.isprintable, arguments)) else _visible_errors():
         command: Callable[[], int] = tyro.extras.subcommand_cli_from_dict(
             {name: _later(command) for name, command in commands.items()},
@@ -63,11 +67,20 @@ def run(arguments: Sequence[str]) -> int:
     return command()
 
 
-def _near(name: str, commands: Collection[str]) -> str | None:
-    """Return the command that a misspelt one is nearest to; None for a command, an option, or nothing near."""
-    if name in commands or name.startswith("-") or len(name) > LONGEST_NAME:
+def _near(name: str, names: Collection[str]) -> str | None:
+    """Return which of ``names`` a misspelt one is nearest to; None for one of them, an option, or nothing near."""
+    if name in names or name.startswith("-") or len(name) > LONGEST_NAME:
         return None
-    return next(iter(difflib.get_close_matches(name, commands, 1, cutoff=0.6)), None)
+    return next(iter(difflib.get_close_matches(name, names, 1, cutoff=0.6)), None)
+
+
+def _misspelt_preset(arguments: Sequence[str]) -> str:
+    """Return a sentence on a preset that is nearly one; "" where there is none such."""
+    for option, after in zip(arguments, [*arguments[1:], ""], strict=True):
+        name = after if option == "--preset" else option.removeprefix("--preset=") if "=" in option else ""
+        if option.startswith("--preset") and (near := _near(name, get_args(PresetName))):
+            return f"unknown preset '{visible(name)}'; did you mean '{near}'?"
+    return ""
 
 
 def _later(command: Callable[..., Any]) -> Callable[..., Callable[[], int]]:

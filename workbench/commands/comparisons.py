@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from rich.table import Table
 from tyro.conf import Positional
 
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
-from endoct.workbench.requests import CompareRequest, Output, OutputPath
+from endoct.workbench.requests import UNSET, CompareRequest, Output, OutputPath
 from endoct.workbench.running.refusals import DONE
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def report(folder: Positional[Path]) -> int:
     return DONE
 
 
-def serve(folder: Positional[Path], host: str = "127.0.0.1", port: int | None = None) -> int:
+def serve(folder: Positional[Path], host: str = "127.0.0.1", port: Annotated[int | None, UNSET] = None) -> int:
     """Show a comparison, a panorama, or a folder of these on a page in the browser, until interrupted (Ctrl+C).
 
     Args:

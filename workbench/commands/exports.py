@@ -7,19 +7,19 @@ from tyro.conf import Positional, arg
 
 from endoct.workbench.commands.console import command_stages, print_doubts, print_json, print_line
 from endoct.workbench.exporting.formats import FormatName, OmeVersion
-from endoct.workbench.requests import OutputPath
+from endoct.workbench.requests import UNSET, OutputPath
 from endoct.workbench.running.refusals import DONE
 
 
 def export(
     path: Positional[Path],
     output: OutputPath,
-    to: FormatName | None = None,
-    color: Annotated[str | None, arg(metavar="SIDE|relief")] = None,
-    side: Annotated[str | None, arg(metavar="SIDE")] = None,
-    voxel_mm: float | None = None,
-    vertex_mm: float | None = None,
-    version: OmeVersion | None = None,
+    to: Annotated[FormatName | None, UNSET] = None,
+    color: Annotated[str | None, arg(metavar="SIDE|relief"), UNSET] = None,
+    side: Annotated[str | None, arg(metavar="SIDE"), UNSET] = None,
+    voxel_mm: Annotated[float | None, UNSET] = None,
+    vertex_mm: Annotated[float | None, UNSET] = None,
+    version: Annotated[OmeVersion | None, UNSET] = None,
     inverse: bool = False,
     overwrite: bool = False,
     json: bool = False,

@@ -2,11 +2,11 @@
 
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_json, print_line, status_of
-from endoct.workbench.requests import OutlookRequest, Output, PlanRequest, PoseRequest
+from endoct.workbench.requests import UNSET, OutlookRequest, Output, PlanRequest, PoseRequest
 from endoct.workbench.running.refusals import UNTOLD
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ class Pose(PoseRequest):
     output: Output = field()
     _: KW_ONLY
     plan_only: bool = False
-    radius: float | None = None
-    seen: float | None = None
+    radius: Annotated[float | None, UNSET] = None
+    seen: Annotated[float | None, UNSET] = None
     strict: bool = False
     json: bool = False
 

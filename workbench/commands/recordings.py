@@ -16,7 +16,7 @@ from endoct.workbench.commands.console import (
     print_line,
     status_of,
 )
-from endoct.workbench.requests import ModalityName, Output, UnrollRequest
+from endoct.workbench.requests import UNSET, ModalityName, Output, UnrollRequest
 from endoct.workbench.running.refusals import DONE
 
 
@@ -66,7 +66,7 @@ def info(
     path: Positional[Path],
     modality: ModalityName = None,
     write_sidecar: bool = False,
-    thumbnail: Annotated[Path | None, arg(metavar="FILE.png")] = None,
+    thumbnail: Annotated[Path | None, arg(metavar="FILE.png"), UNSET] = None,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:

@@ -7,20 +7,21 @@ from tyro.conf import Positional, arg
 
 from endoct.base.errors import visible
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json
+from endoct.workbench.requests import UNSET
 from endoct.workbench.running.refusals import DONE
 
 WIDE = 200
 
 
 def bench(
-    task: Positional[str | None] = None,
+    task: Positional[Annotated[str | None, UNSET]] = None,
     conditions: Positional[tuple[str, ...]] = (),
-    output: Annotated[Path | None, arg(aliases=["-o"])] = None,
+    output: Annotated[Path | None, arg(aliases=["-o"]), UNSET] = None,
     methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
     seeds: str = "1000-1009",
     count: int = 1,
-    sweep: Annotated[str | None, arg(metavar="CONDITION")] = None,
-    against: Annotated[str | None, arg(metavar="NAME")] = None,
+    sweep: Annotated[str | None, arg(metavar="CONDITION"), UNSET] = None,
+    against: Annotated[str | None, arg(metavar="NAME"), UNSET] = None,
     data: tuple[Path, ...] = (),
     workers: int = 1,
     describe: bool = False,

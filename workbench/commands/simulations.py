@@ -2,19 +2,19 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.commands.console import command_stages, print_json, print_line, print_result
 from endoct.workbench.commands.poses import print_pose
-from endoct.workbench.requests import OutputPath, Ranges, SimulateRequest
+from endoct.workbench.requests import UNSET, OutputPath, Ranges, SimulateRequest
 from endoct.workbench.running.refusals import DONE
 
 
 def demo(
     output: OutputPath = Path("demo"),
-    preset: PresetName | None = None,
-    seed: int | None = None,
+    preset: Annotated[PresetName | None, UNSET] = None,
+    seed: Annotated[int | None, UNSET] = None,
     pose: bool = False,
     overwrite: bool = False,
     json: bool = False,
@@ -65,8 +65,8 @@ def dataset(
     format: Literal["folders", "webdataset"] = "folders",
     labels: bool = False,
     recordings_per_bore: int = 1,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    workers: Annotated[int | None, UNSET] = None,
+    scheduler: Annotated[str | None, UNSET] = None,
     dry_run: bool = False,
     json: bool = False,
 ) -> int:

@@ -24,6 +24,7 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import number, read_object
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.result_file import read_result
+from endoct.fusion.result import Result
 from endoct.stitching.store import is_panorama, read_doubts
 from endoct.workbench.page.description import LayerPart
 from endoct.workbench.page.heading import RESEARCH
@@ -47,8 +48,8 @@ SAMPLE = Path("truth", "sample.json")
 class Entry:
     """One of a collection: where it lies, ``name`` is its path below the collection with "/", and what is known of it.
 
-    ``what`` are its sides, or how it was simulated; the scores are None where there are none. ``fault`` says why it
-    cannot be read, "" where it can.
+    ``what`` are its sides, or how it was simulated; the scores are None where there are none; ``cells``: how many
+    agree, of how many of each side. ``fault`` says why it cannot be read, "" where it can.
     """
 
     path: Path
@@ -60,7 +61,7 @@ class Entry:
     jaccard: float | None = None
     interval: tuple[float, float] | None = None
     dice: float | None = None
-    confidence: float | None = None
+    cells: tuple[int, int, int] | None = None
     doubts: tuple[Doubt, ...] = ()
     written: str = ""
     fault: str = ""
@@ -148,17 +149,21 @@ def _entry(folder: Path, path: Path, kind: Kind) -> Entry:
 
 def _comparison(path: Path) -> dict[str, Any]:
     result = read_result(path)
-    alignment = result.alignment if result.aligned else None
     return {
         "what": " and ".join(result.sides),
         **_verdict(verdict_of(result)),
         "jaccard": result.jaccard if result.aligned else None,
         "interval": result.overlap.jaccard_interval if result.overlap else None,
         "dice": result.dice if result.aligned else None,
-        "confidence": None if alignment is None else alignment.confidence,
+        "cells": _cells(result) if result.aligned else None,
         "doubts": tuple(result.doubts),
         "written": _written(path / "result.json"),
     }
+
+
+def _cells(result: Result) -> tuple[int, int, int] | None:
+    cells = result.scores.cells if result.scores else None
+    return None if cells is None or cells.matched is None else (cells.matched, cells.of_reference, cells.of_other)
 
 
 def _recording(path: Path) -> dict[str, Any]:
@@ -190,12 +195,12 @@ def _written(file: Path) -> str:
 
 COLUMNS = (
     ("wall", ""), ("name", "name"), ("what", "sides, or how it was simulated"), ("verdict", "how far it is trusted"),
-    ("Jaccard", "overlap of the cells"), ("Dice", "overlap of the cells"), ("confidence", "of the alignment"),
+    ("Jaccard", "overlap of the cells"), ("Dice", "overlap of the cells"), ("cells agree", "how many"),
     ("doubts", "how many"), ("written", "when"),
 )  # fmt: skip
 PAGES = "/at"
 """Below this lie the pages of entries, by their names."""
-LEVELS = {"trusted": "trusted", "doubted": "doubted", "unaligned": "not aligned"}
+LEVELS = {"trusted": "trusted", "uncertain": "uncertain", "doubted": "doubted", "unaligned": "not aligned"}
 
 
 def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
@@ -233,13 +238,17 @@ def _numbers(entry: Entry) -> Iterator[tuple[str, str, str]]:
     """Yield the numbers of an entry by column: by which it is sorted, the text, and its interval."""
     yield *_number(entry.jaccard), interval_text(entry.interval).removeprefix("95 % interval ")
     yield *_number(entry.dice), ""
-    yield *_number(entry.confidence, digits=2), ""
+    if entry.cells is None:
+        yield "", NOTHING, ""
+    else:
+        matched, of_a, of_b = entry.cells
+        yield str(matched), str(matched), f"of {of_a} and {of_b}"
 
 
-def _number(value: float | None, digits: int = 3) -> tuple[str, str]:
+def _number(value: float | None) -> tuple[str, str]:
     if value is None or not math.isfinite(value):
         return "", NOTHING
-    return f"{value:.9f}", f"{value:.{digits}f}"
+    return f"{value:.9f}", f"{value:.3f}"
 
 
 STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6

@@ -6,8 +6,8 @@ The page's sources have the same names in ``frontend/src/description.ts``.
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-CellState = Literal["matched", "overlapping", "missed", "not observed", "alone"]
-"""What the other side made of a cell; "alone": the sides are not aligned."""
+CellState = Literal["matched", "overlapping", "alone", "not observed", "not aligned"]
+"""What the other side has where a cell lies; "alone": wall."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,10 @@ class OutlinePart:
 
 @dataclass(frozen=True)
 class CellPart:
-    """A row of ``cells.csv``, and in words what the other side made of the cell; ``state`` for filters."""
+    """A row of ``cells.csv``, and in words what the other side has there; ``state`` for filters.
+
+    ``is_real``: whether the truth has a cell there; None where there is none.
+    """
 
     side: str
     id: int
@@ -85,10 +88,12 @@ class CellPart:
     touches_edge: bool
     observed_by_other: float
     covered: float | None
+    seen_by: str
     partner: int | None
     overlap: float
     state: CellState
     why: str
+    is_real: bool | None
 
 
 @dataclass(frozen=True)

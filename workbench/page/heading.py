@@ -29,7 +29,7 @@ Link = tuple[str, str]
 
 @dataclass(frozen=True)
 class Score:
-    """A number of the headline: "Jaccard index", "0.855", "95 % interval …"."""
+    """A number of the headline: "Jaccard index on the common grid", "0.855", "95 % interval …"."""
 
     title: str
     value: str
@@ -91,14 +91,14 @@ def panorama_heading(name: str, facts: Sequence[Fact], outline: PanoramaOutline)
 def _scores(result: Result) -> Iterator[Score]:
     for named in overlaps_of(result):
         if not named.is_detail:
-            of = f"cells of {named.of[0]} and {named.of[1]}, {named.where}"
-            interval = interval_text(named.overlap.jaccard_interval)
-            said = f"{of}; {interval}" if interval else of
-            yield Score("Jaccard index", share_text(named.overlap.jaccard), said)
+            where, _, remark = named.where.partition(", ")
+            side = "" if named.of == result.sides else f"of {named.of[0]} "
+            said = ", ".join(filter(None, (remark, interval_text(named.overlap.jaccard_interval))))
+            yield Score(f"Jaccard index {side}{where}", share_text(named.overlap.jaccard), said)
     if result.aligned:
-        yield Score("Dice index", share_text(result.dice), "on the common grid")
-        over = f" over the {result.overlap_mm:.1f} mm that they share" if result.overlap_mm is not None else ""
-        yield Score("Observed", f"{result.valid_fraction:.1%}", f"of the wall, by both sides{over}")
+        yield Score("Dice index on the common grid", share_text(result.dice), "")
+        over = f"of the {result.overlap_mm:.1f} mm that they share" if result.overlap_mm is not None else "of the wall"
+        yield Score("Observed by both sides", f"{result.valid_fraction:.1%}", over)
 
 
 RESEARCH = "Research software and no medical device."

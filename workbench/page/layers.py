@@ -185,7 +185,7 @@ def comparison_layers(
         a, b = outline.names
         labels = {NEITHER: "neither", BOTH: "both", ONLY_A: f"only {a}", ONLY_B: f"only {b}"}
         classes = tuple(ClassPart(labels[code], _hex(COLOURS[code])) for code in sorted(labels))
-        part = _classes_part(DIFFERENCE, "difference of the cells", None, classes, masks[0], wall)
+        part = _classes_part(DIFFERENCE, "cells: difference", None, classes, masks[0], wall)
         yield Described(Classes(tuple(masks), COLOURS), part)
 
 

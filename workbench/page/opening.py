@@ -10,6 +10,7 @@ from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.stitching.store import PanoramaOutline, is_panorama
 from endoct.stitching.store import read_outline as read_panorama
+from endoct.workbench.page.cell_rows import cell_parts, cells_by_truth
 from endoct.workbench.page.description import Description, OutlinePart, WallPart
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
 from endoct.workbench.page.layers import (
@@ -25,7 +26,7 @@ from endoct.workbench.page.layers import (
 from endoct.workbench.page.presence import Origin
 from endoct.workbench.page.recorded import Reader, recording_of
 from endoct.workbench.page.sessions import session_of
-from endoct.workbench.page.shown import Shown, ShownSide, cell_parts, frames_part
+from endoct.workbench.page.shown import Shown, ShownSide, frames_part
 from endoct.workbench.page.volume import has_volume
 from endoct.workbench.page.wall import Wall
 from endoct.workbench.report.pictures import PICTURES
@@ -66,11 +67,12 @@ def _comparison(origin: Origin) -> Shown:
     outlines = [read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names]
     described = list(comparison_layers(folder, outline, outlines, wall, ChunkCache(CACHE_BYTES)))
     aligned = outline.alignment is not None
-    sides = {name: _side(of_side, folder / PICTURES) for name, of_side in zip(outline.names, outlines, strict=True)}
+    sides = {name: _side(of_side, folder) for name, of_side in zip(outline.names, outlines, strict=True)}
     frames = [
-        frames_part(name, side.outline, outline.alignment if k else None, side.pictures)
+        frames_part(name, side.outline, outline.alignment if k else None, side.pictures, side.reader)
         for k, (name, side) in enumerate(sides.items())
     ]
+    real = cells_by_truth(folder, outline.names) if outline.cells else {}
     heading = comparison_heading(_name(folder), _facts(folder / "result.json", wall), outline)
     description = Description(
         title=heading.title,
@@ -80,7 +82,7 @@ def _comparison(origin: Origin) -> Shown:
         wall=WallPart(wall.radius_mm, wall.top_mm, wall.bottom_mm),
         layers=tuple(one.part for one in described),
         outlines=tuple(_outlines(described)),
-        cells=tuple(cell_parts(outline.cells, outline.names, aligned=aligned)),
+        cells=tuple(cell_parts(outline.cells, outline.names, real, aligned=aligned)),
         frames=tuple(frames),
         panes=_first_panes(described, outline),
         has_common_places=aligned,
@@ -96,6 +98,7 @@ def _panorama(origin: Origin) -> Shown:
     outline = read_panorama(store)
     wall = wall_of(outline.grid)
     described = list(panorama_layers(store, outline, wall, ChunkCache(CACHE_BYTES)))
+    side = _side(outline, store)
     heading = panorama_heading(_name(store), _facts(store / "zarr.json", wall), outline)
     description = Description(
         title=heading.title,
@@ -106,19 +109,19 @@ def _panorama(origin: Origin) -> Shown:
         layers=tuple(one.part for one in described),
         outlines=(),
         cells=(),
-        frames=(frames_part(outline.modality, outline, None, store / PICTURES),),
+        frames=(frames_part(outline.modality, outline, None, side.pictures, side.reader),),
         panes=tuple(one.part.key for one in described)[:MOST_PANES],
         has_common_places=True,
         has_volume=has_volume(store),
     )
     layers = {one.part.key: one.layer for one in described}
-    sides = {outline.modality: _side(outline, store / PICTURES)}
-    return Shown(heading, panorama_sections(outline), description, wall, layers, origin, sides, panorama=store)
+    sections, sides = panorama_sections(outline), {outline.modality: side}
+    return Shown(heading, sections, description, wall, layers, origin, sides, panorama=store)
 
 
-def _side(outline: PanoramaOutline, pictures: Path) -> ShownSide:
-    recording = recording_of(outline)
-    return ShownSide(outline, pictures, None if recording is None else Reader(recording))
+def _side(outline: PanoramaOutline, folder: Path) -> ShownSide:
+    recording = recording_of(outline, folder)
+    return ShownSide(outline, folder / PICTURES, None if recording is None else Reader(recording))
 
 
 def _spoken_against(heading: Heading) -> str:

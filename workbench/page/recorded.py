@@ -8,7 +8,7 @@ import io
 import math
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,7 +30,7 @@ State = Literal["unread", "reading", "read", "failed"]
 
 @dataclass(frozen=True)
 class Recording:
-    """Where a recording lies, its digests, and how a panorama was made from it."""
+    """Where a recording lies, and how a panorama was made from it; ``inputs``: digests by the path in the recording."""
 
     path: Path
     modality: str
@@ -39,16 +39,37 @@ class Recording:
     parameters: dict[str, Any]
 
 
-def recording_of(outline: PanoramaOutline) -> Recording | None:
-    """Return the recording that a panorama was made from; None where it is not there, or the panorama does not say."""
+def recording_of(outline: PanoramaOutline, folder: Path) -> Recording | None:
+    """Return the recording that a panorama was made from; None where it is not there, or the panorama does not say.
+
+    A path that was given relative to some folder is looked for from here, then from ``folder``, in which the output
+    lies, and from those that it lies in. It is the recording only if its digests are, which :class:`Reader` checks.
+    """
     found = outline.provenance
     inputs, acquisition, parameters = (found.get(key) for key in ("inputs", "acquisition", "parameters"))
-    path = path_of_recording(outline)
-    if path is None or not path.exists():
+    stated = path_of_recording(outline)
+    path = None if stated is None else _at_hand(stated, folder)
+    if stated is None or path is None:
         return None
     if not (isinstance(inputs, dict) and isinstance(acquisition, dict) and isinstance(parameters, dict)):
         return None
-    return Recording(path, outline.modality, dict(inputs), acquisition, parameters)
+    return Recording(path, outline.modality, _within(inputs, stated), acquisition, parameters)
+
+
+def _at_hand(stated: Path, folder: Path) -> Path | None:
+    """Return where the recording at the path ``stated`` lies now; None where it is nowhere."""
+    here = folder.resolve()
+    places = (stated, *(above / stated for above in (here, *here.parents)))
+    return next((place for place in places if place.exists()), None)
+
+
+def _within(inputs: Mapping[str, str], recording: Path) -> dict[str, str]:
+    """Return the digests of a recording's samples by their paths within it: sidecars may differ."""
+    return {
+        Path(name).relative_to(recording).as_posix(): digest
+        for name, digest in inputs.items()
+        if not name.endswith(".toml")
+    }
 
 
 def path_of_recording(outline: PanoramaOutline) -> Path | None:
@@ -129,10 +150,8 @@ class Reader:
 
         A store from elsewhere so leads to no file but those whose bytes its author had.
         """
-        found, recording = digests(self.recording.path), self.recording
-        if {name: digest for name, digest in recording.inputs.items() if not name.endswith(".toml")} != {
-            name: digest for name, digest in found.items() if not name.endswith(".toml")
-        }:
+        recording = self.recording
+        if recording.inputs != _within(digests(recording.path), recording.path):
             raise EndoctError(f"{recording.path} is not the recording that the panorama was made from, or was changed")
 
     def _survey(self) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 
 from markupsafe import Markup
 
@@ -38,7 +39,7 @@ def write_report(path: Path, scheduler: Scheduler = ALONE) -> Path:
                 f"{path} has no report of its own",
                 found="no list of what it holds" if contents is None else "a panorama that was unrolled without one",
                 expected="a panorama written by `endoct unroll`, or a folder written by `endoct compare`",
-                remedy=f"unroll the recording again, or look at it by `endoct serve {path}`",
+                remedy=f"unroll the recording again, or look at it by `endoct serve {quote(str(path))}`",
             )
         return write_panorama_report(path, load_panorama(path), scheduler)
     _check(path)
@@ -86,7 +87,7 @@ def _check(folder: Path) -> None:
         raise EndoctError(
             f"{folder} is a part of {whole.name}, which lists all that it holds",
             found="a part without a report of its own",
-            remedy=f"look at it by `endoct serve {folder}`, or write the report of a copy of that folder",
+            remedy=f"look at it by `endoct serve {quote(str(folder))}`, or write the report of a copy of that folder",
         )
     for part in (folder / PAGE, folder / "figures"):
         if part.is_symlink():

@@ -1,12 +1,10 @@
 """What one page shows: its text, its description, and the layers that tiles are cut from.
 
-The frames of a side come with where they lie on the wall, how good they are, and of which there are pictures. The
-cells of a comparison come, for the page's table, with what each measures, and in words what the other side made of
-it.
+The frames of a side come with where they lie on the wall, how good they are, and of which there are pictures.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,18 +14,18 @@ from PIL import Image as Pillow
 
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE
-from endoct.fusion.scoring.cells import Cell
 from endoct.modalities.contract import Picture
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.page.description import CellPart, CellState, Description, FramesPart, PlacementPart, SeriesPart
+from endoct.workbench.page.description import Description, FramesPart, PlacementPart, SeriesPart
 from endoct.workbench.page.heading import Heading
 from endoct.workbench.page.layers import MOST_SAMPLES, Classes, Layer, Scalar, outlines, relief_bytes
 from endoct.workbench.page.presence import Origin
-from endoct.workbench.page.recorded import Reader, picture_json, recording_of, ring_of
+from endoct.workbench.page.recorded import Reader, picture_json, ring_of
 from endoct.workbench.page.sessions import Sessions
 from endoct.workbench.page.volume import volume_bytes
 from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, NoSuchTile, Tile, Wall, pixels_of, row_of_tiles
+from endoct.workbench.report.per_frame import number_of
 from endoct.workbench.report.pictures import load_pictures, pictured_places
 from endoct.workbench.report.sections import Section
 
@@ -135,18 +133,22 @@ DIGITS = 5
 """Significant ones, of numbers per frame."""
 
 
-def frames_part(side: str, outline: PanoramaOutline, where: Alignment | None, pictures: Path | None) -> FramesPart:
-    """Return the frames of ``side``, moved by ``where`` onto the wall; ``pictures`` is the folder of theirs."""
+def frames_part(
+    side: str, outline: PanoramaOutline, where: Alignment | None, pictures: Path | None, reader: Reader | None = None
+) -> FramesPart:
+    """Return the frames of ``side``, moved by ``where`` onto the wall; ``pictures`` is the folder of theirs.
+
+    ``reader`` reads the others, where the recording is at hand.
+    """
     stored = outline.per_frame.get(f"{outline.frame_dim}_z_mm")
     own_mm = np.empty(0) if stored is None else np.asarray(stored.values, np.float64)
     z_mm = own_mm if where is None else where.z_to_a(own_mm)
-    recording = recording_of(outline)
     return FramesPart(
         side=side,
         frame_dim=outline.frame_dim,
         z_mm=tuple(np.round(z_mm, 6).tolist()),
         pictured=() if pictures is None else tuple(k for k in pictured_places(pictures, side) if k < own_mm.size),
-        recording="" if recording is None else str(recording.path),
+        recording="" if reader is None else str(reader.recording.path),
         placement=_placement(where or IN_PLACE),
         quality=tuple(_quality(outline)),
     )
@@ -169,48 +171,8 @@ def _quality(outline: PanoramaOutline) -> Iterator[SeriesPart]:
 
 
 def _series(name: str, one: PerFrame) -> SeriesPart:
-    limits = None if one.usual is None else tuple(float(v) if math.isfinite(v) else None for v in one.usual)
-    values = tuple(float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in one.values.astype(float).tolist())
+    number = number_of(name, one.values.astype(np.float64), one.title, one.unit, one.usual)
+    limits = None if number.usual is None else tuple(float(v) if math.isfinite(v) else None for v in number.usual)
+    values = tuple(float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in number.values.tolist())
     usual = None if limits is None else (limits[0], limits[1])
-    return SeriesPart(name, one.title, one.unit, usual, is_flag=False, values=values)
-
-
-def cell_parts(cells: Sequence[Cell], names: tuple[str, str], *, aligned: bool) -> Iterator[CellPart]:
-    """Yield every cell as the page shows it."""
-    for cell in cells:
-        other = names[1] if cell.side == names[0] else names[0]
-        state, why = _seen(cell, other, aligned=aligned)
-        yield CellPart(
-            side=cell.side,
-            id=cell.id,
-            theta_rad=cell.theta_rad,
-            z_mm=cell.z_mm,
-            area_mm2=cell.area_mm2,
-            diameter_mm=cell.diameter_mm,
-            depth_median_mm=cell.depth_median_mm,
-            depth_p95_mm=cell.depth_p95_mm,
-            volume_mm3=cell.volume_mm3,
-            depth_of=cell.depth_of,
-            contrast=cell.contrast,
-            touches_edge=cell.touches_edge,
-            observed_by_other=cell.observed_by_other,
-            covered=cell.covered,
-            partner=cell.partner,
-            overlap=cell.overlap,
-            state=state,
-            why=why,
-        )
-
-
-def _seen(cell: Cell, other: str, *, aligned: bool) -> tuple[CellState, str]:
-    """Return what the other side made of a cell."""
-    if not aligned:
-        return "alone", "not aligned: nobody knows where it lies on the other side"
-    partner = f"{other} {cell.partner}"
-    if cell.is_matched and cell.partner:
-        return "matched", f"is {partner}: overlap {cell.overlap:.2f}"
-    if not cell.counts:
-        return "not observed", f"not covered: {other} observed {cell.observed_by_other:.0%} of it"
-    if cell.partner:
-        return "overlapping", f"overlaps {partner} by {cell.overlap:.2f}, less than half"
-    return "missed", f"missed: {other} observed {cell.observed_by_other:.0%} of it and shows wall"
+    return SeriesPart(name, one.title, number.unit, usual, is_flag=False, values=values)

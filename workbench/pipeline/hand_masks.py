@@ -11,7 +11,7 @@ import tomli_w
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.files.drawn_store import NAME, save_drawings
+from endoct.fusion.files.drawn_store import MAJORITY, NAME, save_drawings
 from endoct.fusion.files.masks import on_comparison, score_surface
 from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
@@ -78,7 +78,7 @@ def write_drawings(against: Against, grid: SurfaceGrid, folder: Path) -> None:
     drawings = against.drawings
     if against.consensus is not None:
         covered = np.logical_and.reduce([drawing.valid for drawing in drawings])
-        drawings = (*drawings, Drawing("most raters", "1", against.consensus, covered))
+        drawings = (*drawings, Drawing(MAJORITY, "1", against.consensus, covered))
     if drawings:
         save_drawings(drawings, grid, folder / NAME)
 

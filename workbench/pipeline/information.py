@@ -6,6 +6,7 @@ The picture is of a recording before anything is done to it: its first, middle a
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import cv2
@@ -190,11 +191,11 @@ def _size(
 def _next(path: Path, sidecar: Path, missing: bool, modality: str | None) -> str:
     """Return what to do next with a recording."""
     if not missing:
-        return f"endoct unroll {path_text(path)} -o PANORAMA.zarr"
+        return f"endoct unroll {quote(path_text(path))} -o PANORAMA.zarr"
     if exists(sidecar):
         return f"fill in what is missing in {path_text(sidecar)}"
     asked = f" --modality {modality}" if modality else ""
-    return f"endoct info {path_text(path)}{asked} --write-sidecar"
+    return f"endoct info {quote(path_text(path))}{asked} --write-sidecar"
 
 
 SIDE_PX = 480

@@ -2,7 +2,7 @@
 
 import inspect
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +56,26 @@ def simulate(request: SimulateRequest) -> None:
             ranges=ranges,
             volume=volume,
             sample=sample,
-            on_progress=lambda _, share: advance(share),
+            on_progress=_as_a_whole(advance, _steps(request)),
         )
+
+
+def _steps(request: SimulateRequest) -> tuple[str, ...]:
+    """Return what is done for a specimen, as :func:`endoct.synthetic.specimen.simulate` calls it."""
+    has_ct = request.ct or request.ct_slice_mm is not None or request.cone_beam
+    extra = {"ct": has_ct, "spectra": request.spectra, "labels": request.labels}
+    return "wall", "oct", "endoscope", *(name for name, wanted in extra.items() if wanted)
+
+
+def _as_a_whole(advance: Callable[[float], None], steps: Sequence[str]) -> Callable[[str, float], None]:
+    """Return what takes the share of each of several ``steps`` that is done, and tells the share of all."""
+    shares = dict.fromkeys(steps, 0.0)
+
+    def step_done(step: str, share: float) -> None:
+        shares[step] = share
+        advance(sum(shares.values()) / len(shares))
+
+    return step_done
 
 
 def _volume(request: SimulateRequest) -> Volume | None:

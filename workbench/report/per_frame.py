@@ -13,6 +13,8 @@ from endoct.workbench.report.wording import NOTHING
 
 MAX_COMPONENTS = 4
 """A vector per frame with more components is not plotted."""
+ROUNDING = 1e-9
+"""What is smaller is 0 but for rounding, in whatever unit."""
 MOST_WITHOUT_RANGE = 4
 """Numbers that come first where a plug-in declares no usual range of any."""
 
@@ -57,7 +59,7 @@ def numbers_per_frame(side: SideFindings) -> list[Number]:
         else:
             continue
         for part, own in parts.items():
-            numbers.append(_number(name + part, own.astype(np.float64), one.title + part, one.unit, one.usual))
+            numbers.append(number_of(name + part, own.astype(np.float64), one.title + part, one.unit, one.usual))
     return [one for one in numbers if one.values.size == side.frame_z_mm.size and np.isfinite(one.values).any()]
 
 
@@ -74,8 +76,14 @@ def number_rows(side: SideFindings) -> Iterator[list[str]]:
     for one in numbers_per_frame(side):
         unit = one.unit if one.unit in ("", "°") else f" {one.unit}"
         low, high = (float(value) for value in np.nanpercentile(one.values[np.isfinite(one.values)], (5, 95)))
-        here = _text(low) if _text(low) == _text(high) else f"{_text(low)} to {_text(high)}"
-        yield [one.name, one.title, NOTHING if one.usual is None else range_text(one.usual) + unit, here + unit]
+        here = _between(low, high) + unit
+        if one.unit == "°":  # the store, by whose name it goes, has it in rad
+            here += f" ({_between(math.radians(low), math.radians(high))} rad)"
+        yield [one.name, one.title, NOTHING if one.usual is None else range_text(one.usual) + unit, here]
+
+
+def _between(low: float, high: float) -> str:
+    return _text(low) if _text(low) == _text(high) else f"{_text(low)} to {_text(high)}"
 
 
 def range_text(usual: tuple[float, float]) -> str:
@@ -86,7 +94,10 @@ def range_text(usual: tuple[float, float]) -> str:
     return f"at most {_text(high)}" if math.isinf(low) else f"{_text(low)} to {_text(high)}"
 
 
-def _number(name: str, values: NDArray[np.float64], title: str, unit: str, usual: tuple[float, float] | None) -> Number:
+def number_of(
+    name: str, values: NDArray[np.float64], title: str, unit: str, usual: tuple[float, float] | None
+) -> Number:
+    """Return one number per frame, float64 (n_frames,), as people read it: an angle in degrees."""
     if unit != "rad":
         return Number(name, values, title, unit, usual)
     in_degrees = None if usual is None else (math.degrees(usual[0]), math.degrees(usual[1]))
@@ -104,4 +115,4 @@ def _around_mean(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _text(value: float) -> str:
-    return f"{value:.3g}".replace("-", "−")
+    return f"{0.0 if abs(value) < ROUNDING else value:.3g}".replace("-", "−")

@@ -1,4 +1,4 @@
-"""What is to be said first of a comparison: whether the sides were aligned, how surely, and how they lie."""
+"""What is to be said first of a comparison: its doubts, whether the sides were aligned, and how far they agree."""
 
 import math
 from collections.abc import Sequence
@@ -6,31 +6,38 @@ from dataclasses import dataclass
 from typing import Literal
 
 from endoct.base.doubt import Doubt
-from endoct.fusion.result import Result, StoredAlignment
+from endoct.fusion.result import CellScores, Overlap, Result, StoredAlignment
 from endoct.workbench.report.tables import by_hand_headline, by_hand_sentences
 from endoct.workbench.report.wording import length_text, without_stop
 
 LEAST_UNEVEN_DEG = 1.0
 """Unevenness below this is not worth a sentence."""
 
-Level = Literal["trusted", "doubted", "unaligned"]
+WIDEST_INTERVAL = 0.2
+"""A Jaccard index whose 95 % interval is wider is uncertain: beyond ±0.1 not even its first decimal is known."""
+
+Level = Literal["trusted", "uncertain", "doubted", "unaligned"]
 
 
 @dataclass(frozen=True)
 class Verdict:
     """How far a result is to be trusted: ``level``, a ``headline`` in a sentence, and ``sentences`` that explain it.
 
-    ``they_say``: what these are about, as the title of what unfolds.
+    ``explains``: what these are about, as the title of what unfolds.
     """
 
     level: Level
     headline: str
     sentences: tuple[str, ...] = ()
-    they_say: str = "How they lie"
+    explains: str = "How they were aligned and compared"
 
 
 def verdict_of(result: Result) -> Verdict:
-    """Return the verdict on a comparison: "trusted" only where nothing was forced and nothing is doubted."""
+    """Return the verdict on a comparison, its doubts before how far the sides agree.
+
+    It is "trusted" only where nothing was forced, nothing is doubted, and the interval of the Jaccard index is at most
+    :data:`WIDEST_INTERVAL` wide; where it is wider, or not known, it is "uncertain".
+    """
     alignment = result.alignment if result.aligned else None
     if alignment is None:
         why = (
@@ -38,21 +45,57 @@ def verdict_of(result: Result) -> Verdict:
             "on the other: the two are not scored against each other, and each is shown by itself."
         )
         return Verdict("unaligned", "Not aligned: the two sides could not be brought onto each other.", (why,))
-    how = placement(*result.sides, alignment)
+    how, agree = placement(*result.sides, alignment), agreement(result)
     if result.by_hand is not None and result.by_hand.corrected:
-        return Verdict("doubted", by_hand_headline(result.by_hand), (*by_hand_sentences(result.by_hand), how))
+        headline = f"{by_hand_headline(result.by_hand)} {agree}"
+        return Verdict("doubted", headline, (*by_hand_sentences(result.by_hand), how))
     checked = () if result.by_hand is None else by_hand_sentences(result.by_hand)
+    sentences = (f"Aligned {strength(alignment)}", *checked, how)
     if result.doubts or result.forced:
-        said = f", with {count_doubts(result.doubts)}" if result.doubts else ""
-        headline = f"Alignment forced{said}." if result.forced else f"Aligned{said}."
-        return Verdict("doubted", headline, (f"Aligned {strength(alignment)}", *checked, how))
-    return Verdict("trusted", f"Aligned {strength(alignment)}", (*checked, how))
+        doubts = f"{count_doubts(result.doubts)}. " if result.doubts else ""
+        return Verdict("doubted", f"{doubts}{'Alignment forced' if result.forced else 'Aligned'}. {agree}", sentences)
+    if why := _uncertain(result.overlap):
+        return Verdict("uncertain", f"Aligned, but the score is uncertain. {agree}", (why, *sentences))
+    return Verdict("trusted", f"Aligned. {agree}", sentences)
+
+
+def agreement(result: Result) -> str:
+    """Return how far two aligned sides agree: "12 cells agree, of 23 (endoscope) and 27 (oct); Jaccard 0.69 (…)."."""
+    overlap = result.overlap
+    if overlap is None or overlap.jaccard is None:
+        return "Neither side has a cell where both observed the wall."
+    counted = _matched_cells(result.scores.cells if result.scores else None, result.sides)
+    interval = overlap.jaccard_interval
+    between = "interval not known" if interval is None else f"{interval[0]:.2f}–{interval[1]:.2f}"
+    return f"{counted}Jaccard {overlap.jaccard:.2f} ({between})."
+
+
+def _matched_cells(cells: CellScores | None, sides: tuple[str, str]) -> str:
+    if cells is None or cells.matched is None:
+        return ""
+    counts = zip((cells.of_reference, cells.of_other), sides, strict=True)
+    of = " and ".join(f"{count} ({side})" for count, side in counts)
+    return f"{cells.matched} cell{'s agree' if cells.matched != 1 else ' agrees'}, of {of}; "
+
+
+def _uncertain(overlap: Overlap | None) -> str:
+    """Return why the Jaccard index is uncertain; "" where it is not."""
+    if overlap is None or overlap.jaccard is None:
+        return "The score is uncertain: there is no cell to score."
+    if overlap.jaccard_interval is None:
+        return "The score is uncertain: there are too few places with cells for an interval."
+    low, high = overlap.jaccard_interval
+    if high - low <= WIDEST_INTERVAL:
+        return ""
+    return (
+        f"The score is uncertain: its 95 % interval is {high - low:.2f} wide; at most {WIDEST_INTERVAL:g} is trusted."
+    )
 
 
 def recording_verdict(doubts: Sequence[Doubt]) -> Verdict:
     """Return the verdict on a recording by itself."""
     if doubts:
-        return Verdict("doubted", f"Unrolled, with {count_doubts(doubts)}.")
+        return Verdict("doubted", f"{count_doubts(doubts)}. Unrolled.")
     return Verdict("trusted", "Unrolled; nothing speaks against it.")
 
 

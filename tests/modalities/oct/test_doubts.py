@@ -10,7 +10,7 @@ from tolerances import AGREEING_RTOL
 
 from endoct.base.errors import NotSeen
 from endoct.base.numeric.circle import wrap_rad
-from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_surface, plain_wall
+from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_surface, longest_gaps, plain_wall
 from endoct.modalities.oct.surface.wall_evidence import Background
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import BORE_MM, CAPILLARY_MM, PIXEL_MM, Phantom
@@ -165,7 +165,30 @@ def test_a_nearest_wall_that_is_lost_is_doubted(unrolled: UnrollPhantom, offset_
     for turned_rad, doubted in ((0.0, offset_mm > 0.05), (np.pi, False)):
         away = wrap_rad(panorama.grid.theta_rad - nearest_rad[:, None] - turned_rad)
         lost = replace(panorama, valid=panorama.valid & (np.abs(away) > 0.3))
-        assert codes_of_surface(lost) == (["nearest-wall-lost"] if doubted else [])
+        assert codes_of_surface(lost) == (["nearest-wall-lost"] if doubted else []) + ["gap-along-pullback"]
+
+
+@pytest.mark.parametrize(("width_deg", "slices", "doubted"), [(20, 0.9, True), (20, 0.4, False), (3, 1.0, False)])
+def test_a_gap_along_the_pullback_is_doubted(
+    unrolled: UnrollPhantom, width_deg: float, slices: float, doubted: bool
+) -> None:
+    panorama = unrolled(SMALL)[2]
+    valid = panorama.valid.copy()
+    n = round(slices * len(valid))
+    column = np.arange(valid.shape[1])
+    for row in range(n):  # it winds around the bore, over θ = 0
+        valid[row] &= np.mod(column - row, column.size) >= column.size * width_deg / 360
+    found = [each for each in doubts_of_surface(replace(panorama, valid=valid)) if each.code == "gap-along-pullback"]
+    assert bool(found) == doubted
+    for each in found:
+        assert each.value == pytest.approx(n / len(valid))
+        assert f"{width_deg}° wide" in each.what
+
+
+def test_a_gap_is_as_long_as_it_is_around_the_circle() -> None:
+    rows = ["1111", "0110", "0100", "0000"]
+    valid = np.array([[sample == "1" for sample in row] for row in rows])
+    assert longest_gaps(valid).tolist() == [0, 2, 3, 4]
 
 
 def test_a_wrong_first_sample_is_noted(unrolled: UnrollPhantom) -> None:

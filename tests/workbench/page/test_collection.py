@@ -16,6 +16,7 @@ from workbench_page import Served, serving, written
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.fusion.result import CellScores, Overlap, PairScores
 from endoct.workbench import simulate
 from endoct.workbench.page.collection import collection_html, read_collection, thumbnail
 
@@ -57,6 +58,19 @@ def test_what_lies_in_a_folder(folder: Path):
     assert found["damaged"].fault
     assert "\n" not in found["damaged"].fault
     assert [name for name, entry in found.items() if not entry.can_be_opened] == ["damaged", "specimen"]
+
+
+def test_the_table_says_how_many_cells_agree_and_how_far_it_is_trusted(tmp_path: Path):
+    cells = CellScores(reference="endoscope", other="oct", of_reference=23, of_other=27, matched=12)
+    for name, interval in (("known", (0.6, 0.75)), ("hardly-known", (0.4, 0.75))):
+        grid = Overlap(jaccard=0.69, dice=0.8, jaccard_interval=interval)
+        written(tmp_path / name, jaccard=0.69, dice=0.8, scores=PairScores(grid=grid, cells=cells))
+    entries = {entry.name: entry for entry in read_collection(tmp_path)}
+    assert {name: entry.level for name, entry in entries.items()} == {"known": "trusted", "hardly-known": "uncertain"}
+    page = str(collection_html("many", tuple(entries.values()), "v"))
+    assert page.count("12 <small>of 23 and 27</small>") == 2
+    assert '<span class="level uncertain" title="Aligned, but the score is uncertain. 12 cells agree' in page
+    assert "confidence" not in page
 
 
 def test_nothing_to_show_is_refused(tmp_path: Path):

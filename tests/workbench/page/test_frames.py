@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -121,17 +122,37 @@ def test_the_offline_file_neither_offers_nor_names_the_recording(endoscope: Path
 
 
 def test_another_recording_in_its_place_is_not_read(endoscope: Path):
-    recording = recording_of(read_outline(endoscope))
+    recording = recording_of(read_outline(endoscope), endoscope)
     assert recording is not None
     reader = read(Reader(replace(recording, inputs=dict.fromkeys(recording.inputs, "0" * 64))))
     assert reader.state == "failed"
     assert "is not the recording that the panorama was made from" in reader.said
 
 
+def test_a_recording_is_found_from_another_folder(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """It was named from the folder in which the output's folder lies, as people do, and `serve` runs elsewhere."""
+    recorded = tmp_path / "study" / "bore" / "endoscope"
+    shutil.copytree(short / "endoscope", recorded)
+    (tmp_path / "study" / "results").mkdir()
+    monkeypatch.chdir(tmp_path / "study")
+    unroll(Path("bore/endoscope"), Path("results/endoscope.zarr"), progress=False)
+    monkeypatch.chdir("/")
+    shown = open_shown(tmp_path / "study" / "results" / "endoscope.zarr")
+    assert shown.description.frames[0].recording == str(recorded)
+    reader = shown.side("endoscope").reader
+    assert reader is not None
+    assert read(reader).state == "read", reader.said
+    # another recording that lies there by now is none of this panorama's
+    next(recorded.glob("*.png")).write_bytes(b"another")
+    changed = open_shown(tmp_path / "study" / "results" / "endoscope.zarr").side("endoscope").reader
+    assert changed is not None
+    assert "is not the recording" in read(changed).said
+
+
 def test_a_place_lies_on_the_ring_where_the_frame_shows_it(endoscope: Path):
     """The strip of a frame, unrolled by the plug-in, and the mark on the frame agree on which pixel shows a place."""
     outline = read_outline(endoscope)
-    reader = read(Reader(recording_of(outline)))  # type: ignore[arg-type]
+    reader = read(Reader(recording_of(outline, endoscope)))  # type: ignore[arg-type]
     place = 5
     ring, (frame, strip) = ring_of(outline, place), reader.pictures(place)
     assert ring is not None

@@ -333,7 +333,7 @@ def test_a_click_shows_the_frames_there(page: Watched):
     page.page.mouse.click(*middle(page, 1))
     page.page.wait_for_selector(".drawer figure")
     assert drawer.locator("figure").count() == 4  # two of either side
-    assert "oct: slice 8 of 15" in drawer.locator(".said").inner_text()
+    assert "oct: slice 7 of 0–14" in drawer.locator(".said").inner_text()
     shown = np.asarray(Image.open(io.BytesIO(drawer.locator("canvas").first.screenshot())).convert("RGB"))
     assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 50
     before = page.page.locator(".readout dd").nth(1).inner_text()
@@ -425,7 +425,7 @@ def test_quality_says_which_frames_lie_beyond_a_limit_and_goes_there(page: Watch
     )
     part.locator("summary").click()
     plots = part.locator("canvas")
-    bridged = [k for k in range(plots.count()) if "4, 9, 10" in plots.nth(k).get_attribute("aria-label")]
+    bridged = [k for k in range(plots.count()) if "3, 8, 9" in plots.nth(k).get_attribute("aria-label")]
     assert len(bridged) == 1  # the mock's bridged slices
     box = plots.nth(bridged[0]).bounding_box()
     x = 52 + (box["width"] - 62) * 8 / 14

@@ -135,11 +135,11 @@ def test_a_pair_is_placed_and_undone_by_keys_alone(page: Watched):
 
 def test_the_cursor_by_keys_stays_in_view_and_marks_a_place(page: Watched):
     before = page.panes()[0]
-    press(page, "c", *["ArrowLeft"] * 40)
+    press(page, "c", *["ArrowLeft"] * 25)
     page.settle()
     after = page.panes()[0]
     width_px = page.page.locator(".view").first.evaluate("e => e.clientWidth")
-    moved_px = 400 - round(width_px / 2)
+    moved_px = 250 - round(width_px / 2)
     assert moved_px > 0
     radius_mm = (before["mmPerPx"] * moved_px) / np.deg2rad((before["thetaDeg"] - after["thetaDeg"]) % 360)
     assert radius_mm == pytest.approx(GRID.radius_mm, rel=0.02)

@@ -102,8 +102,12 @@ def test_the_headline_says_what_the_result_says(aligned: Made) -> None:
     said = headline(page)
     assert f"{result.jaccard:.3f}" in said
     assert f"{result.dice:.3f}" in said
-    assert f"{0.8765:.3f} cells of endoscope and oct, on the rows of oct, not interpolated" in said
+    assert f"Jaccard index on the common grid {result.jaccard:.3f} 95 % interval" in said
+    assert f"Jaccard index on the rows of oct {0.8765:.3f} not interpolated" in said
     assert "Aligned with confidence 0.63 (correlation 0.93, 3.1 times the runner-up)" in said
+    # the answer comes first, how it came about last; a number is named for what it is
+    assert said.index(f"Aligned. Jaccard {result.jaccard:.2f} (") < said.index("Aligned with confidence")
+    assert said.index("Aligned with confidence") < said.index("Jaccard index on the common grid")
     assert "turned by 85.94° and shifted by −0.432 mm" in said
     assert "scaled by 1.0123; mirrored in θ." in said
     assert "94.3%" in said
@@ -176,7 +180,7 @@ DOUBTS = (
 def test_doubts_head_the_report_in_full_and_once(make: Callable[..., Made]) -> None:
     _, _, page = make(Kind("endoscope", depth=False), Kind("oct"), doubts=DOUBTS)
     said = headline(page)
-    assert "Aligned, with 2 doubts." in said
+    assert "2 doubts. Aligned." in said
     assert 'class="verdict doubted"' in page.source
     assert 'class="verdict trusted"' not in page.source
     for doubt in DOUBTS:
@@ -240,7 +244,7 @@ def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made
     shown = {path.stem for path in (folder / "figures").iterdir()}
     assert {"panoramas", "masks", "alignment", "cylinder-endoscope"} <= shown
     assert not any(name.startswith("depth") or name.endswith("-mask") for name in shown)
-    assert "endoscope and given truth, against cells.png" in page.text
+    assert "Jaccard index of endoscope against cells.png" in page.text
     assert "0.812" in page.text
     assert f"{result.jaccard:.3f}" in page.text
 

@@ -119,4 +119,4 @@ def test_no_text_of_a_store_becomes_markup(tmp_path: Path):
     assert text.count("&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;") >= 10
     assert "<img src=x" not in source
     assert text.replace("\n", "").isprintable()
-    assert "Unrolled, with 1 doubt." in text
+    assert "1 doubt. Unrolled." in text

@@ -23,7 +23,7 @@ from endoct.workbench.page.opening import open_shown
 
 SVG = "{http://www.w3.org/2000/svg}"
 HREF = "{http://www.w3.org/1999/xlink}href"
-MARGIN_PX, GAP_MM = 10, 25.4 / 96
+MARGIN_PX, AXES_PX, GAP_MM = 10, 36, 25.4 / 96
 MODES = ("swipe", "opacity", "blink", "checker", "lens")
 
 
@@ -34,7 +34,7 @@ def page(chromium: Any, served: Served) -> Iterator[Watched]:
 
 
 def one_pane(watched: Watched, layer: str, mode: str = "single", second: str = "oct-relief") -> None:
-    """Leave a single pane with these layers."""
+    """Leave a single pane with these layers, a relief in colours that have no black."""
     while watched.page.locator(".close").count():
         watched.page.locator(".close").last.click()
     selects = watched.page.locator(".pane header select")
@@ -42,6 +42,8 @@ def one_pane(watched: Watched, layer: str, mode: str = "single", second: str = "
     selects.nth(1).select_option(mode)
     if mode != "single":
         selects.nth(2).select_option(second)
+    if "oct-relief" in (layer, second if mode != "single" else ""):
+        watched.page.locator(".pane .bar select").last.select_option("viridis")
     watched.settle()
 
 
@@ -158,9 +160,11 @@ def test_the_figure_is_the_picture_on_the_screen(page: Watched, tmp_path: Path):
     one_pane(page, "oct-relief", "swipe", "endoscope-image")
     page.page.get_by_role("button", name="oct", exact=True).click()
     page.page.get_by_role("button", name="endoscope", exact=True).click()
+    page.page.keyboard.press("0")  # the wall fills the middle
+    page.settle()
     page.page.wait_for_timeout(500)
     box = page.page.locator(".view").bounding_box()
-    width_mm = (box["width"] + 2 * MARGIN_PX) * GAP_MM
+    width_mm = (box["width"] + AXES_PX + 2 * MARGIN_PX) * GAP_MM
     [shown] = layers_of(saved(page, "SVG", tmp_path / "view.svg", width_mm=round(width_mm), dpi=96))
     screen = np.asarray(Image.open(io.BytesIO(page.page.locator(".view").screenshot())).convert("RGB")).astype(int)
     rows = min(screen.shape[0], shown.shape[0])

@@ -179,6 +179,8 @@ def test_a_pullback_without_a_sidecar_is_described(quick_specimen: Path, tmp_pat
         "capillary_outer_diameter_mm",
     ]
     assert facts["next"] == f"endoct info {path} --write-sidecar"
+    spaced = path.rename(path.with_name("left ear"))
+    assert describe(spaced)["next"] == f"endoct info '{spaced}' --write-sidecar"
 
 
 def test_an_endoscope_without_a_sidecar_is_described(quick_specimen: Path, tmp_path: Path) -> None:

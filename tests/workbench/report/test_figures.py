@@ -185,7 +185,7 @@ def test_values_are_said_with_their_unit_and_sensible_digits(name: str, value: o
 
 
 def test_titles_are_broken_to_the_width_of_their_panel() -> None:
-    lines = wrapped("Frame 6 as recorded, with the annulus found", 2.4).split("\n")
+    lines = wrapped("frame 6, z = 1.20 mm: as recorded, with the annulus found", 2.4).split("\n")
     assert len(lines) == 2
     assert max(map(len, lines)) <= 34
 

@@ -55,6 +55,7 @@ _STYLE: Any = {  # Any: matplotlib types its keys as literals
 
 # Okabe and Ito's palette: colour-blind readers can distinguish them, and so can readers of a grey print
 ORANGE, BLUE, GREEN, VERMILION, PURPLE, SKY = "#E69F00", "#0072B2", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
+YELLOW = "#F0E442"
 INK, PAPER = "#3a3a3a", "#f4f4f2"
 NOT_OBSERVED, HATCH = "#b9d0f2", "#7f9fd0"
 """What was not observed: blue enough to differ from bright samples where it is too small for the hatch."""

@@ -13,11 +13,12 @@ from endoct.modalities.contract import Picture
 from endoct.workbench.report.figures.drawing import (
     DEPTH_COLOURS,
     GREEN,
-    ORANGE,
     PAGE_WIDTH_IN,
     PLACES,
+    PURPLE,
     SKY,
     VERMILION,
+    YELLOW,
     hatch_not_observed,
     journal_style,
     new_figure,
@@ -45,9 +46,10 @@ STYLES: tuple[Style, ...] = (
     ("orange", VERMILION, "-"),
     ("blue, dashed", SKY, (0, (4, 4))),
     ("green", GREEN, "-"),
-    ("yellow, dashed", ORANGE, (0, (4, 4))),
+    ("yellow, dashed", YELLOW, (0, (4, 4))),
+    ("pink", PURPLE, "-"),
 )
-"""Every other curve is dashed, so that two that coincide both show."""
+"""Those of the page. Every other curve is dashed, so that two that coincide both show."""
 TITLE_LINE_IN = 0.15
 
 

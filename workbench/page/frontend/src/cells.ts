@@ -1,15 +1,18 @@
 /** The table of cells: sorted, filtered, and linked to the panes. */
 
-import type { CellPart } from "./description";
-import { element, select } from "./dom";
+import type { CellPart, CellState } from "./description";
+import { LEGEND, brief, cellsAsCsv, number } from "./cell_words";
+import { button, download, element, select } from "./dom";
 import type { Paths } from "./marks";
 import type { State } from "./state";
 import { type Place, type Wall, degrees, wrapped } from "./wall";
 
 type Column = readonly [title: string, hint: string, key: (cell: CellPart) => number | string, text: (cell: CellPart) => string];
 
-const number = (value: number | null, digits: number): string =>
-  value === null ? "–" : value.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace("-", "−");
+/** States as a filter names them. */
+const FILTERS: Readonly<Record<CellState, string>> = {
+  matched: "on both sides", overlapping: "overlapping by less than half", alone: "on one side only", "not observed": "not covered by the other side", "not aligned": "not aligned",
+};
 
 const COLUMNS: readonly Column[] = [
   ["cell", "side and number, as in cells.csv", (c) => `${c.side} ${String(c.id).padStart(6, "0")}`, (c) => String(c.id)],
@@ -17,16 +20,8 @@ const COLUMNS: readonly Column[] = [
   ["z mm", "centroid, inward", (c) => c.z_mm, (c) => number(c.z_mm, 2)],
   ["mm²", "area on the nominal bore", (c) => c.area_mm2, (c) => number(c.area_mm2, 3)],
   ["depth", "median depth behind the wall, mm", (c) => c.depth_median_mm ?? -1, (c) => number(c.depth_median_mm, 2)],
-  ["mm³", "volume between the nominal bore and the wall", (c) => c.volume_mm3 ?? -1, (c) => number(c.volume_mm3, 3)],
-  ["other side", "what the other side made of it, and why", (c) => `${c.state} ${1 - c.overlap}`, brief],
+  ["other side", "what the other side has there", (c) => `${c.state} ${1 - c.overlap}`, brief],
 ];
-
-/** What the other side made of a cell, in a few words. */
-function brief(cell: CellPart): string {
-  const partner = cell.partner === null ? "" : ` ${cell.partner}`;
-  const said = { matched: `=${partner}`, overlapping: `~${partner}`, missed: "missed", "not observed": "not covered", alone: "–" };
-  return said[cell.state] + (cell.partner === null ? "" : ` (${cell.overlap.toFixed(2)})`);
-}
 
 /** Whether a place lies within what is outlined of `layer`. */
 export function isOutlined(paths: Paths, wall: Wall, layer: string, place: Place): boolean {
@@ -69,8 +64,8 @@ export class CellTable {
   ) {
     this.colours = new Map(state.description.outlines.filter((outline) => !outline.is_drawn).map((outline) => [outline.side, outline.colour]));
     const states = [...new Set(state.description.cells.map((cell) => cell.state))];
-    const options = ["all", ...state.description.sides.map((side) => `of ${side}`), ...states];
-    const filters = select("which cells are listed", options.map((one) => [one, one] as const), "all", (value) => {
+    const options = [["all", "all"], ...state.description.sides.map((side) => [`of ${side}`, `of ${side}`] as const), ...states.map((one) => [one, FILTERS[one]] as const)] as const;
+    const filters = select("which cells are listed", options, "all", (value) => {
       this.filter = value;
       this.draw();
     });
@@ -85,8 +80,9 @@ export class CellTable {
     });
     this.body.addEventListener("keydown", (event) => this.step(event));
     this.element.append(
-      element("h2", {}, "Cells ", this.count, filters),
+      element("h2", {}, "Cells ", this.count, filters, button("CSV", "save the cells that are listed, as cells.csv has them", null, () => this.save())),
       element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads)), this.body)),
+      element("p", { class: "legend" }, ...LEGEND.filter(([, of]) => state.description.cells.some(of)).map(([text]) => element("span", {}, text))),
       this.about,
     );
     state.on("selection", () => this.mark());
@@ -100,6 +96,10 @@ export class CellTable {
     return this.state.description.cells
       .filter((cell) => filter === "all" || filter === cell.state || filter === `of ${cell.side}`)
       .sort((one, other) => sign * (key(one) < key(other) ? -1 : key(one) > key(other) ? 1 : 0));
+  }
+
+  private save(): void {
+    download(new Blob([cellsAsCsv(this.rows())], { type: "text/csv" }), "cells.csv");
   }
 
   private draw(): void {
@@ -149,8 +149,9 @@ export class CellTable {
 function about(cell: CellPart): string {
   const depth = cell.depth_of === null ? "depth not measured"
     : `depth ${number(cell.depth_median_mm, 3)} mm, 95th percentile ${number(cell.depth_p95_mm, 3)} mm, by ${cell.depth_of}`;
+  const volume = cell.volume_mm3 === null ? "" : `, ${number(cell.volume_mm3, 3)} mm³`;
   const edge = cell.touches_edge ? "; at the edge of what was observed, may be larger" : "";
-  return `${cell.why}. ${number(cell.area_mm2, 3)} mm², ⌀ ${number(cell.diameter_mm, 2)} mm; ${depth}${edge}.`;
+  return `${cell.why}. ${number(cell.area_mm2, 3)} mm², ⌀ ${number(cell.diameter_mm, 2)} mm; ${depth}${volume}${edge}.`;
 }
 
 function name(cell: CellPart): string {

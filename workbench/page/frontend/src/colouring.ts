@@ -26,7 +26,7 @@ export function colourAt(map: string, share: number): [number, number, number] {
 }
 
 export function firstColouring(layer: LayerPart): Colouring {
-  return { map: layer.unit === "mm" ? "viridis" : "grey", low: layer.shown_low, high: layer.shown_high };
+  return { map: layer.unit === "mm" ? "magma_r" : "grey", low: layer.shown_low, high: layer.shown_high };
 }
 
 /** The share of the colour map that a value has. */
@@ -46,6 +46,11 @@ export function lookUpTable(layer: LayerPart, colouring: Colouring): [number, nu
 /** Red, green and blue from 0 to 255 for every code, where the whole map is spread over all codes. */
 export function wholeMap(map: string): [number, number, number][] {
   return Array.from({ length: CODES }, (_, code) => colourAt(map, code / (CODES - 1)).map((one) => Math.round(255 * one)) as [number, number, number]);
+}
+
+/** The colour map with bright colours for the most, as of what is brightness. */
+export function brightLast(map: string): string {
+  return map === "magma_r" ? "magma" : map;
 }
 
 /** The filters of the page, each named `colours-<number of the layer>`. */

@@ -5,7 +5,7 @@ import { CylinderControls } from "./cylinder_controls";
 import { outlinePicture } from "./cylinder_outlines";
 import { cylinderProgram, whyNoCylinder } from "./cylinder_program";
 import type { CylinderScene } from "./cylinder_scene";
-import { lookUpTable, wholeMap } from "./colouring";
+import { brightLast, lookUpTable, wholeMap } from "./colouring";
 import { button, context, element, select } from "./dom";
 import type { Drawing } from "./drawing";
 import type { Paths } from "./marks";
@@ -88,7 +88,7 @@ export class CylinderView {
   recolour(): void {
     const part = this.state.layer(this.layer);
     const colouring = this.state.colouring(part.key);
-    if (this.shape === VOLUME) this.scene?.setColours(wholeMap(colouring.map)); // its codes are its own
+    if (this.shape === VOLUME) this.scene?.setColours(wholeMap(brightLast(colouring.map))); // its codes are its own
     else if (part.kind === "scalar") this.scene?.setColours(lookUpTable(part, colouring));
   }
 
@@ -108,6 +108,7 @@ export class CylinderView {
       withHeight: () => found,
       picture: (ratio) => Promise.resolve(scene.picture(ratio)),
       marks: (drawing) => this.drawAxes(drawing),
+      axes: () => undefined,
     };
     return found;
   }

@@ -36,7 +36,7 @@ export interface OutlinePart {
   is_drawn: boolean;
 }
 
-export type CellState = "matched" | "overlapping" | "missed" | "not observed" | "alone";
+export type CellState = "matched" | "overlapping" | "alone" | "not observed" | "not aligned";
 
 export interface CellPart {
   side: string;
@@ -53,10 +53,12 @@ export interface CellPart {
   touches_edge: boolean;
   observed_by_other: number;
   covered: number | null;
+  seen_by: string;
   partner: number | null;
   overlap: number;
   state: CellState;
   why: string;
+  is_real: boolean | null;
 }
 
 export interface SeriesPart {

@@ -47,3 +47,11 @@ export function context(canvas: HTMLCanvasElement): CanvasRenderingContext2D | n
   drawing?.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
   return drawing;
 }
+
+/** Have the browser save a file. */
+export function download(file: Blob, name: string): void {
+  const link = element("a", { download: name });
+  link.href = URL.createObjectURL(file);
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}

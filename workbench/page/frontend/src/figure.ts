@@ -1,5 +1,6 @@
 /** The view as a figure: panes as they lie on the screen, with titles, marks, colour bars and a caption, on white. */
 
+import { AXES_PX } from "./axes";
 import type { Drawing } from "./drawing";
 import { barHeight, drawBar } from "./figure_bar";
 import type { State } from "./state";
@@ -40,9 +41,9 @@ export function layOut(subjects: readonly Subject[], state: State, caption: stri
   for (const row of rows) {
     const own = alike(subjects.filter((one) => Math.round(one.top) === row));
     const titles = own.map((one) => wrap(one.title, one.width, TITLE.size, true));
-    const below = y + Math.max(...titles.map((title) => title.length)) * TITLE.line + 3;
+    const below = y + Math.max(...titles.map((title) => title.length)) * TITLE.line + 3 + AXES_PX.top;
     own.forEach((subject, k) => {
-      const [x, title] = [whole(subject.left - left + MARGIN_PX), titles[k] ?? []];
+      const [x, title] = [whole(subject.left - left + MARGIN_PX + AXES_PX.left), titles[k] ?? []];
       plates.push({ subject, x, titleY: y, y: whole(below), barsY: below + subject.height + 6, title });
     });
     y = below + Math.max(...own.map((one) => one.height + barsHeight(one, state))) + 6 + GAP_PX;
@@ -54,7 +55,7 @@ export function layOut(subjects: readonly Subject[], state: State, caption: stri
 /** How wide a figure is, with its margins. */
 export function widthOf(subjects: readonly Subject[]): number {
   const left = Math.min(...subjects.map((one) => one.left));
-  return Math.max(...subjects.map((one) => one.left + one.width)) - left + 2 * MARGIN_PX;
+  return Math.max(...subjects.map((one) => one.left + one.width)) - left + 2 * MARGIN_PX + AXES_PX.left;
 }
 
 /** Subjects beside each other, as high as the lowest of them, so that a place is as high in all panes. */
@@ -83,6 +84,10 @@ export function drawFigure(drawing: Drawing, figure: Figure, pictures: readonly 
     drawing.clip();
     drawing.translate(x, y);
     subject.marks(drawing);
+    drawing.restore();
+    drawing.save();
+    drawing.translate(x, y);
+    subject.axes(drawing);
     drawing.restore();
     let at = plate.barsY;
     for (const key of subject.layers) {

@@ -2,7 +2,7 @@
 
 import type { FramesPart } from "./description";
 import { button, element } from "./dom";
-import { CurveColours, drawPicture } from "./frame_picture";
+import { CurveStyles, drawPicture } from "./frame_picture";
 import { toOwn } from "./placement";
 import type { FramePicture, Reading, Source } from "./source";
 import type { State } from "./state";
@@ -15,7 +15,7 @@ interface Drawn {
   image: HTMLImageElement;
   canvas: HTMLCanvasElement;
   frames: FramesPart;
-  z_mm: number;
+  place: number;
 }
 
 export class FrameDrawer {
@@ -23,7 +23,7 @@ export class FrameDrawer {
   private readonly said = element("span", { class: "said", "aria-live": "polite" });
   private readonly body = element("div", { class: "pictures" });
   private readonly actions = element("span");
-  private readonly colours = new CurveColours();
+  private readonly styles = new Map<string, CurveStyles>();
   private readonly readings = new Map<string, Reading>();
   private drawn: Drawn[] = [];
   private shown = "";
@@ -78,7 +78,7 @@ export class FrameDrawer {
         const image = new Image();
         image.src = picture.image;
         await image.decode();
-        found.push({ picture, image, canvas: element("canvas"), frames: one, z_mm: one.z_mm[place] ?? Infinity });
+        found.push({ picture, image, canvas: element("canvas"), frames: one, place });
       }
     }
     if (this.shown !== wanted) return; // the place was moved on meanwhile
@@ -87,23 +87,39 @@ export class FrameDrawer {
     this.draw();
   }
 
-  private figure({ picture, canvas, frames }: Drawn): HTMLElement {
+  private stylesOf(side: string): CurveStyles {
+    const found = this.styles.get(side) ?? new CurveStyles();
+    this.styles.set(side, found);
+    return found;
+  }
+
+  private figure({ picture, canvas, frames, place }: Drawn): HTMLElement {
     const legends = Object.keys(picture.curves).map((label) => {
-      const made = element("span", { class: "legend" }, label);
-      made.style.setProperty("--line-colour", this.colours.of(label));
+      const { colour, dash } = this.stylesOf(frames.side).of(label);
+      const made = element("span", { class: dash.length ? "legend dashed" : "legend" }, label);
+      made.style.setProperty("--line-colour", colour);
       return made;
     });
     const unmarked = picture.axis === null && !picture.seen && Object.keys(picture.curves).length ? [element("span", {}, "place not marked: its beam is not known here")] : [];
-    const caption = element("figcaption", { title: picture.about }, element("b", {}, `${frames.side}: ${picture.title}`), ...legends, ...unmarked);
+    const title = `${frames.side} ${placeText(frames, place)}: ${picture.title}`;
+    const caption = element("figcaption", { title: picture.about }, element("b", {}, title), element("em", { class: "away" }), ...legends, ...unmarked);
     return element("figure", {}, canvas, caption);
   }
 
+  /** Say under each picture how far from the marked place its frame lies, where it is another's. */
+  private sayAway(): void {
+    const { pinned } = this.state;
+    for (const { canvas, frames, place } of this.drawn) {
+      const label = canvas.parentElement?.querySelector(".away");
+      const away_mm = (frames.z_mm[place] ?? 0) - (pinned?.z_mm ?? 0);
+      if (label) label.textContent = Math.abs(away_mm) > spacing(frames.z_mm) ? `not the marked place: ${awayText(away_mm)}` : "";
+    }
+  }
+
   private say(places: readonly (readonly [FramesPart, number | null])[], z_mm: number): void {
-    const texts = places.flatMap(([one, place]) => {
-      if (place === null) return [`${one.side}: no picture kept`];
-      const away = (one.z_mm[place] ?? 0) - z_mm;
-      const where = Math.abs(away) < FAR_MM ? "here" : `${Math.abs(away).toFixed(2)} mm ${away > 0 ? "farther in" : "farther out"}`;
-      return [`${one.side}: ${one.frame_dim} ${place + 1} of ${one.z_mm.length}, ${where}`];
+    const texts = places.map(([one, place]) => {
+      if (place === null) return `${one.side}: no picture kept`;
+      return `${one.side}: ${one.frame_dim} ${place} of 0–${one.z_mm.length - 1}, ${awayText((one.z_mm[place] ?? 0) - z_mm)}`;
     });
     const readings = places.flatMap(([one]) => {
       const reading = this.readings.get(one.side);
@@ -152,14 +168,25 @@ export class FrameDrawer {
 
   private draw(): void {
     const { pinned } = this.state;
-    for (const { canvas, image, picture, frames, z_mm } of this.drawn) {
+    this.sayAway();
+    for (const { canvas, image, picture, frames, place } of this.drawn) {
       // a frame that lies elsewhere does not show the place; one that shows many rows says itself which
-      const near = pinned !== null && Math.abs(z_mm - pinned.z_mm) <= spacing(frames.z_mm);
+      const near = pinned !== null && Math.abs((frames.z_mm[place] ?? Infinity) - pinned.z_mm) <= spacing(frames.z_mm);
       const isThere = near || (picture.seen?.z_mm.length ?? 0) > 1;
       const marked = pinned && isThere && toOwn(frames.placement, pinned);
-      drawPicture(canvas, image, picture, this.colours, marked || null);
+      drawPicture(canvas, image, picture, this.stylesOf(frames.side), marked || null);
     }
   }
+}
+
+/** "frame 20, z = 4.04 mm": counted from 0 in the order of z, as in the report; z on the wall that panes show. */
+function placeText(frames: FramesPart, place: number): string {
+  return `${frames.frame_dim} ${place}, z = ${(frames.z_mm[place] ?? 0).toFixed(2).replace("-", "−")} mm`;
+}
+
+function awayText(away_mm: number): string {
+  if (Math.abs(away_mm) < FAR_MM) return "here";
+  return `${Math.abs(away_mm).toFixed(2)} mm ${away_mm > 0 ? "farther in" : "farther out"}`;
 }
 
 /** How far frames lie apart, typically. */

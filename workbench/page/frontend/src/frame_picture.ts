@@ -9,17 +9,21 @@ const LEFT = 40;
 const BELOW = 28;
 const TOP = 4;
 const RIGHT = 6;
-/** One colour for one thing, in every picture: Okabe and Ito's, apart from each other on grey. */
-const COLOURS = ["#d55e00", "#56b4e9", "#2fc46a", "#f0e442", "#cc79a7"];
+/** One colour for one thing in every picture of a side, as in the figures of a report: Okabe and Ito's. */
+const COLOURS = ["#d55e00", "#56b4e9", "#009e73", "#f0e442", "#cc79a7"];
+/** Every other curve is dashed, so that two that coincide both show. */
+const DASHES = [[], [4, 4]];
 const MARK = "#ff2fa0";
 const RING_PX = 6;
 
-export class CurveColours {
+/** How the curves of one side are drawn. */
+export class CurveStyles {
   private readonly labels: string[] = [];
 
-  of(label: string): string {
+  of(label: string): { colour: string; dash: readonly number[] } {
     if (!this.labels.includes(label)) this.labels.push(label);
-    return COLOURS[this.labels.indexOf(label) % COLOURS.length] ?? MARK;
+    const k = this.labels.indexOf(label);
+    return { colour: COLOURS[k % COLOURS.length] ?? MARK, dash: DASHES[k % DASHES.length] ?? [] };
   }
 }
 
@@ -30,7 +34,7 @@ export function drawPicture(
   canvas: HTMLCanvasElement,
   image: HTMLImageElement,
   picture: FramePicture,
-  colours: CurveColours,
+  styles: CurveStyles,
   marked: Marked | null,
 ): void {
   const drawing = context(canvas);
@@ -55,7 +59,9 @@ export function drawPicture(
   drawing.rect(LEFT, TOP, wide, tall);
   drawing.clip();
   for (const [label, points] of Object.entries(picture.curves)) {
-    drawing.strokeStyle = colours.of(label);
+    const { colour, dash } = styles.of(label);
+    drawing.strokeStyle = colour;
+    drawing.setLineDash([...dash]);
     drawing.lineWidth = 1.3;
     drawing.beginPath();
     let down = false;
@@ -69,6 +75,7 @@ export function drawPicture(
     }
     drawing.stroke();
   }
+  drawing.setLineDash([]);
   if (marked) drawMark(drawing, picture, marked, toX, toY, tall);
   drawing.restore();
   drawAxes(drawing, picture, ink, wide, tall);

@@ -9,6 +9,8 @@ import type { Place } from "./wall";
 const [DARK, BRIGHT] = ["#111", "#fff"];
 const OUT_PX = 13;
 const DISC_PX = 8;
+/** How far a landmark reaches. */
+const REACH_PX = OUT_PX + DISC_PX + 2;
 
 /** Draw the ends of pairs that lie on `side`; where a pane shows both sides, both ends and what lies between them. */
 export function drawLandmarks(sheet: Sheet, state: State, side: string | null): void {
@@ -51,7 +53,7 @@ function drawCross(sheet: Sheet, x: number, y: number): void {
 }
 
 function drawCrossAt(sheet: Sheet, place: Place): void {
-  for (const { x, y } of repeats(place, sheet)) drawCross(sheet, x, y);
+  for (const { x, y } of repeats(place, sheet, REACH_PX)) drawCross(sheet, x, y);
 }
 
 function drawBetween(sheet: Sheet, one: Place, other: Place): void {
@@ -59,7 +61,7 @@ function drawBetween(sheet: Sheet, one: Place, other: Place): void {
   const turn = 2 * Math.PI;
   const apart = ((((other.theta_rad - one.theta_rad + Math.PI) % turn) + turn) % turn) - Math.PI;
   const [dx, dy] = [(apart * wall.part.radius_mm) / view.mm_per_px, (other.z_mm - one.z_mm) / view.mm_per_px];
-  for (const { x, y } of repeats(one, sheet)) {
+  for (const { x, y } of repeats(one, sheet, REACH_PX)) {
     strokeTwice(sheet, () => {
       drawing.moveTo(x, y);
       drawing.lineTo(x + dx, y + dy);
@@ -70,7 +72,7 @@ function drawBetween(sheet: Sheet, one: Place, other: Place): void {
 function drawPin(sheet: Sheet, place: Place, text: string, role: Role, waiting: boolean): void {
   const { drawing } = sheet;
   const [fill, ink] = role === "correct" ? [DARK, BRIGHT] : [BRIGHT, DARK];
-  for (const { x, y } of repeats(place, sheet)) {
+  for (const { x, y } of repeats(place, sheet, REACH_PX)) {
     const [left, top] = [x + OUT_PX, y - OUT_PX];
     drawCross(sheet, x, y);
     strokeTwice(sheet, () => {

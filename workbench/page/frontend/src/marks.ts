@@ -1,17 +1,21 @@
-/** What is drawn over the tiles of a pane: axes, scale bar, outlines, numbers of cells, cursor, ruler. */
+/** What is drawn over the tiles of a pane: outlines, numbers of cells, cursor, ruler, scale bar, and what is no wall. */
 
 import type { CellPart, Description } from "./description";
 import { type Drawing, TracedPath } from "./drawing";
 import { drawLandmarks } from "./landmark_marks";
 import type { Outlines } from "./source";
 import type { State } from "./state";
-import { type Sheet, repeats, toPixels } from "./sheet";
-import { type Place, type Spot, type Wall, degrees, roundBelow } from "./wall";
+import { type Sheet, repeats, toPixels, turnOf } from "./sheet";
+import { type Place, type Spot, type Wall, roundBelow } from "./wall";
 
 export const INK = "#111";
 const HALO = "rgba(255,255,255,0.85)";
-const DEGREE_STEPS = [90, 45, 30, 15, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
-const LEAST_LABEL_PX = 46;
+/** How opaque what covers the copies of the marked turn is. */
+const VEIL = 0.72;
+/** Room that a number takes. */
+const NUMBER_PX = { digit: 7, high: 13 };
+/** How far marks of places reach. */
+const REACH_PX = 14;
 
 export type Paths = ReadonlyMap<string, { path: Path2D; colour: string }>;
 
@@ -38,6 +42,7 @@ export function drawMarks(
   paths: Paths,
   shownLayers: readonly string[],
 ): void {
+  coverBeyond(sheet);
   drawOutlines(sheet, state, paths, shownLayers);
   drawNumbers(sheet, state, shownLayers);
   const side = state.layer(shownLayers[0] ?? "").side;
@@ -46,8 +51,24 @@ export function drawMarks(
   drawCross(sheet, here(state.pinned), "#ffffff", "#d6007a");
   drawLandmarks(sheet, state, side);
   drawRuler(sheet, state);
-  drawAxes(sheet);
   drawScaleBar(sheet);
+}
+
+/** Beyond its ends there is no wall, and beyond one turn there are copies of it, which are dimmed; dots mark 0°. */
+function coverBeyond(sheet: Sheet): void {
+  const { drawing, width, height, view, wall, paper } = sheet;
+  const { left, right, perTurn } = turnOf(sheet);
+  const [top, bottom] = [wall.part.top_mm, wall.part.bottom_mm].map((z_mm) => height / 2 + (z_mm - view.z_mm) / view.mm_per_px) as [number, number];
+  drawing.fillStyle = `rgb(${paper.colour})`;
+  if (top > 0) drawing.fillRect(0, 0, width, Math.min(top, height));
+  if (bottom < height) drawing.fillRect(0, Math.max(bottom, 0), width, height - Math.max(bottom, 0));
+  drawing.fillStyle = `rgba(${paper.colour},${VEIL})`;
+  if (left > 0) drawing.fillRect(0, 0, left, height);
+  if (right < width) drawing.fillRect(right, 0, width - right, height);
+  const seam = width / 2 - (((((view.theta_rad / (2 * Math.PI)) % 1) + 1.5) % 1) - 0.5) * perTurn;
+  drawing.setLineDash([2, 4]);
+  for (const x of [seam - perTurn, seam, seam + perTurn]) if (x >= left - 1 && x <= right + 1) line(drawing, x, Math.max(top, 0), x, Math.min(bottom, height), 1);
+  drawing.setLineDash([]);
 }
 
 function drawOutlines(
@@ -57,9 +78,13 @@ function drawOutlines(
   shownLayers: readonly string[],
 ): void {
   const { drawing, width, height, view, wall } = sheet;
-  const perTurn = wall.circumference_mm / view.mm_per_px;
+  const { left, right, perTurn } = turnOf(sheet);
   const origin = toPixels({ theta_rad: 0, z_mm: wall.part.top_mm }, view, wall, width, height);
   const common = state.description.has_common_places;
+  drawing.save();
+  drawing.beginPath();
+  drawing.rect(Math.max(left, 0), 0, Math.min(right, width) - Math.max(left, 0), height);
+  drawing.clip();
   for (const [layer, { path, colour }] of paths) {
     const side = state.layer(layer).side;
     if (!state.outlines.has(layer)) continue;
@@ -78,6 +103,7 @@ function drawOutlines(
       drawing.restore();
     }
   }
+  drawing.restore();
 }
 
 /** A pane has the numbers of the side that it shows; the difference those of A, and of B what A does not have. */
@@ -92,30 +118,59 @@ function drawNumbers(sheet: Sheet, state: State, shownLayers: readonly string[])
   drawing.font = "11px system-ui, sans-serif";
   drawing.textAlign = "center";
   drawing.textBaseline = "middle";
-  for (const cell of state.description.cells) {
+  const bar = scaleBar(sheet);
+  const free = new FreeRoom({ x: bar.x + bar.wide / 2, y: bar.y - 8, wide: bar.wide, high: 20 });
+  // the selected cell first, then the largest: where two numbers would overlap, theirs is the one that is drawn
+  const order = (cell: CellPart): number => (cell === state.selected ? Infinity : cell.diameter_mm);
+  for (const cell of [...state.description.cells].sort((a, b) => order(b) - order(a))) {
     const chosen = cell === state.selected;
     const big = cell.diameter_mm / view.mm_per_px > 15;
     if (!chosen && !(state.numbers && big && isNumbered(cell, state, shownLayers))) continue;
-    for (const { x, y } of repeats(cell, sheet)) {
-      if (chosen) {
-        const radius = Math.max(cell.diameter_mm / view.mm_per_px / 2 + 7, 10);
-        for (const [colour, wide] of [[HALO, 5], ["#d6007a", 2]] as const) {
-          drawing.strokeStyle = colour;
-          drawing.lineWidth = wide;
-          drawing.beginPath();
-          drawing.arc(x, y, radius, 0, 2 * Math.PI);
-          drawing.stroke();
-        }
-      }
-      if (big || chosen) label(drawing, String(cell.id), x, y);
-    }
+    const radius = Math.max(cell.diameter_mm / view.mm_per_px / 2 + 7, 10);
+    if (chosen) for (const { x, y } of repeats(cell, sheet, radius)) drawRing(drawing, x, y, radius);
+    for (const { x, y } of repeats(cell, sheet)) if (free.takes(String(cell.id), x, y)) label(drawing, String(cell.id), x, y);
+  }
+}
+
+function drawRing(drawing: Drawing, x: number, y: number, radius: number): void {
+  for (const [colour, wide] of [[HALO, 5], ["#d6007a", 2]] as const) {
+    drawing.strokeStyle = colour;
+    drawing.lineWidth = wide;
+    drawing.beginPath();
+    drawing.arc(x, y, radius, 0, 2 * Math.PI);
+    drawing.stroke();
+  }
+}
+
+/** A rectangle about its middle. */
+interface Room {
+  x: number;
+  y: number;
+  wide: number;
+  high: number;
+}
+
+/** Keeps numbers from overlapping each other, and what is `taken` already. */
+class FreeRoom {
+  private readonly taken: Room[];
+
+  constructor(...taken: Room[]) {
+    this.taken = taken;
+  }
+
+  /** Take the room of a number about a place; false where a part of it is taken. */
+  takes(text: string, x: number, y: number): boolean {
+    const wide = NUMBER_PX.digit * text.length + 2;
+    const isFree = this.taken.every((other) => Math.abs(other.x - x) >= (other.wide + wide) / 2 || Math.abs(other.y - y) >= (other.high + NUMBER_PX.high) / 2);
+    if (isFree) this.taken.push({ x, y, wide, high: NUMBER_PX.high });
+    return isFree;
   }
 }
 
 function drawCross(sheet: Sheet, place: Place | null, colour: string, edge: string): void {
   if (!place) return;
   const { drawing } = sheet;
-  for (const { x, y } of repeats(place, sheet)) {
+  for (const { x, y } of repeats(place, sheet, REACH_PX)) {
     for (const [stroke, wide] of [[edge, 3], [colour, 1]] as const) {
       drawing.strokeStyle = stroke;
       drawing.lineWidth = wide;
@@ -145,7 +200,7 @@ function drawRuler(sheet: Sheet, state: State): void {
   const end = { theta_rad: state.ruler.from.theta_rad + apart, z_mm: to.z_mm };
   const dx = (apart * wall.part.radius_mm) / sheet.view.mm_per_px;
   const dy = (end.z_mm - state.ruler.from.z_mm) / sheet.view.mm_per_px;
-  for (const { x, y } of repeats(state.ruler.from, sheet)) {
+  for (const { x, y } of repeats(state.ruler.from, sheet, REACH_PX)) {
     for (const [colour, wide] of [[HALO, 5], [INK, 2]] as const) {
       drawing.strokeStyle = colour;
       drawing.lineWidth = wide;
@@ -160,56 +215,28 @@ function drawRuler(sheet: Sheet, state: State): void {
   }
 }
 
-function drawAxes(sheet: Sheet): void {
-  const { drawing, width, height, view, wall } = sheet;
-  drawing.fillStyle = "rgba(255,255,255,0.5)";
-  drawing.fillRect(0, 0, width, 19);
-  drawing.fillRect(0, 19, 30, height - 19);
-  const pxPerDegree = wall.circumference_mm / view.mm_per_px / 360;
-  const step = [...DEGREE_STEPS].reverse().find((value) => value * pxPerDegree >= LEAST_LABEL_PX) ?? 90;
-  drawing.font = "10.5px system-ui, sans-serif";
-  drawing.textBaseline = "top";
-  drawing.textAlign = "center";
-  const middle = (view.theta_rad * 180) / Math.PI;
-  const reach = width / 2 / pxPerDegree;
-  for (let k = Math.ceil((middle - reach) / step); k * step <= middle + reach; k += 1) {
-    const x = width / 2 + (k * step - middle) * pxPerDegree;
-    const shown = degrees((k * step * Math.PI) / 180);
-    const isSeam = Math.abs(shown) < 1e-6 || Math.abs(shown - 360) < 1e-6;
-    if (isSeam) {
-      drawing.setLineDash([2, 4]);
-      line(drawing, x, 0, x, height, 1);
-      drawing.setLineDash([]);
-    }
-    line(drawing, x, 0, x, 5, 1);
-    if (x > 34 && x < width - 12) label(drawing, `${isSeam ? 0 : Number(shown.toFixed(2))}°`, x, 7);
-  }
-  const step_mm = roundBelow((2.2 * LEAST_LABEL_PX * view.mm_per_px));
-  const decimals = Math.max(0, -Math.floor(Math.log10(step_mm)));
-  drawing.textAlign = "left";
-  label(drawing, "mm", 4, 7); // of z, below
-  drawing.textBaseline = "middle";
-  const half = (height / 2) * view.mm_per_px;
-  for (let k = Math.ceil((view.z_mm - half) / step_mm); k * step_mm <= view.z_mm + half; k += 1) {
-    const z_mm = k * step_mm;
-    if (z_mm < wall.part.top_mm || z_mm > wall.part.bottom_mm) continue;
-    const y = height / 2 + (z_mm - view.z_mm) / view.mm_per_px;
-    line(drawing, 0, y, 5, y, 1);
-    if (y > 22) label(drawing, `${z_mm.toFixed(decimals)}`.replace("-", "−"), 8, y);
-  }
+interface ScaleBar {
+  x: number;
+  y: number;
+  wide: number;
+  text: string;
+}
+
+function scaleBar({ width, height, view }: Sheet): ScaleBar {
+  const length_mm = roundBelow(0.3 * Math.min(width, 360) * view.mm_per_px);
+  const wide = length_mm / view.mm_per_px;
+  const text = length_mm < 0.1 ? `${Number((length_mm * 1000).toPrecision(3))} µm` : `${Number(length_mm.toPrecision(3))} mm`;
+  return { x: width - 12 - wide, y: height - 12, wide, text };
 }
 
 function drawScaleBar(sheet: Sheet): void {
-  const { drawing, width, height, view } = sheet;
-  const length_mm = roundBelow(0.3 * Math.min(width, 360) * view.mm_per_px);
-  const wide = length_mm / view.mm_per_px;
-  const [x, y] = [width - 12 - wide, height - 12];
+  const { drawing } = sheet;
+  const { x, y, wide, text } = scaleBar(sheet);
   line(drawing, x, y, x + wide, y, 3);
   drawing.textAlign = "center";
   drawing.textBaseline = "bottom";
   drawing.font = "11px system-ui, sans-serif";
-  const text = length_mm < 0.1 ? `${Number((length_mm * 1000).toPrecision(3))} µm` : `${Number(length_mm.toPrecision(3))} mm`;
-  label(drawing, text, x + wide / 2, y - 4);
+  label(drawing, text, Math.min(x + wide / 2, sheet.width - 3.4 * text.length), y - 4);
 }
 
 export function line(drawing: Drawing, x: number, y: number, toX: number, toY: number, wide: number): void {

@@ -1,9 +1,11 @@
 /** A pane: one layer of the wall, or two of them brought together, with marks over and a colour bar under them. */
 
+import { AXES_PX, drawAxes } from "./axes";
 import { colourBar } from "./colour_bar";
 import type { Filters } from "./colouring";
 import { button, context, element, select } from "./dom";
 import { type Paths, drawMarks } from "./marks";
+import { type Sheet, paperOf } from "./sheet";
 import type { Source } from "./source";
 import { MODES, type Mode, type PaneState, type State } from "./state";
 import { type Subject, paneSubject } from "./subject";
@@ -22,6 +24,7 @@ export class Pane {
   readonly element = element("section", { class: "pane" });
   private readonly view_ = element("div", { class: "view", tabindex: "-1" }); // focused while keys move its cursor
   private readonly marks = element("canvas", { class: "marks", "aria-hidden": "true" });
+  private readonly axes = element("canvas", { class: "axes", "aria-hidden": "true" });
   private readonly handle = element("div", { class: "handle" });
   private readonly head = element("header");
   private readonly foot = element("footer");
@@ -45,7 +48,9 @@ export class Pane {
   ) {
     const below = element("div", { class: "layer" });
     this.view_.append(below, this.handle, this.marks);
-    this.element.append(this.head, this.view_, this.foot);
+    const plot = element("div", { class: "plot" }, this.axes, this.view_);
+    plot.style.padding = `${AXES_PX.top}px 0 0 ${AXES_PX.left}px`;
+    this.element.append(this.head, plot, this.foot);
     parent.append(this.element); // a viewer must know how large it is from the start
     this.under = new LayerViewer(below, source, wall);
     this.under.viewer.addHandler("viewport-change", () => this.follow());
@@ -283,11 +288,15 @@ export class Pane {
 
   private draw(): void {
     const drawing = context(this.marks);
-    if (!drawing) return;
+    const around = context(this.axes);
+    if (!drawing || !around) return;
     const { clientWidth: width, clientHeight: height } = this.marks;
     const view = this.view();
     this.under.setDoubleClickZoom(!this.state.measuring && !this.state.landmarks.active);
-    drawMarks({ drawing, width, height, view, wall: this.wall }, this.state, this.paths(), this.layers());
+    const sheet: Sheet = { drawing, width, height, view, wall: this.wall, paper: paperOf(this.element) };
+    drawMarks(sheet, this.state, this.paths(), this.layers());
+    around.translate(AXES_PX.left, AXES_PX.top);
+    drawAxes({ ...sheet, drawing: around });
     // for whoever drives the page by a program
     this.element.dataset["thetaDeg"] = degrees(view.theta_rad).toFixed(3);
     this.element.dataset["zMm"] = view.z_mm.toFixed(4);

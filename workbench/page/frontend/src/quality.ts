@@ -46,7 +46,7 @@ function plot(state: State, frames: FramesPart, series: SeriesPart, go: (z_mm: n
 }
 
 function spoken(frames: FramesPart, series: SeriesPart, bad: number[]): string {
-  const where = bad.map((k) => k + 1).join(", ");
+  const where = bad.join(", ");
   return `${series.title} of every ${frames.frame_dim}; ${bad.length ? `beyond the limits: ${where}` : "none beyond the limits"}`;
 }
 

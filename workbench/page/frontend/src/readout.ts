@@ -68,7 +68,7 @@ export class Readout {
         continue;
       }
       const cell = inside && place ? cellAt(this.state, this.paths(), this.wall, outline.layer, place) : null;
-      rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state})` : "–"]);
+      rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state === "alone" ? `only ${cell.side}` : cell.state})` : "–"]);
     }
     const { ruler } = this.state;
     if (ruler?.to) rows.push(["ruler", `${lengthOnWall(ruler.from, ruler.to, this.wall).toFixed(3)} mm`]);
@@ -81,6 +81,6 @@ export class Readout {
 }
 
 function valueText(value: number, unit: string): string {
-  const text = unit === "mm" ? `${value.toFixed(3)} mm` : `${Number(value.toPrecision(4))}`;
+  const text = unit === "mm" ? `${value.toFixed(3).replace(/^-(?=[0.]*$)/, "")} mm` : `${Number(value.toPrecision(4))}`;
   return text.replace("-", "−");
 }

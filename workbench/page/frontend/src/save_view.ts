@@ -1,7 +1,7 @@
 /** Save the view: ask for the kind of file, its size, its fineness and its caption; then write it. */
 
 import { captionOf } from "./caption";
-import { button, element, select } from "./dom";
+import { button, download, element, select } from "./dom";
 import { drawFigure, layOut, widthOf } from "./figure";
 import { PdfFile } from "./pdf_file";
 import { described } from "./png_file";
@@ -120,11 +120,4 @@ function sizeOf(subjects: readonly Subject[], state: State, { dpi, width_mm, cap
 function paperOf(subjects: readonly Subject[], width_mm: number): number {
   const mm_per_px = subjects.find((one) => one.view)?.view?.mm_per_px ?? 1;
   return width_mm / (widthOf(subjects) * mm_per_px);
-}
-
-function download(file: Blob, name: string): void {
-  const link = element("a", { download: name });
-  link.href = URL.createObjectURL(file);
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }

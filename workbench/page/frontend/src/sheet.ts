@@ -9,7 +9,17 @@ export interface Sheet {
   height: number;
   view: View;
   wall: Wall;
+  paper: Paper;
 }
+
+/** What lies around the wall: its colour, red, green and blue, and that of the axes. */
+export interface Paper {
+  colour: string;
+  ink: string;
+}
+
+/** Of figures. */
+export const WHITE: Paper = { colour: "255,255,255", ink: "#111" };
 
 export function toPixels(place: Place, view: View, wall: Wall, width: number, height: number): { x: number; y: number } {
   const perTurn = wall.circumference_mm / view.mm_per_px;
@@ -19,12 +29,25 @@ export function toPixels(place: Place, view: View, wall: Wall, width: number, he
   };
 }
 
-/** The x of a place in every turn that is in view. */
-export function* repeats(place: Place, sheet: Sheet): Generator<{ x: number; y: number }> {
-  const { width, height, view, wall } = sheet;
+/** That of an element of the page, in the scheme of colours that it has now. */
+export function paperOf(of: Element): Paper {
+  const style = getComputedStyle(of);
+  return { colour: (style.backgroundColor.match(/[\d.]+/g) ?? []).slice(0, 3).join(",") || WHITE.colour, ink: style.color };
+}
+
+/** From where to where the one turn reaches that is marked: half a turn to either side of the middle. */
+export function turnOf({ width, view, wall }: Sheet): { left: number; right: number; perTurn: number } {
   const perTurn = wall.circumference_mm / view.mm_per_px;
-  const first = toPixels(place, view, wall, width, height);
-  for (let x = (((first.x % perTurn) + perTurn) % perTurn) - perTurn; x < width + perTurn; x += perTurn) {
-    yield { x, y: first.y };
-  }
+  return { left: (width - perTurn) / 2, right: (width + perTurn) / 2, perTurn };
+}
+
+/** Where a place lies in that turn; near its end also beyond the other one, where a mark of `reach` pixels is seen in part. */
+export function* repeats(place: Place, sheet: Sheet, reach = 0): Generator<{ x: number; y: number }> {
+  const { width, height, view, wall } = sheet;
+  const { left, right, perTurn } = turnOf(sheet);
+  const { x, y } = toPixels(place, view, wall, width, height);
+  const first = left + ((((x - left) % perTurn) + perTurn) % perTurn);
+  yield { x: first, y };
+  if (first - left < reach) yield { x: first + perTurn, y };
+  if (right - first < reach) yield { x: first - perTurn, y };
 }

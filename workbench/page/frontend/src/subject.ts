@@ -1,9 +1,11 @@
 /** What a figure is made of: a pane, or the cylinder, that can be drawn at any fineness. */
 
+import { drawAxes } from "./axes";
 import { paneTitle, shownLayers } from "./caption";
 import type { Drawing } from "./drawing";
 import { type Paths, drawMarks } from "./marks";
 import { paneRaster } from "./raster";
+import { WHITE } from "./sheet";
 import type { Source } from "./source";
 import type { State } from "./state";
 import { LENS_PX, type Shot } from "./together";
@@ -24,6 +26,8 @@ export interface Subject {
   /** What is below the marks, `ratio` pixels for a CSS pixel; `told` hears of every tile that it takes. */
   picture(ratio: number, told: () => void): Promise<HTMLCanvasElement>;
   marks(drawing: Drawing): void;
+  /** What lies outside of the picture, from its upper left corner. */
+  axes(drawing: Drawing): void;
 }
 
 /** What panes are drawn from. */
@@ -47,9 +51,10 @@ export function paneSubject(shot: Shot, left: number, top: number, page: Shown):
     },
     picture: (ratio, told) => paneRaster(shot, ratio, state, source, wall, told),
     marks: (drawing) => {
-      drawMarks({ drawing, width, height, view, wall }, state, paths, layers);
+      drawMarks({ drawing, width, height, view, wall, paper: WHITE }, state, paths, layers);
       drawBorder(drawing, shot);
     },
+    axes: (drawing) => drawAxes({ drawing, width, height, view, wall, paper: WHITE }),
   };
 }
 

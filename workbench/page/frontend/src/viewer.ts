@@ -37,6 +37,7 @@ export class LayerViewer {
       maxZoomLevel: 1e9,
       maxZoomPixelRatio: Infinity,
       imageLoaderLimit: 6,
+      clickTimeThreshold: Infinity, // what did not move is a click, however late a busy browser hears of its end
       gestureSettingsMouse: { clickToZoom: false, dblClickToZoom: true, flickEnabled: true },
       gestureSettingsTouch: { clickToZoom: false },
       gestureSettingsPen: { clickToZoom: false },

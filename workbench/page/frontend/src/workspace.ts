@@ -67,6 +67,7 @@ export class Workspace {
     this.state.on("link", () => this.relink());
     for (const change of ["marks", "cursor", "selection", "landmarks"] as const) this.state.on(change, () => this.redraw());
     document.addEventListener("keydown", (event) => this.key(event));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.state.tell("cursor")); // axes have its ink
   }
 
   /** Plot how good every frame is, below. */
