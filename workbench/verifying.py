@@ -9,8 +9,8 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME as LIST_NAME
 from endoct.base.files.contents import Contents, Differences, differences, is_marked, read_contents
 from endoct.base.files.files import is_left_by_system, sha256_of
+from endoct.fusion.files.session import MASKS, read_session
 from endoct.fusion.files.session import NAME as SESSION_NAME
-from endoct.fusion.files.session import read_session
 from endoct.workbench.dataset.creation import LOCK_NAME, TOP_FILES
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import Identity, read_identity
@@ -85,20 +85,19 @@ def _verdict(path: Path, stages: Stages) -> Verdict:
         if contents is None:
             return Verdict(path, "output without its list", 0, 0, Differences(missing=(LIST_NAME,)))
         size = sum(n_bytes for n_bytes, _ in contents.files.values())
-        return Verdict(
-            path, contents.kind, len(contents.files), size, _without_session(path, differences(path, contents))
-        )
+        return Verdict(path, contents.kind, len(contents.files), size, _without_own(path, differences(path, contents)))
 
 
-def _without_session(folder: Path, found: Differences) -> Differences:
-    """Return differences without the session file that the page writes into a comparison: it is the user's own."""
-    if SESSION_NAME not in found.added:
-        return found
-    try:
-        read_session(folder / SESSION_NAME)
-    except EndoctError:
-        return found
-    return replace(found, added=tuple(name for name in found.added if name != SESSION_NAME))
+def _without_own(folder: Path, found: Differences) -> Differences:
+    """Return differences without what the page saves in a comparison, its session and masks: these are the user's."""
+    own = {name for name in found.added if name.startswith(f"{MASKS}/")}
+    if SESSION_NAME in found.added:
+        try:
+            read_session(folder / SESSION_NAME)
+            own.add(SESSION_NAME)
+        except EndoctError:
+            pass
+    return replace(found, added=tuple(name for name in found.added if name not in own))
 
 
 def _page(path: Path) -> Verdict:

@@ -18,6 +18,8 @@ from endoct.stitching.panorama import Panorama
 
 NAME = "session.json"
 """Of the session file in the folder of its comparison."""
+MASKS = "masks"
+"""The folder next to it in which the page saves masks."""
 FORMAT: Literal["endoct-session-1"] = "endoct-session-1"
 MOST_PAIRS = 1000
 WRITTEN_BY = "a file that the page of `endoct serve` wrote"

@@ -25,6 +25,7 @@ from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
 from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
 from endoct.fusion.files.drawn_store import read_drawn
 from endoct.fusion.files.store import ComparisonOutline
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import PanoramaOutline
@@ -299,10 +300,28 @@ def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
     Drawn from the overview of the mask. An outline over θ = 0 ends a sample beyond it, on either side.
     """
     overview = mask.overview()
-    down, across, averaged = overview.down, overview.across, overview.averaged
+    averaged = overview.averaged
     share = np.where(averaged.known, averaged.values, np.float32(0))
+    return _lines_around(share, mask.placing, overview.down, overview.across)
+
+
+MOST_OUTLINED = 2048
+"""Samples of a mask along either axis, of which outlines are drawn; of larger ones several are averaged."""
+
+
+def mask_outlines(mask: Mask, grid: SurfaceGrid, where: Alignment | None) -> tuple[tuple[float, ...], ...]:
+    """Return the outlines of ``mask``, bool (n_z, n_theta) on ``grid``, moved by ``where``, as :func:`outlines`."""
+    down, across = (-(-n // MOST_OUTLINED) for n in mask.shape)
+    rows = mask[::-1] if where is not None and where.z_reversed else mask
+    row_starts, column_starts = np.arange(0, mask.shape[0], down), np.arange(0, mask.shape[1], across)
+    sums = np.add.reduceat(np.add.reduceat(rows, row_starts, axis=0, dtype=np.int32), column_starts, axis=1)
+    counts = np.diff(np.append(row_starts, mask.shape[0]))[:, None] * np.diff(np.append(column_starts, mask.shape[1]))
+    return _lines_around((sums / counts).astype(np.float32), placing_of(grid, where), down, across)
+
+
+def _lines_around(share: Image, placing: Placing, down: int, across: int) -> tuple[tuple[float, ...], ...]:
+    """Return the lines around what is at least half a cell; ``share`` is averaged over so many rows and columns."""
     padded = np.pad(np.pad(share, ((0, 0), (1, 1)), mode="wrap"), ((1, 1), (0, 0)))
-    placing = mask.placing
     starts = np.arange(0, placing.row_mm.size, down)
     middle = (starts + np.minimum(starts + down, placing.row_mm.size) - 1) / 2
     row_mm = np.interp(middle, np.arange(placing.row_mm.size), placing.row_mm)

@@ -12,6 +12,7 @@ from endoct.stitching.store import PanoramaOutline, is_panorama
 from endoct.stitching.store import read_outline as read_panorama
 from endoct.workbench.page.cell_rows import cell_parts, cells_by_truth
 from endoct.workbench.page.description import Description, OutlinePart, WallPart
+from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
 from endoct.workbench.page.layers import (
     CELLS,
@@ -90,7 +91,8 @@ def _comparison(origin: Origin) -> Shown:
     )
     layers = {one.part.key: one.layer for one in described}
     sections, session = comparison_sections(outline.result), session_of(origin, outline, (outlines[0], outlines[1]))
-    return Shown(heading, sections, description, wall, layers, origin, sides, session)
+    masks = DrawnMasks(origin, outline, {name: side.outline for name, side in sides.items()}, session.refused)
+    return Shown(heading, sections, description, wall, layers, origin, sides, session, masks)
 
 
 def _panorama(origin: Origin) -> Shown:

@@ -1,7 +1,7 @@
 """The server of the page: its files, its description, tiles, values. It opens nothing but what it was given.
 
-Only the addresses at which the page asks about landmarks and saves them take what somebody sends. Only the page
-that the server served itself may ask, by the name under which the server was called.
+Only the addresses at which the page asks about landmarks and drawings, and saves them, take what somebody sends. Only
+the page that the server served itself may ask, by the name under which the server was called.
 """
 
 import json
@@ -23,6 +23,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import SMALL_BYTES
+from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Link, document
 from endoct.workbench.page.layers import png_of
 from endoct.workbench.page.presence import Gone, Origin, concerning
@@ -52,6 +53,28 @@ def session_routes(session: Sessions | None) -> list[Route]:
         Route("/session.json", state),
         Route("/session.json", save, methods=["POST"]),
         Route("/landmarks.json", judged, methods=["POST"]),
+    ]
+
+
+def mask_routes(masks: DrawnMasks | None) -> list[Route]:
+    """Return the routes of the ``masks`` of a comparison; none where there is no comparison."""
+    if masks is None:
+        return []
+
+    @concerning(masks.origin)
+    def listed(_: Request) -> Response:
+        return JSONResponse(masks.listed(), headers=FRESH)
+
+    async def outlined(request: Request) -> Response:
+        return await _answer(request, masks.outlined, masks.origin)
+
+    async def save(request: Request) -> Response:
+        return await _answer(request, masks.save, masks.origin)
+
+    return [
+        Route("/masks.json", listed),
+        Route("/masks.json", save, methods=["POST"]),
+        Route("/drawing.json", outlined, methods=["POST"]),
     ]
 
 
@@ -253,6 +276,7 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
             Route("/volume/{version}.bin", volume),
             Route("/pictures/{version}/{side}/{place}.json", pictures),
             *session_routes(shown.session),
+            *mask_routes(shown.masks),
             Route("/reading/{side}", reading, methods=["GET", "POST"]),
             Route("/tiles/{version}/{key}/{level}/{column}_{row}.png", tile),
             Route("/{name}", asset),

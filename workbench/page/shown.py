@@ -18,6 +18,7 @@ from endoct.modalities.contract import Picture
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.description import Description, FramesPart, PlacementPart, SeriesPart
+from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Heading
 from endoct.workbench.page.layers import MOST_SAMPLES, Classes, Layer, Scalar, outlines, relief_bytes
 from endoct.workbench.page.presence import Origin
@@ -44,7 +45,7 @@ class Shown:
     """A comparison, or a panorama, opened for the page: ``heading`` and ``sections`` are its text.
 
     The ``description`` is for its program, ``layers`` are by key and ``sides`` by name; ``origin`` is where it lies,
-    ``session`` has the landmarks of a comparison.
+    ``session`` has the landmarks of a comparison, ``masks`` what was drawn on it.
     """
 
     heading: Heading
@@ -55,6 +56,7 @@ class Shown:
     origin: Origin
     sides: Mapping[str, ShownSide] = field(default_factory=dict)
     session: Sessions | None = None
+    masks: DrawnMasks | None = None
     panorama: Path | None = None
 
     def tile(self, key: str, tile: Tile) -> Pillow.Image:

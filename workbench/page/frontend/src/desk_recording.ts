@@ -2,7 +2,7 @@
 
 import { ask, message, named, post, type Preview, type Sidecar, type SidecarField } from "./desk_server";
 import { button, element, select } from "./dom";
-import { CurveColours, drawPicture } from "./frame_picture";
+import { CurveStyles, drawPicture } from "./frame_picture";
 import type { FramePicture } from "./source";
 
 const WAIT_MS = 300;
@@ -21,7 +21,7 @@ class RecordingPage {
   private readonly frame = element("span", { class: "frame" });
   private readonly save = element("button", { type: "submit", class: "chief" }, "Save");
   private readonly controls = new Map<string, HTMLInputElement | HTMLSelectElement>();
-  private readonly colours = new CurveColours();
+  private readonly styles = new CurveStyles();
   private sidecar: Sidecar | null = null;
   private drawn: { canvas: HTMLCanvasElement; image: HTMLImageElement; picture: FramePicture }[] = [];
   private busy = false;
@@ -155,7 +155,7 @@ class RecordingPage {
     this.pictures.replaceChildren(...made.map(({ canvas, picture }) => {
       const legends = Object.keys(picture.curves).map((label) => {
         const legend = element("span", { class: "legend" }, label);
-        legend.style.setProperty("--line-colour", this.colours.of(label));
+        legend.style.setProperty("--line-colour", this.styles.of(label).colour);
         return legend;
       });
       return element("figure", {}, canvas, element("figcaption", {}, element("b", {}, picture.title), ...legends));
@@ -164,7 +164,7 @@ class RecordingPage {
   }
 
   private draw(): void {
-    for (const { canvas, image, picture } of this.drawn) drawPicture(canvas, image, picture, this.colours, null);
+    for (const { canvas, image, picture } of this.drawn) drawPicture(canvas, image, picture, this.styles, null);
   }
 
   private async store(): Promise<void> {

@@ -50,6 +50,7 @@ export function drawMarks(
   drawCross(sheet, here(state.cursor), "rgba(255,255,255,0.9)", "rgba(0,0,0,0.55)");
   drawCross(sheet, here(state.pinned), "#ffffff", "#d6007a");
   drawLandmarks(sheet, state, side);
+  drawPainting(sheet, state, side);
   drawRuler(sheet, state);
   drawScaleBar(sheet);
 }
@@ -213,6 +214,40 @@ function drawRuler(sheet: Sheet, state: State): void {
     drawing.textBaseline = "middle";
     label(drawing, `${lengthOnWall(state.ruler.from, end, wall).toFixed(3)} mm`, x + dx / 2, y + dy / 2 - 10);
   }
+}
+
+/** What is drawn of a mask: its outline as it will be saved, and the stroke under the pointer. */
+function drawPainting(sheet: Sheet, state: State, side: string | null): void {
+  const { painting } = state;
+  if (!painting.active || side !== painting.side) return;
+  const { drawing, width, height, view, wall } = sheet;
+  const { perTurn } = turnOf(sheet);
+  const across = (places: readonly Place[], shift: number): void => {
+    drawing.beginPath();
+    places.forEach((place, k) => {
+      const { x, y } = toPixels(place, view, wall, width, height);
+      if (k === 0) drawing.moveTo(x + shift, y);
+      else drawing.lineTo(x + shift, y);
+    });
+  };
+  drawing.lineJoin = "round";
+  for (const line of painting.lines) {
+    const places = Array.from({ length: line.length / 2 }, (_, k) => ({ theta_rad: line[2 * k] ?? 0, z_mm: line[2 * k + 1] ?? 0 }));
+    const first = toPixels(places[0] ?? { theta_rad: 0, z_mm: 0 }, view, wall, width, height).x;
+    for (let shift = -Math.floor((first + perTurn) / perTurn) * perTurn; first + shift < width + perTurn; shift += perTurn) {
+      for (const [colour, wide] of [[HALO, 4], ["#d6007a", 2]] as const) {
+        drawing.strokeStyle = colour;
+        drawing.lineWidth = wide;
+        across(places, shift);
+        drawing.stroke();
+      }
+    }
+  }
+  if (!painting.stroke.length) return;
+  drawing.strokeStyle = painting.adds ? "rgba(214,0,122,0.45)" : "rgba(40,40,40,0.45)";
+  drawing.lineWidth = painting.tool === "brush" ? (2 * painting.radius_mm) / view.mm_per_px : 2;
+  across(painting.stroke.length > 1 ? painting.stroke : [...painting.stroke, ...painting.stroke], 0);
+  drawing.stroke();
 }
 
 interface ScaleBar {

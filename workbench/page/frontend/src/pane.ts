@@ -3,6 +3,7 @@
 import { AXES_PX, drawAxes } from "./axes";
 import { colourBar } from "./colour_bar";
 import type { Filters } from "./colouring";
+import type { Painter } from "./painter";
 import { button, context, element, select } from "./dom";
 import { type Paths, drawMarks } from "./marks";
 import { type Sheet, paperOf } from "./sheet";
@@ -14,6 +15,7 @@ import { LayerViewer } from "./viewer";
 import { type Spot, type View, type Wall, degrees } from "./wall";
 
 export interface PaneEvents {
+  readonly painter: Painter;
   moved(pane: Pane, view: View): void;
   pointed(place: Spot | null): void;
   clicked(place: Spot, side: string | null): void;
@@ -55,14 +57,35 @@ export class Pane {
     this.under = new LayerViewer(below, source, wall);
     this.under.viewer.addHandler("viewport-change", () => this.follow());
     this.under.viewer.addHandler("canvas-click", (event) => {
-      if (event.quick) this.clickAt(event.position.x, event.position.y);
+      if (event.quick && !this.events.painter.draws(this.sideAt(event.position.x))) this.clickAt(event.position.x, event.position.y);
     });
+    this.letDraw();
     this.view_.addEventListener("pointermove", (event) => this.point(event));
     this.view_.addEventListener("pointerleave", () => this.events.pointed(null));
     this.handle.addEventListener("pointerdown", (event) => this.handle.setPointerCapture(event.pointerId));
     this.handle.addEventListener("pointermove", (event) => this.drag(event));
     this.resized = new ResizeObserver(() => this.redraw());
     this.resized.observe(this.view_);
+  }
+
+  /** Have the pointer draw while a mask of this pane's side is drawn, instead of moving the view. */
+  private letDraw(): void {
+    const { painter } = this.events;
+    const { viewer } = this.under;
+    let moved = false;
+    viewer.addHandler("canvas-press", (event) => {
+      moved = false;
+      if (painter.draws(this.sideAt(event.position.x))) painter.press(this.placeAt(event.position.x, event.position.y));
+    });
+    viewer.addHandler("canvas-drag", (event) => {
+      if (!painter.draws(this.side)) return;
+      event.preventDefaultAction = true;
+      moved = true;
+      painter.drag(this.placeAt(event.position.x, event.position.y), this.view().mm_per_px);
+    });
+    viewer.addHandler("canvas-release", () => {
+      if (painter.draws(this.side)) painter.release(moved);
+    });
   }
 
   /** Show what the state says, after any of it changed. */
@@ -292,7 +315,7 @@ export class Pane {
     if (!drawing || !around) return;
     const { clientWidth: width, clientHeight: height } = this.marks;
     const view = this.view();
-    this.under.setDoubleClickZoom(!this.state.measuring && !this.state.landmarks.active);
+    this.under.setDoubleClickZoom(!this.state.measuring && !this.state.landmarks.active && !this.state.painting.active);
     const sheet: Sheet = { drawing, width, height, view, wall: this.wall, paper: paperOf(this.element) };
     drawMarks(sheet, this.state, this.paths(), this.layers());
     around.translate(AXES_PX.left, AXES_PX.top);

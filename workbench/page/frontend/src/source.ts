@@ -2,6 +2,7 @@
 
 import type { Description } from "./description";
 import type { Judged, Pair, SessionState } from "./landmarks";
+import type { Drawing, SavedMasks } from "./painting";
 import { OVERLAP_PX, TILE_PX, Wall, wrapped } from "./wall";
 
 /** What the server answers where what the page shows was replaced or deleted. */
@@ -57,11 +58,19 @@ export interface Source {
   readonly canSave: boolean;
   /** Save a session, and return the digest of its file. */
   saveSession(session: SessionState, pairs: readonly Pair[]): Promise<string | null>;
+  /** The masks that were drawn on the page, by side. */
+  masks(): Promise<SavedMasks>;
+  /** The outlines of a drawing as it would be saved, in the frame that is shown. */
+  outlineDrawing(drawing: Drawing): Promise<{ lines: number[][] }>;
+  /** Save a drawing, and return the command line that scores against it. */
+  saveMask(drawing: Drawing & { rater: string; session: string }): Promise<{ command: string }>;
   /** Call `told` once what the page shows was replaced or deleted, with a text that says so. */
   onGone(told: (text: string) => void): void;
   /** Find out whether what the page shows is still there. */
   checkPresent(): void;
 }
+
+const NOT_SERVED = "masks are drawn where the page is served (endoct serve)";
 
 interface Frozen {
   description: Description;
@@ -165,9 +174,18 @@ async function servedSource(): Promise<Source> {
       if (!found.ok) throw new Error(await found.text());
       return ((await found.json()) as { saved: string }).saved;
     },
+    masks: async () => answered<SavedMasks>(await asker.ask("masks.json")),
+    outlineDrawing: async (drawing) => answered(await asker.send("drawing.json", drawing)),
+    saveMask: async (drawing) => answered(await asker.send("masks.json", drawing)),
     onGone: (told) => asker.onGone(told),
     checkPresent: () => void asker.ask("present").catch(() => null),
   };
+}
+
+/** What the server answered. Throws its text where it refused. */
+async function answered<T>(response: Response): Promise<T> {
+  if (!response.ok) throw new Error(await response.text());
+  return (await response.json()) as T;
 }
 
 /** Have the browser save a session file. */
@@ -236,6 +254,9 @@ function frozenSource(frozen: Frozen): Source {
     judge: () => Promise.resolve(null),
     canSave: false,
     saveSession: (session, pairs) => Promise.resolve(download(session, pairs)),
+    masks: () => Promise.reject(new Error(NOT_SERVED)),
+    outlineDrawing: () => Promise.reject(new Error(NOT_SERVED)),
+    saveMask: () => Promise.reject(new Error(NOT_SERVED)),
     onGone: () => undefined,
     checkPresent: () => undefined,
   };

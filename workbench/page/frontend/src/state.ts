@@ -3,6 +3,7 @@
 import { type Colouring, firstColouring } from "./colouring";
 import type { CellPart, Description, LayerPart } from "./description";
 import { Landmarks } from "./landmarks";
+import { Painting } from "./painting";
 import type { Place, Spot, View } from "./wall";
 
 export const MODES = {
@@ -23,7 +24,7 @@ export interface PaneState {
   share: number;
 }
 
-export type Change = "panes" | "colours" | "marks" | "cursor" | "selection" | "link" | "landmarks";
+export type Change = "panes" | "colours" | "marks" | "cursor" | "selection" | "link" | "landmarks" | "painting";
 
 const MOST_DRAWN_AT_FIRST = 1;
 
@@ -44,6 +45,7 @@ export class State {
   measuring = false;
   ruler: Ruler | null = null;
   readonly landmarks = new Landmarks();
+  readonly painting = new Painting();
   secondShown = true;
   /** Whether the wall is shown as a cylinder, too. */
   cylinder = false;

@@ -7,6 +7,8 @@ export interface Actions {
   addPane(): void;
   home(): void;
   save(): void;
+  /** Begin or end drawing a mask; null where none can be saved. */
+  draw: (() => void) | null;
 }
 
 export const MOST_PANES = 6;
@@ -23,7 +25,8 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["O", "outlines on and off"],
   ["R", "ruler: click two places"],
   ["M", "landmarks: click a place on one side and on the other"],
-  ["Ctrl+Z", "take back the last step with landmarks; with Shift, make it again"],
+  ["D", "draw a mask: E adds or erases, [ ] the brush, Enter closes an outline"],
+  ["Ctrl+Z", "take back the last step with landmarks, or the last shape; with Shift, make it again"],
   ["in the cylinder", "drag or arrow keys turn it, wheel and + − come nearer; a click marks a place"],
   ["Escape", "forget the marked place, the ruler, the selected cell"],
 ];
@@ -71,6 +74,7 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
         state.landmarks.pending = null;
         state.tell("landmarks");
       })] : []),
+      ...(actions.draw ? [toggle("draw", "draw or correct a mask of one side (D)", state.painting.active, actions.draw)] : []),
       toggle("3-D", "the wall as a cylinder, cut open", state.cylinder, () => {
         state.cylinder = !state.cylinder;
         state.tell("panes");
@@ -79,7 +83,7 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
       keys,
     );
   };
-  for (const change of ["panes", "link", "marks", "landmarks"] as const) state.on(change, draw);
+  for (const change of ["panes", "link", "marks", "landmarks", "painting"] as const) state.on(change, draw);
   draw();
   return bar;
 }

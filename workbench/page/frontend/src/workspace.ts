@@ -10,6 +10,8 @@ import { LandmarkPanel } from "./landmark_panel";
 import type { Pair } from "./landmarks";
 import { Link } from "./link";
 import { type Paths, outlinePaths } from "./marks";
+import { MaskPanel } from "./mask_panel";
+import { Painter } from "./painter";
 import { Pane } from "./pane";
 import { toShown } from "./placement";
 import { Placer } from "./placer";
@@ -35,6 +37,7 @@ export class Workspace {
   private readonly drawer: FrameDrawer;
   private readonly landmarks: LandmarkPanel;
   private readonly placer: Placer;
+  private readonly painter: Painter;
   private readonly aim: Aim;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
@@ -56,16 +59,19 @@ export class Workspace {
     this.drawer = new FrameDrawer(this.state, source, (z_mm) => this.go(z_mm));
     this.landmarks = new LandmarkPanel(this.state, source, (pair) => this.show(pair));
     this.placer = new Placer(this.state);
+    this.painter = new Painter(this.state);
     this.aim = new Aim(() => this.panes, (pane, view) => (this.state.linked ? this.link.show(view) : pane.setView(view)));
-    const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save() };
+    const draw = source.canSave && description.sides.length > 1 ? (): void => this.painter.toggle() : null;
+    const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save(), draw };
     const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
     side.append(this.landmarks.element);
+    if (source.canSave && description.sides.length > 1) side.append(new MaskPanel(this.state, source).element);
     if (description.cells.length) side.append(new CellTable(this.state, (cell) => this.select(cell)).element);
     this.element.append(element("div", { class: "stage" }, toolbar(this.state, actions), this.grid, this.drawer.element), side);
     this.state.on("panes", () => this.refresh());
     this.state.on("colours", () => this.recolour());
     this.state.on("link", () => this.relink());
-    for (const change of ["marks", "cursor", "selection", "landmarks"] as const) this.state.on(change, () => this.redraw());
+    for (const change of ["marks", "cursor", "selection", "landmarks", "painting"] as const) this.state.on(change, () => this.redraw());
     document.addEventListener("keydown", (event) => this.key(event));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.state.tell("cursor")); // axes have its ink
   }
@@ -112,6 +118,7 @@ export class Workspace {
   private newPane(shown: State["panes"][number]): Pane {
     return new Pane(this.grid, shown, this.state, this.source, this.wall, this.filters, () => this.paths, {
       ...this.pointing,
+      painter: this.painter,
       moved: (pane, view) => this.link.moved(pane, view),
       closed: (pane) => {
         this.state.panes = this.state.panes.filter((one) => one !== pane.shown);
@@ -226,7 +233,7 @@ export class Workspace {
 
   private key(event: KeyboardEvent): void {
     const target = event.target;
-    if (this.placer.key(event)) return;
+    if (this.painter.key(event) || this.placer.key(event)) return;
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (target instanceof HTMLInputElement || target instanceof HTMLSelectElement) return;
     if (this.aim.key(event)) {
@@ -261,6 +268,7 @@ export class Workspace {
       arrowleft: () => this.step(-1, 0),
       arrowright: () => this.step(1, 0),
       m: () => this.placer.toggle(),
+      d: () => this.painter.toggle(),
       escape: () => {
         if (this.placer.forget()) return;
         this.state.selected = null;

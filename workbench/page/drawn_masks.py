@@ -1,0 +1,160 @@
+"""Masks drawn and corrected on the page of a comparison: shown as they will be saved, saved as label images.
+
+They lie in the comparison's folder, ``masks/SIDE/RATER_SESSION.png``, on the samples of that side's panorama. None is
+ever replaced: what corrects one is a further session.
+"""
+
+import io
+import re
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from PIL import Image as Pillow
+
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import plain_name
+from endoct.base.files.output import new_output
+from endoct.base.files.scratch import held
+from endoct.base.zarr.zarr_store import read_arrays
+from endoct.fusion.files.drawings import read_drawing
+from endoct.fusion.files.session import MASKS, object_from
+from endoct.fusion.files.store import ComparisonOutline
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import IN_PLACE
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.store import PanoramaOutline
+from endoct.workbench.page.layers import mask_outlines
+from endoct.workbench.page.painting import painted, shapes_from
+from endoct.workbench.page.presence import Origin
+
+KIND = "mask"
+CELLS = "cells"
+"""The ground that is what the side was segmented as."""
+_NAME = re.compile(r"([A-Za-z0-9][A-Za-z0-9.-]{0,40})_([A-Za-z0-9][A-Za-z0-9.-]{0,20})")
+POSTED = "what the page sent"
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnMasks:
+    """The masks of the comparison at ``origin``: its sides by name, and how each lies in the frame that is shown."""
+
+    origin: Origin
+    outline: ComparisonOutline
+    sides: Mapping[str, PanoramaOutline]
+    refused: str = ""
+
+    def listed(self) -> dict[str, Any]:
+        """Return for the page which masks there are, by side; ``refused`` says why none can be saved, else ""."""
+        names = {
+            side: sorted(
+                path.stem for path in (self.origin.folder / MASKS / side).glob("*.png") if _NAME.fullmatch(path.stem)
+            )
+            for side in self.sides
+        }
+        return {"masks": names, "refused": self.refused}
+
+    def outlined(self, data: bytes) -> dict[str, Any]:
+        """Return the outlines of a posted drawing, as it would be saved, in the frame that is shown; its share too.
+
+        Raises :class:`EndoctError` for nonsense.
+        """
+        side, mask, _ = self._posted(data)
+        grid = self.sides[side].grid
+        return {"lines": mask_outlines(mask, grid, self._where(side)), "share": float(mask.mean())}
+
+    def save(self, data: bytes) -> dict[str, Any]:
+        """Save a posted drawing; return where, and the command line that scores against it.
+
+        Raises :class:`EndoctError` for nonsense, a drawing without cells, and a name that is taken.
+        """
+        if self.refused:
+            raise EndoctError(self.refused)
+        side, mask, posted = self._posted(data)
+        name = f"{posted.get('rater')}_{posted.get('session')}"
+        if not _NAME.fullmatch(name):
+            raise EndoctError(
+                "the mask needs a name", found=name[:60], expected="rater and session of letters, digits, '.' and '-'"
+            )
+        if not mask.any() or mask.all():
+            raise EndoctError("the mask shows no cells", found="one and the same value everywhere")
+        path = self.origin.folder / MASKS / side / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with held(path.parent / ".lock"):
+            self._write(path, mask, self.sides[side].grid)
+        self.origin.check_present()
+        return {"saved": name, "file": str(path), "command": self._command(side, path)}
+
+    def _write(self, path: Path, mask: Mask, grid: SurfaceGrid) -> None:
+        if path.exists() or path.with_suffix(".toml").exists():
+            raise EndoctError(f"{path} exists already", remedy="save it as another session")
+        file = io.BytesIO()
+        Pillow.fromarray(mask.astype(np.uint8) * 255).save(file, "PNG")
+        if grid.rows_mm is None and grid.theta0_rad == 0:  # else it lies on the samples of the panorama alone
+            keys = {
+                "modality": "mask",
+                "bore_diameter_mm": 2 * grid.radius_mm,
+                "z0_mm": grid.z0_mm,
+                "dz_mm": grid.dz_mm,
+            }
+            with new_output(path.with_suffix(".toml"), KIND) as scratch:
+                scratch.write_text(tomli_w.dumps(keys), encoding="utf-8")
+        with new_output(path, KIND) as scratch:
+            scratch.write_bytes(file.getvalue())
+
+    def _posted(self, data: bytes) -> tuple[str, Mask, dict[str, Any]]:
+        self.origin.check_present()
+        posted = object_from(data, POSTED)
+        side = posted.get("side")
+        if not isinstance(side, str) or side not in self.sides:
+            raise EndoctError("there is no such side", found=repr(side)[:40], expected=", ".join(self.sides))
+        return (
+            side,
+            painted(shapes_from(posted.get("shapes")), self.sides[side].grid, self._ground(side, posted)),
+            posted,
+        )
+
+    def _ground(self, side: str, posted: Mapping[str, Any]) -> Mask | None:
+        """Return what is drawn on: nothing, the cells of the side, or a mask that was saved."""
+        ground = posted.get("ground")
+        if not ground:
+            return None
+        grid = self.sides[side].grid
+        if ground == CELLS:
+            return self._cells(side, grid)
+        if not isinstance(ground, str) or not _NAME.fullmatch(ground):
+            raise EndoctError("there is no such mask", found=repr(ground)[:60])
+        mask = read_drawing(self.origin.folder / MASKS / plain_name(side, "a side") / f"{ground}.png", grid.shape)
+        if mask.shape != grid.shape:
+            raise EndoctError(
+                f"the mask {ground} is not of this panorama", found=str(mask.shape), expected=str(grid.shape)
+            )
+        return mask
+
+    def _cells(self, side: str, grid: SurfaceGrid) -> Mask:
+        """Return the cells of a side on its own samples: those of the nearest sample of the common grid."""
+        common, where = self.outline.grid, self._where(side) or IN_PLACE
+        stored = read_arrays(self.origin.folder / "comparison.zarr", ("mask",))["mask"][self.outline.names.index(side)]
+        rows_mm = where.z_to_a(grid.z_mm)
+        rows = np.rint(np.interp(rows_mm, common.z_mm, np.arange(common.n_z))).astype(np.intp)
+        is_covered = (rows_mm >= common.z_mm[0] - common.dz_mm / 2) & (rows_mm <= common.z_mm[-1] + common.dz_mm / 2)
+        columns = np.rint(common.column_of(where.theta_to_a(grid.theta_rad))).astype(np.intp) % common.n_theta
+        return np.asarray(stored[np.ix_(rows, columns)].astype(np.bool_) & is_covered[:, None])
+
+    def _where(self, side: str) -> Alignment | None:
+        return self.outline.alignment if side == self.outline.names[1] else None
+
+    def _command(self, side: str, path: Path) -> str:
+        folder, (a, b) = self.origin.folder, self.outline.names
+        stores = {name: folder / "panoramas" / f"{name}.zarr" for name in (a, b)}
+        output = folder.parent / f"{folder.resolve().name}-{path.stem}"
+        if side == a:  # a truth lies in side A's frame
+            parts = ["endoct", "compare", stores[a], stores[b], "--truth", path, "-o", output]
+        else:
+            parts = ["endoct", "compare", path, stores[b], "-o", output]
+        return shlex.join(map(str, parts))
