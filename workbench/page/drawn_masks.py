@@ -84,6 +84,8 @@ class DrawnMasks:
         if not mask.any() or mask.all():
             raise EndoctError("the mask shows no cells", found="one and the same value everywhere")
         path = self.origin.folder / MASKS / side / f"{name}.png"
+        if path.parent.resolve() != self.origin.folder.resolve() / MASKS / side:
+            raise EndoctError(f"{path.parent} leads elsewhere by a link", remedy="move the link away")
         path.parent.mkdir(parents=True, exist_ok=True)
         with held(path.parent / ".lock"):
             self._write(path, mask, self.sides[side].grid)

@@ -75,7 +75,7 @@ def _shape(posted: Any) -> Shape:
         raise EndoctError("a brush cannot be used", found=repr(radius_mm)[:40], expected=f"up to {MOST_RADIUS_MM:g} mm")
     points = posted.get("points")
     listed = points if isinstance(points, list) and len(points) <= MOST_POINTS else []
-    if not listed or not all(isinstance(each, list) and len(each) == 2 and all(map(_is_number, each)) for each in listed):
+    if not listed or not all(map(_is_point, listed)):
         raise EndoctError("a shape has points that cannot be used", expected=f"1 to {MOST_POINTS} of θ and z")
     places = np.asarray(listed, np.float64)
     farthest = np.abs(places).max(axis=0)
@@ -84,6 +84,10 @@ def _shape(posted: Any) -> Shape:
     if radius_mm is None and len(places) < 3:
         raise EndoctError("an outline encloses nothing", found=f"{len(places)} points", expected="three at least")
     return Shape(places, posted["adds"], None if radius_mm is None else float(radius_mm))
+
+
+def _is_point(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
 
 
 def _is_number(value: object) -> bool:

@@ -231,6 +231,7 @@ function drawPainting(sheet: Sheet, state: State, side: string | null): void {
     });
   };
   drawing.lineJoin = "round";
+  if (drawing instanceof CanvasRenderingContext2D) drawing.lineCap = "round"; // figures show no stroke that is under way
   for (const line of painting.lines) {
     const places = Array.from({ length: line.length / 2 }, (_, k) => ({ theta_rad: line[2 * k] ?? 0, z_mm: line[2 * k + 1] ?? 0 }));
     const first = toPixels(places[0] ?? { theta_rad: 0, z_mm: 0 }, view, wall, width, height).x;

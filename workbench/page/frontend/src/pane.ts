@@ -83,6 +83,9 @@ export class Pane {
       moved = true;
       painter.drag(this.placeAt(event.position.x, event.position.y), this.view().mm_per_px);
     });
+    viewer.addHandler("canvas-drag-end", (event) => {
+      if (painter.draws(this.side)) (event as { preventDefaultAction?: boolean }).preventDefaultAction = true; // nor flick it on
+    });
     viewer.addHandler("canvas-release", () => {
       if (painter.draws(this.side)) painter.release(moved);
     });

@@ -19,6 +19,7 @@ import { FrameDrawer } from "./frame_drawer";
 import { plotQuality } from "./quality";
 import { Readout } from "./readout";
 import { askToSave } from "./save_view";
+import { SharedView } from "./shared_view";
 import type { Source } from "./source";
 import { State } from "./state";
 import { MOST_PANES, toolbar } from "./toolbar";
@@ -39,6 +40,7 @@ export class Workspace {
   private readonly placer: Placer;
   private readonly painter: Painter;
   private readonly aim: Aim;
+  private readonly shared: SharedView;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
   private cylinder: CylinderView | null = null;
@@ -60,6 +62,7 @@ export class Workspace {
     this.landmarks = new LandmarkPanel(this.state, source, (pair) => this.show(pair));
     this.placer = new Placer(this.state);
     this.painter = new Painter(this.state);
+    this.shared = new SharedView(this.state, () => this.panes[0]?.view());
     this.aim = new Aim(() => this.panes, (pane, view) => (this.state.linked ? this.link.show(view) : pane.setView(view)));
     const draw = source.canSave && description.sides.length > 1 ? (): void => this.painter.toggle() : null;
     const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save(), draw };
@@ -83,6 +86,7 @@ export class Workspace {
 
   /** Open the panes; the page must hold the workspace by then, so that they know how large they are. */
   start(): void {
+    const view = this.shared.restore();
     this.recolour();
     this.refresh();
     void this.source.outlines().then((lines) => {
@@ -90,7 +94,12 @@ export class Workspace {
       this.redraw();
     });
     void this.landmarks.load();
-    requestAnimationFrame(() => requestAnimationFrame(() => this.home()));
+    requestAnimationFrame(() => requestAnimationFrame(() => {
+      if (view) this.link.show(view);
+      else this.home();
+      this.state.tell("cursor");
+      this.shared.follow();
+    }));
   }
 
   private refresh(): void {
@@ -119,7 +128,10 @@ export class Workspace {
     return new Pane(this.grid, shown, this.state, this.source, this.wall, this.filters, () => this.paths, {
       ...this.pointing,
       painter: this.painter,
-      moved: (pane, view) => this.link.moved(pane, view),
+      moved: (pane, view) => {
+        this.link.moved(pane, view);
+        this.shared.later();
+      },
       closed: (pane) => {
         this.state.panes = this.state.panes.filter((one) => one !== pane.shown);
         this.state.tell("panes");

@@ -1,0 +1,84 @@
+"""A mask drawn on the page with the pointer and with keys."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from page_browser import opened
+from PIL import Image
+from workbench_page import serving, written
+
+pytestmark = pytest.mark.usefixtures("chromium")
+
+
+def drawn(folder: Path, name: str) -> Any:
+    return np.asarray(Image.open(folder / "masks" / "endoscope" / f"{name}.png")) > 0
+
+
+def test_a_mask_is_drawn_undone_and_saved(chromium: Any, tmp_path: Path):
+    folder = written(tmp_path / "result")
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        page.keyboard.press("d")
+        page.wait_for_selector(".masks:not([hidden])")
+        page.select_option("[aria-label='over what']", "")
+        view = page.locator(".pane .view").first.bounding_box()
+        left, top = view["x"] + view["width"] / 2, view["y"] + view["height"] / 2
+        before = watched.panes()
+
+        def stroke(dx: float, dy: float, steps: int = 8) -> None:
+            page.mouse.move(left + dx, top + dy)
+            page.mouse.down()
+            page.mouse.move(left + dx + 30, top + dy, steps=steps)
+            page.mouse.up()
+
+        stroke(-20, -20)
+        stroke(-20, 30)
+        assert page.locator(".masks small").first.inner_text() == "not saved"
+        page.keyboard.press("Control+z")
+        page.keyboard.press("Control+z")
+        page.keyboard.press("Control+Shift+z")
+        page.click(".masks >> text=save mask")
+        page.wait_for_selector(".masks >> text=Saved. Score against it")
+        one = drawn(folder, "me_1")
+        page.keyboard.press("Control+Shift+z")
+        page.keyboard.press("e")
+        page.wait_for_selector(".masks button:has-text('erases')")
+        stroke(-40, -20)  # what was drawn first is taken away in part
+        page.select_option("[aria-label='with what']", "outline")
+        page.click(".masks >> text=erases")
+        for dx, dy in ((40, 40), (70, 40), (70, 70)):
+            page.mouse.click(left + dx, top + dy)
+        page.keyboard.press("Enter")
+        page.click(".masks >> text=save mask")
+        page.locator(".masks [aria-label='session']").wait_for()
+        for _ in range(50):
+            if (folder / "masks" / "endoscope" / "me_2.png").exists():
+                break
+            page.wait_for_timeout(100)
+        two = drawn(folder, "me_2")
+        assert watched.panes() == before  # drawing does not move the view
+        assert one.any()
+        assert (one & ~two).any()  # erased
+        assert (two & ~one).any()  # the second stroke and the triangle
+        page.keyboard.press("d")
+        assert page.locator(".masks").is_hidden()
+
+
+def test_what_was_drawn_is_not_lost_by_choosing_another_ground(chromium: Any, tmp_path: Path):
+    folder = written(tmp_path / "result")
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        page.click(".toolbar >> text=draw")
+        view = page.locator(".pane .view").first.bounding_box()
+        page.mouse.move(view["x"] + 60, view["y"] + 60)
+        page.mouse.down()
+        page.mouse.move(view["x"] + 90, view["y"] + 60, steps=4)
+        page.mouse.up()
+        page.once("dialog", lambda dialog: dialog.dismiss())
+        page.select_option("[aria-label='over what']", "")
+        assert page.locator("[aria-label='over what']").input_value() == "cells"
+        page.keyboard.press("Control+z")
+        page.locator("[aria-label='on which side']").select_option("oct")
+        assert page.locator("[aria-label='on which side']").input_value() == "oct"
