@@ -49,7 +49,8 @@ def run(arguments: Sequence[str]) -> int:
         "modalities": modalities,
         "completion": completion,
     }
-    if arguments and (near := _near(arguments[0], commands)):
+    arguments = arguments or ["open"]
+    if (near := _near(arguments[0], commands)):
         sys.stderr.write(f"endoct: unknown command '{visible(arguments[0])}'; did you mean '{near}'?\n")
         return WRONG_USAGE
     if refused := _misspelt_preset(arguments):
