@@ -40,6 +40,11 @@ export class QueuePanel {
     this.timer = window.setTimeout(() => void this.follow(), busy ? EVERY_MS : IDLE_MS);
   }
 
+  /** Whether a run that waits, or is under way, writes `output` in this folder. */
+  writes(output: string): boolean {
+    return [...this.rows.values()].some((row) => row.writes(output));
+  }
+
   async act(address: string): Promise<void> {
     try {
       await post(`${this.root}/queue/${address}`);
@@ -123,6 +128,10 @@ class RunRow {
     if (isNew) this.links.replaceChildren(...(hasReport ? [element("a", { href: named("report", run.output), target: "_blank" }, "report")] : []));
     if (!this.details.hidden && (isNew || isOpen(run))) void this.read();
     return before !== null && isOpen(before) && !isOpen(run);
+  }
+
+  writes(output: string): boolean {
+    return this.isHere && this.last !== null && isOpen(this.last) && this.last.output === output;
   }
 
   private setStages(stages: Readonly<Record<string, number>>): void {

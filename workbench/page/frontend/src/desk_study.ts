@@ -97,7 +97,7 @@ class StudyPage {
       element("td", {}, ...picture), element("td", {}, name),
       element("td", {}, ...this.whatItIs(item)),
       element("td", {}, String(item.facts["axes"] ?? ""), ...doubts.map((doubt) => element("small", { class: "doubt" }, doubt.what))),
-      element("td", { class: "acts" }, ...(item.fault ? [] : this.acts(item, missing, address))));
+      element("td", {}, element("div", { class: "acts" }, ...(item.fault ? [] : this.acts(item, missing, address)))));
   }
 
   private whatItIs(item: Item): (Node | string)[] {
@@ -133,7 +133,9 @@ class StudyPage {
   private async compareAll(): Promise<void> {
     try {
       for (const [a, b] of this.found.pairs) {
-        const output = this.free(`results/${flat(parentOf(a) || a)}`);
+        const place = `results/${flat(parentOf(a) || a)}`;
+        if (this.queue.writes(place)) continue; // it is compared already
+        const output = this.free(place);
         await post("run", { command: "compare", values: { a, b, output } });
       }
     } catch (error) {
@@ -153,7 +155,7 @@ class StudyPage {
     const taken = new Set([...this.entries.map((entry) => entry.name), ...this.found.inputs.flatMap((item) => [item.name, parentOf(item.name)])]);
     const [, stem = name, suffix = ""] = /^(.*?)(\.zarr|\.toml)?$/.exec(name) ?? [];
     let free = name;
-    for (let k = 2; taken.has(free); k++) free = `${stem.replace(/-\d+$/, "")}-${k}${suffix}`;
+    for (let k = 2; taken.has(free) || this.queue.writes(free); k++) free = `${stem.replace(/-\d+$/, "")}-${k}${suffix}`;
     return free;
   }
 
