@@ -19,6 +19,8 @@ DOCS = Path(__file__).parent
 FIGURES = DOCS / "figures"
 COLOURS = 256
 PAGE_SIZE = 1440, 900
+CELL_DEG, CELL_Z_MM = 213, 5.22
+"""A deep cell in a slice of which there is a picture."""
 
 
 def main() -> None:
@@ -61,7 +63,9 @@ def report(folder: Path) -> None:
         pane.locator("header select").nth(2).select_option(open_shown(result).description.panes[1])
         shown.wait_for_timeout(1000)
         box = shown.locator(".view").nth(1).bounding_box()
-        shown.mouse.click(box["x"] + 0.7 * box["width"], box["y"] + 0.39 * box["height"])
+        now = shown.locator(".pane").nth(1).evaluate("pane => ({...pane.dataset})")
+        along_px = (CELL_Z_MM - float(now["zMm"])) / float(now["mmPerPx"])
+        shown.mouse.click(box["x"] + CELL_DEG / 360 * box["width"], box["y"] + box["height"] / 2 + along_px)
         shown.wait_for_selector(".drawer figure")
         shown.wait_for_timeout(2000)
         shown.screenshot(path=picture)

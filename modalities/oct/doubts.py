@@ -56,7 +56,8 @@ LEAST_OFFSET_MM = 0.05
 LEAST_GAP_RAD = math.radians(5)
 MOST_GAPS = 0.5
 """At most this part of the slices may have a gap in the wall that is at least :data:`LEAST_GAP_RAD` wide. It is 0.97 in
-a coronary pullback with a guide wire, and 0.01 and less in simulated recordings (`quick`, `mastoid`, `patient`)."""
+a coronary pullback with a guide wire, and 0.07 and less in simulated recordings (`quick`, `mastoid`, `patient`,
+`hard`)."""
 LEAST_PLAIN = 0.3
 """Where less of the wall is plain, it is no drilled bore, and only its median counts."""
 
@@ -136,9 +137,10 @@ def doubts_of_surface(panorama: Panorama) -> Iterator[Doubt]:
 
 def _of_gaps(panorama: Panorama, sound: Mask) -> Iterator[Doubt]:
     """Yield that the wall has a gap along most of the pullback, as behind a guide wire."""
-    if not sound.any():
+    observed = sound & panorama.valid.any(axis=1)  # in a slice without any wall there is no gap
+    if not observed.any():
         return
-    widths_rad = panorama.grid.dtheta_rad * longest_gaps(panorama.valid[sound])
+    widths_rad = panorama.grid.dtheta_rad * longest_gaps(panorama.valid[observed])
     wide = widths_rad >= LEAST_GAP_RAD
     share = float(wide.mean())
     if share <= MOST_GAPS:

@@ -115,7 +115,7 @@ def test_opening_needs_a_sidecar_and_overrides_replace_its_keys(tmp_path: Path) 
         registry.open_recording(tmp_path)
     (tmp_path / "acquisition.toml").write_text("bore_diameter_mm = 2.5\n")
     for wrong in ("abc", -1.0):
-        with pytest.raises(EndoctError, match="^'bore_diameter_mm' in the settings cannot be used"):
+        with pytest.raises(EndoctError, match=r"^'bore_diameter_mm' in the settings cannot be used"):
             registry.open_recording(tmp_path, overrides={"bore_diameter_mm": wrong})
     found, stream = registry.open_recording(tmp_path, overrides={"bore_diameter_mm": 1.8})
     assert found is SONAR_MANIFEST

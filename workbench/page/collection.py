@@ -255,7 +255,8 @@ STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6
 """Height of strips, how wide all of them can be, and what lies between two."""
 MOST_PX = 2000
 """Of the truth that are looked at, along either axis."""
-NOT_OBSERVED = (201, 205, 210, 255)
+NOT_OBSERVED = (185, 208, 242, 255)
+"""The colour that it has on the page and in figures."""
 DEEP_MM = 0.8
 """Black in a relief."""
 

@@ -185,6 +185,13 @@ def test_a_gap_along_the_pullback_is_doubted(
         assert f"{width_deg}° wide" in each.what
 
 
+def test_slices_without_any_wall_are_no_gap(unrolled: UnrollPhantom) -> None:
+    panorama = unrolled(SMALL)[2]
+    valid = panorama.valid.copy()
+    valid[1:] = False
+    assert "gap-along-pullback" not in codes_of_surface(replace(panorama, valid=valid))
+
+
 def test_a_gap_is_as_long_as_it_is_around_the_circle() -> None:
     rows = ["1111", "0110", "0100", "0000"]
     valid = np.array([[sample == "1" for sample in row] for row in rows])

@@ -19,6 +19,7 @@ from endoct.fusion.files.cell_table import PROPERTIES, write_cells
 from endoct.fusion.files.drawn_store import NAME, save_drawings
 from endoct.fusion.files.store import read_outline
 from endoct.fusion.scoring.raters import Drawing
+from endoct.workbench.report.figures.drawing import DEPTH_COLOURS, HATCH, NOT_OBSERVED
 from endoct.workbench.report.figures.frames import STYLES
 
 SCREENS = {"desk": (1280, 800), "tablet": (1024, 768), "phone": (390, 844)}
@@ -195,11 +196,16 @@ def test_lines_have_the_colours_of_the_figures():
     assert colours == [colour.lower() for _, colour, _ in STYLES]
 
 
+def test_what_was_not_observed_has_the_colours_of_the_figures():
+    style, raster = ((FRONTEND / name).read_text("utf-8") for name in ("page.css", "raster.ts"))
+    assert f"--void: {NOT_OBSERVED}; --void-line: {HATCH};" in style
+    assert NOT_OBSERVED in raster
+    assert HATCH in raster
+
+
 def test_depth_has_the_colours_of_the_figures():
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
-
-    from endoct.workbench.report.figures.drawing import DEPTH_COLOURS
 
     source = (FRONTEND / "colour_maps.ts").read_text("utf-8")
     text = "".join(

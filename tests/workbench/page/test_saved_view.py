@@ -79,7 +79,8 @@ def layers_of(svg: bytes) -> list[np.ndarray]:
 
 def is_coloured(part: np.ndarray) -> np.ndarray:
     """Say of every pixel whether it has a colour of viridis, and none of grey or of the hatching."""
-    return np.ptp(part, axis=2) > 30
+    hatched = (part[..., 2] - part[..., 0] > 40) & (part[..., 2] > 180)
+    return (np.ptp(part, axis=2) > 30) & ~hatched
 
 
 def test_png_has_the_size_that_was_asked_for_and_says_so(page: Watched, tmp_path: Path):

@@ -8,7 +8,7 @@ import type { FramePicture, Reading, Source } from "./source";
 import type { State } from "./state";
 
 const ASK_AGAIN_MS = 700;
-const FAR_MM = 0.0005;
+const FAR_MM = 0.005;
 
 interface Drawn {
   picture: FramePicture;

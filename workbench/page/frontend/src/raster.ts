@@ -116,11 +116,11 @@ function colour(drawing: CanvasRenderingContext2D, canvas: HTMLCanvasElement, ta
   drawing.putImageData(image, 0, 0);
 }
 
-/** What was not observed is hatched, as in the panes. */
+/** What was not observed is hatched, as in the panes and in the figures of a report. */
 function hatch(drawing: CanvasRenderingContext2D, width: number, height: number): void {
-  drawing.fillStyle = "#d4d8dc";
+  drawing.fillStyle = "#b9d0f2";
   drawing.fillRect(0, 0, width + 1, height + 1); // to the very edge, where pixels are no whole ones
-  drawing.strokeStyle = "#b9bec4";
+  drawing.strokeStyle = "#7f9fd0";
   drawing.beginPath();
   for (let x = -height; x < width; x += HATCH_PX * Math.SQRT2) {
     drawing.moveTo(x, 0);
