@@ -20,7 +20,7 @@ export interface Result {
   name: string;
   kind: "comparison" | "recording" | "specimen";
   about: string;
-  level: "trusted" | "doubted" | "unaligned" | null;
+  level: "trusted" | "uncertain" | "doubted" | "unaligned" | null;
   headline: string;
   jaccard: number | null;
   interval: [number, number] | null;

@@ -7,7 +7,7 @@ import { ask, message, named, post, type Form, type Found, type Item, type Resul
 import { button, element } from "./dom";
 
 const LOOK_MS = 600;
-const LEVELS = { trusted: "trusted", doubted: "doubted", unaligned: "not aligned" };
+const LEVELS = { trusted: "trusted", uncertain: "uncertain", doubted: "doubted", unaligned: "not aligned" };
 
 export async function showStudy(main: HTMLElement): Promise<void> {
   await new StudyPage(main).start();
@@ -177,7 +177,7 @@ function resultRow(entry: Result): HTMLElement {
     element("td", {}, ...(entry.thumbnail ? [element("img", { src: entry.thumbnail, loading: "lazy", alt: "" })] : [])),
     element("td", {}, entry.address ? element("a", { href: entry.address }, entry.name) : entry.name, " ", element("small", {}, entry.about)),
     element("td", {}, entry.fault ? element("span", { class: "fault" }, entry.fault)
-      : element("span", { class: `level ${entry.level ?? ""}`, title: entry.headline }, entry.level ? LEVELS[entry.level] : "")),
+      : element("span", {}, element("span", { class: `level ${entry.level ?? ""}` }, entry.level ? LEVELS[entry.level] : ""), element("small", {}, ` ${entry.headline}`))),
     element("td", {}, entry.jaccard === null ? "" : entry.jaccard.toFixed(2), interval),
     element("td", { title: entry.doubts.join("\n") }, entry.doubts.length ? String(entry.doubts.length) : ""),
     element("td", {}, entry.written));
