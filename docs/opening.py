@@ -77,7 +77,7 @@ def describe(recorder: Recorder, name: str, keys: dict[str, str]) -> None:
     page.wait_for_timeout(500)
     recorder.keep(8)
     press(recorder, "button:text('Save')")
-    page.locator("[role=status]", has_text="Saved").wait_for(timeout=LONG_MS)
+    page.locator("[role=status]", has_text="It is saved").wait_for(timeout=LONG_MS)
     recorder.keep(4)
     press(recorder, ".above")
 

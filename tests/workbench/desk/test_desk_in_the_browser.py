@@ -54,10 +54,10 @@ def described(page: Any, name: str, keys: dict[str, str]) -> None:
                 control.select_option(value)
             else:
                 control.fill(value)
-    says(page, ".desk [role=status]", "^Nothing is missing.$")
+    says(page, ".desk [role=status]", "^Nothing is missing. Not saved yet.$")
     page.wait_for_selector("figcaption .legend", timeout=LONG_MS)
     page.click("text=Save")
-    says(page, ".desk [role=status]", "^Saved")
+    says(page, ".desk [role=status]", "It is saved.$")
     page.click(".above")
     page.wait_for_selector(f".inputs tr[data-name='{name}'] button:has-text('compare')", timeout=LONG_MS)
 

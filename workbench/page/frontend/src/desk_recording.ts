@@ -6,6 +6,8 @@ import { CurveStyles, drawPicture } from "./frame_picture";
 import type { FramePicture } from "./source";
 
 const WAIT_MS = 300;
+const SLOW_MS = 1500;
+const SLOW = "Drawing… The first recording of its kind takes longer: slow parts are compiled once.";
 
 export async function showRecording(main: HTMLElement): Promise<void> {
   await new RecordingPage(main).start();
@@ -124,13 +126,16 @@ class RecordingPage {
     }
     this.busy = true;
     this.main.setAttribute("aria-busy", "true");
+    const slow = window.setTimeout(() => (this.said.textContent = SLOW), SLOW_MS);
     try {
       const drawn = await post<Preview>("preview", { name: this.name, modality: this.sidecar.modality, texts: this.texts(), share: Number(this.place.value) });
       this.fault.textContent = drawn.fault;
       await this.show(drawn);
     } catch (error) {
+      this.said.textContent = "";
       this.fault.textContent = message(error);
     }
+    window.clearTimeout(slow);
     this.busy = false;
     this.main.setAttribute("aria-busy", "false");
     if (this.again) {
@@ -141,7 +146,7 @@ class RecordingPage {
 
   private async show(drawn: Preview): Promise<void> {
     const missing = Object.keys(drawn.missing);
-    this.said.textContent = missing.length ? `Still needed: ${missing.join("; ")}.` : drawn.fault ? "This sidecar does not fit the recording." : "Nothing is missing.";
+    this.said.textContent = missing.length ? `Still needed: ${missing.join("; ")}.` : drawn.fault ? "This sidecar does not fit the recording." : `Nothing is missing. ${Object.keys(this.texts()).length ? "Not saved yet." : "It is saved."}`;
     for (const row of this.form.querySelectorAll<HTMLElement>("[data-key]")) row.classList.toggle("lacking", missing.includes(row.dataset["key"] ?? ""));
     this.frame.textContent = drawn.frames ? `frame ${drawn.frame + 1} of ${drawn.frames}` : "";
     const made = [];
@@ -172,7 +177,6 @@ class RecordingPage {
     try {
       await post("sidecar", { name: this.name, modality: this.sidecar.modality, texts: this.texts(), based_on: this.sidecar.digest });
       await this.load(null);
-      this.said.textContent = `Saved in ${this.sidecar.sidecar}.`;
     } catch (error) {
       this.fault.textContent = message(error);
     }
