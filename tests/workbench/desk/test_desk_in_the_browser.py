@@ -56,7 +56,7 @@ def described(page: Any, name: str, keys: dict[str, str]) -> None:
                 control.fill(value)
     says(page, ".desk [role=status]", "^Nothing is missing. Not saved yet.$")
     page.wait_for_selector("figcaption .legend", timeout=LONG_MS)
-    page.click("text=Save")
+    page.click("button:text('Save')")
     says(page, ".desk [role=status]", "It is saved.$")
     page.click(".above")
     page.wait_for_selector(f".inputs tr[data-name='{name}'] button:has-text('compare')", timeout=LONG_MS)
