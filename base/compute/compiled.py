@@ -17,7 +17,7 @@ def compiled(function: Function) -> Function:
     user's cache folder; where that cannot be written either, or is full, every process compiles anew. What is kept but
     damaged is made again. Floating-point operations keep the order in which they are written.
     """
-    dispatcher: Any = njit(nogil=True, error_model="numpy")(function)
+    dispatcher: Any = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
     with suppress(RuntimeError):  # numba found no folder for its cache
         dispatcher._cache = _KeptCode(function)  # type: ignore[no-untyped-call]  # as its enable_caching does
     return cast(Function, dispatcher)
