@@ -80,7 +80,7 @@ clean:
 $(VENV)/.ready-run: constraints.txt pyproject.toml setup.py
 	$(call set-up,.)
 	@echo "Compiling (half a minute, the first time only) …"
-	@$(VENV)/bin/endoct demo -o $(VENV)/first --preset learning --overwrite >/dev/null && rm -rf $(VENV)/first
+	@$(VENV)/bin/endoct warm-up >/dev/null
 	touch $@
 
 $(VENV)/.ready-dev: constraints.txt pyproject.toml setup.py

@@ -46,11 +46,11 @@ def median_in_loops(samples: Coordinates) -> float:
     if n == 0:
         return np.nan
     if n % 2:
-        return samples[middle]
+        return float(samples[middle])
     below = samples[0]
     for k in range(1, middle):
         below = max(below, samples[k])
-    return (below + samples[middle]) / 2
+    return float(below + samples[middle]) / 2
 
 
 def quantile(samples: NDArray[Any], share: float) -> float:

@@ -62,7 +62,8 @@ def _reduce(
             _add_groups(line, factor, light[i])
             saturated = False
             for j in range(row.size):
-                saturated |= np.float32(row[j]) >= least
+                if np.float32(row[j]) >= least:
+                    saturated = True
             if saturated:
                 any_saturated = True
                 _from(row, least, line)

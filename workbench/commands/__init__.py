@@ -16,6 +16,7 @@ from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
+from endoct.workbench.commands.first_use import warm_up
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Unroll, info, modalities
 from endoct.workbench.commands.research import bench
@@ -44,6 +45,7 @@ def run(arguments: Sequence[str]) -> int:
         "info": info,
         "verify": verify,
         "modalities": modalities,
+        "warm-up": warm_up,
         "completion": completion,
     }
     if arguments and (near := _near(arguments[0], commands)):
