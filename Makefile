@@ -14,7 +14,7 @@ $(shell rm -rf $(VENV))
 endif
 endif
 
-.PHONY: help demo test test-all gate lint types layers site page bench wheel-test lowest newest clean
+.PHONY: help demo test test-all gate lint types layers site page bench dist wheel-test lowest newest clean
 
 help:
 	@echo "make demo        simulate a bore, compare both recordings, write demo/comparison/report.html"
@@ -26,6 +26,7 @@ help:
 	@echo "make site        the documentation as a site: open site/index.html"
 	@echo "make page        the page's program, from its sources in TypeScript (needs Node and npm)"
 	@echo "make bench       benchmarks against scikit-image"
+	@echo "make dist        source archive and wheel of what is committed, in dist/: the same bytes anywhere"
 	@echo "make wheel-test  build the wheel, install it into a clean environment, run it there"
 	@echo "make lowest      the same with the lowest versions that pyproject.toml allows; newest: with the newest"
 	@echo "make clean       remove the environment and everything built"
@@ -64,6 +65,9 @@ page:
 bench: $(VENV)/.ready-dev
 	$(RUN) pytest benchmarks
 
+dist: $(VENV)/.ready-dev
+	.ci/dist $(VENV)/bin/python
+
 wheel-test: $(VENV)/.ready-dev
 	.ci/wheel-test $(VENV)/bin/python
 
@@ -80,7 +84,7 @@ clean:
 $(VENV)/.ready-run: constraints.txt pyproject.toml setup.py
 	$(call set-up,.)
 	@echo "Compiling (half a minute, the first time only) …"
-	@$(VENV)/bin/endoct demo -o $(VENV)/first --preset learning --overwrite >/dev/null && rm -rf $(VENV)/first
+	@$(VENV)/bin/endoct warm-up >/dev/null
 	touch $@
 
 $(VENV)/.ready-dev: constraints.txt pyproject.toml setup.py

@@ -1,6 +1,6 @@
 """Array types used throughout: images are float32, coordinates float64, masks bool."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Coordinates = NDArray[np.float64]
+T = TypeVar("T", bound=np.generic)
 
 
 def readonly(values: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
@@ -17,3 +18,13 @@ def readonly(values: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
         array = array.copy()
         array.flags.writeable = False
     return array
+
+
+def read_view(array: NDArray[T]) -> NDArray[T]:
+    """Return a view of ``array`` that cannot be written.
+
+    Loops are compiled once for arrays that can be written and once for others: this makes all of them alike.
+    """
+    view = array.view()
+    view.flags.writeable = False
+    return view

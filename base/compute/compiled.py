@@ -7,20 +7,36 @@ from typing import Any, TypeVar, cast
 from numba import njit
 from numba.core.caching import FunctionCache
 
+from endoct.base.compute.compiling import count_compiled
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def compiled(function: Function) -> Function:
     """Compile ``function`` at its first call, to run on one processor without the interpreter's lock.
 
+    A tenth of a second to one for each combination of types, which are those of elements, of dimensions and of order in
+    memory. Where a few lines do, write them: NumPy's ``sort``, ``median``, ``max`` and assignments of arrays to arrays
+    bring in much that is compiled as well.
+
     The machine code is kept for later processes, beside the module or, where nothing can be written there, in the
     user's cache folder; where that cannot be written either, or is full, every process compiles anew. What is kept but
     damaged is made again. Floating-point operations keep the order in which they are written.
     """
-    dispatcher: Any = njit(nogil=True, error_model="numpy")(function)
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # no C calls it
+    dispatcher: Any = njit(**options)(function)
     with suppress(RuntimeError):  # numba found no folder for its cache
         dispatcher._cache = _KeptCode(function)  # type: ignore[no-untyped-call]  # as its enable_caching does
     return cast(Function, dispatcher)
+
+
+def is_kept() -> bool:
+    """Say whether machine code can be kept for later processes."""
+    try:
+        _KeptCode(is_kept)  # type: ignore[no-untyped-call]
+    except RuntimeError:
+        return False
+    return True
 
 
 class _KeptCode(FunctionCache):
@@ -37,5 +53,6 @@ class _KeptCode(FunctionCache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the code for a signature, if there is room."""
+        count_compiled()
         with suppress(Exception):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]

@@ -15,14 +15,14 @@ def harmonics(angle_rad: ArrayLike, orders: Sequence[int]) -> Coordinates:
     ``orders`` are 0 or larger. Multiples are products, which takes a fifth of the time of as many cosines.
     """
     angle = np.asarray(angle_rad, dtype=np.float64)
-    return _multiples(np.cos(angle), np.sin(angle), np.asarray(orders, np.intp))
+    return _multiples(np.cos(angle), np.sin(angle), np.asarray(orders, np.intp), max(orders))
 
 
 @compiled
-def _multiples(cos: Coordinates, sin: Coordinates, orders: NDArray[np.intp]) -> Coordinates:
+def _multiples(cos: Coordinates, sin: Coordinates, orders: NDArray[np.intp], highest: int) -> Coordinates:
     waves = np.empty((cos.size, 2 * orders.size))
-    highest = orders.max()
-    re, im = np.ones(highest + 1), np.zeros(highest + 1)
+    re, im = np.empty(highest + 1), np.empty(highest + 1)
+    re[0], im[0] = 1, 0
     for i in range(cos.size):
         for k in range(highest):
             re[k + 1] = re[k] * cos[i] - im[k] * sin[i]

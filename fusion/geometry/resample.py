@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image, Mask, read_view
 from endoct.base.compute.compiled import compiled
 
 FARTHEST_ROW = 0.75
@@ -50,11 +50,11 @@ def resample(
     # equally many taps for every column, so that they can be taken one after the other
     taps, weights = (part.reshape(columns.shape[0], -1).T for part in (columns.indices, columns.data))
     across = np.ascontiguousarray(taps, dtype=np.int32), np.ascontiguousarray(weights)
-    down = rows.indptr, rows.indices, rows.data
+    down = rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data  # int64 where SciPy likes
     filled = np.diff(rows.indptr) > 0
     first = rows.indptr[:-1][filled]
     reach = np.maximum.reduceat(rows.indices, first) - np.minimum.reduceat(rows.indices, first) if first.size else [0]
-    image = image.astype(np.float32, copy=False)
+    image, valid = read_view(image.astype(np.float32, copy=False)), read_view(valid)
     return _resampled(image, valid, across, down, int(np.max(reach)) + 1, np.float32(at_least - 1e-6))
 
 

@@ -60,7 +60,11 @@ def _reduce(
             row = samples[k, : line.size]
             _divide(row, scale, line)
             _add_groups(line, factor, light[i])
-            if np.float32(row.max()) >= least:
+            saturated = False
+            for j in range(row.size):
+                if np.float32(row[j]) >= least:
+                    saturated = True
+            if saturated:
                 any_saturated = True
                 _from(row, least, line)
                 _add_groups(line, factor, share[i])

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image, Mask, read_view
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.room import Room
 from endoct.modalities.contract import Frame
@@ -63,7 +63,7 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | 
 
 def _brightness(frame: Frame, full_scale: float) -> Image:
     """Return a frame's brightness, far above 1 where it is saturated."""
-    samples = np.ascontiguousarray(green(frame.samples))
+    samples = read_view(np.ascontiguousarray(green(frame.samples)))
     image = _ROOM.array("image", samples.shape)
     _write_seen(samples, np.float32(full_scale), least_saturated(samples.dtype, full_scale), image)
     return image

@@ -80,12 +80,20 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
 @compiled
 def _reached(rows: Image, stretched: Image) -> tuple[int, int]:
     """Return the first and last row of the range that ``rows`` moves onto another strip."""
-    least, most = rows.min(), rows.max()
+    least, most = _range(rows)
     first = last = -int(np.floor(most + stretched[0]))
     for k in range(stretched.size):
         first = min(first, int(np.floor(np.float32(k) - most - stretched[k])))
         last = max(last, int(np.floor(np.float32(k) - least - stretched[k])) + 1)
     return max(first, 0), min(last, stretched.size - 1)
+
+
+@compiled
+def _range(rows: Image) -> tuple[np.float32, np.float32]:
+    least = most = rows[0]
+    for j in range(1, rows.size):
+        least, most = min(least, rows[j]), max(most, rows[j])
+    return least, most
 
 
 @compiled
@@ -131,7 +139,7 @@ def _compare(
     least, most = np.empty(n_blocks, np.float32), np.empty(n_blocks, np.float32)
     for block in range(n_blocks):
         of_block = rows[block * BLOCK : (block + 1) * BLOCK]
-        least[block], most[block] = of_block.min(), of_block.max()
+        least[block], most[block] = _range(of_block)
     for k in range(n_rows):
         for j in range(n_theta):
             row[j] = np.float32(k) - rows[j] - stretched[k]
@@ -208,11 +216,14 @@ def _some(off: Image, fits: Mask, some: Image) -> int:
     """Write every fourth of the differences that fit to ``some``; return how many fit."""
     count = 0
     for k in range(off.shape[0]):
-        n_fitting = np.sum(fits[k])
+        n_fitting = 0
+        for j in range(fits.shape[1]):
+            n_fitting += fits[k, j]
         if n_fitting == fits.shape[1]:
             every = off[k, -count % 4 :: 4]
             begin = (count + 3) // 4
-            some[begin : begin + every.size] = every
+            for j in range(every.size):
+                some[begin + j] = every[j]
             count += n_fitting
         elif n_fitting:
             for j in range(off.shape[1]):
@@ -280,7 +291,8 @@ def _lay(image: Image, observed: Mask, layers: Image) -> None:
                 layers[3, k, j] = np.float32(0) if observed[k, j] else np.float32(1)
         for j in range(n_theta):
             layers[2, k, j] = (image[k, (j + 1) % n_theta] - image[k, j - 1]) * np.float32(0.5)
-        layers[:, k, n_theta] = layers[:, k, 0]
+        for m in range(layers.shape[0]):
+            layers[m, k, n_theta] = layers[m, k, 0]
 
 
 @cache

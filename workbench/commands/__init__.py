@@ -17,6 +17,7 @@ from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
+from endoct.workbench.commands.first_use import warm_up
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Unroll, info, modalities
@@ -47,6 +48,7 @@ def run(arguments: Sequence[str]) -> int:
         "info": info,
         "verify": verify,
         "modalities": modalities,
+        "warm-up": warm_up,
         "completion": completion,
     }
     arguments = arguments or ["open"]

@@ -196,7 +196,8 @@ def _means_and_shares(
     means, shares = np.zeros((top.size, left.size), np.float32), np.zeros((top.size, left.size), np.float32)
     for row in range(top.size):
         if row > 0 and top[row] == top[row - 1] and bottom[row] == bottom[row - 1]:
-            means[row], shares[row] = means[row - 1], shares[row - 1]  # magnified
+            for column in range(left.size):  # magnified
+                means[row, column], shares[row, column] = means[row - 1, column], shares[row - 1, column]
             continue
         for column in range(left.size):
             total = weights = 0.0

@@ -18,6 +18,7 @@ from typing import Any, Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from endoct.base.compute.compiling import when_compiling
 from endoct.base.errors import visible
 from endoct.workbench.running.interruption import stop_if_interrupted
 
@@ -26,6 +27,9 @@ EVERY_S_NAME = "ENDOCT_PROGRESS_S"
 
 Advance = Callable[[float], None]
 """Called with the share done, 0 to 1."""
+
+
+COMPILING = "compiling for the first use: up to half a minute, once"
 
 
 class Stages(Protocol):
@@ -86,6 +90,7 @@ class ConsoleStages(SilentStages):
         self._logged: list[_LoggedStage] = []  # those that are open, where lines are printed
         self._printed = 0.0
         self._lock = Lock()
+        when_compiling(lambda: self._print(COMPILING))
 
     @contextmanager
     def _displayed(self, title: str) -> Iterator[Advance]:
@@ -194,6 +199,11 @@ class NotebookStages(SilentStages):
         self._shares: dict[str, float] = {}
         self._next_s = time.monotonic() + quiet_s
         self._lock = Lock()
+        self._note = ""
+        when_compiling(self._say_compiling)
+
+    def _say_compiling(self) -> None:
+        self._note = COMPILING
 
     @contextmanager
     def _displayed(self, title: str) -> Iterator[Advance]:
@@ -211,7 +221,10 @@ class NotebookStages(SilentStages):
                 self._draw()  # at once, since there may be no further stage
 
     def _draw(self) -> None:
-        data = {"text/html": progress_table(self._shares), "text/plain": f"{sum(self._shares.values()):.2f} stages"}
+        data = {
+            "text/html": progress_table(self._shares, self._note),
+            "text/plain": f"{sum(self._shares.values()):.2f} stages",
+        }
         if self._on_page:
             self._handle.update(data, raw=True)
         else:
@@ -220,14 +233,14 @@ class NotebookStages(SilentStages):
         self._next_s = time.monotonic() + self.EVERY_S
 
 
-def progress_table(shares: dict[str, float]) -> str:
-    """Return HTML of a bar for each title, filled to its share, 0 to 1."""
+def progress_table(shares: dict[str, float], note: str = "") -> str:
+    """Return HTML of a bar for each title, filled to its share, 0 to 1, and of a ``note`` below them."""
     rows = "".join(
         f'<tr><td style="text-align:left">{html.escape(title)}</td>'
         f'<td><progress value="{share:.3f}" max="1"></progress></td><td>{share:.0%}</td></tr>'
         for title, share in shares.items()
     )
-    return f"<table>{rows}</table>"
+    return f"<table>{rows}</table>{html.escape(note)}"
 
 
 QUIET_S = 2.0

@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from endoct.base.compute.compiling import announce_compiling, when_compiling
 from endoct.base.compute.worker_process import Send, Stored, WorkerProcess, worker_process
 from endoct.workbench.running.progress import Advance, SilentStages, Stages
 from endoct.workbench.running.refusals import tame_libraries
@@ -164,7 +165,12 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def _call_in_stages(send: Send, function: Callable[..., Out], *arguments: object) -> Out:
+    when_compiling(lambda: send(Compiling()))
     return function(*arguments, _SentStages(send))
+
+
+class Compiling:
+    """Sent by a second process that compiles much."""
 
 
 class _SentStages(SilentStages):
@@ -192,5 +198,7 @@ class _ReceivedStages:
             self._advance = self._open_stages.enter_context(self._stages.stage(message))
         elif isinstance(message, float):
             self._advance(message)
+        elif isinstance(message, Compiling):
+            announce_compiling()
         else:
             self._open_stages.close()

@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.linear_equations import solve
-from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, quantile
+from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median_in_loops, quantile
 
 MOST_GROWTH = 3.0
 """A circle's radius may differ from its first estimate by at most this factor."""
@@ -58,7 +58,7 @@ def _through_three(
     """Write (x, y, radius) of the circles through three points each that have about a radius; return how many do."""
     n = 0
     for i in range(len(picks)):
-        a, b, c = picks[i]
+        a, b, c = picks[i, 0], picks[i, 1], picks[i, 2]
         ax, bx, cx = x_px[a], x_px[b], x_px[c]
         ay, by, cy = y_px[a], y_px[b], y_px[c]
         twice_area = 2 * (ax * (by - cy) + bx * (cy - ay) + cx * (ay - by))
@@ -149,16 +149,23 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
     return sorted(rings, key=lambda ring: -ring.contrast * ring.coverage)
 
 
-@compiled
 def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> NDArray[np.int64]:
     """Return for every row of ``gain`` (n_rays, n_radii) the column of the closed path of greatest gain, int (n_rays,).
 
     Neighbouring rows differ by at most ``most_step``, each step at ``step_cost``; the last row neighbours the
-    first. Solved by dynamic programming over two turns, of which the middle one is kept.
+    first.
     """
+    return _traced(gain, most_step, step_cost)
+
+
+@compiled
+def _traced(gain: Image, most_step: int, step_cost: float) -> NDArray[np.int64]:
+    """The path, by dynamic programming over two turns, of which the middle one is kept."""
     n, size = gain.shape
     came = np.zeros((2 * n, size), np.int8)
-    best, better = gain[0].astype(np.float64), np.empty(size)
+    best, better = np.empty(size), np.empty(size)
+    for j in range(size):
+        best[j] = gain[0, j]
     for k in range(1, 2 * n):
         for j in range(size):
             top, taken = -np.inf, 0
@@ -169,12 +176,16 @@ def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> ND
             came[k, j] = taken
             better[j] = top + gain[k % n, j]
         best, better = better, best
-    path = np.zeros(2 * n, np.int64)
-    path[-1] = np.argmax(best)
-    for k in range(2 * n - 1, 0, -1):
-        path[k - 1] = path[k] + came[k, path[k]]
-    half = n // 2
-    return np.roll(path[half : half + n], half)
+    at = 0
+    for j in range(1, size):
+        if best[j] > best[at]:
+            at = j
+    path, half = np.empty(n, np.int64), n // 2
+    for k in range(2 * n - 1, half - 1, -1):
+        if k < half + n:
+            path[k % n] = at
+        at += came[k, at]
+    return path
 
 
 def fit_circle(x_px: Coordinates, y_px: Coordinates, start: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -197,15 +208,17 @@ def fit_circle(x_px: Coordinates, y_px: Coordinates, start: tuple[float, float, 
 @compiled
 def _refine_circle(x_px: Coordinates, y_px: Coordinates, circle: Coordinates) -> None:
     """Fit ``circle`` (x, y, radius) to the points by Gauss-Newton with Tukey weights; it is overwritten."""
-    residual, slope = np.empty(x_px.size), np.empty((x_px.size, 3))
+    residual, away, slope = np.empty(x_px.size), np.empty(x_px.size), np.empty((x_px.size, 3))
+    normal, change = np.empty((3, 3)), np.empty(3)
     for _ in range(15):
         for i in range(x_px.size):
             dx, dy = x_px[i] - circle[0], y_px[i] - circle[1]
             distance = max(np.sqrt(dx * dx + dy * dy), 1e-9)
             residual[i] = distance - circle[2]
+            away[i] = abs(residual[i])
             slope[i, 0], slope[i, 1], slope[i, 2] = dx / distance, dy / distance, 1.0
-        scale = max(0.1, SIGMA_PER_MEDIAN * np.median(np.abs(residual)))
-        normal, change = np.zeros((3, 3)), np.zeros(3)
+        scale = max(0.1, SIGMA_PER_MEDIAN * median_in_loops(away))
+        normal[:], change[:] = 0, 0
         for i in range(x_px.size):
             inside = max(1 - (residual[i] / (4.0 * scale)) ** 2, 0.0)
             weight = inside * inside
@@ -216,7 +229,8 @@ def _refine_circle(x_px: Coordinates, y_px: Coordinates, circle: Coordinates) ->
         for j in range(3):
             normal[j, j] += 1e-9
         solve(normal, change)
-        circle += change
+        for j in range(3):
+            circle[j] += change[j]
         if max(abs(change[0]), abs(change[1]), abs(change[2])) < 1e-4:
             break
 

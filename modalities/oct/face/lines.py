@@ -129,11 +129,15 @@ def _strongest(
     cosine, sine, depth_mm, left = points
     column, row = places
     for _ in range(MOST_LINES):
-        support = _support(strength[scored], rows)
-        best = np.argmax(support)
+        support = _support(strength, scored, rows)
+        best = 0
+        for k in range(1, support.size):
+            if support[k] > support[best]:
+                best = k
         if support[best] < LEAST_SUPPORT:
             break
-        x, y, axis = _fit(circles[best], cosine, sine, depth_mm, left, radius_mm, 3 * mm_per_px, 0.0, 0.0)
+        circle = _fit(circles[best], cosine, sine, depth_mm, left, radius_mm, 3 * mm_per_px, 0.0, 0.0)
+        x, y, axis = circle[0], circle[1], circle[2]
         total, none = 0.0, True
         for i in range(depth_mm.size):
             across = x * sine[i] - y * cosine[i]
@@ -144,7 +148,8 @@ def _strongest(
                 strength[column[i], row[i]] = 0
                 none = False
         if math.hypot(x, y) < FARTHEST * radius_mm:
-            lines[count] = x, y, axis, total / len(strength)
+            lines[count, 0], lines[count, 1], lines[count, 2] = x, y, axis
+            lines[count, 3] = total / len(strength)
             count += 1
         if none:
             break
@@ -158,7 +163,7 @@ def _rows_of_circles(
     """The rows, (n, n_columns), at which columns see ``circles`` (n, 3); −1 where that is at no row well inside."""
     rows = np.empty((len(circles), cosine.size), np.int32)
     for i in range(len(circles)):
-        x, y, depth = circles[i]
+        x, y, depth = circles[i, 0], circles[i, 1], circles[i, 2]
         for k in range(cosine.size):
             across = x * sine[k] - y * cosine[k]
             distance = np.sqrt(max(radius_mm**2 - across**2, 0.0)) - (x * cosine[k] + y * sine[k])
@@ -168,16 +173,14 @@ def _rows_of_circles(
 
 
 @compiled
-def _support(strength: Image, rows: NDArray[np.int32]) -> Image:
-    """The mean of ``strength`` (n_columns, n_rows) at ``rows`` (n, n_columns) or up to two rows from there, (n,)."""
-    n_columns, n_rows = strength.shape
+def _support(strength: Image, scored: NDArray[np.intp], rows: NDArray[np.int32]) -> Image:
+    """The mean of ``strength`` in the ``scored`` columns at ``rows`` (n, n_columns) or up to two from there, (n,)."""
+    n_columns, n_rows = scored.size, strength.shape[1]
     wide = np.empty((n_columns, n_rows), np.float32)
     for column in range(n_columns):
+        each = strength[scored[column]]
         for row in range(2, n_rows - 2):
-            most = strength[column, row]
-            for other in (row - 2, row - 1, row + 1, row + 2):
-                most = max(most, strength[column, other])
-            wide[column, row] = most
+            wide[column, row] = max(each[row], each[row - 2], each[row - 1], each[row + 1], each[row + 2])
     support = np.empty(len(rows), np.float32)
     part = np.empty(8, np.float32)
     for i in range(len(rows)):
@@ -228,7 +231,7 @@ def _fit(
     circle = begin.copy()
     matrix, step = np.empty((3, 3)), np.empty(3)
     for _ in range(8):
-        x, y, axis = circle
+        x, y, axis = circle[0], circle[1], circle[2]
         n_used = 0
         matrix[:] = 0
         step[:] = 0
@@ -261,7 +264,8 @@ def _fit(
         matrix[2, 2] += expected_weight
         step[2] += expected_weight * (expected_mm - axis)
         solve(matrix, step)
-        circle += step
+        for k in range(3):
+            circle[k] += step[k]
         if np.hypot(circle[0], circle[1]) > 0.9 * radius_mm:
             return begin
     return circle
@@ -303,7 +307,8 @@ def _circles(cosine: Coordinates, sine: Coordinates, depth_mm: Coordinates, radi
                 else:
                     circle[k] = depth_mm[i, k]
             solve(matrix, circle)
-            circles[count] = circle
+            for k in range(3):
+                circles[count, k] = circle[k]
             if np.hypot(circle[0], circle[1]) >= FARTHEST * radius_mm:
                 break
         else:

@@ -141,6 +141,7 @@ def _peaks(ridge: Image, bright: Mask, least: np.float32) -> tuple[NDArray[np.in
     n_columns, n_rows = ridge.shape
     columns, rows = np.empty(ridge.size // 2, np.intp), np.empty(ridge.size // 2, np.intp)
     heights = np.empty(ridge.size // 2, np.float32)
+    highest = np.empty(POINTS_PER_COLUMN, np.float32)
     count = 0
     for column in range(n_columns):
         each = ridge[column]
@@ -151,10 +152,17 @@ def _peaks(ridge: Image, bright: Mask, least: np.float32) -> tuple[NDArray[np.in
                 columns[count], rows[count], heights[count] = column, row, here
                 count += 1
         if count - first > POINTS_PER_COLUMN:
-            lowest = np.sort(heights[first:count])[-POINTS_PER_COLUMN]
+            highest[:] = -np.inf
+            for k in range(first, count):
+                at = POINTS_PER_COLUMN - 1
+                if heights[k] > highest[at]:
+                    while at > 0 and heights[k] > highest[at - 1]:
+                        highest[at] = highest[at - 1]
+                        at -= 1
+                    highest[at] = heights[k]
             last, count = count, first
             for k in range(first, last):
-                if heights[k] >= lowest:
+                if heights[k] >= highest[POINTS_PER_COLUMN - 1]:
                     columns[count], rows[count], heights[count] = column, rows[k], heights[k]
                     count += 1
     return columns[:count], rows[:count], heights[:count]

@@ -116,11 +116,14 @@ def _best_trial(
                 continue
             solve(matrix, factors)
         count = 0
-        for at in some:
+        for i in range(some.size):
+            at = some[i]
             away = factors[0] * sine[at] + factors[1] * cosine[at] + factors[2] - y_mm[at]
             count += abs(away) < tolerance_mm
         if count > most:
-            best[:], most = factors, count
+            most = count
+            for k in range(3):
+                best[k] = factors[k]
     return best
 
 
@@ -152,6 +155,7 @@ def _gauss_newton(begin: Coordinates, x: Coordinates, y: Coordinates) -> Coordin
                 for m in range(4):
                     matrix[k, m] += slopes[k] * slopes[m]
         solve(matrix, step)
-        found += step
+        for k in range(4):
+            found[k] += step[k]
         found[1] = min(max(found[1], 0.8), 1.2)
     return found

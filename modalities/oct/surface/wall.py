@@ -78,7 +78,8 @@ def _favour(evidence: Image, wall_row: Image, bands_per_row: np.float32, bonus: 
     for column in range(len(evidence)):
         wall = wall_row[column]
         first = min(max(int(wall - 3 / bands_per_row) - 1, 0), n_depth)
-        evidence[column, :first] -= front
+        for row in range(first):
+            evidence[column, row] -= front
         for row in range(first, min(max(int(wall + 2 / bands_per_row) + 2, 0), n_depth)):
             behind = (np.float32(row) - wall) * bands_per_row
             evidence[column, row] += bonus * min(max(two - abs(behind), none), one)
@@ -96,15 +97,28 @@ AT_ONCE = 16  # maxima that are kept apart, so that a processor takes them as a 
 @compiled
 def largest(values: Image) -> np.float32:
     """Return the largest of ``values``, float32 (n,), n from 1; none of them is NaN."""
-    highest = np.full(AT_ONCE, values[-1])
+    highest = np.empty(AT_ONCE, np.float32)
+    highest[:] = values[values.size - 1]
     blocks = values.size // AT_ONCE
     for block in range(blocks):
         for k in range(AT_ONCE):
             highest[k] = max(highest[k], values[block * AT_ONCE + k])
-    most = highest.max()
+    most = highest[0]
+    for k in range(1, AT_ONCE):
+        most = max(most, highest[k])
     for i in range(blocks * AT_ONCE, values.size):
         most = max(most, values[i])
     return np.float32(most)
+
+
+@compiled
+def _first_largest(values: Image) -> int:
+    """Return the index of the first of the largest ``values``, float32 (n,), n from 1."""
+    at = 0
+    for i in range(1, values.size):
+        if values[i] > values[at]:
+            at = i
+    return at
 
 
 Rows = NDArray[np.intp]
@@ -181,7 +195,8 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
     for step in range(n_steps):
         here, best = evidence[(step - lead) % n_theta], gathered[step]
         if step == 0:
-            best[:] = here
+            for state in range(n_states):
+                best[state] = here[state]
         else:
             before = gathered[step - 1]
             from_behind, from_before = before[n_states - 1] - ramp[n_states - 1], before[0]
@@ -196,12 +211,13 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
                 best[state] = max(near_by, jump) + here[state]
         most = largest(best)
         if step:
-            best -= most
+            for state in range(n_states):
+                best[state] -= most
             most = np.float32(0)
     path = np.empty(n_steps, np.intp)
     near = cost.size - 1
-    state = int(np.argmax(gathered[-1]))
-    path[-1] = state
+    state = _first_largest(gathered[n_steps - 1])
+    path[n_steps - 1] = state
     for step in range(n_steps - 2, -1, -1):
         reached = np.float32(-np.inf)
         nearest = state
@@ -210,7 +226,7 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
             if value > reached:
                 reached, nearest = value, other
         most = np.float32(0) if step else largest(gathered[0])
-        state = nearest if reached >= most - jump_cost else int(np.argmax(gathered[step]))
+        state = nearest if reached >= most - jump_cost else _first_largest(gathered[step])
         path[step] = state
     return path[lead : lead + n_theta]
 

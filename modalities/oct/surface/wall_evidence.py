@@ -181,7 +181,9 @@ def _sum_behind(signal: Image, decay: np.float32, behind: Image) -> None:
 @compiled
 def _sum_above(signal: Image, n_rows: int, sums: Coordinates) -> None:
     """Write sums over so many rows that end at each row, both (row, :data:`AT_ONCE`); the first row is repeated."""
-    total = signal[0].astype(np.float64) * n_rows
+    total = np.empty(AT_ONCE)
+    for k in range(AT_ONCE):
+        total[k] = np.float64(signal[0, k]) * n_rows
     for row in range(len(signal)):
         old = max(row - n_rows, 0)
         for k in range(AT_ONCE):
@@ -196,14 +198,16 @@ def _take_patches(evidence: Image, above: Coordinates, n_columns: int, share: fl
     reach = n_columns // 2
     patch = np.zeros(n_rows)
     for column in range(-reach, reach + 1):
-        patch += above[column % around]
+        for row in range(n_rows):
+            patch[row] += above[column % around, row]
     for column in range(around):
         before = np.float32(0)
         for row in range(n_rows):
             before += max(np.float32(patch[row] * share), np.float32(0))
             evidence[column, row + 1] -= before
-        patch += above[(column + reach + 1) % around]
-        patch -= above[(column - reach) % around]
+        after, gone = above[(column + reach + 1) % around], above[(column - reach) % around]
+        for row in range(n_rows):
+            patch[row] = patch[row] + after[row] - gone[row]
 
 
 def relative_power(level: Image, noise: float, sigma: float) -> Image:

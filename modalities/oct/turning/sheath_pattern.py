@@ -139,10 +139,14 @@ def _density(
     filled = np.zeros(n_depth, np.bool_)
     for i in range(row.size):
         if 0 <= row[i] < n_depth - 1:
-            filled[int(row[i]) : int(row[i]) + 2] = True
-    rows = np.flatnonzero(filled)
-    place = np.cumsum(filled) - 1
-    density = np.zeros((2, rows.size, N_ANGLES))
+            filled[int(row[i])] = filled[int(row[i]) + 1] = True
+    rows, place = np.empty(n_depth, np.intp), np.empty(n_depth, np.intp)
+    n_filled = 0
+    for k in range(n_depth):
+        if filled[k]:
+            rows[n_filled], place[k] = k, n_filled
+            n_filled += 1
+    density = np.zeros((2, n_filled, N_ANGLES))
     for i in range(row.size):
         if 0 <= row[i] < n_depth - 1:
             first, top = int(column[i]), int(row[i])
@@ -151,7 +155,7 @@ def _density(
                 half = to * SECTORS // N_ANGLES % 2
                 density[half, at, to] += strength[i] * share * (1 - down)
                 density[half, at + 1, to] += strength[i] * share * down
-    return rows, density
+    return rows[:n_filled], density
 
 
 @compiled

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.linear_equations import solve
-from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
+from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median_in_loops
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import N_RIPPLE, ripple_basis
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass, face_distance
@@ -175,6 +175,7 @@ def _iterate(
     unknown, normal, jacobian, weight, residual, slope = fit
     n_unknown = unknown.size
     matrix, change = np.empty((n_unknown, n_unknown)), np.empty(n_unknown)
+    used, misfit = np.empty(angle.size, np.intp), np.empty(angle.size)
     for width in widths_mm:
         x, y = unknown[0], unknown[1]
         if math.hypot(x, y) > FARTHEST * radius_mm:
@@ -203,25 +204,37 @@ def _iterate(
                 jacobian[i, 0] = (by_x - distance) / TINY
                 jacobian[i, 1] = (by_y - distance) / TINY
                 jacobian[i, 2] = 1
-                jacobian[i, RIPPLE] = face[i]
+                for k in range(N_RIPPLE):
+                    jacobian[i, RIPPLE.start + k] = face[i, k]
                 for k in range(columns.size):
                     jacobian[i, columns[k]] = slope[i] * basis[i, k]
-        used = np.flatnonzero(weight > 0)
-        if used.size < n_unknown:
+        n_used = 0
+        for i in range(angle.size):
+            if weight[i] > 0:
+                used[n_used], misfit[n_used] = i, abs(residual[i])
+                n_used += 1
+        if n_used < n_unknown:
             return False
-        sigma = SIGMA_PER_MEDIAN * np.median(np.abs(residual[used]))
-        weight /= max(POINT_SIGMA_MM, sigma) ** 2
-        normal[:] = np.diag(precision)
-        change[:] = precision * (mean - unknown)
-        for at in used:
+        variance = max(POINT_SIGMA_MM, SIGMA_PER_MEDIAN * median_in_loops(misfit[:n_used])) ** 2
+        for i in range(angle.size):
+            weight[i] /= variance
+        for k in range(n_unknown):
+            change[k] = precision[k] * (mean[k] - unknown[k])
+            for m in range(n_unknown):
+                normal[k, m] = precision[k] if k == m else 0.0
+        for i in range(n_used):
+            at = used[i]
             for k in range(n_unknown):
                 share = weight[at] * jacobian[at, k]
                 change[k] += share * residual[at]
                 for m in range(n_unknown):
                     normal[k, m] += share * jacobian[at, m]
-        matrix[:] = normal
+        for k in range(n_unknown):
+            for m in range(n_unknown):
+                matrix[k, m] = normal[k, m]
         solve(matrix, change)
-        unknown += change
+        for k in range(n_unknown):
+            unknown[k] += change[k]
     return True
 
 
@@ -234,7 +247,10 @@ def _depths_of_face(unknown: Coordinates, radius_mm: float, thickness_mm: float)
     within = (offset / GLASS_INDEX) ** 2
     through = math.sqrt(radius_mm**2 - within) - math.sqrt(inner_mm**2 - within)
     oblique = GLASS_INDEX * (through - thickness_mm)
-    around = np.abs(unknown[RIPPLE]).sum() + TINY
+    around = 0.0
+    for k in range(RIPPLE.start, RIPPLE.stop):
+        around += abs(unknown[k])
+    around += TINY
     return unknown[2] + radius_mm - offset - around, unknown[2] + radius_mm + offset + oblique + around
 
 

@@ -60,6 +60,32 @@ def test_code_that_no_disk_takes_is_made_all_the_same(monkeypatch: pytest.Monkey
     assert compiled(twice)(21.0) == 42
 
 
+COMPILES_MUCH = """
+from endoct.base.compute.compiled import compiled
+from endoct.base.compute.compiling import when_compiling
+
+when_compiling(lambda: print("compiling"))
+
+@compiled
+def twice(value):
+    return value + value
+
+for value in (1, 1.0, True, 1j, "1", (1,), (1, 1), (1.0, 1), (1.0,)):
+    twice(value)
+"""
+
+
+def test_who_compiles_much_says_so_once(tmp_path: Path) -> None:
+    (tmp_path / "module.py").write_text(COMPILES_MUCH)
+
+    def run() -> str:
+        command = [sys.executable, "module.py"]
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert (run(), run()) == ("compiling\n", "")
+
+
 @pytest.mark.parametrize("n", [1, 3, 23])
 def test_equations_are_solved(n: int) -> None:
     rng = np.random.default_rng(n)

@@ -7,6 +7,7 @@ from tolerances import MEDIAN_ERROR
 from endoct.base.numeric.ranks import (
     error_of_median,
     median,
+    median_in_loops,
     medians,
     quantile,
     quantile_pair,
@@ -86,3 +87,16 @@ def test_a_median_errs_as_stated() -> None:
     medians = np.median(samples, axis=1)
     stated = [error_of_median(row - median) for row, median in zip(samples, medians, strict=True)]
     assert np.sqrt(np.mean(((medians - 3) / stated) ** 2)) == pytest.approx(1, abs=MEDIAN_ERROR)
+
+
+@pytest.mark.parametrize("samples", [[], [3.0], [2.0, 1.0], [1.0, 1.0, 5.0, 1.0], list(range(7)), [2.0, -1.0] * 50])
+def test_a_median_in_loops_is_numpys(samples: list[float]) -> None:
+    expected = np.median(samples) if samples else np.nan
+    assert median_in_loops(np.array(samples, np.float64)) == pytest.approx(expected, abs=0, nan_ok=True)
+
+
+def test_a_median_in_loops_is_numpys_at_random() -> None:
+    rng = np.random.default_rng(0)
+    for n in range(1, 200):
+        samples = rng.integers(0, max(n // 2, 2), n) + 0.25
+        assert median_in_loops(samples.copy()) == np.median(samples)
