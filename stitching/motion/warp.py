@@ -266,10 +266,15 @@ def _equations(
         of_pairs[2, 1, j] = of_pairs[1, 2, j]
     normal, pull = np.empty((7, 7)), np.empty(7)
     for m in range(7):
-        of_m = waves[m % 3]
-        pull[m] = np.sum(of_m * of_off[m // 3])
+        of_m, off_m = waves[m % 3], of_off[m // 3]
+        pull[m] = 0
+        for j in range(n_theta):
+            pull[m] += of_m[j] * off_m[j]
         for n in range(m + 1):
-            normal[m, n] = normal[n, m] = np.sum(of_m * of_pairs[m // 3, n // 3] * waves[n % 3])
+            of_n, pairs, total = waves[n % 3], of_pairs[m // 3, n // 3], 0.0
+            for j in range(n_theta):
+                total += of_m[j] * pairs[j] * of_n[j]
+            normal[m, n] = normal[n, m] = total
     return normal, pull
 
 

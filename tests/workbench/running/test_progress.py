@@ -4,13 +4,16 @@ import io
 import re
 import sys
 import time
+from contextlib import ExitStack
 from types import ModuleType
 from typing import Any
 
 import pytest
 from rich.console import Console
 
+from endoct.base.compute.compiling import announce_compiling
 from endoct.workbench.running.progress import (
+    COMPILING,
     ConsoleStages,
     NotebookStages,
     SilentStages,
@@ -18,6 +21,7 @@ from endoct.workbench.running.progress import (
     progress_table,
     stages_for,
 )
+from endoct.workbench.running.scheduler import Compiling, _ReceivedStages
 
 
 class ZMQInteractiveShell:
@@ -129,3 +133,25 @@ def test_a_log_never_goes_backwards(monkeypatch: pytest.MonkeyPatch) -> None:
             assert int(share) >= last.get(title, 0)
             last[title] = int(share)
     assert set(last) == {"survey A", "survey B", "unroll B"}
+
+
+def test_whoever_waits_for_compiling_is_told_so_once(notebook: list[str]) -> None:
+    shown = io.StringIO()
+    with ConsoleStages(Console(file=shown)).stage("survey"):
+        announce_compiling()
+        announce_compiling()
+    assert shown.getvalue().splitlines() == ["survey", COMPILING]
+    stages = NotebookStages(quiet_s=0)
+    announce_compiling()
+    work(stages)
+    assert COMPILING in notebook[-1]
+
+
+def test_a_second_process_that_compiles_has_it_said_here() -> None:
+    shown = io.StringIO()
+    stages = ConsoleStages(Console(file=shown))
+    with ExitStack() as open_stages:
+        received = _ReceivedStages(stages, open_stages)
+        received("survey B")
+        received(Compiling())
+    assert shown.getvalue().splitlines() == ["survey B", COMPILING]
