@@ -88,7 +88,11 @@ def judged(folder: Path, truth: Truth, seed: int) -> list[dict[str, object]]:
         with tempfile.TemporaryDirectory() as scratch:
             try:
                 measured = calibrate(
-                    modality, folder / modality, target=folder / "tube.toml", output=Path(scratch) / "calibration.toml"
+                    modality,
+                    folder / modality,
+                    target=folder / "tube.toml",
+                    output=Path(scratch) / "calibration.toml",
+                    progress=False,
                 )
             except EndoctError as error:
                 rows.append(row | {"quantity": "refused", "reason": str(error)})
