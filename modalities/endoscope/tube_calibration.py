@@ -29,7 +29,7 @@ from endoct.modalities.endoscope.tube_marks import (
     on_tube,
 )
 from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import Pose, poses
+from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
 from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
@@ -71,7 +71,7 @@ def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, ta
     darkness = examine_darkness(stream, calibration)
     image, row_z_mm = darkness_map(darkness, calibration)
     scales = BY_FEED if knows_scale or acquisition.positions_mm is not None else UNKNOWN
-    pose = clear_pose(poses(image, row_z_mm, target, partial(darkness_of_tube, target), scales))
+    pose = clear_pose(image, row_z_mm, target, partial(darkness_of_tube, target), scales)
     check_rings(target, pose.z_of(row_z_mm))
     fitted = _fit(darkness, calibration, pose, target)
     return _measurement(acquisition, calibration, darkness, pose, fitted)

@@ -26,8 +26,9 @@ from endoct.modalities.oct.tube_fit import (
     refined,
 )
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
+from endoct.modalities.oct.tube_surface import at_surface, late_mm
 from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import COLUMNS, Pose, poses
+from endoct.modalities.tube.locating import COLUMNS, Pose
 from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
 from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
@@ -61,6 +62,9 @@ def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: T
         model = TubeModel(beams, find_marks(beams, pose, target), target, pose)
         fit = model.fit(capillary_mm)
         pose = refined(pose, fit)
+    marks = at_surface(model.marks, late_mm(model, fit.values))
+    model = TubeModel(beams, marks, target, pose)
+    fit = model.fit(capillary_mm)
     _check_diameter(model, fit, capillary_mm)
     return _measurement(calibration, model, fit, pose, capillary_mm)
 
@@ -73,7 +77,7 @@ def _locate(beams: Beams, target: Target) -> Pose:
 
     image = beams.relief_map(target.radius_mm, COLUMNS)
     image = np.clip(image - np.nanmedian(image), -0.1, deepest + 0.1)
-    return clear_pose(poses(image, beams.z_mm, target, relief, SCALES))
+    return clear_pose(image, beams.z_mm, target, relief, SCALES)
 
 
 def _check_diameter(model: TubeModel, fit: Fit, capillary_mm: float) -> None:
