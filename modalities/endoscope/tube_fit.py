@@ -20,16 +20,15 @@ from endoct.modalities.endoscope.tube_marks import HELICAL, Marks
 from endoct.modalities.tube.fitting import Fit, fit_model
 from endoct.modalities.tube.target import Target
 
-ANGLE_DEG, DISTANCE, DISTORTION = 8.0, 0.7, 0.01
-"""How far a mirror's half angle lies from 45°, the logarithm of its distance over the bore's radius from that of 1.25,
-and the distortion at the outer rim from 0: standard errors, of mirrors of any make."""
-USUAL_DISTANCE = 1.25
+ANGLE_DEG, DISTANCE, DISTORTION = 8.0, 1.2, 0.02
+"""How far a mirror's half angle lies from 45°, the logarithm of its distance over the bore's radius from that of
+``USUAL_DISTANCE``, and the distortion at the outer rim from 0: standard errors, of mirrors of any make, also of those
+that look along parallel rays."""
+USUAL_DISTANCE = 2.5
 CENTRE_PX, OFFSET_MM, TILT_RAD = 3.0, 0.05, 0.02
 """How far the optical axis lies from the outer rim's centre, the bore's axis from the probe's, and their tilt."""
 CLUSTER_MM = 0.5
-BRIM_MM = 0.015, 0.015
-"""How far below the wall the edge of a groove's ink is seen, with its standard error."""
-SHIFT_MM, TREND_MM, BEND_MM = 0.003, 0.0025, 0.002
+SHIFT_MM, TREND_MM, BEND_MM = 0.003, 0.0035, 0.002
 """By how much light shifts the helical groove's middle along the circumference: in a ring against elsewhere, that from
 mid annulus to a rim, and along the annulus by a parabola (preset `tube`, seeds 0, 1 and 20 to 22)."""
 N_PARAMETERS = 16
@@ -70,7 +69,7 @@ class TubeModel:
         sigma[DISTORTED] = DISTORTION
         sigma[[X, Y]], sigma[[OFF_X, OFF_Y]], sigma[[TILT_X, TILT_Y]] = CENTRE_PX, OFFSET_MM, TILT_RAD
         sigma[RADIUS], sigma[DEPTH] = max(known.bore_diameter_mm / 2, 1e-5), max(known.depth_mm, 1e-5)
-        expected[BRIM], sigma[BRIM] = BRIM_MM
+        expected[BRIM], sigma[BRIM] = self.target.ink_depth_mm, max(known.ink_depth_mm, 1e-5)
         sigma[[SHIFT, TREND, BEND]] = SHIFT_MM, TREND_MM, BEND_MM
         return expected, sigma
 

@@ -48,6 +48,21 @@ def test_grooves_alone_do_not_tell_which_way() -> None:
         clear_pose(grooves, ROWS_MM, TUBE, template, (1.0,))
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+def test_faint_rings_tell_which_way(direction: int) -> None:
+    """Grooves that are much darker lie on themselves when the tube is turned end for end."""
+    z_mm = 6 + direction * (np.arange(200) * 0.04 - 4)
+    theta = direction * 2 * np.pi / COLUMNS * np.arange(COLUMNS)
+    dark = TUBE.inked(z_mm[:, None], theta) + 0.05 * (TUBE.ring_inside_mm(z_mm) > 0)[:, None]
+    dark = dark + 0.2 * np.random.default_rng(3).standard_normal(dark.shape)
+
+    def template(z_mm: np.ndarray, theta_rad: np.ndarray) -> np.ndarray:
+        return TUBE.inked(z_mm, theta_rad) + 0.2 * (TUBE.ring_inside_mm(z_mm) > 0)
+
+    pose = clear_pose(dark, np.arange(200) * 0.04, TUBE, template, (1.0,))
+    assert (pose.direction, pose.sense) == (direction, direction)
+
+
 @pytest.mark.parametrize(("z_mm", "said"), [((2.0, 6.5), "the narrow one alone"), ((4.0, 6.0), "neither")])
 def test_both_rings_are_needed(z_mm: tuple[float, float], said: str) -> None:
     with pytest.raises(NotSeen, match=said):
