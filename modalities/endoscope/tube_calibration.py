@@ -42,7 +42,7 @@ LEAST_POINTS = 300
 ROUNDS = 3
 ALONE_SIGMAS = 0.1
 """Relative, above which a standard error says that a number is not told apart from others."""
-RIM_PX = 0.3
+RIM_PX = 0.4
 """By how much a blurred rim is found off its place (inner and outer: −0.1 and 0.2 in the preset `tube`, seeds 30–37;
 0.2 and −0.35 in independent recordings, seeds 10–19)."""
 ROLLING_RAD = 0.05

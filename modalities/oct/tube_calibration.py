@@ -36,7 +36,7 @@ from endoct.modalities.tube.target import Target
 N_BEAMS = 1024
 SCALES = np.arange(0.9, 1.101, 0.01)
 """True over stated pitch."""
-CAPILLARY_MM, GLASS_MM = 0.005, 0.002
+CAPILLARY_MM, GLASS_MM = 0.005, 0.0025
 """Standard errors of the capillary's diameter where none is stated, and of its glass as its inner face shows it."""
 FACE_MM = 0.001
 """Of the line of the outer face."""

@@ -29,7 +29,7 @@ class TubeErrors(BaseModel):
     bore_diameter_mm: Sigma = Field(default=0.01, description="of the bore's diameter; 0.002 by a pin gauge")
     depth_mm: Sigma = Field(default=0.01, description="of the depths of grooves and rings, one error for all")
     z_mm: Sigma = Field(default=0.02, description="of the distance of the two rings")
-    ink_depth_mm: Sigma = Field(default=0.015, description="of the depth at which ink begins")
+    ink_depth_mm: Sigma = Field(default=0.02, description="of the depth at which ink begins")
 
 
 class Target(BaseModel):
