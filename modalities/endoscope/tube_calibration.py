@@ -30,7 +30,14 @@ from endoct.modalities.endoscope.tube_marks import (
 )
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import Pose
-from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.measurement import (
+    KeyValue,
+    Measurement,
+    Panel,
+    Quantity,
+    doubts_of_origin,
+    doubts_of_travel,
+)
 from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
@@ -201,7 +208,6 @@ def _measurement(
     doubts = _doubts(acquisition, pose, inward, fitted, sigma)
     return Measurement(
         keys,
-        {each.name: each.sigma for each in quantities if each.name in keys},
         tuple(quantities),
         _panels(darkness, fitted, optics),
         doubts,
@@ -237,15 +243,7 @@ def _doubts(
     fitted: _Fitted,
     sigma: Coordinates,
 ) -> tuple[Doubt, ...]:
-    doubts: list[Doubt] = []
-    if acquisition.travel != "unknown" and (acquisition.travel == "in") != inward:
-        doubts.append(
-            Doubt(
-                "travel-against-tube",
-                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says "
-                f"'{acquisition.travel}': one of them is wrong, or the endoscope came in at the tube's other end.",
-            )
-        )
+    doubts = list(doubts_of_travel(acquisition.travel, inward))
     if pose.sense < 0:
         doubts.append(
             Doubt(
@@ -264,18 +262,9 @@ def _doubts(
                 unit="1",
             )
         )
+    because = "The endoscope rolled by {degrees} (rms) during the recording: theta_origin_rad is that of the frame "
     spread = float(np.std(fitted.turn_rad))
-    if spread > ROLLING_RAD:
-        doubts.append(
-            Doubt(
-                "origin-not-kept",
-                f"The endoscope rolled by {math.degrees(spread):.0f}° (rms) during the recording: theta_origin_rad is "
-                "that of the frame nearest the mouth.",
-                value=spread,
-                unit="rad",
-            )
-        )
-    return tuple(doubts)
+    return (*doubts, *doubts_of_origin(spread, ROLLING_RAD, because + "nearest the mouth."))
 
 
 def _panels(darkness: Darkness, fitted: _Fitted, optics: ConeOptics) -> tuple[Panel, ...]:

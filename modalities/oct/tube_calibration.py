@@ -29,7 +29,14 @@ from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_bea
 from endoct.modalities.oct.tube_surface import at_surface, late_mm
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import COLUMNS, Pose
-from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.measurement import (
+    KeyValue,
+    Measurement,
+    Panel,
+    Quantity,
+    doubts_of_origin,
+    doubts_of_travel,
+)
 from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
@@ -139,7 +146,6 @@ def _measurement(
     ]
     return Measurement(
         keys,
-        {each.name: each.sigma for each in quantities if each.name in keys},
         tuple(quantities),
         _panels(model, fit),
         doubts,
@@ -147,39 +153,20 @@ def _measurement(
 
 
 def _doubts(calibration: OctCalibration, inward: bool) -> tuple[Doubt, ...]:
-    doubts: list[Doubt] = []
     acquisition = calibration.acquisition
-    stated = acquisition.travel
-    if stated != "unknown" and (stated == "in") != inward:
-        doubts.append(
-            Doubt(
-                "travel-against-tube",
-                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says "
-                f"'{stated}': one of them is wrong, or the instrument came in at the tube's other end, and handedness "
-                "is wrong, too.",
-            )
-        )
+    doubts = doubts_of_travel(acquisition.travel, inward, ", and handedness is wrong, too")
     if acquisition.medium_index != 1:
-        doubts.append(
+        doubts += (
             Doubt(
                 "index-not-separable",
                 "Depths tell the axial pixel over the refractive index alone: axial_pixel_mm is right if medium_index "
                 f"is {acquisition.medium_index:g}.",
-            )
+            ),
         )
     starts = calibration.rotation.start_rad
     spread = float(np.std(np.angle(np.exp(1j * (starts - np.angle(np.exp(1j * starts).sum()))))))
-    if spread > SURE_START_RAD:
-        doubts.append(
-            Doubt(
-                "origin-not-kept",
-                f"Turns start {math.degrees(spread):.0f}° from each other, so the next recording starts anywhere: "
-                "theta_origin_rad is that of this one alone.",
-                value=spread,
-                unit="rad",
-            )
-        )
-    return tuple(doubts)
+    because = "Turns start {degrees} from each other, so the next recording starts anywhere: theta_origin_rad is that "
+    return doubts + doubts_of_origin(spread, SURE_START_RAD, because + "of this one alone.")
 
 
 def _panels(model: TubeModel, fit: Fit) -> tuple[Panel, ...]:
