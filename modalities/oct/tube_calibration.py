@@ -51,6 +51,8 @@ CONTRADICTION_SIGMAS, CONTRADICTION_MM = 5.0, 0.02
 SURE_START_RAD = 0.05
 TURNING_RAD = 0.01
 """Usual error of the angle of an A-scan within its turn, where it is not known."""
+LINE_OF_WAVE = 6 / math.pi
+"""Rise of the line that fits one period of a sine best, over its amplitude."""
 
 
 def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
@@ -107,10 +109,15 @@ def _measurement(
     pixel_mm = acquisition.axial_pixel_mm * math.exp(values[SCALE])
     pixel_sigma = pixel_mm * sigma[SCALE]
     pitch_mm = acquisition.pullback_pitch_mm * abs(values[PITCH])
-    pitch_sigma = math.hypot(acquisition.pullback_pitch_mm * sigma[PITCH], pitch_mm * target.stretch_sigma)
+    known_rad = calibration.rotation.shape_sigma_rad
+    turning_rad = float(np.nanmedian(known_rad)) if np.isfinite(known_rad).any() else TURNING_RAD
+    # an uneven turn bends the helical groove to a wave, of which a line takes up so much
+    span_mm = float(np.ptp(pose.z_of(model.beams.z_mm)))
+    bent = LINE_OF_WAVE * turning_rad * target.helix_lead_mm / (2 * math.pi * span_mm)
+    relative = math.hypot(float(sigma[PITCH]) / abs(float(values[PITCH])), target.stretch_sigma, bent)
+    pitch_sigma = pitch_mm * relative
     theta_rad = float(np.mod(values[THETA], 2 * np.pi))
-    turning = calibration.rotation.shape_sigma_rad
-    theta_sigma = math.hypot(sigma[THETA], float(np.nanmedian(turning)) if np.isfinite(turning).any() else TURNING_RAD)
+    theta_sigma = math.hypot(sigma[THETA], turning_rad)
     inward = pose.direction * (model.beams.z_mm[-1] - model.beams.z_mm[0]) > 0
     keys: dict[str, KeyValue] = {
         "axial_pixel_mm": pixel_mm,
