@@ -31,8 +31,7 @@ def simulated_truth(folder: Path) -> Truth:
     sample = Sample.model_validate_json((folder / "truth/sample.json").read_text())
     oct_, camera, tube = sample.oct, sample.endoscope, sample.bore.tube
     assert tube is not None
-    z_mm = np.array(oct_.z_mm)
-    apart = np.abs(np.diff(np.sort(z_mm)))
+    slices = np.polyfit(np.arange(len(oct_.z_mm)), np.sort(oct_.z_mm), 1)[0]
     cone = ConeOptics(
         camera.inner_px,
         camera.outer_px,
@@ -49,7 +48,7 @@ def simulated_truth(folder: Path) -> Truth:
             "axial_pixel_mm": oct_.axial_pixel_mm,
             "first_sample_mm": oct_.first_sample_mm,
             "theta_origin_rad": oct_.theta_origin_rad + oct_.sense * float(np.mean(oct_.start_angle_rad)),
-            "pullback_pitch_mm": float(apart.mean()),
+            "pullback_pitch_mm": float(slices),
             "handedness": "same" if oct_.sense > 0 else "mirrored",
             "travel": oct_.travel,
         },
@@ -88,7 +87,11 @@ def judged(folder: Path, truth: Truth, seed: int) -> list[dict[str, object]]:
         with tempfile.TemporaryDirectory() as scratch:
             try:
                 measured = calibrate(
-                    modality, folder / modality, target=folder / "tube.toml", output=Path(scratch) / "calibration.toml"
+                    modality,
+                    folder / modality,
+                    target=folder / "tube.toml",
+                    output=Path(scratch) / "calibration.toml",
+                    progress=False,
                 )
             except EndoctError as error:
                 rows.append(row | {"quantity": "refused", "reason": str(error)})

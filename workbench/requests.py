@@ -172,6 +172,46 @@ class SimulateRequest:
     progress: Progress = True
 
 
+@dataclass(frozen=True, eq=False)
+class CalibrateRequest:
+    """Which instrument to calibrate, and by what.
+
+    Args:
+        modality: oct, endoscope, or another that can be calibrated
+        recording: folder or file of the recording of the tube
+        target: tube.toml of the tube, as `endoct target` writes it, with the sizes that were measured
+        output: file to write, such as calibration.toml, that sidecars cite; a figure is written next to it
+        settings: a key of the sidecar or a processing parameter; repeat for more
+        overwrite: replace the output if it exists
+        progress: False displays none
+    """
+
+    modality: Positional[str]
+    recording: Positional[AnyPath]
+    _: KW_ONLY
+    target: AnyPath
+    output: Output
+    settings: Annotated[Settings, arg(name="set")] = ()
+    overwrite: bool = False
+    progress: Progress = True
+
+
+@dataclass(frozen=True, eq=False)
+class TargetRequest:
+    """Which tube to print and calibrate by.
+
+    Args:
+        output: folder to write
+        bore_diameter_mm: inner diameter, mm: that of the holes that are recorded
+        overwrite: replace the folder if it exists
+    """
+
+    output: Output
+    _: KW_ONLY
+    bore_diameter_mm: Annotated[float, arg(name="bore")] = 2.5
+    overwrite: bool = False
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanRequest:
     """Where a bore was planned, and how to look for it.

@@ -26,16 +26,24 @@ from endoct.modalities.oct.tube_fit import (
     refined,
 )
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
+from endoct.modalities.oct.tube_surface import at_surface, late_mm
 from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import COLUMNS, Pose, poses
-from endoct.modalities.tube.measurement import KeyValue, Measurement, Panel, Quantity
+from endoct.modalities.tube.locating import COLUMNS, Pose
+from endoct.modalities.tube.measurement import (
+    KeyValue,
+    Measurement,
+    Panel,
+    Quantity,
+    doubts_of_origin,
+    doubts_of_travel,
+)
 from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 N_BEAMS = 1024
 SCALES = np.arange(0.9, 1.101, 0.01)
 """True over stated pitch."""
-CAPILLARY_MM, GLASS_MM = 0.005, 0.002
+CAPILLARY_MM, GLASS_MM = 0.005, 0.0025
 """Standard errors of the capillary's diameter where none is stated, and of its glass as its inner face shows it."""
 FACE_MM = 0.001
 """Of the line of the outer face."""
@@ -43,6 +51,8 @@ CONTRADICTION_SIGMAS, CONTRADICTION_MM = 5.0, 0.02
 SURE_START_RAD = 0.05
 TURNING_RAD = 0.01
 """Usual error of the angle of an A-scan within its turn, where it is not known."""
+LINE_OF_WAVE = 6 / math.pi
+"""Rise of the line that fits one period of a sine best, over its amplitude."""
 
 
 def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
@@ -61,6 +71,9 @@ def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: T
         model = TubeModel(beams, find_marks(beams, pose, target), target, pose)
         fit = model.fit(capillary_mm)
         pose = refined(pose, fit)
+    marks = at_surface(model.marks, late_mm(model, fit.values))
+    model = TubeModel(beams, marks, target, pose)
+    fit = model.fit(capillary_mm)
     _check_diameter(model, fit, capillary_mm)
     return _measurement(calibration, model, fit, pose, capillary_mm)
 
@@ -73,7 +86,7 @@ def _locate(beams: Beams, target: Target) -> Pose:
 
     image = beams.relief_map(target.radius_mm, COLUMNS)
     image = np.clip(image - np.nanmedian(image), -0.1, deepest + 0.1)
-    return clear_pose(poses(image, beams.z_mm, target, relief, SCALES))
+    return clear_pose(image, beams.z_mm, target, relief, SCALES)
 
 
 def _check_diameter(model: TubeModel, fit: Fit, capillary_mm: float) -> None:
@@ -96,10 +109,15 @@ def _measurement(
     pixel_mm = acquisition.axial_pixel_mm * math.exp(values[SCALE])
     pixel_sigma = pixel_mm * sigma[SCALE]
     pitch_mm = acquisition.pullback_pitch_mm * abs(values[PITCH])
-    pitch_sigma = math.hypot(acquisition.pullback_pitch_mm * sigma[PITCH], pitch_mm * target.stretch_sigma)
+    known_rad = calibration.rotation.shape_sigma_rad
+    turning_rad = float(np.nanmedian(known_rad)) if np.isfinite(known_rad).any() else TURNING_RAD
+    # an uneven turn bends the helical groove to a wave, of which a line takes up so much
+    span_mm = float(np.ptp(pose.z_of(model.beams.z_mm)))
+    bent = LINE_OF_WAVE * turning_rad * target.helix_lead_mm / (2 * math.pi * span_mm)
+    relative = math.hypot(float(sigma[PITCH]) / abs(float(values[PITCH])), target.stretch_sigma, bent)
+    pitch_sigma = pitch_mm * relative
     theta_rad = float(np.mod(values[THETA], 2 * np.pi))
-    turning = calibration.rotation.shape_sigma_rad
-    theta_sigma = math.hypot(sigma[THETA], float(np.nanmedian(turning)) if np.isfinite(turning).any() else TURNING_RAD)
+    theta_sigma = math.hypot(sigma[THETA], turning_rad)
     inward = pose.direction * (model.beams.z_mm[-1] - model.beams.z_mm[0]) > 0
     keys: dict[str, KeyValue] = {
         "axial_pixel_mm": pixel_mm,
@@ -135,7 +153,6 @@ def _measurement(
     ]
     return Measurement(
         keys,
-        {each.name: each.sigma for each in quantities if each.name in keys},
         tuple(quantities),
         _panels(model, fit),
         doubts,
@@ -143,39 +160,20 @@ def _measurement(
 
 
 def _doubts(calibration: OctCalibration, inward: bool) -> tuple[Doubt, ...]:
-    doubts: list[Doubt] = []
     acquisition = calibration.acquisition
-    stated = acquisition.travel
-    if stated != "unknown" and (stated == "in") != inward:
-        doubts.append(
-            Doubt(
-                "travel-against-tube",
-                f"The rings come in the order of a travel '{'in' if inward else 'out'}', the sidecar says "
-                f"'{stated}': one of them is wrong, or the instrument came in at the tube's other end, and handedness "
-                "is wrong, too.",
-            )
-        )
+    doubts = doubts_of_travel(acquisition.travel, inward, ", and handedness is wrong, too")
     if acquisition.medium_index != 1:
-        doubts.append(
+        doubts += (
             Doubt(
                 "index-not-separable",
                 "Depths tell the axial pixel over the refractive index alone: axial_pixel_mm is right if medium_index "
                 f"is {acquisition.medium_index:g}.",
-            )
+            ),
         )
     starts = calibration.rotation.start_rad
     spread = float(np.std(np.angle(np.exp(1j * (starts - np.angle(np.exp(1j * starts).sum()))))))
-    if spread > SURE_START_RAD:
-        doubts.append(
-            Doubt(
-                "origin-not-kept",
-                f"Turns start {math.degrees(spread):.0f}° from each other, so the next recording starts anywhere: "
-                "theta_origin_rad is that of this one alone.",
-                value=spread,
-                unit="rad",
-            )
-        )
-    return tuple(doubts)
+    because = "Turns start {degrees} from each other, so the next recording starts anywhere: theta_origin_rad is that "
+    return doubts + doubts_of_origin(spread, SURE_START_RAD, because + "of this one alone.")
 
 
 def _panels(model: TubeModel, fit: Fit) -> tuple[Panel, ...]:

@@ -21,13 +21,11 @@ from endoct.modalities.tube.fitting import Fit, fit_model
 from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.target import Target
 
-SURFACE_MM = 0.005
-"""Standard error of where the wall's surface is taken to be, everywhere alike: 0.0015 in the preset `tube`, seeds 0 to
-6, but 0.005 to 0.007 in recordings of another origin, whose walls are brighter at their surface."""
-STEP_MM = 0.002, 0.002
-"""By how much a ring's floor is seen too deep, as less light comes back from there, and its standard error."""
-FLOOR_MM = -0.002, 0.004
-"""The same of a narrow groove's floor against a ring's (both: preset `tube`, seeds 0–6)."""
+SURFACE_MM = 0.0015
+"""Standard error of where the bore's surface is taken to be, against the capillary's face."""
+STEP_MM, FLOOR_MM = 0.001, 0.001
+"""The same of a ring's surface against the bore's, and of a groove's floor against both (all: preset `tube`, seeds
+30–43, and independent recordings, seeds 10–23)."""
 TILTED = 0.02
 """Usual slope of the tube's axis against the capillary's, and what they lie apart, mm, is not bounded."""
 CLUSTER_MM = 1.2
@@ -59,11 +57,9 @@ class TubeModel:
         known = self.target.standard_errors
         sigma = np.full(N_PARAMETERS, np.inf)
         sigma[WALL] = math.hypot(known.bore_diameter_mm / 2, capillary_sigma_mm / 2, SURFACE_MM)
-        expected = np.zeros(N_PARAMETERS)
-        expected[DEPTH], sigma[DEPTH] = STEP_MM[0], math.hypot(known.depth_mm, STEP_MM[1])
-        expected[FLOOR], sigma[FLOOR] = FLOOR_MM
+        sigma[DEPTH], sigma[FLOOR] = math.hypot(known.depth_mm, STEP_MM), FLOOR_MM
         sigma[[LEAN_X, LEAN_Y]] = TILTED
-        return expected, sigma
+        return np.zeros(N_PARAMETERS), sigma
 
     def distances_mm(self, values: Coordinates) -> Coordinates:
         """Return how far each mark lies from the tube's, along the radius or the circumference, float64 (n,)."""

@@ -1,24 +1,28 @@
 """The marks of a printed tube in a pullback: depths of its wall by sector, and the middles of its grooves by slice."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.parallel import thread_map
 from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.face_circle import circle_distance_mm
-from endoct.modalities.oct.unroll import profile_beams
+from endoct.modalities.oct.surface.wall_evidence import relative_power, spread_of_noise
+from endoct.modalities.oct.unroll import BeamProfile, profile_beams
 from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.target import Target
 
 EDGE_MM = 0.06
 """From a mark's edge on, what is measured belongs to one side of it alone."""
+AROUND_MM = 0.12
+"""Before and behind the wall that was found, where its surface is looked for."""
 SECTORS = 32
 LEAST_BEAMS = 5
 NEAREST_GROOVES_MM = 0.15
@@ -34,7 +38,8 @@ class Beams:
     ``beam_rad``: directions in the frame of each slice; ``gap_mm``: from the capillary's outer face to the wall;
     ``good``: the wall is seen. ``start_rad``, ``x_mm``, ``y_mm``, float64 (n_slices,): where turns start, and the
     catheter's place off the capillary's axis, in that frame. ``z_mm``: nominal places. ``bend_rad``: by how much the
-    glass turns the beams. ``face_radius_mm`` of the outer face, as stated.
+    glass turns the beams. ``face_radius_mm`` of the outer face, as stated. ``around``: power about the wall that was
+    found, over that of noise, float32 (n_slices, n_beams, n_samples), the wall in their middle, ``depth_mm`` apart.
     """
 
     beam_rad: Coordinates
@@ -46,6 +51,8 @@ class Beams:
     z_mm: Coordinates
     bend_rad: Coordinates
     face_radius_mm: float
+    around: Image
+    depth_mm: float
 
     def relief_map(self, radius_mm: float, n_columns: int) -> Coordinates:
         """Return how much farther the wall is from the capillary's axis than ``radius_mm``, (n_slices, n_columns).
@@ -90,15 +97,17 @@ class Marks:
 def examine_beams(stream: FrameStream, calibration: OctCalibration) -> Beams:
     """Return what the beams of a surveyed pullback met."""
 
-    def of_slice(index: int) -> tuple[Coordinates, Coordinates, Mask, Coordinates]:
+    def of_slice(index: int) -> tuple[Coordinates, Coordinates, Mask, Coordinates, Image]:
         profile = profile_beams(stream[index], calibration)
         beam = calibration.rotation.beam_rad(index, profile.angle_rad)
         circle = calibration.capillary.circle(index)
         bend = calibration.glass.bend_rad(np.asarray(circle.x_mm * np.sin(beam) - circle.y_mm * np.cos(beam)))
         good = profile.trusted & profile.surface & (not calibration.bridged[index])
-        return beam, profile.wall_mm - profile.face_mm, good, bend
+        around = _around(profile, calibration)
+        return beam, profile.wall_mm - profile.face_mm, good, bend, around
 
-    beam, gap, good, bend = (np.array(each) for each in zip(*thread_map(of_slice, range(len(stream))), strict=True))
+    slices = thread_map(of_slice, range(len(stream)))
+    beam, gap, good, bend, around = (np.array(each) for each in zip(*slices, strict=True))
     capillary = calibration.capillary
     return Beams(
         beam_rad=beam,
@@ -110,7 +119,19 @@ def examine_beams(stream: FrameStream, calibration: OctCalibration) -> Beams:
         z_mm=calibration.slice_z_mm,
         bend_rad=bend,
         face_radius_mm=capillary.radius_mm,
+        around=around,
+        depth_mm=calibration.mm_per_px,
     )
+
+
+def _around(profile: BeamProfile, calibration: OctCalibration) -> Image:
+    """Return the power of every beam about its wall, float32 (n_beams, n_samples); NaN beyond the recorded depths."""
+    reach = math.ceil(AROUND_MM / calibration.mm_per_px)
+    rows = np.rint(profile.wall_mm / calibration.mm_per_px).astype(np.intp)[:, None] + np.arange(-reach, reach + 1)
+    level, background = profile.level, calibration.background
+    taken = np.take_along_axis(level, rows.clip(0, level.shape[1] - 1), axis=1)
+    power = relative_power(taken, background.noise, spread_of_noise(background))
+    return np.where((rows >= 0) & (rows < level.shape[1]), power, np.float32(np.nan))
 
 
 @dataclass(frozen=True)
@@ -127,14 +148,16 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _Row:
-    """The beams of one slice, with where they meet the tube: across its grooves, mm, and θ."""
+    """The beams of one slice, with where they meet the tube: across its grooves, mm, and θ; ``opened``: in a groove."""
 
     index: int
+    z_mm: float
     in_ring: bool
     beam_rad: Coordinates
     gap_mm: Coordinates
     bend_rad: Coordinates
     good: Mask
+    opened: Mask
     theta_rad: Coordinates
     axial_mm: Coordinates
     helical_mm: Coordinates
@@ -148,22 +171,42 @@ def find_marks(beams: Beams, pose: Pose, target: Target) -> Marks:
 
     Slices at the edge of a ring are left out: they may lie on either side of it.
     """
+    points: list[_Point] = []
+    for row in _rows(beams, pose, target):
+        points += [*_depths(row, target), *_middles(row, target)]
+    return _marks(points, target)
+
+
+def every_depth(beams: Beams, pose: Pose, target: Target) -> tuple[Marks, NDArray[np.intp]]:
+    """Return the depth of every single beam of which :func:`find_marks` takes medians, and its number in its slice."""
+    points, numbers = [], []
+    for row in _rows(beams, pose, target):
+        for which, in_groove in _places(row, target):
+            for beam in which:
+                place = float(row.beam_rad[beam]), float(row.gap_mm[beam]), float(row.bend_rad[beam])
+                points.append(row.point(*place, DEPTHS, 0, in_groove))
+            numbers.append(which)
+    return _marks(points, target), np.concatenate(numbers) if numbers else np.empty(0, np.intp)
+
+
+def _rows(beams: Beams, pose: Pose, target: Target) -> Iterator[_Row]:
     z_mm = pose.z_of(beams.z_mm)
     inside_ring = target.ring_inside_mm(z_mm)
-    points: list[_Point] = []
     for index in map(int, np.flatnonzero(np.abs(inside_ring) > EDGE_MM)):
         in_ring = bool(inside_ring[index] > 0)
         radius_mm = target.radius_mm + target.ring_depth_mm * in_ring
         x, y, beam = beams.x_mm[index], beams.y_mm[index], beams.beam_rad[index]
+        gap, bend = beams.gap_mm[index], beams.bend_rad[index]
         along = circle_distance_mm(beam, x, y, radius_mm)
-        angle = np.arctan2(y + along * np.sin(beam), x + along * np.cos(beam)) - beams.bend_rad[index]
+        angle = np.arctan2(y + along * np.sin(beam), x + along * np.cos(beam)) - bend
         theta = pose.theta_rad + pose.sense * (angle + beams.start_rad[index])
-        across = target.from_grooves_mm(z_mm[index], theta)
-        row = _Row(index, in_ring, beam, beams.gap_mm[index], beams.bend_rad[index], beams.good[index], theta, *across)
-        points += _depths(row, target)
         floor_mm = circle_distance_mm(beam, x, y, radius_mm + target.groove_depth_mm / 2)
-        opened = row.gap_mm > floor_mm - circle_distance_mm(beam, x, y, beams.face_radius_mm)
-        points += _middles(row, opened, float(z_mm[index]), target)
+        opened = gap > floor_mm - circle_distance_mm(beam, x, y, beams.face_radius_mm)
+        across = target.from_grooves_mm(z_mm[index], theta)
+        yield _Row(index, float(z_mm[index]), in_ring, beam, gap, bend, beams.good[index], opened, theta, *across)
+
+
+def _marks(points: Sequence[_Point], target: Target) -> Marks:
     columns: dict[str, NDArray[Any]] = {
         name: np.array([getattr(point, name) for point in points], kind)
         for name, kind in (
@@ -175,25 +218,36 @@ def find_marks(beams: Beams, pose: Pose, target: Target) -> Marks:
     return Marks(**columns, relief_mm=relief)
 
 
-def _depths(row: _Row, target: Target) -> Iterator[_Point]:
-    """Yield the median depth of each sector of the wall, and of both grooves' floors."""
+def _places(row: _Row, target: Target) -> Iterator[tuple[NDArray[np.intp], bool]]:
+    """Yield the beams of each sector of the wall, and of both grooves' floors; and whether they are a groove's."""
     axial = target.groove_width_mm / 2 - np.abs(row.axial_mm)
     helical = target.helix_width_mm / 2 - np.abs(row.helical_mm)
-    sector = np.floor(np.mod(row.theta_rad, 2 * np.pi) * (SECTORS / (2 * np.pi))).astype(np.intp) % SECTORS
+    sector = _sectors(row.theta_rad)
     on_wall = np.maximum(axial, helical) < -EDGE_MM
     places = [(on_wall & (sector == k), False) for k in range(SECTORS)]
     for place, in_groove in (*places, (axial > EDGE_MM, True), (helical > EDGE_MM, True)):
         which = np.flatnonzero(place & row.good)
         if which.size >= LEAST_BEAMS:
-            beam = float(mean_angle_rad(row.beam_rad[which]))
-            gap, bend = float(np.median(row.gap_mm[which])), float(np.median(row.bend_rad[which]))
-            yield row.point(beam, gap, bend, DEPTHS, int(sector[which[which.size // 2]]), in_groove)
+            yield which, in_groove
 
 
-def _middles(row: _Row, opened: Mask, z_mm: float, target: Target) -> list[_Point]:
+def _sectors(theta_rad: Coordinates) -> NDArray[np.intp]:
+    return np.asarray(np.mod(theta_rad, 2 * np.pi) * (SECTORS / (2 * np.pi)), np.intp) % SECTORS
+
+
+def _depths(row: _Row, target: Target) -> Iterator[_Point]:
+    """Yield the median depth of each sector of the wall, and of both grooves' floors."""
+    sector = _sectors(row.theta_rad)
+    for which, in_groove in _places(row, target):
+        beam = float(mean_angle_rad(row.beam_rad[which]))
+        gap, bend = float(np.median(row.gap_mm[which])), float(np.median(row.bend_rad[which]))
+        yield row.point(beam, gap, bend, DEPTHS, int(sector[which[which.size // 2]]), in_groove)
+
+
+def _middles(row: _Row, target: Target) -> list[_Point]:
     """Return the middles of both grooves, each by its edges at half its depth; none where either is not clear."""
     widths = target.groove_width_mm, target.helix_width_mm
-    apart = target.radius_mm * abs(float(wrap_rad(target.helix_rad(np.array(z_mm)))))
+    apart = target.radius_mm * abs(float(wrap_rad(target.helix_rad(np.array(row.z_mm)))))
     if apart < sum(widths) / 2 + NEAREST_GROOVES_MM:
         return []
     middles = []
@@ -202,7 +256,7 @@ def _middles(row: _Row, opened: Mask, z_mm: float, target: Target) -> list[_Poin
         if near.size < 2 * LEAST_BEAMS:
             return []
         near = near[np.argsort(across[near])]
-        step_mm = opened[near] * np.gradient(across[near])
+        step_mm = row.opened[near] * np.gradient(across[near])
         opening_mm = float(step_mm.sum())
         if not WIDTHS[0] * width < opening_mm < WIDTHS[1] * width:
             return []

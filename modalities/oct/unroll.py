@@ -23,7 +23,8 @@ class BeamProfile:
     Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``face_mm`` and ``wall_mm``, depths of the outer
     face and of the wall's surface from depth sample 0 (of the last sample where there is no surface); ``surface``,
     whether there is one; ``intensity``, the projection; ``trusted``, whether the surface is the wall's;
-    ``wall_sigmas``, by how much the wall stands out in the whole slice; ``second_look``, what speaks against it all.
+    ``wall_sigmas``, by how much the wall stands out in the whole slice; ``second_look``, what speaks against it all;
+    ``level``, the B-scan in which the wall was sought, logarithmic and without fixed lines, (n_theta, n_depth).
     """
 
     angle_rad: Coordinates
@@ -34,6 +35,7 @@ class BeamProfile:
     trusted: Mask
     wall_sigmas: float
     second_look: SecondLook
+    level: Image
 
 
 def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
@@ -67,6 +69,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
         trusted=good,
         wall_sigmas=wall_sigmas(level, row, good, background, spacing),
         second_look=look_again(recorded, row, wall, good, lines, calibration.raw_levels, spacing),
+        level=level,
     )
 
 

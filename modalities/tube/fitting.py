@@ -81,13 +81,15 @@ def fit_model(
         residual = distances_mm(values)
         scale = _scales(residual, kept, groups, least=LEAST_SIGMA)
         kept = np.abs(residual) < STRAY_SIGMAS * scale[groups]
-        if np.count_nonzero(kept) < values.size or scale.max() > MOST_SCATTER_MM:
-            raise NotSeen(
-                "the marks of the tube do not fit each other",
-                found=f"{np.count_nonzero(kept)} points that scatter by {1000 * scale.max():.0f} µm",
-                expected=f"less than {1000 * MOST_SCATTER_MM:.0f} µm",
-                remedy="check that tube.toml is that of this tube",
-            )
+        if np.count_nonzero(kept) < values.size:
+            break
+    if np.count_nonzero(kept) < values.size or scale.max() > MOST_SCATTER_MM:
+        raise NotSeen(
+            "the marks of the tube do not fit each other",
+            found=f"{np.count_nonzero(kept)} points that scatter by {1000 * scale.max():.0f} µm",
+            expected=f"less than {1000 * MOST_SCATTER_MM:.0f} µm",
+            remedy="check that tube.toml is that of this tube",
+        )
     found = least_squares(weighed, values, x_scale="jac", max_nfev=60)
     values, jacobian = found.x, found.jac
     residual = distances_mm(values)

@@ -4,6 +4,7 @@ The template is laid on the recording at every z in small steps, at every θ by 
 in all four orientations.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -12,8 +13,11 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.modalities.tube.target import Target
 
+Template = Callable[[Coordinates, Coordinates], Coordinates]
 COLUMNS = 128
 STEP_MM = 0.04
+TOGETHER_MM = 0.25
+"""Along which the brightness of neighbouring rows errs alike."""
 MARGIN_MM = 2.0
 """Beyond the tube's ends, to which a recording may reach."""
 
@@ -32,6 +36,11 @@ class Pose:
     sense: int
     correlation: float
 
+    @property
+    def winding(self) -> int:
+        """Which way the helical groove winds in the recording; turned end for end, a tube's winds alike."""
+        return self.direction * self.sense
+
     def z_of(self, z_mm: Coordinates) -> Coordinates:
         """Return z on the tube of the recording's places."""
         return np.asarray(self.z_mm + self.direction * self.scale * z_mm)
@@ -41,7 +50,7 @@ def poses(
     image: Coordinates,
     row_z_mm: Coordinates,
     target: Target,
-    template: Callable[[Coordinates, Coordinates], Coordinates],
+    template: Template,
     scales: Iterable[float],
 ) -> list[Pose]:
     """Return the best pose of each orientation, the best first.
@@ -79,3 +88,30 @@ def poses(
                         best[sense] = Pose(first, scale, direction, float(theta[top]), sense, correlation)
         found += best.values()
     return sorted(found, key=lambda pose: -pose.correlation)
+
+
+def rings_sigmas(image: Coordinates, row_z_mm: Coordinates, template: Template, first: Pose, second: Pose) -> float:
+    """Return by how many standard errors the rings speak for the first pose against the second; 0 where neither.
+
+    Turned end for end, both grooves lie on themselves, and only the rings tell which way a tube lies. They go all
+    around, so they are what the medians of rows show, however dark the ink of the grooves. The medians are fitted by
+    the mean of both templates and by half their difference: the factor of the latter is positive for the first. Its
+    standard error is that of rows that err together over ``TOGETHER_MM``.
+    """
+    theta = np.linspace(0, 2 * np.pi, COLUMNS, endpoint=False)
+    one, other = (
+        np.median(template(pose.z_of(row_z_mm)[:, None], pose.theta_rad + pose.sense * theta), axis=1)
+        for pose in (first, second)
+    )
+    seen = 2 * np.count_nonzero(np.isfinite(image), axis=1) > COLUMNS
+    if not np.any(one[seen] != other[seen]):
+        return 0.0
+    values = np.nanmedian(image[seen], axis=1)
+    basis = np.stack([np.ones(values.size), (one + other)[seen] / 2, (one - other)[seen] / 2], axis=1)
+    inverse = np.linalg.pinv(basis.T @ basis)
+    factors = inverse @ (basis.T @ values)
+    block = np.floor(row_z_mm[seen] / TOGETHER_MM).astype(np.intp)
+    pull = np.zeros((int(np.ptp(block)) + 1, 3))
+    np.add.at(pull, block - block.min(), basis * (values - basis @ factors)[:, None])
+    variance = float((inverse @ (pull.T @ pull) @ inverse)[2, 2])
+    return float(factors[2]) / math.sqrt(max(variance, 1e-12))

@@ -29,6 +29,7 @@ class TubeErrors(BaseModel):
     bore_diameter_mm: Sigma = Field(default=0.01, description="of the bore's diameter; 0.002 by a pin gauge")
     depth_mm: Sigma = Field(default=0.01, description="of the depths of grooves and rings, one error for all")
     z_mm: Sigma = Field(default=0.02, description="of the distance of the two rings")
+    ink_depth_mm: Sigma = Field(default=0.02, description="of the depth at which ink begins")
 
 
 class Target(BaseModel):
@@ -47,6 +48,12 @@ class Target(BaseModel):
     ring_z_mm: tuple[Along, Along] = Field(description="from the mouth to the middle of the narrow and the wide ring")
     ring_width_mm: tuple[Width, Width] = Field(description="of the narrow ring and of the wide one, along z")
     ring_depth_mm: Width = Field(description="of both rings")
+    ink_depth_mm: float = Field(
+        default=0.015,
+        ge=0,
+        le=1,
+        description="from the bore to where the ink in the grooves begins",
+    )
     standard_errors: TubeErrors = Field(default=TubeErrors(), description="of the dimensions, mm")
 
     @property

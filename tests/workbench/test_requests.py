@@ -8,27 +8,41 @@ import pytest
 import tyro
 
 from endoct.workbench import compare, pose, pose_outlook, simulate, unroll
+from endoct.workbench.calibrating.calibration import calibrate
+from endoct.workbench.calibrating.printed_tube import write_tube
+from endoct.workbench.commands.calibrations import Calibrate, Tube
 from endoct.workbench.commands.comparisons import Compare
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Unroll
 from endoct.workbench.commands.simulations import Simulate
 from endoct.workbench.pipeline.settings import parse, parse_place, parse_vary
 from endoct.workbench.requests import (
+    CalibrateRequest,
     CompareRequest,
     OutlookRequest,
     PoseRequest,
     SimulateRequest,
+    TargetRequest,
     UnrollRequest,
     by_request,
 )
 
-COMMANDS = {Unroll: UnrollRequest, Compare: CompareRequest, Simulate: SimulateRequest, Pose: PoseRequest}
+COMMANDS = {
+    Unroll: UnrollRequest,
+    Compare: CompareRequest,
+    Simulate: SimulateRequest,
+    Pose: PoseRequest,
+    Calibrate: CalibrateRequest,
+    Tube: TargetRequest,
+}
 PYTHON = (
     (unroll, UnrollRequest),
     (compare, CompareRequest),
     (simulate, SimulateRequest),
     (pose, PoseRequest),
     (pose_outlook, OutlookRequest),
+    (calibrate, CalibrateRequest),
+    (write_tube, TargetRequest),
 )
 NOT_TYPED = {"progress", "on_remark"}
 """What only Python can give."""

@@ -17,35 +17,26 @@ from endoct.modalities.tube.target import Target, read_target
 from endoct.workbench.calibrating.figure import figure_path, write_figure
 from endoct.workbench.exporting.mark import BLANK, is_marked, mark
 from endoct.workbench.pipeline.inputs import versions
-from endoct.workbench.pipeline.settings import split
+from endoct.workbench.pipeline.settings import parse, split
+from endoct.workbench.requests import CalibrateRequest, by_request
 from endoct.workbench.running.kinds import CALIBRATION
-from endoct.workbench.running.progress import SilentStages, Stages
+from endoct.workbench.running.progress import stages_for
 
 SAME_DIAMETER = 0.02
 """Relative, within which the sidecar's bore and the tube's are one."""
 DIGITS = 6
 
 
-def calibrate(
-    modality: str,
-    recording: Path | str,
-    *,
-    target: Path | str,
-    output: Path | str,
-    settings: Mapping[str, object] | None = None,
-    overwrite: bool = False,
-    progress: Stages | None = None,
-) -> Measurement:
+@by_request(CalibrateRequest)
+def calibrate(request: CalibrateRequest) -> Measurement:
     """Calibrate an instrument by a recording of a printed tube; write the file that sidecars cite, and its figure.
 
-    ``modality`` names the plug-in; ``target`` is the tube's ``tube.toml``; ``settings`` are keys of the recording's
-    sidecar and of its processing. The figure lies next to ``output``, by the same name with ``.png``.
-
-    Raises :class:`EndoctError` where the plug-in cannot be calibrated, the recording does not show the tube's marks, or
-    the tube's diameter contradicts it; nothing is written then.
+    Arguments are those of :class:`~endoct.workbench.requests.CalibrateRequest`. The figure lies next to ``output``, by
+    the same name with ``.png``. Raises :class:`EndoctError` where the plug-in cannot be calibrated, the recording does
+    not show the tube's marks, or the tube's diameter contradicts it; nothing is written then.
     """
-    recording, target, output = Path(recording), Path(target), Path(output)
-    stages = progress or SilentStages()
+    recording, target, output = Path(request.recording), Path(request.target), Path(request.output)
+    modality, overwrite, stages = request.modality, request.overwrite, stages_for(request.progress)
     tube = read_target(target)
     figure = figure_path(output)
     for path in (output, figure):
@@ -55,7 +46,7 @@ def calibrate(
     implementation = manifest.load()
     if not hasattr(implementation, "calibrate"):
         raise EndoctError(f"the modality '{manifest.name}' cannot be calibrated by a tube")
-    overrides, parameters = split(settings or {}, manifest)
+    overrides, parameters = split(parse(request.settings), manifest)
     overrides = _bore_of(recording, tube, overrides)
     _, stream = open_recording(recording, modality=modality, overrides=overrides)
     with stages.stage(f"calibrate {manifest.name}"):

@@ -16,6 +16,7 @@ from endoct.base.files.output import new_output
 from endoct.modalities.tube.target import Target
 from endoct.workbench.exporting.mesh_files import save_stl
 from endoct.workbench.exporting.wall_mesh import Mesh
+from endoct.workbench.requests import TargetRequest, by_request
 from endoct.workbench.running.kinds import TUBE
 
 LEAST_BORE_MM, MOST_BORE_MM = 1.5, 4.0
@@ -52,13 +53,15 @@ def tube_of(bore_diameter_mm: float) -> Target:
     )
 
 
-def write_tube(folder: Path, *, bore_diameter_mm: float, overwrite: bool = False) -> Target:
-    """Write ``tube.toml``, ``tube.stl`` and ``tube.pdf`` into ``folder``.
+@by_request(TargetRequest)
+def write_tube(request: TargetRequest) -> Target:
+    """Write ``tube.toml``, ``tube.stl`` and ``tube.pdf`` into the folder ``output``.
 
-    Raises :class:`EndoctError` where there is no such tube, or the folder cannot be written.
+    Arguments are those of :class:`~endoct.workbench.requests.TargetRequest`. Raises :class:`EndoctError` where there is
+    no such tube, or the folder cannot be written.
     """
-    tube = tube_of(bore_diameter_mm)
-    with new_output(folder, TUBE, overwrite=overwrite) as scratch:
+    tube = tube_of(request.bore_diameter_mm)
+    with new_output(Path(request.output), TUBE, overwrite=request.overwrite) as scratch:
         scratch.mkdir()
         (scratch / "tube.toml").write_text(_toml(tube), encoding="utf-8")
         save_stl(tube_mesh(tube), scratch / "tube.stl")

@@ -12,7 +12,7 @@ import tyro
 
 from endoct.base.errors import visible
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.commands.calibrations import calibrate, target
+from endoct.workbench.commands.calibrations import Calibrate, Tube
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
@@ -37,8 +37,8 @@ def run(arguments: Sequence[str]) -> int:
         "unroll": Unroll,
         "compare": Compare,
         "pose": Pose,
-        "calibrate": calibrate,
-        "target": target,
+        "calibrate": Calibrate,
+        "target": Tube,
         "dataset": dataset,
         "bench": bench,
         "report": report,

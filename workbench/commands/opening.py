@@ -8,7 +8,7 @@ from typing import Any
 
 from tyro.conf import Positional
 
-from endoct.workbench.commands.calibrations import calibrate
+from endoct.workbench.commands.calibrations import Calibrate
 from endoct.workbench.commands.comparisons import Compare
 from endoct.workbench.commands.console import print_line
 from endoct.workbench.commands.poses import Pose
@@ -20,7 +20,7 @@ ON_THE_PAGE: Mapping[str, Callable[..., Any]] = {
     "unroll": Unroll,
     "compare": Compare,
     "pose": Pose,
-    "calibrate": calibrate,
+    "calibrate": Calibrate,
     "simulate": Simulate,
 }
 

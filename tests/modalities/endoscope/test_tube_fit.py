@@ -12,6 +12,7 @@ from endoct.modalities.endoscope.tube_marks import AXIAL, HELICAL, Marks
 RIMS = 55.0, 175.0
 NOISE_MM = 0.003
 FRAMES = np.linspace(1.5, 9.0, 24)
+FLUSH = TUBE.model_copy(update={"ink_depth_mm": 0.0})
 
 
 def marks(optics: ConeOptics, rng: np.random.Generator) -> Marks:
@@ -43,7 +44,7 @@ def marks(optics: ConeOptics, rng: np.random.Generator) -> Marks:
 @pytest.mark.parametrize(("half_angle_deg", "distance_mm"), [(45.0, 1.6), (40.0, 1.2), (50.0, 3.0)])
 def test_length_and_slant_come_back(half_angle_deg: float, distance_mm: float) -> None:
     true = ConeOptics(*RIMS, np.deg2rad(half_angle_deg), 640.0, distance_mm, TUBE.radius_mm)
-    model = TubeModel(marks(true, np.random.default_rng(11)), TUBE, 1, 1, RIMS)
+    model = TubeModel(marks(true, np.random.default_rng(11)), FLUSH, 1, 1, RIMS)
     fit = model.fit(model.start(assumed_cone(*RIMS, 1.1 * true.visible_length_mm, TUBE.radius_mm), 1.0))
     found = optics_of(model, fit.values)
     assert found.visible_length_mm == pytest.approx(true.visible_length_mm, rel=TUBE_LENGTH_REL)

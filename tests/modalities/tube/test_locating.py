@@ -6,7 +6,7 @@ from printed_tube import TUBE
 from tolerances import TUBE_PLACE_MM, TUBE_PLACE_RAD
 
 from endoct.base.errors import NotSeen
-from endoct.modalities.tube.locating import COLUMNS, poses
+from endoct.modalities.tube.locating import COLUMNS
 from endoct.modalities.tube.recognition import check_rings, clear_pose
 
 ROWS_MM = 0.25 * np.arange(32)
@@ -25,7 +25,7 @@ def recorded(z0: float, scale: float, direction: int, theta0: float, sense: int,
 def test_every_orientation_is_found(direction: int, sense: int) -> None:
     z0 = 1.8 if direction > 0 else 10.1
     image = recorded(z0, 1.03, direction, 6.2, sense)
-    pose = clear_pose(poses(image, ROWS_MM, TUBE, TUBE.relief_mm, (0.97, 1.0, 1.03)))
+    pose = clear_pose(image, ROWS_MM, TUBE, TUBE.relief_mm, (0.97, 1.0, 1.03))
     assert (pose.direction, pose.sense, pose.scale) == (direction, sense, 1.03)
     assert pose.z_mm == pytest.approx(z0, abs=TUBE_PLACE_MM)
     assert np.angle(np.exp(1j * (pose.theta_rad - 6.2))) == pytest.approx(0, abs=TUBE_PLACE_RAD)
@@ -34,7 +34,7 @@ def test_every_orientation_is_found(direction: int, sense: int) -> None:
 def test_noise_is_no_tube() -> None:
     image = np.random.default_rng(2).standard_normal((32, COLUMNS))
     with pytest.raises(NotSeen, match="marks of the tube are not seen"):
-        clear_pose(poses(image, ROWS_MM, TUBE, TUBE.relief_mm, (1.0,)))
+        clear_pose(image, ROWS_MM, TUBE, TUBE.relief_mm, (1.0,))
 
 
 def test_grooves_alone_do_not_tell_which_way() -> None:
@@ -45,7 +45,22 @@ def test_grooves_alone_do_not_tell_which_way() -> None:
         return TUBE.groove_depth_mm * TUBE.inked(z_mm, theta_rad)
 
     with pytest.raises(NotSeen, match="which way the tube lies"):
-        clear_pose(poses(grooves, ROWS_MM, TUBE, template, (1.0,)))
+        clear_pose(grooves, ROWS_MM, TUBE, template, (1.0,))
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_faint_rings_tell_which_way(direction: int) -> None:
+    """Grooves that are much darker lie on themselves when the tube is turned end for end."""
+    z_mm = 6 + direction * (np.arange(200) * 0.04 - 4)
+    theta = direction * 2 * np.pi / COLUMNS * np.arange(COLUMNS)
+    dark = TUBE.inked(z_mm[:, None], theta) + 0.05 * (TUBE.ring_inside_mm(z_mm) > 0)[:, None]
+    dark = dark + 0.2 * np.random.default_rng(3).standard_normal(dark.shape)
+
+    def template(z_mm: np.ndarray, theta_rad: np.ndarray) -> np.ndarray:
+        return TUBE.inked(z_mm, theta_rad) + 0.2 * (TUBE.ring_inside_mm(z_mm) > 0)
+
+    pose = clear_pose(dark, np.arange(200) * 0.04, TUBE, template, (1.0,))
+    assert (pose.direction, pose.sense) == (direction, direction)
 
 
 @pytest.mark.parametrize(("z_mm", "said"), [((2.0, 6.5), "the narrow one alone"), ((4.0, 6.0), "neither")])
