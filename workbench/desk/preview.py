@@ -3,7 +3,6 @@
 It is done in a process of its own, so that the page answers meanwhile, and a fault in a plug-in ends nothing else.
 """
 
-import re
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -79,8 +78,7 @@ def _pictured(plugin: Any, stream: FrameStream, frame: int) -> tuple[Picture, ..
     part = _Part(stream, tuple(range(first, min(len(stream), first + NEIGHBOURS))))
     calibration = plugin.survey(part, plugin.parameters())
     pictures: tuple[Picture, ...] = plugin.illustrate(part[frame - first], calibration)
-    # a title counts the frames of the part; the page says which of the recording's it is
-    return tuple(replace(each, title=re.sub(r"^Frame \d+ ", "", each.title)) for each in pictures)
+    return pictures
 
 
 def _as_recorded(recording: Path, modality: str | None) -> Sequence[Picture]:
