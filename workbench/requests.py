@@ -83,6 +83,26 @@ class UnrollRequest:
 
 
 @dataclass(frozen=True, eq=False)
+class InfoRequest:
+    """What to describe, and what to write of it.
+
+    Args:
+        path: folder or file
+        modality: plug-in to read it with
+        write_sidecar: write an acquisition.toml to fill in
+        thumbnail: write a picture of the first, the middle and the last frame of a recording
+        overwrite: replace the acquisition.toml if it exists
+    """
+
+    path: Positional[Path]
+    _: KW_ONLY
+    modality: ModalityName = None
+    write_sidecar: bool = False
+    thumbnail: Annotated[Path | None, arg(metavar="FILE.png"), UNSET] = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class CompareRequest:
     """Which two sides to compare, and how.
 

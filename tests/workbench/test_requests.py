@@ -13,12 +13,13 @@ from endoct.workbench.calibrating.printed_tube import write_tube
 from endoct.workbench.commands.calibrations import Calibrate, Tube
 from endoct.workbench.commands.comparisons import Compare
 from endoct.workbench.commands.poses import Pose
-from endoct.workbench.commands.recordings import Unroll
+from endoct.workbench.commands.recordings import Info, Unroll
 from endoct.workbench.commands.simulations import Simulate
 from endoct.workbench.pipeline.settings import parse, parse_place, parse_vary
 from endoct.workbench.requests import (
     CalibrateRequest,
     CompareRequest,
+    InfoRequest,
     OutlookRequest,
     PoseRequest,
     SimulateRequest,
@@ -34,6 +35,7 @@ COMMANDS = {
     Pose: PoseRequest,
     Calibrate: CalibrateRequest,
     Tube: TargetRequest,
+    Info: InfoRequest,
 }
 PYTHON = (
     (unroll, UnrollRequest),

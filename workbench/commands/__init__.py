@@ -20,7 +20,7 @@ from endoct.workbench.commands.exports import export
 from endoct.workbench.commands.first_use import warm_up
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
-from endoct.workbench.commands.recordings import Unroll, info, modalities
+from endoct.workbench.commands.recordings import Info, Unroll, modalities
 from endoct.workbench.commands.research import bench
 from endoct.workbench.commands.simulations import Simulate, dataset, demo
 from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
@@ -45,7 +45,7 @@ def run(arguments: Sequence[str]) -> int:
         "serve": serve,
         "summarise": summarise,
         "export": export,
-        "info": info,
+        "info": Info,
         "verify": verify,
         "modalities": modalities,
         "warm-up": warm_up,

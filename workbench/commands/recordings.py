@@ -2,10 +2,8 @@
 
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
 
 from rich.table import Table
-from tyro.conf import Positional, arg
 
 from endoct.base.files.files import path_text
 from endoct.workbench.commands.console import (
@@ -16,7 +14,7 @@ from endoct.workbench.commands.console import (
     print_line,
     status_of,
 )
-from endoct.workbench.requests import UNSET, ModalityName, Output, UnrollRequest
+from endoct.workbench.requests import InfoRequest, Output, UnrollRequest
 from endoct.workbench.running.refusals import DONE
 
 
@@ -62,44 +60,46 @@ class Unroll(UnrollRequest):
         return status_of(panorama.doubts, strict=self.strict)
 
 
-def info(
-    path: Positional[Path],
-    modality: ModalityName = None,
-    write_sidecar: bool = False,
-    thumbnail: Annotated[Path | None, arg(metavar="FILE.png"), UNSET] = None,
-    overwrite: bool = False,
-    json: bool = False,
-) -> int:
+@dataclass(frozen=True, eq=False)
+class Info(InfoRequest):
     """Describe a recording, a panorama, a comparison, a CT, a label map or a plan, and what a sidecar lacks.
 
     Args:
-        path: folder or file
-        modality: plug-in to read it with
-        write_sidecar: write an acquisition.toml to fill in
-        thumbnail: write a picture of the first, the middle and the last frame of a recording
-        overwrite: replace the acquisition.toml if it exists
         json: print as JSON
     """
-    from endoct.workbench.pipeline.information import STATED, describe, in_lines, recognise, write_thumbnail
+
+    _: KW_ONLY
+    json: bool = False
+
+    def __call__(self) -> int:
+        """Print what is asked for, and return the exit status."""
+        from endoct.workbench.pipeline.information import describe, in_lines, recognise, write_thumbnail
+
+        if self.thumbnail is not None:
+            write_thumbnail(recognise(self.path, self.modality).sniff.preview, self.path, self.thumbnail)
+        if self.write_sidecar:
+            return _write_sidecar(self)
+        facts = describe(self.path, self.modality)
+        if self.json:
+            print_json(facts)
+        else:
+            for line in in_lines(facts):
+                print_line(line)
+        return DONE
+
+
+def _write_sidecar(request: InfoRequest) -> int:
+    from endoct.workbench.pipeline.information import STATED, recognise
     from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
 
-    if thumbnail is not None:
-        write_thumbnail(recognise(path, modality).sniff.preview, path, thumbnail)
-    if write_sidecar:
-        recognised = recognise(path, modality)
-        sidecar, missing = write_sidecar_template(path, recognised.manifest.name, overwrite=overwrite)
-        print_line(f"sidecar: {sidecar}")
-        if recognised.certainty != STATED:
-            print_line(f"modality: {recognised.manifest.name} ({recognised.certainty}: {recognised.sniff.reason})")
-        for key, why in missing.items():
-            print_line(f"to fill in: {key} – {why}")
-        return DONE
-    facts = describe(path, modality)
-    if json:
-        print_json(facts)
-    else:
-        for line in in_lines(facts):
-            print_line(line)
+    recognised = recognise(request.path, request.modality)
+    name = recognised.manifest.name
+    sidecar, missing = write_sidecar_template(request.path, name, overwrite=request.overwrite)
+    print_line(f"sidecar: {sidecar}")
+    if recognised.certainty != STATED:
+        print_line(f"modality: {name} ({recognised.certainty}: {recognised.sniff.reason})")
+    for key, why in missing.items():
+        print_line(f"to fill in: {key} – {why}")
     return DONE
 
 

@@ -37,7 +37,7 @@ def test_bundled_licences_are_named():
 
 def test_the_bundle_holds_nothing_else():
     assert {path.name for path in BUNDLE.iterdir()} - {"__pycache__"} == {
-        "__init__.py", "cylinder.js", "folder.js", "notices.txt", "page.css", "page.js",
+        "__init__.py", "cylinder.js", "desk.css", "desk.js", "folder.js", "notices.txt", "page.css", "page.js",
     }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import type { State } from "./state";
 const ASK_MS = 60;
 
 export class MaskPanel {
-  readonly element = element("section", { class: "landmarks masks", "aria-label": "mask" });
+  readonly element = element("section", { class: "masks", "aria-label": "mask" });
   private readonly heading = element("h2");
   private readonly tools = element("div", { class: "tools" });
   private readonly rater = element("input", { "aria-label": "who draws", placeholder: "rater", maxlength: "40" });
