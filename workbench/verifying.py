@@ -1,5 +1,6 @@
 """Whether outputs of endoct are as they were written, to the byte."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -88,9 +89,12 @@ def _verdict(path: Path, stages: Stages) -> Verdict:
         return Verdict(path, contents.kind, len(contents.files), size, _without_own(path, differences(path, contents)))
 
 
+_A_MASK = re.compile(rf"{MASKS}/[^/]+/[^/]+\.(png|toml)")
+
+
 def _without_own(folder: Path, found: Differences) -> Differences:
     """Return differences without what the page saves in a comparison, its session and masks: these are the user's."""
-    own = {name for name in found.added if name.startswith(f"{MASKS}/")}
+    own = {name for name in found.added if _A_MASK.fullmatch(name)}
     if SESSION_NAME in found.added:
         try:
             read_session(folder / SESSION_NAME)

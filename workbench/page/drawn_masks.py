@@ -7,8 +7,9 @@ ever replaced: what corrects one is a further session.
 import io
 import re
 import shlex
+import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,6 @@ from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import plain_name
 from endoct.base.files.output import new_output
-from endoct.base.files.scratch import held
 from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.files.session import MASKS, object_from
@@ -31,7 +31,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.layers import mask_outlines
 from endoct.workbench.page.painting import painted, shapes_from
-from endoct.workbench.page.presence import Origin
+from endoct.workbench.page.presence import Gone, Origin
 
 KIND = "mask"
 CELLS = "cells"
@@ -48,6 +48,7 @@ class DrawnMasks:
     outline: ComparisonOutline
     sides: Mapping[str, PanoramaOutline]
     refused: str = ""
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def listed(self) -> dict[str, Any]:
         """Return for the page which masks there are, by side; ``refused`` says why none can be saved, else ""."""
@@ -83,31 +84,16 @@ class DrawnMasks:
             )
         if not mask.any() or mask.all():
             raise EndoctError("the mask shows no cells", found="one and the same value everywhere")
+        with self._lock, self.origin.held() as folder:
+            _write(folder, side, name, mask, self.sides[side].grid)
+            try:
+                self.origin.check_present()
+            except Gone:  # the page says that nothing was saved
+                for suffix in (".png", ".toml"):
+                    (folder / MASKS / side / f"{name}{suffix}").unlink(missing_ok=True)
+                raise
         path = self.origin.folder / MASKS / side / f"{name}.png"
-        if path.parent.resolve() != self.origin.folder.resolve() / MASKS / side:
-            raise EndoctError(f"{path.parent} leads elsewhere by a link", remedy="move the link away")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with held(path.parent / ".lock"):
-            self._write(path, mask, self.sides[side].grid)
-        self.origin.check_present()
         return {"saved": name, "file": str(path), "command": self._command(side, path)}
-
-    def _write(self, path: Path, mask: Mask, grid: SurfaceGrid) -> None:
-        if path.exists() or path.with_suffix(".toml").exists():
-            raise EndoctError(f"{path} exists already", remedy="save it as another session")
-        file = io.BytesIO()
-        Pillow.fromarray(mask.astype(np.uint8) * 255).save(file, "PNG")
-        if grid.rows_mm is None and grid.theta0_rad == 0:  # else it lies on the samples of the panorama alone
-            keys = {
-                "modality": "mask",
-                "bore_diameter_mm": 2 * grid.radius_mm,
-                "z0_mm": grid.z0_mm,
-                "dz_mm": grid.dz_mm,
-            }
-            with new_output(path.with_suffix(".toml"), KIND) as scratch:
-                scratch.write_text(tomli_w.dumps(keys), encoding="utf-8")
-        with new_output(path, KIND) as scratch:
-            scratch.write_bytes(file.getvalue())
 
     def _posted(self, data: bytes) -> tuple[str, Mask, dict[str, Any]]:
         self.origin.check_present()
@@ -160,3 +146,33 @@ class DrawnMasks:
         else:
             parts = ["endoct", "compare", path, stores[b], "-o", output]
         return shlex.join(map(str, parts))
+
+
+def _write(folder: Path, side: str, name: str, mask: Mask, grid: SurfaceGrid) -> None:
+    """Write a mask below ``folder``, its sidecar last; nothing of it stays where one of them cannot be written."""
+    path = folder / MASKS / side / f"{name}.png"
+    if (folder / MASKS).is_symlink() or path.parent.is_symlink():
+        raise EndoctError(f"{path.parent} is a link", remedy="move the link away")
+    if path.exists() or path.with_suffix(".toml").exists():
+        raise EndoctError(f"the mask {name} of {side} exists already", remedy="save it as another session")
+    file = io.BytesIO()
+    Pillow.fromarray(mask.astype(np.uint8) * 255).save(file, "PNG")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with new_output(path, KIND) as scratch:
+            scratch.write_bytes(file.getvalue())
+        if grid.rows_mm is None and grid.theta0_rad == 0:  # else it lies on the samples of the panorama alone
+            keys = {
+                "modality": "mask",
+                "bore_diameter_mm": 2 * grid.radius_mm,
+                "z0_mm": grid.z0_mm,
+                "dz_mm": grid.dz_mm,
+            }
+            try:
+                with new_output(path.with_suffix(".toml"), KIND) as scratch:
+                    scratch.write_text(tomli_w.dumps(keys), encoding="utf-8")
+            except BaseException:
+                path.unlink()
+                raise
+    except OSError as error:
+        raise EndoctError(f"the mask {name} cannot be written", found=error.strerror or str(error)) from error

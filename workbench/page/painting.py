@@ -4,16 +4,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import fill
+from endoct.modalities.acquisition import MOST_PLACE_MM
 from endoct.stitching.grid import SurfaceGrid
 
 MOST_SHAPES, MOST_POINTS = 5000, 20_000
-MOST_RADIUS_MM = 10.0
-FARTHEST_MM, MOST_TURNS = 1e4, 3
+MOST_RADIUS_MM = 2.0
+MOST_TURNS = 3
+LARGEST = 1e9
+"""Of any number; a larger one is no float, or none that means a place."""
+MOST_STROKED = 400_000_000
+"""Samples that all strokes of a drawing look at: some seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +55,20 @@ def painted(shapes: Sequence[Shape], grid: SurfaceGrid, ground: Mask | None = No
 
 
 def _stroke(mask: Mask, points: Coordinates, radius_mm: float, grid: SurfaceGrid, value: bool) -> None:
-    """Set what lies within ``radius_mm`` of the line through ``points`` on the wall."""
+    """Set what lies within ``radius_mm`` of the line through ``points`` on the wall.
+
+    Raises :class:`EndoctError` for a stroke so long that nobody drew it.
+    """
     z_mm, step_mm = grid.z_mm, grid.dtheta_mm
-    around_mm = (points[:, 0] - grid.theta0_rad) * grid.radius_mm
-    for k in range(max(1, len(points) - 1)):
-        start = np.array([around_mm[k], points[k, 1]])
-        end = np.array([around_mm[min(k + 1, len(points) - 1)], points[min(k + 1, len(points) - 1), 1]])
-        low, high = np.minimum(start, end) - radius_mm, np.maximum(start, end) + radius_mm
-        rows = slice(*np.searchsorted(z_mm, [low[1], high[1]]))
-        columns = np.arange(int(np.ceil(low[0] / step_mm)), int(np.floor(high[0] / step_mm)) + 1)
+    line = np.stack([(points[:, 0] - grid.theta0_rad) * grid.radius_mm, points[:, 1]], axis=1)
+    pieces = _pieces(line, radius_mm)
+    low, high = pieces.min(axis=1) - radius_mm, pieces.max(axis=1) + radius_mm
+    samples = np.prod(np.ceil((high - low) / (step_mm, grid.dz_mm)), axis=1)
+    if samples.sum() > MOST_STROKED:
+        raise EndoctError("a stroke is too long for its radius", expected="several shorter ones, or an outline")
+    for (start, end), (left, top), (right, bottom) in zip(pieces, low, high, strict=True):
+        rows = slice(*np.searchsorted(z_mm, [top, bottom]))
+        columns = np.arange(int(np.ceil(left / step_mm)), int(np.floor(right / step_mm)) + 1)
         along = end - start
         x = columns[None, :] * step_mm - start[0]
         y = z_mm[rows, None] - start[1]
@@ -65,6 +76,23 @@ def _stroke(mask: Mask, points: Coordinates, radius_mm: float, grid: SurfaceGrid
         near = np.hypot(x - share * along[0], y - share * along[1]) <= radius_mm
         row, column = np.nonzero(near)
         mask[row + rows.start, columns[column] % grid.n_theta] = value
+
+
+def _pieces(line: Coordinates, radius_mm: float) -> Coordinates:
+    """Return a line, float64 (n, 2) in mm, as pieces (m, 2, 2) no longer than the brush is wide.
+
+    Points that change its course by less than a twentieth of the radius are left out.
+    """
+    course = cv2.approxPolyDP(line.astype(np.float32), radius_mm / 20, closed=False)[:, 0].astype(np.float64)
+    course = line[:1] if len(line) == 1 else np.concatenate([line[:1], course[1:-1], line[-1:]])
+    if len(course) == 1:
+        return np.stack([course, course], axis=1)
+    lengths_mm = np.hypot(*np.diff(course, axis=0).T)
+    counts = np.maximum(1, np.ceil(lengths_mm / (2 * radius_mm)))
+    if counts.sum() > MOST_POINTS:
+        raise EndoctError("a stroke is too long for its radius", expected="several shorter ones, or an outline")
+    ends = [np.linspace(one, other, int(n) + 1) for one, other, n in zip(course[:-1], course[1:], counts, strict=True)]
+    return np.concatenate([np.stack([points[:-1], points[1:]], axis=1) for points in ends])
 
 
 def _shape(posted: Any) -> Shape:
@@ -79,7 +107,7 @@ def _shape(posted: Any) -> Shape:
         raise EndoctError("a shape has points that cannot be used", expected=f"1 to {MOST_POINTS} of θ and z")
     places = np.asarray(listed, np.float64)
     farthest = np.abs(places).max(axis=0)
-    if not np.isfinite(places).all() or farthest[0] > MOST_TURNS * 2 * np.pi or farthest[1] > FARTHEST_MM:
+    if not np.isfinite(places).all() or farthest[0] > MOST_TURNS * 2 * np.pi or farthest[1] > MOST_PLACE_MM:
         raise EndoctError("a shape lies far outside the wall", found=f"{farthest[0]:g} rad, {farthest[1]:g} mm")
     if radius_mm is None and len(places) < 3:
         raise EndoctError("an outline encloses nothing", found=f"{len(places)} points", expected="three at least")
@@ -91,4 +119,4 @@ def _is_point(value: object) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST

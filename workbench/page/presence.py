@@ -5,7 +5,8 @@ asks for anything, so that it never gets what belongs to another output.
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from starlette.requests import Request
@@ -13,6 +14,7 @@ from starlette.responses import Response
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import output_digest, small_files
+from endoct.base.files.files import held_folder
 
 NAMED = "of"
 """The part of an address that says which output is meant, by its digest."""
@@ -39,6 +41,30 @@ class Origin:
             self._is_gone, self._state = output_digest(self.folder) != self.digest, state
         if self._is_gone:
             raise gone(self.folder)
+
+    @contextmanager
+    def held(self) -> Iterator[Path]:
+        """Yield a path to the output's own folder, which leads there also if that is moved away meanwhile.
+
+        Raises :class:`Gone` where it does not lie there.
+        """
+        self.check_present()
+        folder = self.folder
+        try:
+            with held_folder(self.folder) as folder:
+                if output_digest(folder) != self.digest:
+                    raise gone(self.folder)
+                yield folder
+        except Gone:
+            raise
+        except EndoctError as error:
+            self.check_present()
+            raise type(error)(
+                error.what.replace(str(folder), str(self.folder)),
+                found=error.found,
+                expected=error.expected,
+                remedy=error.remedy.replace(str(folder), str(self.folder)),
+            ) from error
 
     def check_named(self, request: Request) -> None:
         """Raise :class:`Gone` where a request names another output than this."""

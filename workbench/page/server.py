@@ -163,7 +163,7 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in HEADERS.items():
-                    headers[name] = value
+                    headers.setdefault(name, value)  # a report may be allowed less
             await send(message)
 
         if refused := self._refusal(Headers(scope=scope)):

@@ -6,16 +6,15 @@ The session file is the only thing that the page ever writes.
 import hashlib
 import shlex
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.contents import output_digest, whole_of
-from endoct.base.files.files import SMALL_BYTES, held_folder, read_small, sha256_of
+from endoct.base.files.contents import whole_of
+from endoct.base.files.files import SMALL_BYTES, read_small, sha256_of
 from endoct.base.files.output import new_output
 from endoct.fusion.doubts import doubts_by_hand
 from endoct.fusion.files.session import (
@@ -38,7 +37,7 @@ from endoct.fusion.registration.align import orientations_of
 from endoct.fusion.registration.by_hand import Bore, distance, distances, judge
 from endoct.fusion.result import ByHand, PairDistance, Result
 from endoct.stitching.store import PanoramaOutline, load_panorama
-from endoct.workbench.page.presence import Gone, Origin, gone
+from endoct.workbench.page.presence import Gone, Origin
 
 KIND = "session"
 PLAIN = ("corrected-by-hand", "aligned-by-hand")
@@ -155,7 +154,7 @@ class Sessions:
         session = Session(self.identities, pairs_from(posted, POSTED))
         content = session.to_bytes()
         session_from(content, POSTED)  # what is written can be read
-        with self._lock, self._held() as folder:
+        with self._lock, self.origin.held() as folder:
             found = self._stored(folder)
             if (found and found[1]) != based_on:
                 raise EndoctError(
@@ -183,30 +182,6 @@ class Sessions:
         output = above / f"{self.folder.resolve().name}-by-hand"
         parts = ["endoct", "compare", *stores, "-o", str(output), "--session", str(folder / NAME), *options]
         return shlex.join(parts)
-
-    @contextmanager
-    def _held(self) -> Iterator[Path]:
-        """Yield a path to the comparison's own folder, which leads there also if that is moved away meanwhile.
-
-        Raises :class:`Gone` where it does not lie there.
-        """
-        self.origin.check_present()
-        folder = self.folder
-        try:
-            with held_folder(self.folder) as folder:
-                if output_digest(folder) != self.origin.digest:
-                    raise gone(self.folder)
-                yield folder
-        except Gone:
-            raise
-        except EndoctError as error:
-            self.origin.check_present()
-            raise type(error)(
-                error.what.replace(str(folder), str(self.folder)),
-                found=error.found,
-                expected=error.expected,
-                remedy=error.remedy.replace(str(folder), str(self.folder)),
-            ) from error
 
     def _stored(self, folder: Path) -> tuple[Session, str] | None:
         """Return the session in the file in ``folder`` and the file's digest; None where there is no file."""
