@@ -285,10 +285,8 @@ def validate(
         return model.model_validate(dict(keys))
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        said = expectation(model, first)
-        if not key:  # the keys do not fit each other
-            raise EndoctError(f"{where}: {said}", remedy="correct the keys") from None
+        if not first["loc"]:  # the keys do not fit each other
+            raise EndoctError(f"{where}: {expectation(model, first)}", remedy="correct the keys") from None
         missing = [e["loc"] for e in error.errors() if e["type"] == "missing" and field_at(model, e["loc"])]
         if missing:
             described, first_one = ", ".join(_described(model, place) for place in missing), _dotted(missing[0])
@@ -296,11 +294,24 @@ def validate(
                 f"{where} lacks {described}",
                 remedy=f"add what is missing to {SIDECAR_NAME}, or give it with settings={{'{first_one}': VALUE}}",
             ) from None
-        raise EndoctError(
-            f"'{key}' in {SETTINGS if first['loc'][0] in given else where} cannot be used",
-            found=abridged(first["input"]),
-            expected=said,
-        ) from None
+        raise _unusable(model, first, SETTINGS if first["loc"][0] in given else where) from None
+
+
+def check_values(model: type[BaseModel], keys: Mapping[str, Any], where: str) -> None:
+    """Raise :class:`EndoctError` as :func:`validate` does, but not for keys that are missing or do not fit others."""
+    _check_known(model, keys, where)
+    check_kinds(model, keys, where)
+    try:
+        model.model_validate(dict(keys))
+    except ValidationError as error:
+        for each in error.errors():
+            if each["type"] != "missing" and each["loc"]:
+                raise _unusable(model, each, where) from None
+
+
+def _unusable(model: type[BaseModel], error: Mapping[str, Any], where: str) -> EndoctError:
+    key, found = ".".join(map(str, error["loc"])), abridged(error["input"])
+    return EndoctError(f"'{key}' in {where} cannot be used", found=found, expected=expectation(model, error))
 
 
 def overridden(keys: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:

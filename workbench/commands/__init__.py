@@ -52,7 +52,7 @@ def run(arguments: Sequence[str]) -> int:
         "completion": completion,
     }
     arguments = arguments or ["open"]
-    if (near := _near(arguments[0], commands)):
+    if near := _near(arguments[0], commands):
         sys.stderr.write(f"endoct: unknown command '{visible(arguments[0])}'; did you mean '{near}'?\n")
         return WRONG_USAGE
     if refused := _misspelt_preset(arguments):

@@ -11,13 +11,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.contents import kind_of
 from endoct.base.files.files import path_text, read_small
+from endoct.modalities.acquisition import sidecar_path
+from endoct.modalities.reading.folders import entries, is_folder
 from endoct.workbench.desk.forms import Command, arguments_of, form_of, path_within
 from endoct.workbench.desk.preview import Previewer
 from endoct.workbench.desk.runs import command_line
-from endoct.workbench.desk.sidecar_form import sidecar_form
+from endoct.workbench.desk.sidecar_form import SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study, picture_of
 from endoct.workbench.page.collection import Entry, address_of, thumbnail
@@ -98,7 +100,7 @@ class Desk:
         opened = OpenFolder(folder, self.root)
         with self._lock:
             kept = self._folders.setdefault(opened.key, opened)
-        self.state.remember(kept.folder)
+            self.state.remember(kept.folder)
         kept.study.look()
         return kept
 
@@ -130,15 +132,11 @@ class Desk:
 
         Raises :class:`EndoctError` where it cannot be listed.
         """
-        folder = Path(text or Path.home()).expanduser()
-        if not folder.is_absolute() or not folder.is_dir():
+        folder = whole_path(text or str(Path.home()))
+        if not folder.is_dir():
             raise EndoctError(f"{folder} cannot be listed", found="no folder", expected="the whole path of one")
-        try:
-            with os.scandir(folder) as scan:
-                names = sorted(each.name for each in scan if not each.name.startswith(".") and each.is_dir())
-        except OSError as error:
-            raise EndoctError(f"{folder} cannot be listed", found=error.strerror or str(error)) from error
-        return {"folder": str(folder.resolve()), "above": str(folder.resolve().parent), "names": names[:MOST_LISTED]}
+        names = [path.name for path in entries(folder) if is_folder(path) and path_text(path) == str(path)]
+        return {"folder": str(folder), "above": str(folder.parent), "names": sorted(names)[:MOST_LISTED]}
 
     def command(self, folder: OpenFolder, posted: Mapping[str, Any]) -> dict[str, str]:
         """Return the command line that a posted form stands for, as a person would type it.
@@ -156,7 +154,7 @@ class Desk:
 
     def sidecar(self, folder: OpenFolder, name: str, modality: str | None) -> dict[str, Any]:
         """Return the form of a recording's sidecar. Raises :class:`EndoctError` where there can be none."""
-        return sidecar_form(folder.study.input(name).path, modality).to_json()
+        return _form(folder, name, modality).to_json()
 
     def save_sidecar(self, folder: OpenFolder, posted: Mapping[str, Any]) -> dict[str, Any]:
         """Save a posted sidecar and return what the recording is now.
@@ -165,9 +163,7 @@ class Desk:
         """
         name, modality, texts = _posted_sidecar(posted)
         based_on = posted.get("based_on")
-        sidecar_form(folder.study.input(name).path, modality).save(
-            texts, based_on if isinstance(based_on, str) else None
-        )
+        _form(folder, name, modality).save(texts, based_on if isinstance(based_on, str) else None)
         return folder.study.renew(name).to_json()
 
     def preview(self, folder: OpenFolder, posted: Mapping[str, Any]) -> dict[str, Any]:
@@ -186,6 +182,24 @@ class Desk:
         if not isinstance(name, str) or name not in self.forms or not isinstance(values, dict):
             raise EndoctError("there is no such command", found=repr(name)[:40], expected=", ".join(self.forms))
         return arguments_of(self.forms[name], values, folder.folder)
+
+
+def whole_path(text: object) -> Path:
+    """Return the folder that a whole path names; "~" is the user's home. Raises :class:`EndoctError` for others."""
+    with refusing(f"{text} cannot be opened", expected="the whole path of a folder"):
+        path = Path(text if isinstance(text, str) else "").expanduser()
+        if not path.is_absolute() or not str(path).isprintable():
+            raise EndoctError(f"{text} cannot be opened", expected="the whole path of a folder")
+        return path.resolve()
+
+
+def _form(folder: OpenFolder, name: str, modality: str | None) -> SidecarForm:
+    """Return the form of a sidecar. Raises :class:`EndoctError` where that lies elsewhere, by a link."""
+    recording = folder.study.input(name).path
+    sidecar = sidecar_path(recording)
+    if sidecar.is_symlink() or not sidecar.resolve().is_relative_to(folder.folder):
+        raise EndoctError(f"{sidecar} is a link", remedy="edit the file that it leads to, or put a copy in its place")
+    return sidecar_form(recording, modality)
 
 
 def key_of(folder: Path) -> str:

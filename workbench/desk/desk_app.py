@@ -7,7 +7,6 @@ nothing. What changes anything is posted as JSON by the page itself.
 import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from pathlib import Path
 from secrets import compare_digest
 from typing import Any
 
@@ -22,7 +21,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import an_object
-from endoct.workbench.desk.desk import Desk
+from endoct.workbench.desk.desk import Desk, whole_path
 from endoct.workbench.desk.dropped_files import take_file
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.server import (
@@ -92,10 +91,7 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
         )
 
     def opened(_: Request, posted: dict[str, Any]) -> dict[str, str]:
-        text = posted.get("folder")
-        if not isinstance(text, str) or not Path(text).expanduser().is_absolute():
-            raise EndoctError(f"{text} cannot be opened", expected="the whole path of a folder")
-        return {"address": desk.open(Path(text).expanduser()).address}
+        return {"address": desk.open(whole_path(posted.get("folder"))).address}
 
     def clear(_request: Request, _posted: dict[str, Any]) -> dict[str, bool]:
         queue.clear()
@@ -131,7 +127,8 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
     async def results(scope: Scope, receive: Receive, send: Send) -> None:
         try:
             folder = await run_in_threadpool(desk.folder, str(scope["path"]).split("/")[3])
-        except NoSuchTile as error:
+            await run_in_threadpool(folder.results.ensure_looked)  # a bookmark, or a page of before a restart
+        except EndoctError as error:
             await PlainTextResponse(str(error), status_code=404)(scope, receive, send)
             return
         await answer_page(folder.results, host, port, scope, receive, send)
@@ -189,7 +186,7 @@ class _Secret:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        parts = str(scope["path"]).split("/")
+        parts = ["", *str(scope["path"]).removeprefix("/").split("/")]
         if not compare_digest(f"/{parts[1]}".encode("utf-8", "replace"), self._root.encode()):
             refused = PlainTextResponse("open the address that `endoct open` printed", status_code=403, headers=FRESH)
             await refused(scope, receive, send)

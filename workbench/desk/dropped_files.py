@@ -1,5 +1,6 @@
 """Files that were dropped on the page of a folder: each appears whole at its place, or not at all."""
 
+import os
 from collections.abc import AsyncIterable
 from pathlib import Path
 
@@ -21,7 +22,11 @@ async def take_file(folder: Path, name: str, content: AsyncIterable[bytes]) -> N
     """
     place = inside(folder, name, "a dropped file")
     parts = Path(name).parts
-    if any(part.startswith(".") for part in parts) or len(parts) > MOST_PARTS or not name.isprintable():
+    if (
+        any(part.startswith(".") for part in parts)
+        or len(parts) > MOST_PARTS
+        or any(ord(letter) < 32 for letter in name)
+    ):
         raise EndoctError("a dropped file cannot be taken", found=name[:80], expected="a plain name, no hidden file")
     if not place.parent.resolve().is_relative_to(folder.resolve()):
         raise EndoctError("a dropped file would leave the folder by a link", found=name[:80])
@@ -33,6 +38,8 @@ async def take_file(folder: Path, name: str, content: AsyncIterable[bytes]) -> N
             async for part in content:
                 await run_in_threadpool(file.write, part)
             file.flush()
+            os.fsync(file.fileno())
+            file.close()
             put_new(scratch / "file", place)
     except FileExistsError as error:
         raise _taken(place) from error

@@ -23,6 +23,9 @@ from endoct.workbench.pipeline.information import recognise
 NEIGHBOURS = 7
 """Frames that are surveyed: enough for what a plug-in takes from neighbours, few enough for a second."""
 
+LONGEST_S = 180.0
+"""For which a frame is waited for: the first of its kind compiles."""
+
 
 class Previewer:
     """Draws drafts in a process that starts with the first of them and ends with :meth:`close`."""
@@ -40,8 +43,11 @@ class Previewer:
             if self._process is None:
                 self._process = self._stack.enter_context(worker_process())
             try:
-                return self._process.call(drawn, recording, modality, dict(texts), share).result()
-            except (EndoctError, RuntimeError) as error:
+                return self._process.call(drawn, recording, modality, dict(texts), share).result(LONGEST_S)
+            except TimeoutError as error:
+                self.close()
+                raise EndoctError("the frame cannot be drawn", found=f"no end after {LONGEST_S:g} s") from error
+            except EndoctError as error:
                 if "a worker process has ended" in str(error):
                     self.close()
                 raise

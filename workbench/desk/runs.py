@@ -156,7 +156,7 @@ class Queue:
         with self._lock:
             for run in self.runs():
                 if not run.is_open:
-                    shutil.rmtree(self.folder / run.name)
+                    shutil.rmtree(self.folder / run.name, ignore_errors=True)  # another window may be at it
 
     def start(self) -> None:
         """Have a thread start what is next, until :meth:`leave`."""
@@ -168,7 +168,8 @@ class Queue:
 
     def _work(self) -> None:
         while not self._left.is_set():
-            with suppress(HeldError), held(self.folder / LOCK):
+            # another window may clear what is looked at; what fails now is tried again
+            with suppress(HeldError, EndoctError, OSError), held(self.folder / LOCK):
                 while not self._left.wait(LOOK_S):
                     self._start_next()
             self._left.wait(LOOK_S)
@@ -191,10 +192,14 @@ def _start(path: Path) -> None:
     # -P: what lies in the working folder is not imported in place of a library
     program = [sys.executable, "-P", "-c", "from endoct.workbench.desk.run_process import main; main()", str(path)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
-    process = subprocess.Popen(
-        program, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        start_new_session=True, cwd=path, env=environment,
-    )  # fmt: skip
+    try:
+        process = subprocess.Popen(
+            program, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            start_new_session=True, cwd=path, env=environment,
+        )  # fmt: skip
+    except OSError:  # no memory for a process: it waits on
+        (path / STARTED).unlink(missing_ok=True)
+        raise
     threading.Thread(target=process.wait, daemon=True).start()  # so that the system forgets it when it has ended
 
 
@@ -235,6 +240,8 @@ def _is_held(lock: Path) -> bool:
             return False
     except HeldError:
         return True
+    except (EndoctError, OSError):  # it was cleared meanwhile
+        return False
 
 
 def _log(path: Path, n_bytes: int) -> list[str]:

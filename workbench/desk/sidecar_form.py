@@ -15,10 +15,11 @@ from pydantic.fields import FieldInfo
 from tomlkit.exceptions import TOMLKitError
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import read_small, sha256_of, text_of
+from endoct.base.files.files import inside, read_small, sha256_of, text_of
 from endoct.base.files.output import new_output
 from endoct.modalities.acquisition import (
     Acquisition,
+    check_values,
     field_limits,
     read_keys,
     read_toml,
@@ -28,7 +29,7 @@ from endoct.modalities.acquisition import (
     validate,
 )
 from endoct.modalities.contract import Manifest
-from endoct.modalities.reading.folders import exists
+from endoct.modalities.reading.folders import exists, is_folder
 from endoct.modalities.registry import manifest_for, sniffed
 from endoct.modalities.stated import stated_keys
 from endoct.workbench.pipeline.sidecar_template import missing_keys
@@ -96,8 +97,9 @@ class SidecarForm:
         ``based_on`` is the digest of the sidecar that the form was made of, None where there was none. Raises
         :class:`EndoctError` where a value cannot be used, or the file was changed meanwhile.
         """
-        self._check_values(texts)
         path, keys = sidecar_path(self.recording), self.drafted(texts)
+        self._check_values(keys)
+        self._check_alone(path)
         if digest_of(path) != based_on:
             raise EndoctError(
                 f"{path} was changed meanwhile, by another window or an editor perhaps",
@@ -116,15 +118,42 @@ class SidecarForm:
         with new_output(
             path, SIDECAR, overwrite=based_on is not None, is_ours=lambda p: sha256_of(p) == based_on
         ) as out:
-            out.write_text(text, encoding="utf-8")
+            out.write_bytes(text.encode())  # with the ends of lines that it has
 
     def _all(self, own: Mapping[str, Any]) -> dict[str, Any]:
-        return {**self.stated, **self.cited, **own}
+        return {**self.stated, **self._cited_by(own), **own}
 
-    def _check_values(self, texts: Mapping[str, object]) -> None:
+    def _cited_by(self, own: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the keys of the calibration that ``own`` cites, which may be another than the sidecar does.
+
+        Raises :class:`EndoctError` where it cannot be read, or a key stands in both.
+        """
+        name = own.get("calibration")
+        if not isinstance(name, str):
+            return {}
+        sidecar = sidecar_path(self.recording)
+        cited = read_toml(inside(sidecar.parent, name, "'calibration'"))
+        if both := sorted(own.keys() & cited.keys()):
+            raise EndoctError(f"{', '.join(both)} stands in {name}, too", remedy="keep it in one of them")
+        return cited
+
+    def _check_values(self, own: Mapping[str, Any]) -> None:
         """Raise :class:`EndoctError` for a value that cannot be used; keys may still be missing."""
-        if not self.missing(texts):
-            self.acquisition(texts)
+        model, keys = self.manifest.acquisition, self._all(own)
+        if not missing_keys(model, keys, self.needs):
+            validate(model, keys, "the form")
+            return
+        check_values(model, keys, "the form")  # what is there has to be right, whatever is still to come
+
+    def _check_alone(self, sidecar: Path) -> None:
+        """Raise :class:`EndoctError` where the sidecar describes another recording in the same folder."""
+        described = self.keys.get("modality", self.manifest.name)
+        if not is_folder(self.recording) and described != self.manifest.name:
+            raise EndoctError(
+                f"{sidecar} describes a recording of '{described}', and not {self.recording.name}",
+                expected="one recording in a folder",
+                remedy="put each recording into a folder of its own",
+            )
 
     def _fields(self) -> Iterator[dict[str, Any]]:
         model = self.manifest.acquisition
@@ -198,9 +227,13 @@ def _value(key: str, field: FieldInfo, text: str) -> Any:
 
 
 def _text(value: object) -> str:
-    """Return a value as the form has it: texts as they are, others as TOML."""
+    """Return a value as the form has it, on one line: texts as they are, others as TOML."""
     if isinstance(value, str):
         return value
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table()
+        table.update(value)
+        return table.as_string()
     try:
         return str(tomlkit.item(value).as_string())
     except (TOMLKitError, ValueError, TypeError):

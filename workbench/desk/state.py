@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from tempfile import mkstemp
 
 from platformdirs import user_state_path
 
@@ -75,10 +76,10 @@ class State:
 
     def _write(self, name: str, text: str) -> Path:
         """Write a file that only its user can read, at one stroke."""
-        path, scratch = self.folder / name, self.folder / f".{name}-{os.getpid()}"
+        path = self.folder / name
         with refusing(f"{path} cannot be written"):
-            handle = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            handle, scratch = mkstemp(prefix=f".{name}-", dir=self.folder)
             with os.fdopen(handle, "w", encoding="utf-8") as file:
                 file.write(text)
-            scratch.replace(path)
+            Path(scratch).replace(path)
         return path

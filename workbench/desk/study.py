@@ -140,7 +140,7 @@ class Study:
                 if len(names) >= MOST_INPUTS:
                     fault = f"There is more in this folder: {MOST_INPUTS} inputs are listed at most."
                     break
-        except EndoctError as error:
+        except (EndoctError, OSError) as error:
             fault = str(error)
         with self._lock:
             self._fault = fault
@@ -221,8 +221,10 @@ def _listed(folder: Path) -> tuple[list[Path], list[Path]]:
     """Return the folders and the files in ``folder``, each by name; none where it is somebody else's."""
     try:
         with os.scandir(folder) as scan:
-            listed = [each for each in scan if not each.name.startswith(".")]
+            # names that are no text cannot be asked for again, and links may lead elsewhere
+            listed = [each for each in scan if not each.name.startswith(".") and path_text(each.name) == each.name]
+            folders = [Path(each.path) for each in listed if each.is_dir(follow_symlinks=False)]
+            files = [Path(each.path) for each in listed if each.is_file(follow_symlinks=False)]
     except OSError:
         return [], []
-    folders = sorted(Path(each.path) for each in listed if each.is_dir(follow_symlinks=False))
-    return folders, sorted(Path(each.path) for each in listed if each.is_file())
+    return sorted(folders), sorted(files)

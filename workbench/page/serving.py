@@ -186,6 +186,11 @@ class Collection:
         entries = read_collection(self._folder)
         return collection_html(self.title, entries, self._remember(entries))
 
+    def ensure_looked(self) -> None:
+        """Look into the folder where that was not done yet: a page may be asked for before any table."""
+        if not self._tables and not self._entries:
+            self.look()
+
     def look(self) -> tuple[str, tuple[Entry, ...]]:
         """Look into the folder again and return the version of the table, and the entries, of what is there now."""
         entries = entries_in(self._folder)

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import tifffile
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.desk.preview import Previewer
@@ -104,3 +106,56 @@ def test_a_frame_is_drawn_as_the_form_has_it(study: Path):
         assert len(bare["pictures"]) == 1
     finally:
         previewer.close()
+
+
+def test_nothing_wrong_is_saved_while_something_is_missing(endoscope: Path):
+    (endoscope / "acquisition.toml").unlink()
+    form = sidecar_form(endoscope)
+    for texts in ({"bore_diameter_mm": "0"}, {"bore_diameter_mm": '"wide"'}, {"visible_length_mm": "-3"}):
+        with pytest.raises(EndoctError, match="cannot be used"):
+            form.save(texts, None)
+    assert not (endoscope / "acquisition.toml").exists()
+    form.save({"bore_diameter_mm": "2.5"}, None)
+    assert "bore_diameter_mm = 2.5" in (endoscope / "acquisition.toml").read_text()
+
+
+def test_a_key_of_the_cited_calibration_is_kept_in_one_place(endoscope: Path):
+    sidecar = endoscope / "acquisition.toml"
+    sidecar.write_text(MINE.replace("visible_length_mm", "# ") + 'calibration = "mine.toml"\n')
+    (endoscope / "mine.toml").write_text("visible_length_mm = 0.786\n")
+    form = sidecar_form(endoscope)
+    assert form.acquisition({}).model_dump()["visible_length_mm"] == 0.786
+    before = sidecar.read_bytes()
+    with pytest.raises(EndoctError, match=r"stands in mine\.toml, too"):
+        form.save({"visible_length_mm": "0.8"}, form.digest)
+    assert sidecar.read_bytes() == before
+    without = {"calibration": "", "visible_length_mm": "0.8"}  # a draft that cites nothing reads nothing
+    assert form.acquisition(without).model_dump()["visible_length_mm"] == 0.8
+    form.save(without, form.digest)
+    assert sidecar_form(endoscope).missing({}) == {}
+
+
+def test_one_sidecar_is_not_made_that_of_another_recording(tmp_path: Path):
+    for name in ("one", "two"):
+        tifffile.imwrite(tmp_path / f"{name}.tif", np.zeros((3, 20, 30), np.uint8), photometric="minisblack")
+    form = sidecar_form(tmp_path / "one.tif", "endoscope")
+    form.save({"bore_diameter_mm": "2.5"}, None)
+    before = (tmp_path / "acquisition.toml").read_bytes()
+    other = sidecar_form(tmp_path / "two.tif", "oct")
+    with pytest.raises(EndoctError, match="a folder of its own"):
+        other.save({"axial_pixel_mm": "0.005"}, other.digest)
+    assert (tmp_path / "acquisition.toml").read_bytes() == before
+
+
+def test_a_table_is_one_line_and_stays_as_it_is(endoscope: Path):
+    sidecar = endoscope / "acquisition.toml"
+    table = "standard_errors = { bore_diameter_mm = 0.1, feed_pitch_mm = 0.01 }\r\n"
+    sidecar.write_bytes((MINE.replace("\n", "\r\n") + table).encode())
+    form = sidecar_form(endoscope)
+    text = next(field["value"] for field in form.to_json()["fields"] if field["key"] == "standard_errors")
+    assert text == "{bore_diameter_mm = 0.1, feed_pitch_mm = 0.01}"
+    assert form.drafted({"standard_errors": text})["standard_errors"] == form.keys["standard_errors"]
+    form.save({"travel": "in"}, form.digest)
+    saved = sidecar.read_bytes().decode()
+    assert table in saved
+    assert "\n" not in saved.replace("\r\n", "") or saved.count("\n") - saved.count("\r\n") == 1  # of the new key
