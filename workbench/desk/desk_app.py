@@ -168,7 +168,7 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
             Route(f"{desk.root}/{{name}}", asset),
         ],
         middleware=[
-            Middleware(Guard, hosts=allowed_hosts(host, port)),
+            Middleware(Guard, hosts=allowed_hosts(host, port), is_secret=True),
             Middleware(_Secret, root=desk.root, results=results),
         ],
         exception_handlers=ANSWERS_TO_ERRORS,

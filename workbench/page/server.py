@@ -147,11 +147,15 @@ def allowed_hosts(host: str, port: int) -> frozenset[str]:
 
 
 class Guard:
-    """Refuses requests by another name, or of another page, and forbids pages whatever they do not need."""
+    """Refuses requests by another name, or of another page, and forbids pages whatever they do not need.
 
-    def __init__(self, app: ASGIApp, hosts: Iterable[str]) -> None:
+    ``is_secret``: the address cannot be guessed, so that following a link to it is no attack.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Iterable[str], *, is_secret: bool = False) -> None:
         self._app = app
         self._hosts = frozenset(hosts)
+        self._is_secret = is_secret
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or answer 403."""
@@ -178,9 +182,11 @@ class Guard:
         if origin is not None and origin.lower() != f"http://{host.lower()}":
             return "another page asked for this"
         # a picture or a script on another page brings no origin, but browsers say where it stands
-        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
-            return "another page asked for this"
-        return ""
+        if headers.get("sec-fetch-site", "none") in ("none", "same-origin"):
+            return ""
+        # who knows a secret address may lead there, as the file does that a browser is started on
+        leads = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+        return "" if self._is_secret and leads and origin is None else "another page asked for this"
 
 
 PACKAGE = "endoct.workbench.page"

@@ -5,10 +5,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from workbench_page import written
 
 from endoct.workbench.commands.opening import ON_THE_PAGE
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.state import State
+
+
+@pytest.fixture(scope="session")
+def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A comparison that took no time; tests must not change it."""
+    return written(tmp_path_factory.mktemp("compared") / "one")
 
 
 @pytest.fixture

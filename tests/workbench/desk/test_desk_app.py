@@ -1,6 +1,7 @@
 """The server of `endoct open`: what it answers to its page, and to nobody else."""
 
 import json
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,8 +11,10 @@ from urllib.parse import quote
 import pytest
 from workbench_page import Served, post, serving
 
+from endoct.base.files.contents import seal
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.desk_app import desk_app
+from endoct.workbench.running.kinds import POSE
 
 
 @pytest.fixture
@@ -133,6 +136,44 @@ def test_another_page_starts_nothing(served: Served, desk: Desk, address: str, s
     assert desk.state.queue.runs() == []
     assert served.get(f"{address}run")[0] == 405
     assert served.get(address, Sec_Fetch_Site="cross-site")[0] == 403
+    framed = {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Mode": "navigate", "Sec_Fetch_Dest": "iframe"}
+    assert served.get(address, **framed)[0] == 403
+    assert served.get(address, **framed | {"Sec_Fetch_Dest": "document"})[0] == 200  # a link that knows the secret
+    assert served.get("/", **framed | {"Sec_Fetch_Dest": "document"})[0] == 403
+
+
+def test_a_report_is_shown_without_any_program(served: Served, desk: Desk, address: str, study: Path):
+    (study / "pose").mkdir()
+    (study / "pose" / "report.html").write_text("<script src='../../desk.js'></script>")
+    seal(study / "pose", POSE)
+    status, _, headers = served.get(f"{address}report?name=pose")
+    assert status == 200
+    policy = headers["content-security-policy"]
+    assert policy.startswith("sandbox; default-src 'none'")
+    assert "script-src" not in policy
+    assert served.get(address)[2]["content-security-policy"].startswith("default-src 'none'; script-src 'self'")
+
+
+def test_a_link_in_place_of_a_sidecar_is_not_followed(served: Served, address: str, study: Path, tmp_path: Path):
+    mine = tmp_path / "mine.toml"
+    sidecar = study / "bore-1" / "oct" / "acquisition.toml"
+    mine.write_bytes(before := sidecar.read_bytes())
+    sidecar.unlink()
+    sidecar.symlink_to(mine)
+    assert served.get(f"{address}sidecar.json?name=bore-1%2Foct")[0] == 409
+    sent = {"name": "bore-1/oct", "modality": "oct", "texts": {"travel": "in"}, "based_on": None}
+    status, said = post(served, f"{address}sidecar", sent)
+    assert status == 409
+    assert "is a link" in said
+    assert mine.read_bytes() == before
+
+
+def test_the_page_of_a_result_outlives_a_restart(
+    served: Served, desk: Desk, address: str, study: Path, comparison: Path
+):
+    shutil.copytree(comparison, study / "results" / "one")
+    assert served.get(f"{address}at/results/one/")[0] == 200  # before anybody asked for the results
+    assert served.get(f"{address}at/results/two/")[0] == 404
 
 
 @pytest.mark.parametrize(

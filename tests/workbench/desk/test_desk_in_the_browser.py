@@ -91,6 +91,17 @@ def test_from_two_bare_folders_to_a_verdict_without_a_terminal(chromium: Any, se
         page.wait_for_selector(".results tr[data-name='results/bore-1']", timeout=LONG_MS)
 
 
+def test_the_file_that_a_browser_is_started_on_leads_to_the_page(
+    chromium: Any, served: Served, desk: Desk, study: Path
+):
+    address = served.url.rstrip("/") + desk.open(study).address
+    page = chromium.new_page()
+    page.goto(desk.state.address_file(address).as_uri())
+    page.wait_for_selector(".inputs tr[data-name]", timeout=LONG_MS)
+    assert page.url == address
+    page.close()
+
+
 def test_a_run_is_cancelled_and_queued_again(chromium: Any, served: Served, desk: Desk, study: Path):
     with page_of(chromium, served, desk.open(study).address, ".queue") as watched:
         page = watched.page

@@ -154,3 +154,20 @@ def test_the_end_of_the_log_says_how_far_it_is(queue: Queue, tmp_path: Path):
     run = queue.run(name)
     assert (run.state, run.seconds, run.stages) == ("unanswered", 2.5, {})
     assert queue.folder.stat().st_mode & 0o077 == 0
+
+
+def test_a_window_that_clears_meanwhile_stops_nobody(queue: Queue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What is about to be started may be gone; what comes after it is started all the same."""
+    real, failing = runs._start, [True]
+
+    def start(path: Path) -> None:
+        if failing:
+            failing.clear()
+            raise FileNotFoundError(path)
+        real(path)
+
+    monkeypatch.setattr(runs, "_start", start)
+    queue.add(["target", "--output=tube"], tmp_path)
+    queue.start()
+    assert [run.state for run in ended(queue)] == ["done"]
+    assert not runs._is_held(tmp_path / "gone" / runs.LOCK)

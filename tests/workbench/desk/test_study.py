@@ -1,13 +1,16 @@
 """What a folder holds: recordings by their content, their pairs, and nothing of what endoct wrote."""
 
+import os
 import shutil
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from starlette.requests import ClientDisconnect
 
 from endoct.base.errors import EndoctError
+from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.dropped_files import take_file
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study, inputs_in, picture_of
@@ -141,3 +144,26 @@ def test_the_state_is_its_users_alone(tmp_path: Path):
     (tmp_path / "state" / "token").write_text("short")
     assert state.recent() == []
     assert len(State(tmp_path / "state").token) == 32
+
+
+def test_what_is_odd_in_a_folder_hides_nothing_else(study: Path):
+    (study / "itself").symlink_to(study / "itself")
+    (study / "elsewhere.tif").symlink_to("/etc/hostname")
+    os.mkdir(os.fsencode(study) + b"/d\xe9")  # noqa: PTH102 - no text names it
+    found = looked_through(study)
+    assert [each.name for each in found.inputs()] == ["bore-1/endoscope", "bore-1/oct"]
+    assert found.to_json()["fault"] == ""
+    listed = Desk(State(study / "state"), {}).listed(str(study))
+    assert listed["names"] == ["bore-1", "state"]
+
+
+def test_a_folder_is_remembered_by_several_at_once(tmp_path: Path):
+    state = State(tmp_path / "state")
+    desk = Desk(state, {})
+    folders = [tmp_path / f"study-{k}" for k in range(8)]
+    for folder in folders:
+        folder.mkdir()
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(desk.open, folders))
+    assert {each.folder for each in state.recent()} == set(folders)
+    assert not [path for path in (tmp_path / "state").iterdir() if path.name.startswith(".")]

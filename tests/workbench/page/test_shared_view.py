@@ -56,6 +56,7 @@ def test_a_link_brings_back_what_was_shown(chromium: Any, served: Served):
         '{"view": {"theta_rad": null, "z_mm": 1e400, "mm_per_px": -1}, "pinned": {"side": "ct"}}',
         '{"outlines": ["../x"], "colours": {"oct-image": {"map": "constructor", "low": 0, "high": 1}}}',
         '{"colours": {"oct-image": {}}}',
+        '{"colours": {"oct-image": null}}',
     ],
 )
 def test_nonsense_in_the_address_does_no_harm(chromium: Any, served: Served, view: str):

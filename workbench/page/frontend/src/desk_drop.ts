@@ -2,6 +2,8 @@
 
 import { message, named } from "./desk_server";
 
+const MOST_SAID = 3;
+
 type Dropped = [path: string, file: File];
 
 /** Take what is dropped on `target`; `say` how far it is, `refuse` with why, and `done` when all of it is there. */
@@ -23,12 +25,14 @@ export function takeDropped(target: HTMLElement, say: (text: string) => void, re
 async function copy(dropped: (FileSystemEntry | File)[], say: (text: string) => void, refuse: (text: string) => void): Promise<void> {
   try {
     refuse("");
+    const refused: string[] = [];
     const files = (await Promise.all(dropped.map((each) => (each instanceof File ? [[each.name, each] as Dropped] : filesOf(each, ""))))).flat();
     for (const [number, [path, file]] of files.entries()) {
       say(`copying ${number + 1} of ${files.length}: ${path}`);
       const response = await fetch(named("file", path), { method: "POST", headers: { "content-type": "application/octet-stream" }, body: file });
-      if (!response.ok) throw new Error(await response.text());
+      if (!response.ok) refused.push(await response.text()); // the others are copied all the same
     }
+    if (refused.length) throw new Error(`${files.length - refused.length} of ${files.length} copied. ${refused.slice(0, MOST_SAID).join(". ")}`);
   } catch (error) {
     refuse(message(error));
   }

@@ -131,17 +131,17 @@ class StudyPage {
   }
 
   private async compareAll(): Promise<void> {
-    try {
-      for (const [a, b] of this.found.pairs) {
+    for (const [a, b] of this.found.pairs) {
+      try {
         const place = `results/${flat(parentOf(a) || a)}`;
         if (this.queue.writes(place)) continue; // it is compared already
         const output = this.free(place);
         await post("run", { command: "compare", values: { a, b, output } });
+        await this.queue.follow();
+      } catch (error) {
+        this.fault.textContent = message(error);
       }
-    } catch (error) {
-      this.fault.textContent = message(error);
     }
-    await this.queue.follow();
   }
 
   private run(command: string, given: Values): void {
@@ -183,9 +183,9 @@ function resultRow(entry: Result): HTMLElement {
     element("td", {}, entry.written));
 }
 
-/** A name without folders. */
+/** A name without folders, and without the suffix of a single file. */
 function flat(name: string): string {
-  return name.replace(/\.[a-z0-9]{2,4}$/i, "").replaceAll("/", "-");
+  return name.replace(/\.(tiff?|btf|npy|bin|oct|dcm|zarr|avi|mp4|mov|mkv|webm|m4v|png|jpe?g|bmp)$/i, "").replaceAll("/", "-");
 }
 
 function parentOf(name: string): string {

@@ -115,10 +115,11 @@ export class MaskPanel {
 
   private async save(): Promise<void> {
     const { painting } = this.state;
+    const sent = painting.shapes;
     try {
       const { command } = await this.source.saveMask({ ...painting.drawing, rater: this.rater.value.trim(), session: this.session.value.trim() });
       this.command = command;
-      painting.markSaved();
+      painting.markSaved(sent);
       await this.load();
     } catch (error) {
       this.message = error instanceof Error ? error.message : String(error);

@@ -99,8 +99,9 @@ export class Painting {
     this.shapes = next;
   }
 
-  markSaved(): void {
-    this.kept = this.shapes;
+  /** What was sent is saved; what was drawn since is not. */
+  markSaved(shapes: readonly Shape[]): void {
+    this.kept = shapes;
   }
 
   private change(shapes: readonly Shape[]): void {

@@ -72,22 +72,23 @@ export class Pane {
   private letDraw(): void {
     const { painter } = this.events;
     const { viewer } = this.under;
-    let moved = false;
+    let [moved, draws] = [false, false];
     viewer.addHandler("canvas-press", (event) => {
       moved = false;
-      if (painter.draws(this.sideAt(event.position.x))) painter.press(this.placeAt(event.position.x, event.position.y));
+      draws = painter.draws(this.sideAt(event.position.x)); // of two layers, the one under the pointer
+      if (draws) painter.press(this.placeAt(event.position.x, event.position.y));
     });
     viewer.addHandler("canvas-drag", (event) => {
-      if (!painter.draws(this.side)) return;
+      if (!draws) return;
       event.preventDefaultAction = true;
       moved = true;
       painter.drag(this.placeAt(event.position.x, event.position.y), this.view().mm_per_px);
     });
     viewer.addHandler("canvas-drag-end", (event) => {
-      if (painter.draws(this.side)) (event as { preventDefaultAction?: boolean }).preventDefaultAction = true; // nor flick it on
+      if (draws) (event as { preventDefaultAction?: boolean }).preventDefaultAction = true; // nor flick it on
     });
     viewer.addHandler("canvas-release", () => {
-      if (painter.draws(this.side)) painter.release(moved);
+      if (draws) painter.release(moved);
     });
   }
 

@@ -41,7 +41,7 @@ export class SharedView {
     state.numbers = shared.numbers !== false;
     state.cylinder = shared.cylinder === true;
     for (const [key, colouring] of Object.entries(shared.colours ?? {})) {
-      const { map, low, high } = colouring;
+      const { map, low, high } = colouring ?? {};
       if (keys.has(key) && Object.keys(COLOUR_MAPS).includes(map) && isNumber(low) && isNumber(high)) state.colourings.set(key, { map, low, high });
     }
     const { pinned, view } = shared;
@@ -50,9 +50,12 @@ export class SharedView {
     return view && isNumber(view.theta_rad) && isNumber(view.z_mm) && isNumber(view.mm_per_px) && view.mm_per_px > 0 ? view : null;
   }
 
-  /** From now on, note in the address what is shown. */
+  /** From now on, show what the address is changed to, and note in the address what is shown. */
   follow(): void {
     this.written = this.text();
+    window.addEventListener("hashchange", () => {
+      if (location.hash.startsWith(BEGINS)) location.reload(); // a link was pasted into the tab
+    });
     for (const change of ["panes", "colours", "marks", "cursor", "link"] as const) this.state.on(change, () => this.later());
   }
 
