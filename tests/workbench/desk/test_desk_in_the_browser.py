@@ -158,26 +158,21 @@ def test_it_is_used_by_keyboard_alone(chromium: Any, served: Served, desk: Desk,
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1024, 768), (390, 844)])
-def test_nothing_sticks_out(
-    chromium: Any, served: Served, desk: Desk, study: Path, scheme: str, width: int, height: int
-):
+def test_nothing_sticks_out(chromium: Any, served: Served, desk: Desk, study: Path, scheme: str):
     address = desk.open(study).address
-    with page_of(
-        chromium, served, address, ".inputs tr[data-name='bore-1/oct'] button", color_scheme=scheme
-    ) as watched:
-        page = watched.page
-        page.set_viewport_size({"width": width, "height": height})
-        for ready in (
-            "",
-            f"{served.url.rstrip('/')}{address}recording?name=bore-1/oct",
-            f"{served.url.rstrip('/')}{desk.root}/",
-        ):
-            if ready:
-                page.goto(ready)
-                page.wait_for_selector("figure canvas" if "recording" in ready else ".folders li", timeout=LONG_MS)
-            wide = page.evaluate("document.documentElement.scrollWidth")
-            assert wide <= width, ready
+    server = served.url.rstrip("/")
+    pages = {
+        address: ".inputs tr[data-name='bore-1/oct'] button",
+        f"{address}recording?name=bore-1/oct": "figure canvas",
+        f"{desk.root}/": ".folders li",
+    }
+    with page_of(chromium, served, address, ".inputs tr[data-name]", color_scheme=scheme) as watched:
+        for path, ready in pages.items():
+            watched.page.goto(server + path)
+            watched.page.wait_for_selector(ready, timeout=LONG_MS)
+            for width, height in ((1280, 800), (1024, 768), (390, 844)):
+                watched.page.set_viewport_size({"width": width, "height": height})
+                assert watched.page.evaluate("document.documentElement.scrollWidth") <= width, path
 
 
 def dropped(watched: Watched, names: dict[str, str]) -> None:
