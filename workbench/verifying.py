@@ -145,7 +145,7 @@ def _others(root: Path, units: Sequence[Unit]) -> list[str]:
     places = {unit.place for unit in units} | {Path(RECORDS, f"{unit.name}.json") for unit in units}
     ours = {*TOP_FILES, WRITTEN, LOCK_NAME, DAMAGED, *(place.parts[0] for place in places)}
     others = [entry.name for entry in root.iterdir() if entry.name not in ours and not is_left_by_system(entry.name)]
-    for folder in sorted({place.parent for place in places}):
+    for folder in sorted({place.parent for place in places if (root / place.parent).is_dir()}):
         inside = (folder / entry.name for entry in (root / folder).iterdir() if not is_left_by_system(entry.name))
         others += [place.as_posix() for place in inside if place not in places]
     return sorted(others)

@@ -112,6 +112,15 @@ def test_a_data_set_is_checked_by_its_records(plan: Plan, tmp_path: Path) -> Non
     assert any("specimens" in name for name in only(root).differences.missing)
 
 
+def test_a_data_set_without_its_specimens_lacks_them(tmp_path: Path) -> None:
+    root = tmp_path / "set"
+    make_dataset(root, SET, workers=1, make=Cheap(tmp_path / "log"))
+    shutil.rmtree(root / "specimens")
+    (verdict,) = verify(root, progress=False)
+    assert not verdict.intact
+    assert verdict.differences.missing
+
+
 def test_strangers_in_a_data_set_are_told(tmp_path: Path) -> None:
     root = tmp_path / "set"
     make_dataset(root, SET, workers=1, make=Cheap(tmp_path / "log"))

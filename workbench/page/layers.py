@@ -93,7 +93,8 @@ def shown_range(overview: Averaged, least: float = 0.5, most: float = 99.5) -> t
     if not known.size:
         return 0.0, 1.0
     low, high = (float(value) for value in np.percentile(known[:: max(1, known.size // 400_000)], [least, most]))
-    return (low, high) if high > low else (low - 0.5, low + 0.5)
+    room = max(0.5, abs(low) / 1000)  # beside a huge number nothing less makes a difference
+    return (low, high) if high - low > abs(low) * np.finfo(np.float32).eps else (low - room, low + room)
 
 
 @compiled
@@ -312,11 +313,13 @@ MOST_OUTLINED = 2048
 def mask_outlines(mask: Mask, grid: SurfaceGrid, where: Alignment | None) -> tuple[tuple[float, ...], ...]:
     """Return the outlines of ``mask``, bool (n_z, n_theta) on ``grid``, moved by ``where``, as :func:`outlines`."""
     down, across = (-(-n // MOST_OUTLINED) for n in mask.shape)
-    rows = mask[::-1] if where is not None and where.z_reversed else mask
+    placing = placing_of(grid, where)
+    rows = mask[::-1] if placing.z_reversed else mask
+    rows = np.roll(rows[:, ::-1], 1, axis=1) if placing.mirrored else rows  # column j is stored as column −j
     row_starts, column_starts = np.arange(0, mask.shape[0], down), np.arange(0, mask.shape[1], across)
     sums = np.add.reduceat(np.add.reduceat(rows, row_starts, axis=0, dtype=np.int32), column_starts, axis=1)
     counts = np.diff(np.append(row_starts, mask.shape[0]))[:, None] * np.diff(np.append(column_starts, mask.shape[1]))
-    return _lines_around((sums / counts).astype(np.float32), placing_of(grid, where), down, across)
+    return _lines_around((sums / counts).astype(np.float32), placing, down, across)
 
 
 def _lines_around(share: Image, placing: Placing, down: int, across: int) -> tuple[tuple[float, ...], ...]:

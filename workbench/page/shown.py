@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image as Pillow
 
+from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.modalities.contract import Picture
@@ -140,11 +141,15 @@ def frames_part(
 ) -> FramesPart:
     """Return the frames of ``side``, moved by ``where`` onto the wall; ``pictures`` is the folder of theirs.
 
-    ``reader`` reads the others, where the recording is at hand.
+    ``reader`` reads the others, where the recording is at hand. Raises :class:`EndoctError` for places that are none.
     """
     stored = outline.per_frame.get(f"{outline.frame_dim}_z_mm")
     own_mm = np.empty(0) if stored is None else np.asarray(stored.values, np.float64)
     z_mm = own_mm if where is None else where.z_to_a(own_mm)
+    if not np.isfinite(z_mm).all():
+        raise EndoctError(
+            f"the frames of {side} have no places", found="numbers that are not finite", remedy="unroll it again"
+        )
     return FramesPart(
         side=side,
         frame_dim=outline.frame_dim,

@@ -82,8 +82,9 @@ def _side_facts(side: SideFindings, result: Result) -> dict[str, str]:
     panorama = side.panorama
     cells = float(side.mask[side.valid].mean()) if side.valid.any() else math.nan
     depth = NOTHING
-    if side.depth_mm is not None:
-        low, high = (float(v) for v in np.nanpercentile(side.depth_mm[side.valid], (5, 95)))
+    known_mm = None if side.depth_mm is None else side.depth_mm[side.valid & np.isfinite(side.depth_mm)]
+    if known_mm is not None and known_mm.size:
+        low, high = (float(v) for v in np.percentile(known_mm, (5, 95)))
         depth = f"{low:.3f} to {high:.3f} mm".replace("-", "−")
     frames = side.frame_z_mm.size
     return {

@@ -1,0 +1,36 @@
+"""What layers are made of: the range of their numbers, and outlines of a mask in the frame that is shown."""
+
+import numpy as np
+import pytest
+
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.stitching.grid import SurfaceGrid
+from endoct.workbench.page.layers import mask_outlines, shown_range
+from endoct.workbench.page.plane import Averaged
+
+GRID = SurfaceGrid.full_circle(50, 120, z0_mm=1.0, dz_mm=0.05, radius_mm=1.2)
+
+
+@pytest.mark.parametrize("value", [0.0, -3.5, 1e9, -1e30, 3e38])
+def test_a_layer_of_one_value_has_a_range_all_the_same(value: float):
+    values = np.full((4, 5), value, np.float32)
+    low, high = shown_range(Averaged(values, np.ones(values.shape, np.bool_)))
+    assert low < value < high
+    assert np.isfinite(255 / (high - low))
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("z_reversed", [False, True])
+def test_an_outline_lies_where_the_alignment_puts_the_mask(mirrored: bool, z_reversed: bool):
+    """A rectangle over the seam: all of its outline lies around its corners' places in the other frame."""
+    mask = np.zeros(GRID.shape, np.bool_)
+    mask[10:20, [*range(112, 120), *range(12)]] = True
+    where = Alignment(0.7, 0.3, mirrored=mirrored, z_scale=1.02, z_reversed=z_reversed)
+    points = np.concatenate([np.reshape(line, (-1, 2)) for line in mask_outlines(mask, GRID, where)])
+    z_mm = np.sort(where.z_to_a(GRID.z_mm[[10, 19]]))
+    assert points[:, 1].min() == pytest.approx(z_mm[0], abs=0.05)
+    assert points[:, 1].max() == pytest.approx(z_mm[1], abs=0.05)
+    middle = float(where.theta_to_a(1.5 * GRID.dtheta_rad))
+    apart = np.abs((points[:, 0] - middle + np.pi) % (2 * np.pi) - np.pi)
+    assert apart.max() == pytest.approx(10 * GRID.dtheta_rad, abs=1.6 * GRID.dtheta_rad)
+    assert apart.max() < 0.7
