@@ -34,7 +34,7 @@ def store_and_digest(path: Path) -> tuple[int, str]:
 def digest_of(files: Files) -> str:
     """Return the sha256 of the lines "sha256  path", sorted by path: that of ``sha256sum`` over them all."""
     lines = "".join(f"{sha}  {path}\n" for path, (_, sha) in sorted(files.items()))
-    return hashlib.sha256(lines.encode()).hexdigest()
+    return hashlib.sha256(lines.encode("utf-8", "surrogatepass")).hexdigest()  # damaged records have any letters
 
 
 def put_unit(made: Path, place: Path, scratch: Path, root: Path, known: tuple[Files, ...]) -> None:

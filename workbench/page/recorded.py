@@ -215,9 +215,8 @@ def ring_of(outline: PanoramaOutline, place: int) -> dict[str, float] | None:
         "roll_rad": "roll_rad",
     }
     found = {key: outline.per_frame.get(name) for key, name in names.items()}
-    values = {
-        key: float(one.values[place]) for key, one in found.items() if one is not None and place < len(one.values)
-    }
+    per_frame = {key: one.values for key, one in found.items() if one is not None and one.values.ndim == 1}
+    values = {key: float(numbers[place]) for key, numbers in per_frame.items() if place < numbers.size}
     return values if len(values) == len(names) and np.isfinite(list(values.values())).all() else None
 
 
