@@ -146,10 +146,9 @@ def frames_part(
     stored = outline.per_frame.get(f"{outline.frame_dim}_z_mm")
     own_mm = np.empty(0) if stored is None else np.asarray(stored.values, np.float64)
     z_mm = own_mm if where is None else where.z_to_a(own_mm)
-    if not np.isfinite(z_mm).all():
-        raise EndoctError(
-            f"the frames of {side} have no places", found="numbers that are not finite", remedy="unroll it again"
-        )
+    if z_mm.ndim != 1 or not np.isfinite(z_mm).all():
+        found = "numbers that are not finite" if z_mm.ndim == 1 else f"numbers of shape {z_mm.shape}"
+        raise EndoctError(f"the frames of {side} have no places", found=found, remedy="unroll it again")
     return FramesPart(
         side=side,
         frame_dim=outline.frame_dim,
