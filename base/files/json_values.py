@@ -21,6 +21,12 @@ def read_object(path: Path, most_bytes: int = SMALL_BYTES) -> dict[str, Any]:
     return an_object(read_json(path, most_bytes), str(path))
 
 
+def object_in(data: bytes, subject: str) -> dict[str, Any]:
+    """Return the JSON object in ``data``. Raises :class:`EndoctError`, naming ``subject``, where there is none."""
+    with refusing(f"{subject} is no JSON"):
+        return an_object(json.loads(data), subject)
+
+
 def an_object(value: object, subject: str) -> dict[str, Any]:
     """Return ``value`` if it is a JSON object. Raises :class:`EndoctError`, naming ``subject``, where it is not."""
     if not isinstance(value, dict):

@@ -17,12 +17,11 @@ from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
-from endoct.workbench.commands.first_use import warm_up
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Info, Unroll, modalities
 from endoct.workbench.commands.research import bench
-from endoct.workbench.commands.simulations import Simulate, dataset, demo
+from endoct.workbench.commands.simulations import Simulate, dataset, demo, warm_up
 from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30

@@ -4,7 +4,7 @@ import webbrowser
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from tyro.conf import Positional
 
@@ -14,6 +14,7 @@ from endoct.workbench.commands.console import print_line
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Unroll
 from endoct.workbench.commands.simulations import Simulate
+from endoct.workbench.requests import UNSET
 from endoct.workbench.running.refusals import DONE
 
 ON_THE_PAGE: Mapping[str, Callable[..., Any]] = {
@@ -26,7 +27,10 @@ ON_THE_PAGE: Mapping[str, Callable[..., Any]] = {
 
 
 def open_folder(
-    folder: Positional[Path | None] = None, host: str = "127.0.0.1", port: int | None = None, no_browser: bool = False
+    folder: Positional[Annotated[Path | None, UNSET]] = None,
+    host: str = "127.0.0.1",
+    port: Annotated[int | None, UNSET] = None,
+    no_browser: bool = False,
 ) -> int:
     """Open a folder of recordings on a page in the browser: see, describe, unroll, compare. Ctrl+C ends the page.
 

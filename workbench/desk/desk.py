@@ -25,11 +25,9 @@ from endoct.workbench.desk.study import Study, picture_of
 from endoct.workbench.page.collection import Entry, address_of, thumbnail
 from endoct.workbench.page.serving import Collection
 from endoct.workbench.page.wall import NoSuchTile
-from endoct.workbench.running.kinds import POSE, SUMMARY
+from endoct.workbench.running.kinds import POSE
 
 REPORT_BYTES = 200_000_000
-REPORTED = (POSE, SUMMARY)
-"""Outputs that have a report and no page."""
 MOST_LISTED = 2000
 """Folders that are listed of one."""
 
@@ -58,10 +56,10 @@ class OpenFolder:
         return thumbnail(self.results.entry(version, number))
 
     def report(self, name: str) -> bytes:
-        """Return the report of an output that has no page. Raises :class:`NoSuchTile` where there is none."""
+        """Return the report of a pose, which has no page. Raises :class:`NoSuchTile` where there is none."""
         place = self.folder / path_within(self.folder, name)
         path = place / "report.html"
-        if kind_of(place) not in REPORTED or path.is_symlink() or not path.is_file():
+        if kind_of(place) != POSE or path.is_symlink() or not path.is_file():
             raise NoSuchTile("there is no such report", found=name[:80])
         return read_small(path, REPORT_BYTES)
 

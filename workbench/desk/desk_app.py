@@ -4,7 +4,6 @@ All of it lies below an address that holds a secret: other pages, other users of
 nothing. What changes anything is posted as JSON by the page itself.
 """
 
-import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from secrets import compare_digest
@@ -19,8 +18,9 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.json_values import an_object
+from endoct.base.errors import EndoctError
+from endoct.base.files.json_values import object_in
+from endoct.modalities.registry import manifests
 from endoct.workbench.desk.desk import Desk, whole_path
 from endoct.workbench.desk.dropped_files import take_file
 from endoct.workbench.page.heading import RESEARCH
@@ -63,7 +63,8 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
     def recording(request: Request) -> Response:
         folder = desk.folder(request.path_params["key"])
         found = folder.study.input(request.query_params.get("name", ""))
-        return _page("desk/recording.html", found.name, root=desk.root, folder=folder.folder, recording=found)
+        shown = {"folder": folder.folder, "recording": found, "modalities": [*manifests()]}
+        return _page("desk/recording.html", found.name, root=desk.root, **shown)
 
     def picture(request: Request) -> Response:
         png = desk.picture(desk.folder(request.path_params["key"]), request.query_params.get("name", ""))
@@ -221,11 +222,6 @@ def _posted(act: Callable[[Request, dict[str, Any]], Any]) -> Answer:
         data = await posted_json(request)
         if isinstance(data, Response):
             return data
-        return await run_in_threadpool(_json(lambda asked: act(asked, _object(data))), request)
+        return await run_in_threadpool(_json(lambda asked: act(asked, object_in(data, POSTED))), request)
 
     return answered
-
-
-def _object(data: bytes) -> dict[str, Any]:
-    with refusing(f"{POSTED} is no JSON"):
-        return an_object(json.loads(data), POSTED)

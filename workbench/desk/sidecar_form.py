@@ -3,7 +3,6 @@
 A saved form changes the keys that were changed and nothing else: comments and the order of a sidecar stay.
 """
 
-import hashlib
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -195,7 +194,7 @@ def sidecar_form(recording: Path, modality: str | None = None) -> SidecarForm:
 
 def digest_of(path: Path) -> str | None:
     """Return the sha256 of a file, None where there is none."""
-    return hashlib.sha256(read_small(path)).hexdigest() if exists(path) else None
+    return sha256_of(path) if exists(path) else None
 
 
 def _kind(field: FieldInfo) -> Kind:

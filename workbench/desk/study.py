@@ -109,15 +109,14 @@ class Study:
         return now
 
     def pairs(self) -> list[tuple[Input, Input]]:
-        """Return an endoscope and an OCT recording each that lie alone in one folder, the endoscope's first."""
+        """Return the recordings of two instruments that lie alone in one folder, by the instruments' names."""
         by_parent: dict[str, dict[str, list[Input]]] = {}
         for each in self.inputs():
             if each.kind == "recording" and not each.fault:
                 by_parent.setdefault(each.parent, {}).setdefault(each.modality, []).append(each)
-        both = [found for found in by_parent.values() if set(found) == {"endoscope", "oct"}]
-        return [
-            (found["endoscope"][0], found["oct"][0]) for found in both if all(len(each) == 1 for each in found.values())
-        ]
+        alone = [found for found in by_parent.values() if all(len(each) == 1 for each in found.values())]
+        pairs = (tuple(found[name][0] for name in sorted(found)) for found in alone)
+        return [(pair[0], pair[1]) for pair in pairs if len(pair) == 2]
 
     def to_json(self) -> dict[str, Any]:
         """Return the study for the page; ``looking``: more may be found."""

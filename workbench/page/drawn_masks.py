@@ -20,10 +20,11 @@ from PIL import Image as Pillow
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import plain_name
+from endoct.base.files.json_values import object_in
 from endoct.base.files.output import new_output
 from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.drawings import read_drawing
-from endoct.fusion.files.session import MASKS, object_from
+from endoct.fusion.files.session import MASKS
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE
@@ -97,7 +98,7 @@ class DrawnMasks:
 
     def _posted(self, data: bytes) -> tuple[str, Mask, dict[str, Any]]:
         self.origin.check_present()
-        posted = object_from(data, POSTED)
+        posted = object_in(data, POSTED)
         side = posted.get("side")
         if not isinstance(side, str) or side not in self.sides:
             raise EndoctError("there is no such side", found=repr(side)[:40], expected=", ".join(self.sides))

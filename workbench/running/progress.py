@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from endoct.base.compute.compiling import when_compiling
-from endoct.base.errors import visible
+from endoct.base.errors import refusing, visible
 from endoct.workbench.running.interruption import stop_if_interrupted
 
 EVERY_S_NAME = "ENDOCT_PROGRESS_S"
@@ -29,6 +29,8 @@ Advance = Callable[[float], None]
 """Called with the share done, 0 to 1."""
 
 
+LINE_EVERY_S = 5.0
+"""Where that says nothing."""
 COMPILING = "compiling for the first use: up to half a minute, once"
 
 
@@ -77,11 +79,9 @@ class ConsoleStages(SilentStages):
     Bars appear ``quiet_s`` seconds after the first stage began. Stages may run at once, in several threads.
     """
 
-    LINE_EVERY_S = 5.0
-
     def __init__(self, console: Console, quiet_s: float = 0.0) -> None:
         super().__init__()
-        self._line_every_s = _seconds(os.environ.get(EVERY_S_NAME, ""), self.LINE_EVERY_S)
+        self._line_every_s = _line_every_s()
         self._console = console
         self._quiet_s = quiet_s
         self._begun: float | None = None
@@ -260,13 +260,14 @@ def stages_for(progress: bool | Stages) -> Stages:
     return ConsoleStages(console, QUIET_S) if progress and console.is_terminal else SilentStages()
 
 
-def _seconds(text: str, default: float) -> float:
-    """Return the seconds that ``text`` states, or the ``default`` where it states none."""
-    try:
-        seconds = float(text)
-    except ValueError:
-        return default
-    return seconds if seconds > 0 else default
+def _line_every_s() -> float:
+    """Return how often a line is printed. Raises :class:`EndoctError` where the environment says nonsense."""
+    text = os.environ.get(EVERY_S_NAME, "")
+    with refusing(f"{EVERY_S_NAME} cannot be used", expected="seconds, above zero", remedy="correct it, or unset it"):
+        seconds = float(text) if text else LINE_EVERY_S
+        if not 0 < seconds < float("inf"):
+            raise ValueError(text)
+    return seconds
 
 
 def in_notebook() -> bool:

@@ -107,6 +107,14 @@ def test_what_is_no_mask_is_refused(folder: Path, changed: dict[str, Any], said:
         assert sorted(folder.rglob("*.png")) == before
 
 
+def test_what_is_no_json_is_called_so(folder: Path):
+    with serving(folder) as served:
+        for body in (b"{", b"[]", b'"x"'):
+            status, said = post(served, "/masks.json", body)
+            assert status == 409
+            assert "session" not in said
+
+
 def test_another_page_draws_nothing(folder: Path):
     with serving(folder) as served:
         for path in ("/masks.json", "/drawing.json"):

@@ -155,3 +155,10 @@ def test_a_second_process_that_compiles_has_it_said_here() -> None:
         received("survey B")
         received(Compiling())
     assert shown.getvalue().splitlines() == ["survey B", COMPILING]
+
+
+@pytest.mark.parametrize("text", ["x", "0", "-1", "nan", "inf"])
+def test_nonsense_in_the_environment_is_refused(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv("ENDOCT_PROGRESS_S", text)
+    with pytest.raises(EndoctError, match="ENDOCT_PROGRESS_S cannot be used"):
+        ConsoleStages(Console())

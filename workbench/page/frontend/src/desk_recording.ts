@@ -64,7 +64,7 @@ class RecordingPage {
 
   /** Which kind of recording it is, where the guess is wrong. */
   private kinds(chosen: string): HTMLElement {
-    const kinds = [...new Set(["endoscope", "oct", chosen])].filter(Boolean);
+    const kinds = (this.main.dataset["modalities"] ?? "").split(" ");
     const list = select("which instrument recorded it", kinds.map((kind) => [kind, kind] as const), chosen, (kind) => void this.load(kind));
     return element("div", { class: "field" }, element("label", {}, "instrument", element("small", {}, "what recorded it")), list);
   }

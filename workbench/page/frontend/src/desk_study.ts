@@ -82,7 +82,7 @@ class StudyPage {
     this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
     const pairs = this.found.pairs;
     this.pairs.replaceChildren(...(pairs.length > 1 && !looking
-      ? [button(`compare all ${pairs.length} pairs`, "queue a comparison for every folder with one endoscope and one OCT recording", null, () => void this.compareAll())]
+      ? [button(`compare all ${pairs.length} pairs`, "queue a comparison for every folder with one recording each of two instruments", null, () => void this.compareAll())]
       : []));
   }
 
