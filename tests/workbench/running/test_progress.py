@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from endoct.base.compute.compiling import announce_compiling
+from endoct.base.errors import EndoctError
 from endoct.workbench.running.progress import (
     COMPILING,
     ConsoleStages,
