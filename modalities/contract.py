@@ -12,6 +12,7 @@ A plug-in
   the pass is split among workers;
 - **unrolls** one frame, purely;
 - may **keep** of every frame what these two need, so that the recording is read once;
+- may find **depth** by what its frames show of the same place;
 - may **settle** the assembled panorama;
 - may **locate** places of the wall in its pictures of a frame;
 - may **calibrate** its instrument by a recording of a printed tube;
@@ -274,6 +275,16 @@ class ReadingOnce(Modality[P, C], Protocol[P, C]):
         """Give a stream of what is kept of the frames of ``stream``, to be used within the context.
 
         ``survey`` and ``unroll`` return for its frames what they return for the recording's own.
+        """
+
+
+class ParallaxModality(Modality[P, C], Protocol[P, C]):
+    """A plug-in that finds depth by comparing what its frames show of the same place."""
+
+    def add_depth(self, panorama: Panorama, stream: FrameStream, calibration: C, parameters: P) -> Panorama:
+        """Return ``panorama``, assembled of ``stream``, with ``parallax_depth_mm`` and ``parallax_error_mm``.
+
+        As it is where ``parameters`` do not want them, or the frames have too little in common.
         """
 
 

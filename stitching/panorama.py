@@ -51,8 +51,9 @@ class AxialScale:
 
 
 FORMAT = "endoct-panorama-1"
-SURFACE = ("intensity", "valid", "weight", "depth_mm", "z", "theta")
+SURFACE = ("intensity", "valid", "weight", "depth_mm", "parallax_depth_mm", "parallax_error_mm", "z", "theta")
 """These are the names of a panorama's own arrays in its store. Values per frame may have none of them."""
+_DEPTHS = ("depth_mm", "parallax_depth_mm", "parallax_error_mm")
 _TAKEN = (*SURFACE, "volume")
 
 
@@ -64,6 +65,8 @@ class Panorama:
     ----------
     grid: the surface grid; where rows are uneven its ``dz_mm`` is the median step.
     intensity, depth_mm, valid, weight: as in :class:`~endoct.stitching.strip.Strip`, on (n_z, n_theta).
+    parallax_depth_mm, parallax_error_mm: depth by parallax and its standard error, float32 (n_z, n_theta), both NaN
+        where that is not known; None where nobody looked. ``depth_mm`` is known wherever ``valid``, these are not.
     modality: name of the plug-in that made it ("mask" for a mask drawn by hand). It becomes part of the names of
         files, as those of ``frame_dim`` and ``per_frame`` do: a plain name.
     handedness_known, travel_known: whether θ's sense of rotation and z's direction are known; an alignment
@@ -94,18 +97,21 @@ class Panorama:
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     axial_scale: AxialScale = field(default_factory=AxialScale)
+    parallax_depth_mm: Image | None = None
+    parallax_error_mm: Image | None = None
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
         set_field(self, "intensity", readonly(self.intensity, np.float32))
         set_field(self, "valid", readonly(self.valid, np.bool_))
         set_field(self, "weight", readonly(self.weight, np.float32))
-        if self.depth_mm is not None:
-            set_field(self, "depth_mm", readonly(self.depth_mm, np.float32))
+        for name in _DEPTHS:
+            if getattr(self, name) is not None:
+                set_field(self, name, readonly(getattr(self, name), np.float32))
         set_field(self, "per_frame", per_frame(self.per_frame, {}))
         set_field(self, "doubts", tuple(dict.fromkeys(as_doubt(one) for one in self.doubts)))
         set_field(self, "notes", without_doubts(tuple(self.notes), self.doubts))
-        for name in ("intensity", "depth_mm", "valid", "weight"):
+        for name in ("intensity", "valid", "weight", *_DEPTHS):
             array = getattr(self, name)
             if array is not None and array.shape != self.grid.shape:
                 raise EndoctError(
@@ -148,8 +154,8 @@ class Panorama:
     def to_xarray(self) -> "xarray.Dataset":
         """Return the panorama as ``xarray.open_zarr`` reads its store: dims (z, theta), coordinates in mm and rad.
 
-        Variables ``intensity``, ``valid``, ``weight`` and, where there is depth, ``depth_mm``; the values per frame on
-        the dim named ``frame_dim``.
+        Variables ``intensity``, ``valid``, ``weight`` and, where there is depth, ``depth_mm``, or that by parallax; the
+        values per frame on the dim named ``frame_dim``.
         """
         import xarray
 
@@ -184,8 +190,9 @@ class Panorama:
             "z": (("z",), self.z_mm, units_mm),
             "theta": (("theta",), self.grid.theta_rad, {"units": "rad"}),
         }
-        if self.depth_mm is not None:
-            variables["depth_mm"] = (surface, self.depth_mm, units_mm)
+        for name in _DEPTHS:
+            if (depth := getattr(self, name)) is not None:
+                variables[name] = (surface, depth, units_mm)
         for name, one in self.per_frame.items():
             dims = (self.frame_dim, *(f"{name}_{axis}" for axis in range(1, one.values.ndim)))
             variables[name] = (dims, one.values, one.attributes())

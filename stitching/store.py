@@ -32,7 +32,7 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
     """Write ``panorama`` to ``path``, which must not exist (see :func:`endoct.base.files.output.new_output`).
 
     Dims (z, theta) with coordinates in mm and rad; ``intensity``, ``valid``, ``weight``, ``depth_mm`` where
-    there is depth; the per-frame quality on the dim named ``frame_dim``,
+    there is depth, ``parallax_depth_mm`` and ``parallax_error_mm`` where that was looked for; the per-frame quality on the dim named ``frame_dim``,
     with what it means as ``units``, ``long_name`` and ``trusted_when``.
     """
     arrays = {name: Named(*variable) for name, variable in panorama.variables().items()}
@@ -96,6 +96,7 @@ class PanoramaOutline:
     modality: str
     frame_dim: str
     has_depth: bool
+    has_parallax: bool
     per_frame: Mapping[str, PerFrame]
     provenance: Mapping[str, Any]
     notes: tuple[str, ...]
@@ -128,6 +129,7 @@ def read_outline(path: Path) -> PanoramaOutline:
             modality=plain_name(attributes.get("modality"), what),
             frame_dim=plain_name(attributes.get("frame_dim"), what),
             has_depth="depth_mm" in names,
+            has_parallax="parallax_depth_mm" in names,
             per_frame={
                 name: _described(name, values, read_array_attributes(path, name)) for name, values in arrays.items()
             },
@@ -165,6 +167,8 @@ def _panorama(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mappin
         notes=notes,
         doubts=doubts,
         axial_scale=_axial_scale(attributes, what),
+        parallax_depth_mm=arrays.get("parallax_depth_mm"),
+        parallax_error_mm=arrays.get("parallax_error_mm"),
     )
     for name in ("intensity", "weight"):
         if not np.isfinite(getattr(panorama, name)[panorama.valid]).all():

@@ -10,6 +10,7 @@ from endoct.modalities.contract import Frame, FrameStream, LocatingModality, Pic
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.light import green_frames
 from endoct.modalities.endoscope.opening import EndoscopeRecording, open_frames
+from endoct.modalities.endoscope.parallax.depth import add_parallax
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.pictures import locate_in_frame, picture_frame
 from endoct.modalities.endoscope.sniffing import sniff_frames
@@ -56,8 +57,18 @@ class EndoscopeModality:
         """Turn one frame into a strip. Pure."""
         return unroll_frame(frame, calibration, self.device)
 
+    def add_depth(
+        self,
+        panorama: Panorama,
+        stream: FrameStream,
+        calibration: EndoscopeCalibration,
+        parameters: EndoscopeParameters,
+    ) -> Panorama:
+        """Add depth by parallax, where that is wanted and the frames have enough in common."""
+        return add_parallax(panorama, stream, calibration) if parameters.parallax else panorama
+
     def settle(self, panorama: Panorama, calibration: EndoscopeCalibration) -> Panorama:
-        """Add what is to be doubted; there is no depth to reconcile."""
+        """Add what is to be doubted; there is no depth of slices to reconcile."""
         return replace(panorama, doubts=(*panorama.doubts, *calibration.doubts))
 
     def illustrate(self, frame: Frame, calibration: EndoscopeCalibration) -> tuple[Picture, ...]:

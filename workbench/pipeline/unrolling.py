@@ -14,7 +14,7 @@ from endoct.base.files.files import State, check_unchanged, digests, state_of
 from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
-from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality, ReadingOnce
+from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality, ParallaxModality, ReadingOnce
 from endoct.modalities.device import Device
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.stitching.panorama import Panorama, doubts_of_observed
@@ -109,6 +109,10 @@ def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> U
                     **_made_with(recording.device),
                 },
             )
+        if hasattr(implementation, "add_depth"):
+            with stages.stage(f"depth {title}") as advance:
+                parallax = cast(ParallaxModality[Any, Any], implementation)
+                blended = parallax.add_depth(blended, Watched(frames, advance), calibration, parameters)
         with stages.stage(f"settle {title}"):
             settled = implementation.settle(blended, calibration)
         panorama = replace(
