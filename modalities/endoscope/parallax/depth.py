@@ -32,9 +32,9 @@ WINDOW_MM = (0.1, 0.04)
 """Costs are means over this length along z and around."""
 STEP, JUMP = 0.2, 1.0
 """What it costs to lie one depth or any number of depths behind a neighbour."""
-DOUBT = 0.03
+DOUBT = 0.05
 """Depths that cost this much more are 1/e as probable."""
-ROUGHNESS = 0.7
+ROUGHNESS = 1.0
 SCALE_STATED, SCALE_ASSUMED = 0.03, 0.15
 """Standard error of all depths together, relative, where the mirror's optics are stated and where they are assumed."""
 LEAST_ERROR_MM, MOST_ERROR_MM = 0.015, 0.25
