@@ -1,7 +1,7 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -41,7 +41,16 @@ from endoct.fusion.registration.by_hand import Bore, align_by_hand
 from endoct.fusion.registration.by_method import align_by_method, doubts_by_method
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
-from endoct.fusion.result import Believable, ByHand, CorrectedTwist, OwnRows, Result, StoredAlignment, Threshold
+from endoct.fusion.result import (
+    Believable,
+    ByHand,
+    CorrectedTwist,
+    DecidedByDepth,
+    OwnRows,
+    Result,
+    StoredAlignment,
+    Threshold,
+)
 from endoct.fusion.scoring.overlap import find_sites, overlap
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
 from endoct.fusion.scoring.surface import Surface
@@ -218,6 +227,11 @@ def _reached(valid: Mask) -> Mask:
     return reached
 
 
+def _threshold(cells: Segmentation) -> Threshold:
+    by_depth = None if cells.by_depth is None else DecidedByDepth(**asdict(cells.by_depth))
+    return Threshold(value=cells.threshold, unit=cells.unit, of=cells.of, by_depth=by_depth)
+
+
 def _result(
     search_result: Alignment | NotAligned,
     cells: Mapping[str, Segmentation],
@@ -239,7 +253,7 @@ def _result(
         best_unbelieved=None if isinstance(search_result, Alignment) else StoredAlignment.of(search_result.best),
         jaccard=scores.grid.jaccard if scores else None,
         dice=scores.grid.dice if scores else None,
-        threshold={name: Threshold(value=s.threshold, unit=s.unit, of=s.of) for name, s in cells.items()},
+        threshold={name: _threshold(of_side) for name, of_side in cells.items()},
         polarity={name: s.polarity for name, s in cells.items()},
         polarity_from={name: s.polarity_from for name, s in cells.items()},
         scores=scores.model_copy(update={"own_rows": own_rows}) if scores else None,

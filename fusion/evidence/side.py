@@ -6,6 +6,7 @@ from typing import Literal
 
 from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.evidence import Evidence, Polarity
+from endoct.fusion.evidence.parallax import ParallaxRelief, parallax_relief
 from endoct.fusion.evidence.prepare import prepare
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -37,6 +38,11 @@ class Side:
     def relief(self) -> Evidence | None:
         """How far the surface lies behind the wall; None where the side has no depth."""
         return self.evidence if self.evidence.kind == "relief" else None
+
+    @cached_property
+    def parallax(self) -> ParallaxRelief | None:
+        """Relief by parallax; None where the side has none, or depth of its own."""
+        return parallax_relief(self.panorama) if self.relief is None else None
 
     def cell_evidence(self, of: Literal["relief", "intensity"], polarity: Polarity = "dark") -> Evidence:
         """Return the evidence that cells are segmented by: relief, if wanted and there is one, else the intensity.

@@ -14,6 +14,7 @@ from endoct.fusion.result.result import (
     Believable,
     Bootstrap,
     CorrectedTwist,
+    DecidedByDepth,
     Result,
     Threshold,
 )
@@ -55,6 +56,7 @@ __all__ = [
     "CellScores",
     "Consensus",
     "CorrectedTwist",
+    "DecidedByDepth",
     "Distances",
     "DrawnBy",
     "Drift",

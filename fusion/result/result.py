@@ -49,12 +49,24 @@ class Believable(Part):
     chance_at_most: Number
 
 
+class DecidedByDepth(Part):
+    """Shares of a side's samples: where depth by parallax is ``known``, what it ``added`` to cells and ``dropped``."""
+
+    known: Number
+    added: Number
+    dropped: Number
+
+
 class Threshold(Part):
-    """The evidence above which a sample is cell; ``value`` None for a mask, which is taken as given."""
+    """The evidence above which a sample is cell; ``value`` None for a mask, which is taken as given.
+
+    ``by_depth``: how much depth by parallax decided, None where it was not asked.
+    """
 
     value: Number | None = None
     unit: str | None = None
     of: str | None = None
+    by_depth: DecidedByDepth | None = None
 
 
 class Bootstrap(Part):

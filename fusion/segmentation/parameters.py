@@ -26,6 +26,9 @@ class SegmentParameters(BaseModel):
     contrast_cap: float = Field(
         default=0.7, ge=1e-3, le=100, description="|log| of intensity relative to the wall's above this counts as this"
     )
+    parallax: bool = Field(
+        default=True, description="correct cells found by intensity where depth by parallax is known"
+    )
     outlines: bool = Field(
         default=True, description="take dark cells up to where their outline is clearest; else Li alone"
     )

@@ -16,7 +16,9 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence, Polarity
+from endoct.fusion.evidence.parallax import ParallaxRelief
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.by_depth import ByDepth, judged_by_depth
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
@@ -115,7 +117,8 @@ class Segmentation:
     ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
     where the mask was given; ``polarity`` is whether cells are dark or bright, and ``polarity_from`` how that is known,
     in words, None where depth or a mask says what is a cell; ``believability`` says how far these are to be trusted as
-    cells, None where the mask was given, or a method was chosen ``by_method``'s name.
+    cells, None where the mask was given, or a method was chosen ``by_method``'s name; ``by_depth`` how much depth by
+    parallax changed, None where it was not asked.
     """
 
     mask: Mask
@@ -126,6 +129,7 @@ class Segmentation:
     believability: Believability | None = None
     by_method: str | None = None
     polarity_from: str | None = None
+    by_depth: ByDepth | None = None
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
@@ -148,14 +152,20 @@ def segment(
     side = given if isinstance(given, Side) else Side(given.modality, given)
     if parameters.segmentation_method != OURS:
         return cells_by_method(side.panorama, parameters.segmentation_method).mask
-    return find_cells(side.cell_evidence(parameters.segment, polarity), parameters).mask
+    return find_cells(side.cell_evidence(parameters.segment, polarity), parameters, relief=side.parallax).mask
 
 
-def find_cells(evidence: Evidence, parameters: SegmentParameters, polarity_from: str | None = None) -> Segmentation:
+def find_cells(
+    evidence: Evidence,
+    parameters: SegmentParameters,
+    polarity_from: str | None = None,
+    relief: ParallaxRelief | None = None,
+) -> Segmentation:
     """Return the cells that ``evidence`` shows: Li's threshold, then opening, closing, and small ones removed.
 
     Where Li's threshold lies within the wall's own relief there are hardly any cells, and it is raised beyond that.
-    Evidence that is a mask is taken as it is. Raises :class:`EndoctError` where all evidence is alike.
+    ``relief`` by parallax on the same samples, if any, corrects what intensity shows. Evidence that is a mask is taken
+    as it is. Raises :class:`EndoctError` where all evidence is alike.
     """
     p = parameters
     polarity: Polarity | None = None
@@ -190,10 +200,16 @@ def find_cells(evidence: Evidence, parameters: SegmentParameters, polarity_from:
     if clear is not None:
         mask = clear | enclosed_by_lines(evidence, clear, p)
         of += ", cells up to their clearest outline, and what dark lines enclose"
+    by_depth = None
+    if relief is not None and p.parallax and polarity is not None:
+        mask, by_depth = judged_by_depth(mask, evidence, relief, p)
+        of += ", corrected by depth from parallax"
     believability = believability_of(
         evidence.valid, smooth, mask, threshold, dark=dark, with_outlines=clear is not None
     )
-    return Segmentation(mask, threshold, unit, of, polarity, believability, polarity_from=polarity_from)
+    return Segmentation(
+        mask, threshold, unit, of, polarity, believability, polarity_from=polarity_from, by_depth=by_depth
+    )
 
 
 def cells_by_method(panorama: Panorama, name: str) -> Segmentation:

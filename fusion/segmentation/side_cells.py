@@ -46,7 +46,7 @@ def segment_side(
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
-    return find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from)
+    return find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
 
 
 def contrast_of(side: Side, cells: Segmentation) -> Evidence | None:

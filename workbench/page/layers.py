@@ -130,6 +130,13 @@ def png_of(picture: Pillow.Image) -> bytes:
 
 
 IMAGE, DEPTH, CELLS, DIFFERENCE = "image", "relief", "cells", "difference"
+PARALLAX_DEPTH = "parallax_depth_mm"
+SHOWN_AS = {
+    "intensity": (IMAGE, "image", "intensity", "a.u."),
+    "depth_mm": (DEPTH, "relief", "wall radius − bore radius", "mm"),
+    PARALLAX_DEPTH: ("parallax", "relief by parallax", "wall radius − bore radius", "mm"),
+}
+"""Images of a panorama by their names in its store: end of the key, title, quantity and unit."""
 DRAWN = "drawn."
 """How keys of masks drawn by hand begin; those of sides have their name and a '-' before anything else."""
 DRAWN_COLOURS = (0x00, 0x9E, 0x73), (0xCC, 0x79, 0xA7), (0xD5, 0x5E, 0x00), (0x56, 0xB4, 0xE9), (0xF0, 0xE4, 0x42)
@@ -160,7 +167,7 @@ def wall_of(grid: SurfaceGrid) -> Wall:
 def panorama_layers(store: Path, outline: PanoramaOutline, wall: Wall, cache: ChunkCache) -> Iterator[Described]:
     """Yield the layers of a panorama by itself."""
     placing = placing_of(outline.grid)
-    for name in ("intensity", *(["depth_mm"] if outline.has_depth else [])):
+    for name in ("intensity", *_depths(outline)):
         plane = _plane(store, name, (), placing, wall, cache)
         yield Described(
             layer := scalar(plane), _scalar_part(outline.modality, name, layer.low, layer.high, plane, wall)
@@ -218,25 +225,35 @@ def _images(
     is_rigid = k == 0 or outline.result.twist is None
     placing = placing_of(panorama.grid, outline.alignment if k else None) if is_rigid else placing_of(outline.grid)
     store, index = (own, ()) if is_rigid else (folder / "comparison.zarr", (k,))
-    for name in ["intensity"] * (panorama.modality != MASK_MODALITY) + ["depth_mm"] * panorama.has_depth:
+    images = ["intensity"] * (panorama.modality != MASK_MODALITY) + _depths(panorama)
+    for name in images:
+        if name == PARALLAX_DEPTH and not is_rigid:
+            continue  # which is on the side's own samples only
         yield name, _plane(store, name, index, placing, wall, cache)
 
 
+def _depths(panorama: PanoramaOutline) -> list[str]:
+    """Return the names of the depths that a panorama has in its store."""
+    return ["depth_mm"] * panorama.has_depth + [PARALLAX_DEPTH] * panorama.has_parallax
+
+
 def _plane(store: Path, name: str, index: tuple[int, ...], placing: Placing, wall: Wall, cache: ChunkCache) -> Plane:
-    image, valid = (stored_image(store / part, cache, index) for part in (name, "valid"))
-    return Plane(image, valid, placing, wall.radius_mm)
+    image = stored_image(store / name, cache, index)
+    # depth by parallax is known where it is finite, which is not everywhere that something was observed
+    observed = None if name == PARALLAX_DEPTH else stored_image(store / "valid", cache, index)
+    return Plane(image, observed, placing, wall.radius_mm)
 
 
 def _scalar_part(side: str, name: str, low: float, high: float, plane: Plane, wall: Wall) -> LayerPart:
-    is_depth = name == "depth_mm"
+    key, title, quantity, unit = SHOWN_AS[name]
     shown_low, shown_high = shown_range(plane.overview().averaged)
     return LayerPart(
-        key=f"{side}-{DEPTH if is_depth else IMAGE}",
-        title=f"{side}: {'relief' if is_depth else 'image'}",
+        key=f"{side}-{key}",
+        title=f"{side}: {title}",
         side=side,
         kind="scalar",
-        quantity="wall radius − bore radius" if is_depth else "intensity",
-        unit="mm" if is_depth else "a.u.",
+        quantity=quantity,
+        unit=unit,
         low=low,
         high=high,
         shown_low=shown_low,

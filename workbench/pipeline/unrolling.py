@@ -14,7 +14,15 @@ from endoct.base.files.files import State, check_unchanged, digests, state_of
 from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
-from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality, ParallaxModality, ReadingOnce
+from endoct.modalities.contract import (
+    Calibration,
+    Frame,
+    FrameStream,
+    Manifest,
+    Modality,
+    ParallaxModality,
+    ReadingOnce,
+)
 from endoct.modalities.device import Device
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.stitching.panorama import Panorama, doubts_of_observed

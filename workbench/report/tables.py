@@ -68,7 +68,11 @@ def threshold_text(threshold: Threshold | None) -> str:
         return NOTHING
     of = without_stop(threshold.of) or "as given"
     unit = f" {threshold.unit}" if threshold.unit not in (None, "", "1") else ""
-    return of if threshold.value is None else f"{of}, above {threshold.value:.3g}{unit}"
+    text = of if threshold.value is None else f"{of}, above {threshold.value:.3g}{unit}"
+    if (depth := threshold.by_depth) is None:
+        return text
+    changed = f"added {depth.added:.1%} of the wall and dropped {depth.dropped:.1%}"
+    return f"{text}; depth, known on {depth.known:.0%}, {changed}"
 
 
 def _only_one(named: NamedOverlap) -> str:

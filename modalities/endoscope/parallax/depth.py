@@ -5,7 +5,6 @@ bore. How sure a depth is follows from how much worse the frames agree at others
 and from how well the optics are known, to whose slants every depth is in proportion.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -80,7 +79,11 @@ class _Piece:
 
 
 def _pieces(fine: FineGrid) -> list[_Piece]:
-    n, length, overlap = fine.n_blocks[0], round(PIECE_MM / fine.block_size_mm[0]), round(OVERLAP_MM / fine.block_size_mm[0])
+    n, length, overlap = (
+        fine.n_blocks[0],
+        round(PIECE_MM / fine.block_size_mm[0]),
+        round(OVERLAP_MM / fine.block_size_mm[0]),
+    )
     return [
         _Piece(range(max(0, first - overlap), min(n, first + length + overlap)), range(first, min(n, first + length)))
         for first in range(0, n, length)
@@ -93,7 +96,7 @@ def _finest_alike(strips: Kept[FineStrip], calibration: EndoscopeCalibration, fi
     half = round(PIECE_MM / 2 / fine.block_size_mm[0])
     rows = range(max(0, middle - half), min(fine.n_blocks[0], middle + half))
     for scale_mm in SCALES_MM:
-        costs = _costs(rows, strips, calibration, fine, scale_mm, np.zeros(1))
+        costs = _costs(rows, strips, calibration, fine, scale_mm, np.zeros(1, np.float64))
         seen = costs[costs != UNSEEN]
         if seen.size and np.median(seen) < ALIKE * COST:
             return scale_mm
@@ -118,7 +121,7 @@ def _costs(
     slant = optics.slant(optics.r_px(calibration.strip_z_mm))
     return sweep(
         stack,
-        fine.samples.z0_mm + fine.samples.dz_mm * first,
+        np.asarray(fine.samples.z0_mm + fine.samples.dz_mm * first, dtype=np.float64),
         fine.samples.dz_mm,
         calibration.z_mm[chosen],
         (calibration.strip_z_mm, slant),
@@ -159,11 +162,11 @@ def _spread(costs: Costs, depth_mm: Image) -> Image:
     total = probable.sum(axis=2)
     mean = probable @ DEPTHS_MM.astype(np.float32) / total
     square = probable @ (DEPTHS_MM**2).astype(np.float32) / total
-    return np.sqrt(np.maximum(square - 2 * depth_mm * mean + depth_mm**2, 0))
+    return np.asarray(np.sqrt(np.maximum(square - 2 * depth_mm * mean + depth_mm**2, 0)), dtype=np.float32)
 
 
 def _roughness(depth_mm: Image) -> Image:
     """Return how far depths differ from those of their neighbours, root of the mean square, mm."""
     padded = np.pad(pad_circle(depth_mm, 1), ((1, 1), (0, 0)), mode="edge")
     mean, square = (cv2.blur(each, (3, 3))[1:-1, 1:-1] for each in (padded, padded**2))
-    return np.sqrt(np.maximum(square - mean**2, 0))
+    return np.asarray(np.sqrt(np.maximum(square - mean**2, 0)), dtype=np.float32)

@@ -71,7 +71,7 @@ def best_depths(costs: Costs, step: int, jump: int, depths_mm: Coordinates) -> I
     bend = before - 2 * least + after
     beyond = np.divide(before - after, 2 * bend, out=np.zeros_like(bend), where=bend > 0)
     places = best[:, :, 0] + np.clip(beyond, -0.5, 0.5)
-    return np.interp(places, np.arange(depths_mm.size), depths_mm).astype(np.float32)
+    return np.asarray(np.interp(places, np.arange(depths_mm.size), depths_mm), dtype=np.float32)
 
 
 @compiled
