@@ -241,3 +241,6 @@ TUBE_SIGMA_REL = 0.3
 TUBE_SCALE_REL = 0.004
 TUBE_LENGTH_REL = 0.006
 TUBE_SLANT_DEG = 0.6
+# Depth by parallax, robust spread: what is asked for of the wall, and of floors up to 0.3 mm deep.
+PARALLAX_WALL_MM = 0.02
+PARALLAX_FLOOR_MM = 0.05

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from endoct.base.arrays import Coordinates, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import number, read_object
 from endoct.base.numeric.circle import wrap_rad
@@ -166,10 +166,20 @@ def _numbers(stored: object) -> Coordinates:
 
 def true_cells(truth: Truth, pose: Pose, panorama: Panorama) -> Mask:
     """Return the true cells at the centres of the panorama's samples, bool (n_z, n_theta)."""
+    return np.asarray(truth.wall["cell"][_nearest(truth, pose, panorama)], dtype=np.bool_)
+
+
+def true_relief(truth: Truth, pose: Pose, panorama: Panorama) -> Image:
+    """Return wall radius minus bore radius at the centres of the panorama's samples, mm, float32 (n_z, n_theta)."""
+    return np.asarray(truth.wall["relief_mm"][_nearest(truth, pose, panorama)], dtype=np.float32)
+
+
+def _nearest(truth: Truth, pose: Pose, panorama: Panorama) -> tuple[NDArray[np.intp], ...]:
+    """Return rows (n_z, 1) and columns (1, n_theta) of the true wall that lie nearest the panorama's."""
     z_mm, n_theta = truth.wall["z"], truth.wall["theta"].size
     rows = np.clip(np.rint((pose.z_bore(panorama.z_mm) - z_mm[0]) / (z_mm[1] - z_mm[0])), 0, z_mm.size - 1)
     columns = np.rint(pose.theta_bore(panorama.grid.theta_rad) / (2 * np.pi) * n_theta).astype(int) % n_theta
-    return np.asarray(truth.wall["cell"][np.ix_(rows.astype(int), columns)], dtype=np.bool_)
+    return np.ix_(rows.astype(int), columns)
 
 
 def held_against(

@@ -135,8 +135,8 @@ def _swept(
 ) -> tuple[Image, Image]:
     """Return depth and standard error of the blocks of a piece, mm, float32 (rows, blocks around); NaN where unseen."""
     costs = _costs(piece.swept, strips, calibration, fine, scale_mm, DEPTHS_MM)
-    unseen = costs[:, :, 0] == UNSEEN
-    costs[unseen] = COST
+    unseen = (costs == UNSEEN).all(axis=2)
+    np.minimum(costs, COST, out=costs)
     smooth = _mean_around(costs, fine)
     depth_mm = best_depths(smooth, round(STEP * COST), round(JUMP * COST), DEPTHS_MM)
     error_mm = np.hypot(_spread(smooth, depth_mm), ROUGHNESS * _roughness(depth_mm))

@@ -11,7 +11,7 @@ import numpy as np
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label
@@ -93,7 +93,8 @@ def ours(panorama: Panorama) -> Mask:
 
     Raises :class:`Declined` where that would be called untrusted.
     """
-    cells = find_cells(prepare(panorama), SegmentParameters())
+    side = Side(panorama.modality, panorama)
+    cells = find_cells(side.evidence, SegmentParameters(), relief=side.parallax)
     if cells.doubts:
         raise Declined(cells.doubts[0].what)
     return cells.mask
