@@ -53,10 +53,7 @@ def write_pair(pair: Pair, folder: Path) -> None:
     for made in (oct_folder, endoscope_folder, truth):
         made.mkdir(parents=True)
     write_pullback(pair.oct, pair.recipe, oct_folder)
-    for k, frame in enumerate(pair.endoscope.frames):
-        Image.fromarray(frame).save(endoscope_folder / f"frame_{k:04d}.png", compress_level=1)
-    stated = endoscope_sidecar(pair.recipe.endoscope, pair.endoscope, pair.recipe.bore.diameter_mm)
-    _write_sidecar(endoscope_folder, stated)
+    write_endoscope(pair.endoscope, pair.recipe, endoscope_folder)
     np.savez(
         truth / "truth.npz",
         cell=pair.bore.level < 1,
@@ -75,6 +72,13 @@ def write_pullback(pullback: Pullback, recipe: Recipe, folder: Path) -> None:
     """Write a pullback and its sidecar into ``folder``, which exists."""
     tifffile.imwrite(folder / "pullback.tif", pullback.samples, photometric="minisblack")
     _write_sidecar(folder, oct_sidecar(recipe.oct, recipe.bore.diameter_mm))
+
+
+def write_endoscope(journey: Journey, recipe: Recipe, folder: Path) -> None:
+    """Write an endoscope's recording and its sidecar into ``folder``, which exists."""
+    for k, frame in enumerate(journey.frames):
+        Image.fromarray(frame).save(folder / f"frame_{k:04d}.png", compress_level=1)
+    _write_sidecar(folder, endoscope_sidecar(recipe.endoscope, journey, recipe.bore.diameter_mm))
 
 
 def oct_sidecar(recipe: CatheterRecipe, diameter_mm: float) -> dict[str, object]:

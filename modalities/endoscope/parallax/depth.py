@@ -22,7 +22,8 @@ from endoct.modalities.endoscope.parallax.views import FineGrid, FineStrip, fine
 from endoct.stitching.panorama import Panorama
 
 DEPTHS_MM = np.cumsum(np.concatenate([[-0.1], np.full(20, 0.025), 0.025 * 1.083 ** np.arange(1, 27)]))
-"""Depths that are tried, mm: even where floors are shallow, then ever farther apart, to 2.7 mm."""
+WALL = 4
+"""Depths that are tried, mm, the wall's own, 0, at ``WALL``: even where floors are shallow, then ever farther apart."""
 SCALES_MM = (0.007, 0.01, 0.014, 0.02, 0.03, 0.045)
 """Textures that are tried, the finest first: noise and blur leave only coarser ones in common."""
 ALIKE = 0.3
@@ -135,7 +136,7 @@ def _swept(
 ) -> tuple[Image, Image]:
     """Return depth and standard error of the blocks of a piece, mm, float32 (rows, blocks around); NaN where unseen."""
     costs = _costs(piece.swept, strips, calibration, fine, scale_mm, DEPTHS_MM)
-    unseen = (costs == UNSEEN).all(axis=2)
+    unseen = costs[:, :, WALL] == UNSEEN  # at the ends, what is deep may be seen by two frames, and the wall by one
     np.minimum(costs, COST, out=costs)
     smooth = _mean_around(costs, fine)
     depth_mm = best_depths(smooth, round(STEP * COST), round(JUMP * COST), DEPTHS_MM)
