@@ -1,0 +1,80 @@
+"""The network of the learned eye: a small U-Net on a circle. Loads torch."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn
+from torch.nn.functional import avg_pool2d, gelu, interpolate, pad
+
+CHANNELS = 4
+WIDTHS = (24, 48, 72, 96)
+GROUPS = 8
+HALVED = 2 ** (len(WIDTHS) - 1)
+"""Rows and columns must divide by this, as often as the network halves them."""
+
+
+class Convolution(nn.Module):
+    """3 × 3 samples, around the circle of θ and, at the ends of z, with the last row once more."""
+
+    def __init__(self, given: int, made: int) -> None:
+        super().__init__()
+        self.kernel = nn.Conv2d(given, made, 3)
+        self.norm = nn.GroupNorm(GROUPS, made)
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return (batch, made, n_z, n_theta) of (batch, given, n_z, n_theta)."""
+        around = pad(pad(images, (1, 1, 0, 0), mode="circular"), (0, 0, 1, 1), mode="replicate")
+        return gelu(self.norm(self.kernel(around)))
+
+
+class Eye(nn.Module):
+    """The logit of how probably each sample is a cell."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        given = (CHANNELS, *WIDTHS[:-1])
+        self.down = nn.ModuleList(_twice(a, b) for a, b in zip(given, WIDTHS, strict=True))
+        self.up = nn.ModuleList(_twice(WIDTHS[k + 1] + WIDTHS[k], WIDTHS[k]) for k in reversed(range(len(WIDTHS) - 1)))
+        self.out = nn.Conv2d(WIDTHS[0], 1, 1)
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return logits (batch, n_z, n_theta) of (batch, channels, n_z, n_theta), n_theta a multiple of ``HALVED``."""
+        n_z, seen = images.shape[2], []
+        images = pad(images, (0, 0, 0, -n_z % HALVED), mode="replicate")
+        for level, finer in enumerate(self.down):
+            images = finer(avg_pool2d(images, 2) if level else images)
+            seen.append(images)
+        for coarser, beside in zip(self.up, seen[-2::-1], strict=True):
+            images = coarser(torch.cat([interpolate(images, scale_factor=2, mode="nearest"), beside], dim=1))
+        logits: Tensor = self.out(images)[:, 0, :n_z]
+        return logits
+
+
+def _twice(given: int, made: int) -> nn.Sequential:
+    return nn.Sequential(Convolution(given, made), Convolution(made, made))
+
+
+def save_eye(eye: Eye, path: Path, card: dict[str, Any]) -> None:
+    """Write weights, as float16, and ``card``, what they were trained on, JSON-serialisable."""
+    state = {name: weights.detach().half().cpu().contiguous() for name, weights in eye.state_dict().items()}
+    save_file(state, path, metadata={"card": json.dumps(card)})
+
+
+def load_eye(path: Path) -> tuple[Eye, dict[str, Any]]:
+    """Return the network that :func:`save_eye` wrote, ready to look, and its card.
+
+    Raises ``ValueError`` where the file holds something else, and ``OSError`` where it cannot be read.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118 – it is no dict
+            card: dict[str, Any] = json.loads((file.metadata() or {}).get("card", "{}"))
+        eye = Eye()
+        eye.load_state_dict(state)
+    except (SafetensorError, RuntimeError) as error:
+        raise ValueError(str(error).splitlines()[0]) from error
+    return eye.eval(), card

@@ -1,0 +1,1 @@
+"""Training of the learned eye on bores of the simulator, made more varied than these."""
