@@ -62,8 +62,9 @@ def test_the_tiles_of_a_level_hold_each_of_its_pixels_once(radius_mm: float, len
     assert wall.pixel_mm(level) * height >= length_mm * (1 - 1e-9)
     assert wall.pixel_mm(level) * (height - 1) < length_mm
     rows = np.zeros(height, int)
-    for row in range(-(-height // TILE_PX)):
+    last = -(-height // TILE_PX) - 1
+    for row in range(last + 1):
         first, stop = pixels_of(wall, Tile(level, 0, row)).rows
-        inner = slice(first + (row > 0), stop - (stop < height))
+        inner = slice(first + (row > 0), stop - (row < last))
         rows[inner] += 1
     assert (rows == 1).all()
