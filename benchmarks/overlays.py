@@ -27,7 +27,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.segment import segment
+from endoct.fusion.segmentation.side_cells import segment
 from endoct.modalities.endoscope.mirror import finding
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.draw import draw

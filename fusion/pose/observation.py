@@ -8,7 +8,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.segment import segment
+from endoct.fusion.segmentation.side_cells import segment
 
 ROWS_MM, COLUMNS = 0.2, 64
 BLUR_MM = 0.2

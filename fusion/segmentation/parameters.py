@@ -26,6 +26,9 @@ class SegmentParameters(BaseModel):
     contrast_cap: float = Field(
         default=0.7, ge=1e-3, le=100, description="|log| of intensity relative to the wall's above this counts as this"
     )
+    eye: bool = Field(
+        default=True, description="find an endoscope's cells by the learned eye; off: by threshold, outlines and depth"
+    )
     parallax: bool = Field(
         default=True, description="correct cells found by intensity where depth by parallax is known"
     )

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
-from endoct.base.entry_points import OURS, answer_by
+from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.parallax import ParallaxRelief
-from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.by_depth import ByDepth, judged_by_depth
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
@@ -88,9 +87,7 @@ def doubts_of_cells(found: Believability) -> Iterator[Doubt]:
             "wall, where nothing can be."
         )
         yield Doubt("cells-in-noise", what, value=found.noise, unit="1", expected=(0.0, MOST_NOISE))
-    if found.cells > MOST_CELLS:
-        what = f"The wall may not have been found: {found.cells:.0%} of it was taken for cells."
-        yield Doubt("wall-mostly-cells", what, value=found.cells, unit="1", expected=(0.0, MOST_CELLS))
+    yield from doubts_of_share(found.cells)
     if found.spread > MOST_SPREAD:
         what = (
             "Cells hardly stand out of the wall: its own standard deviation is "
@@ -106,6 +103,13 @@ def doubts_of_cells(found: Believability) -> Iterator[Doubt]:
         yield Doubt("cells-without-outline", what, value=found.unclaimed, unit="1", expected=(0.0, MOST_UNCLAIMED))
 
 
+def doubts_of_share(cells: float) -> Iterator[Doubt]:
+    """Yield the doubt about a wall of which the share ``cells`` was taken for cells."""
+    if cells > MOST_CELLS:
+        what = f"The wall may not have been found: {cells:.0%} of it was taken for cells."
+        yield Doubt("wall-mostly-cells", what, value=cells, unit="1", expected=(0.0, MOST_CELLS))
+
+
 LEAST_RELIEF_SIGMAS = 4.0
 """Times the wall's own spread. Li's threshold lies at 7 of these and more in bores with cells, at 0.3 without any."""
 
@@ -116,9 +120,8 @@ class Segmentation:
 
     ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
     where the mask was given; ``polarity`` is whether cells are dark or bright, and ``polarity_from`` how that is known,
-    in words, None where depth or a mask says what is a cell; ``believability`` says how far these are to be trusted as
-    cells, None where the mask was given, or a method was chosen ``by_method``'s name; ``by_depth`` how much depth by
-    parallax changed, None where it was not asked.
+    in words, None where depth or a mask says what is a cell; ``by_depth`` how much depth by parallax changed, None
+    where it was not asked; ``doubts`` why these are not to be trusted as cells.
     """
 
     mask: Mask
@@ -126,33 +129,9 @@ class Segmentation:
     unit: str
     of: str
     polarity: Polarity | None
-    believability: Believability | None = None
-    by_method: str | None = None
     polarity_from: str | None = None
     by_depth: ByDepth | None = None
-
-    @property
-    def doubts(self) -> tuple[Doubt, ...]:
-        """Why these are not to be trusted as cells."""
-        if self.by_method is not None:
-            what = f"Cells are those of the method '{self.by_method}'; endoct does not judge how far to trust them."
-            return (Doubt("cells-by-method", what),)
-        return () if self.believability is None else tuple(doubts_of_cells(self.believability))
-
-
-def segment(
-    given: Panorama | Side, parameters: SegmentParameters | None = None, *, polarity: Polarity = "dark"
-) -> Mask:
-    """Return the cells of a panorama or a side on its own samples, bool (n_z, n_theta), False where it is not valid.
-
-    ``polarity`` says whether cells are dark or bright where there is only intensity. Raises :class:`EndoctError` where
-    nothing is valid or the evidence is constant.
-    """
-    parameters = parameters or SegmentParameters()
-    side = given if isinstance(given, Side) else Side(given.modality, given)
-    if parameters.segmentation_method != OURS:
-        return cells_by_method(side.panorama, parameters.segmentation_method).mask
-    return find_cells(side.cell_evidence(parameters.segment, polarity), parameters, relief=side.parallax).mask
+    doubts: tuple[Doubt, ...] = ()
 
 
 def find_cells(
@@ -207,9 +186,8 @@ def find_cells(
     believability = believability_of(
         evidence.valid, smooth, mask, threshold, dark=dark, with_outlines=clear is not None
     )
-    return Segmentation(
-        mask, threshold, unit, of, polarity, believability, polarity_from=polarity_from, by_depth=by_depth
-    )
+    doubts = tuple(doubts_of_cells(believability))
+    return Segmentation(mask, threshold, unit, of, polarity, polarity_from, by_depth, doubts)
 
 
 def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
@@ -225,7 +203,9 @@ def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
             found=f"{mask.dtype} {mask.shape}",
             expected=f"bool {panorama.grid.shape}",
         )
-    return Segmentation(mask & panorama.valid, None, "1", f"cells by the method '{name}'", None, by_method=name)
+    what = f"Cells are those of the method '{name}'; endoct does not judge how far to trust them."
+    doubts = (Doubt("cells-by-method", what),)
+    return Segmentation(mask & panorama.valid, None, "1", f"cells by the method '{name}'", None, doubts=doubts)
 
 
 def _least_threshold(relief_mm: Image, parameters: SegmentParameters) -> float:

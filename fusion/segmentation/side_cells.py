@@ -2,6 +2,7 @@
 
 from typing import Literal
 
+from endoct.base.arrays import Mask
 from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
 from endoct.base.entry_points import OURS
@@ -9,8 +10,9 @@ from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.seen import is_seen, seen_cells
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
-from endoct.stitching.panorama import doubts_of_observed
+from endoct.stitching.panorama import Panorama, doubts_of_observed
 
 
 def segment_sides(
@@ -46,7 +48,21 @@ def segment_side(
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
+    if evidence.kind == "darkness" and is_seen(side, parameters):
+        return seen_cells(side, parameters, polarity_from)
     return find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
+
+
+def segment(
+    given: Panorama | Side, parameters: SegmentParameters | None = None, *, polarity: Polarity = "dark"
+) -> Mask:
+    """Return the cells of a panorama or a side on its own samples, bool (n_z, n_theta), False where it is not valid.
+
+    ``polarity`` says whether cells are dark or bright where there is only intensity. Raises :class:`EndoctError` where
+    nothing is valid or the evidence is constant.
+    """
+    side = given if isinstance(given, Side) else Side(given.modality, given)
+    return segment_side(side, parameters or SegmentParameters(), polarity).mask
 
 
 def contrast_of(side: Side, cells: Segmentation) -> Evidence | None:

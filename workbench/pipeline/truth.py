@@ -16,7 +16,7 @@ from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.segment import segment
+from endoct.fusion.segmentation.side_cells import segment
 from endoct.fusion.sides import Comparison
 from endoct.stitching.panorama import Panorama
 

@@ -26,7 +26,8 @@ from endoct.fusion.segmentation.regions import (
     remove_small,
     within,
 )
-from endoct.fusion.segmentation.segment import believability_of, doubts_of_cells, find_cells, segment
+from endoct.fusion.segmentation.segment import believability_of, doubts_of_cells, find_cells
+from endoct.fusion.segmentation.side_cells import segment
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.panorama import Panorama
 

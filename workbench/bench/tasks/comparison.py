@@ -12,7 +12,7 @@ from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.fusion.segmentation.segment import segment
+from endoct.fusion.segmentation.side_cells import segment
 from endoct.fusion.sides import Comparison
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama

@@ -15,7 +15,7 @@ from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.fusion.segmentation.segment import segment
+from endoct.fusion.segmentation.side_cells import segment
 from endoct.modalities.registry import open_recording
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PRESETS, PresetName

@@ -15,7 +15,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label
-from endoct.fusion.segmentation.segment import find_cells
+from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.panorama import Panorama
 from endoct.workbench import api
 from endoct.workbench.bench.cases import toy_walls
@@ -89,12 +89,12 @@ def _cells_found(mask: Mask, cell: Mask) -> tuple[int, int]:
 
 
 def ours(panorama: Panorama) -> Mask:
-    """Segment as `endoct compare` does: Li's threshold on relief, or on darkness, cleaned on the circle.
+    """Segment as `endoct compare` does where cells are known to be dark.
 
     Raises :class:`Declined` where that would be called untrusted.
     """
     side = Side(panorama.modality, panorama)
-    cells = find_cells(side.evidence, SegmentParameters(), relief=side.parallax)
+    cells = segment_side(side, SegmentParameters(), "dark")
     if cells.doubts:
         raise Declined(cells.doubts[0].what)
     return cells.mask

@@ -7,7 +7,7 @@ import pytest
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.fusion.segmentation.segment import segment
+from endoct.fusion.segmentation.side_cells import segment
 from endoct.synthetic.sample.ranges import Range
 from endoct.synthetic.specimen import simulate
 from endoct.workbench import unroll

@@ -1,0 +1,74 @@
+"""Cells of an image as the learned eye of its modality sees them, and how sure it is.
+
+Its probabilities are calibrated, so they say what Jaccard index to expect: what is surely cell, over what may be.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from endoct.base.arrays import Image, Mask
+from endoct.base.doubt import Doubt
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.by_depth import ByDepth
+from endoct.fusion.segmentation.learned.looking import COARSEST_MM, has_eye, look
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.regions import clean
+from endoct.fusion.segmentation.segment import Segmentation, doubts_of_share
+
+LEAST_PROBABILITY = 0.4
+"""From this on a sample is a cell. On the simulator 0.35 to 0.5 do alike, and what the eye does not know it rather
+misses."""
+LEAST_EXPECTED = 0.87
+"""Of 26 recordings, those of which less was expected scored 0.70 to 0.81 against the truth; all others scored 0.84 and
+more, but where the wall had been missed."""
+
+
+def is_seen(side: Side, parameters: SegmentParameters) -> bool:
+    """Say whether the cells of ``side`` are found by a learned eye: one was trained for it, and it shows enough."""
+    grid = side.grid
+    return parameters.eye and has_eye(side.panorama.modality) and max(grid.dz_mm, grid.dtheta_mm) <= COARSEST_MM
+
+
+def seen_cells(side: Side, parameters: SegmentParameters, polarity_from: str | None = None) -> Segmentation:
+    """Return the cells of ``side``, which are dark, as the learned eye sees them, cleaned on the circle.
+
+    Raises :class:`EndoctError` where the intensity is constant, or the eye's weights are damaged.
+    """
+    darkness, relief = side.contrast("dark"), side.parallax if parameters.parallax else None
+    probability, valid = look(side.panorama.modality, darkness, relief), darkness.valid
+
+    def cells_of(image: Image) -> Mask:
+        probable = valid & (image > LEAST_PROBABILITY)
+        return clean(probable, darkness.dz_mm, darkness.column_mm, parameters) & valid
+
+    mask = cells_of(probability.of_cell)
+    by_depth = None
+    if relief is not None:
+        without, n = cells_of(probability.without_depth), max(int(np.count_nonzero(valid)), 1)
+        shares = (relief.known & valid, mask & ~without, without & ~mask)
+        by_depth = ByDepth(*(int(np.count_nonzero(some)) / n for some in shares))
+    of = f"probability of a cell, by the learned eye for {side.panorama.modality} panoramas"
+    doubts = tuple(_doubts(probability.of_cell, mask, valid))
+    return Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", polarity_from, by_depth, doubts)
+
+
+def expected_jaccard(probability: Image, mask: Mask, valid: Mask) -> float:
+    """Return the Jaccard index of ``mask`` to expect against the truth, if ``probability`` is right; 1 without cells.
+
+    The expected intersection over the expected union, all (n_z, n_theta), over ``valid`` samples.
+    """
+    cells, rest = probability[mask & valid], probability[valid & ~mask]
+    union = cells.size + float(rest.sum(dtype=np.float64))
+    return float(cells.sum(dtype=np.float64)) / union if cells.size else 1.0
+
+
+def _doubts(probability: Image, mask: Mask, valid: Mask) -> Iterator[Doubt]:
+    yield from doubts_of_share(float(mask[valid].mean()))
+    expected = expected_jaccard(probability, mask, valid)
+    if expected < LEAST_EXPECTED:
+        what = (
+            f"The learned eye is not sure of the cells: by its own probabilities they would reach a Jaccard index of "
+            f"{expected:.2f} against the truth."
+        )
+        yield Doubt("cells-unsure", what, value=expected, unit="1", expected=(LEAST_EXPECTED, 1.0))
