@@ -44,7 +44,13 @@ from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, t
 DEPTHS_MM = ((0.03, 0.1), (0.1, 0.3), (0.3, 0.7), (0.7, 1.5))
 FEWEST = 500
 """Samples of which a spread is told."""
-BY_BRIGHTNESS = SegmentParameters(parallax=False)
+WAYS = {
+    "brightness": SegmentParameters(eye="off", parallax=False),
+    "both": SegmentParameters(eye="off"),
+    "eye, brightness": SegmentParameters(parallax=False),
+    "eye": SegmentParameters(),
+}
+"""How cells are found: by rules, from brightness and with depth, and by the learned eye, without depth and with it."""
 Row = Mapping[str, object]
 
 
@@ -95,15 +101,12 @@ def judged(name: str, seed: int) -> Row:
     by_depth = np.zeros(cell.shape, np.bool_)
     if (relief := side.parallax) is not None:
         by_depth = relief.known & (relief.relief_mm > np.fmax(0.05, relief.error_mm))
-    answers = {
-        "brightness": segment_side(side, BY_BRIGHTNESS, "dark"),
-        "both": segment_side(side, SegmentParameters(), "dark"),
-    }
+    answers = {how: segment_side(side, parameters, "dark") for how, parameters in WAYS.items()}
     for how, mask in {"depth": by_depth, **{how: answer.mask for how, answer in answers.items()}}.items():
         row[how] = jaccard(mask, cell, valid)
         row[f"{how} precision"] = (mask & cell).sum() / max(mask.sum(), 1)
         row[f"{how} recall"] = (mask & cell).sum() / max(cell.sum(), 1)
-    row["doubts"] = ", ".join(doubt.code for doubt in doubts_of_side(side, answers["both"]))
+    row["doubts"] = ", ".join(doubt.code for doubt in doubts_of_side(side, answers["eye"]))
     return row | dict(_depths(seen, side))
 
 
@@ -132,10 +135,10 @@ def table(rows: pd.DataFrame) -> str:
     lines = []
     for name, of in rows.groupby("set", sort=False):
         lines.append(f"{name}: {len(of)} recordings, {(of['doubts'].fillna('') != '').sum()} doubted")
-        for how in ("brightness", "depth", "both"):
+        for how in (*WAYS, "depth"):
             j, right, found = of[how].fillna(0), of[f"{how} precision"].median(), of[f"{how} recall"].median()
             lines.append(
-                f"  {how:10s} median {j.median():.3f}, worst decile {j.quantile(0.1):.3f}, worst {j.min():.3f}, mean "
+                f"  {how:15s} median {j.median():.3f}, worst decile {j.quantile(0.1):.3f}, worst {j.min():.3f}, mean "
                 f"{j.mean():.3f}; precision {right:.3f}, recall {found:.3f}"
             )
         for what in ("wall", *(f"{low:g} to {high:g}" for low, high in DEPTHS_MM)):
@@ -173,7 +176,7 @@ def main() -> None:
             print(
                 row["set"],
                 row["seed"],
-                *(f"{how} {row[how]:.3f}" for how in ("brightness", "depth", "both")),
+                *(f"{how} {row[how]:.3f}" for how in (*WAYS, "depth")),
                 flush=True,
             )
             if options.csv:

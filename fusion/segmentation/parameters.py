@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from endoct.base.entry_points import OURS
 
+OUR_EYE, NO_EYE = "endoct", "off"
+
 
 class SegmentParameters(BaseModel):
     """How cells are separated from the wall. Lengths in mm on the wall, areas in mm²."""
@@ -26,8 +28,11 @@ class SegmentParameters(BaseModel):
     contrast_cap: float = Field(
         default=0.7, ge=1e-3, le=100, description="|log| of intensity relative to the wall's above this counts as this"
     )
-    eye: bool = Field(
-        default=True, description="find an endoscope's cells by the learned eye; off: by threshold, outlines and depth"
+    eye: str = Field(
+        default=OUR_EYE,
+        max_length=4096,
+        description="learned eye that finds an endoscope's cells: `endoct`, the weights of one that `endoct train` made, "
+        "or `off`: threshold, outlines and depth do",
     )
     parallax: bool = Field(
         default=True, description="correct cells found by intensity where depth by parallax is known"

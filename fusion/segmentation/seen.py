@@ -9,9 +9,10 @@ import numpy as np
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
+from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.by_depth import ByDepth
-from endoct.fusion.segmentation.learned.looking import COARSEST_MM, has_eye, look
+from endoct.fusion.segmentation.learned.looking import COARSEST_MM, look, weights_for
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.segment import Segmentation, doubts_of_share
@@ -27,7 +28,8 @@ more, but where the wall had been missed."""
 def is_seen(side: Side, parameters: SegmentParameters) -> bool:
     """Say whether the cells of ``side`` are found by a learned eye: one was trained for it, and it shows enough."""
     grid = side.grid
-    return parameters.eye and has_eye(side.panorama.modality) and max(grid.dz_mm, grid.dtheta_mm) <= COARSEST_MM
+    fine = max(grid.dz_mm, grid.dtheta_mm) <= COARSEST_MM
+    return fine and weights_for(side.panorama.modality, parameters.eye) is not None
 
 
 def seen_cells(side: Side, parameters: SegmentParameters, polarity_from: str | None = None) -> Segmentation:
@@ -36,7 +38,10 @@ def seen_cells(side: Side, parameters: SegmentParameters, polarity_from: str | N
     Raises :class:`EndoctError` where the intensity is constant, or the eye's weights are damaged.
     """
     darkness, relief = side.contrast("dark"), side.parallax if parameters.parallax else None
-    probability, valid = look(side.panorama.modality, darkness, relief), darkness.valid
+    weights, valid = weights_for(side.panorama.modality, parameters.eye), darkness.valid
+    if weights is None:
+        raise EndoctError(f"no eye was trained for {side.panorama.modality} panoramas", remedy="set eye to 'off'")
+    probability = look(weights, darkness, relief)
 
     def cells_of(image: Image) -> Mask:
         probable = valid & (image > LEAST_PROBABILITY)

@@ -20,7 +20,7 @@ from endoct.workbench.commands.exports import export
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Info, Unroll, modalities
-from endoct.workbench.commands.research import bench
+from endoct.workbench.commands.research import bench, train
 from endoct.workbench.commands.simulations import Simulate, dataset, demo, warm_up
 from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
 
@@ -40,6 +40,7 @@ def run(arguments: Sequence[str]) -> int:
         "target": Tube,
         "dataset": dataset,
         "bench": bench,
+        "train": train,
         "report": report,
         "serve": serve,
         "summarise": summarise,

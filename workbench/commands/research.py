@@ -1,4 +1,4 @@
-"""The command of the research bench."""
+"""Commands for research: the bench, and training of the learned eye."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,8 +6,9 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from endoct.base.errors import visible
-from endoct.workbench.commands.console import TextConsole, command_stages, print_json
-from endoct.workbench.requests import UNSET
+from endoct.modalities.device import Device
+from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line
+from endoct.workbench.requests import UNSET, OutputPath
 from endoct.workbench.running.refusals import DONE
 
 WIDE = 200
@@ -67,4 +68,41 @@ def bench(
         console = TextConsole(width=WIDE)  # nothing is cut off in a file
     for part in parts:
         console.print(visible(part) if isinstance(part, str) else part, soft_wrap=isinstance(part, str))
+    return DONE
+
+
+def train(
+    output: OutputPath,
+    bores: int = 120,
+    steps: int = 3000,
+    batch: int = 12,
+    seed: int = 1,
+    device: Device = "cpu",
+    overwrite: bool = False,
+) -> int:
+    """Train a learned eye for the endoscope on simulated bores (see docs/how-to/train.md).
+
+    Args:
+        output: folder for the weights and their card
+        bores: simulated bores to learn from, 10 to 20 s each
+        steps: steps of the fit; 3000 take two minutes on a large GPU, and hours on two cores
+        batch: pieces of bores a step
+        seed: seed of the weights and of how examples are varied
+        device: where to fit; bores are always simulated on the CPU
+        overwrite: replace the output if it exists
+    """
+    from endoct.workbench.training.train import WEIGHTS
+    from endoct.workbench.training.train import train as train_eye
+
+    train_eye(
+        output,
+        n_bores=bores,
+        steps=steps,
+        batch=batch,
+        seed=seed,
+        device=device,
+        overwrite=overwrite,
+        stages=command_stages(False),
+    )
+    print_line(f"weights: {output / WEIGHTS}; use them with --set eye={output / WEIGHTS}")
     return DONE

@@ -10,7 +10,8 @@ from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.parallax import ParallaxRelief
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
 
-STEP_MM = 0.016
+STEPS_MM = (0.016, 0.008)
+"""The eye was trained at the first. At the second it sees cells twice as large, and so the small ones too."""
 FINEST_COLUMNS = 8
 """The number of columns is a multiple of this, as often as the network halves them."""
 DARKEST, BRIGHTEST = 1.5, -0.75
@@ -24,17 +25,17 @@ CHANNELS = 4
 class Inputs:
     """``channels``, float32 (``CHANNELS``, n_z, n_theta): darkness, relief over ``DEEPEST_MM``, trust in that, valid.
 
-    On rows at ``z_mm`` and columns from θ = 0, ``STEP_MM`` apart or nearly so.
+    On rows at ``z_mm`` and columns from θ = 0, evenly spaced.
     """
 
     channels: NDArray[np.float32]
     z_mm: Coordinates
 
 
-def inputs_of(darkness: Evidence, relief: ParallaxRelief | None) -> Inputs:
+def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float = STEPS_MM[0]) -> Inputs:
     """Return what the network is given of a side, of its ``darkness`` and ``relief`` on the same samples."""
-    n_theta = FINEST_COLUMNS * max(1, round(2 * np.pi * darkness.radius_mm / STEP_MM / FINEST_COLUMNS))
-    z_mm = np.arange(darkness.z_mm[0], darkness.z_mm[-1] + STEP_MM / 2, STEP_MM)
+    n_theta = FINEST_COLUMNS * max(1, round(2 * np.pi * darkness.radius_mm / step_mm / FINEST_COLUMNS))
+    z_mm = np.arange(darkness.z_mm[0], darkness.z_mm[-1] + step_mm / 2, step_mm)
     seen = on_grid(darkness, z_mm, n_theta)
     channels = np.zeros((CHANNELS, *seen.values.shape), np.float32)
     channels[0] = np.where(seen.valid, np.clip(seen.values, BRIGHTEST, DARKEST), 0)

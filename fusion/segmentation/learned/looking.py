@@ -12,7 +12,8 @@ from endoct.base.arrays import Image
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.parallax import ParallaxRelief
-from endoct.fusion.segmentation.learned.inputs import Inputs, inputs_of, on_own_samples
+from endoct.fusion.segmentation.learned.inputs import STEPS_MM, Inputs, inputs_of, on_own_samples
+from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE
 
 if TYPE_CHECKING:
     from endoct.fusion.segmentation.learned.network import Eye
@@ -31,49 +32,56 @@ class Probability:
     without_depth: Image
 
 
-def has_eye(modality: str) -> bool:
-    """Say whether an eye was trained for panoramas of ``modality``."""
-    return _weights(modality).is_file()
+def weights_for(modality: str, eye: str) -> Path | None:
+    """Return the weights of the learned eye for panoramas of ``modality``, None where there is none.
+
+    ``eye``: ours, none, or the path of weights, which must be for ``modality`` to be used. Raises :class:`EndoctError`
+    where that is no file of weights.
+    """
+    if eye == NO_EYE:
+        return None
+    if eye == OUR_EYE:
+        ours = Path(str(files(__package__))) / f"{modality}.safetensors"
+        return ours if ours.is_file() else None
+    path = Path(eye)
+    return path if _loaded(path)[1].get("modality") == modality else None
 
 
-def look(modality: str, darkness: Evidence, relief: ParallaxRelief | None) -> Probability:
-    """Return what the eye for ``modality`` says of a side, of its ``darkness`` and ``relief`` on the same samples.
+def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Probability:
+    """Return what the eye with ``weights`` says of a side, of its ``darkness`` and ``relief`` on the same samples.
 
     Computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are damaged.
     """
-    inputs = inputs_of(darkness, relief)
-    eye = _eye(modality)
-    of_cell = without = _probability(eye, inputs)
-    if relief is not None:
-        bare = inputs.channels.copy()
-        bare[1:3] = 0
-        without = _probability(eye, Inputs(bare, inputs.z_mm))
-    return Probability(on_own_samples(of_cell, inputs, darkness), on_own_samples(without, inputs, darkness))
+    eye = _loaded(weights)[0]
+    seen = [inputs_of(darkness, relief, step_mm) for step_mm in STEPS_MM]
+
+    def mean_of(given: list[Inputs]) -> Image:
+        of_each = [on_own_samples(_probability(eye, one), one, darkness) for one in given]
+        return np.asarray(np.mean(of_each, axis=0), dtype=np.float32)
+
+    of_cell = mean_of(seen)
+    return Probability(of_cell, of_cell if relief is None else mean_of([_bare(one) for one in seen]))
 
 
-def card_of(modality: str) -> dict[str, Any]:
-    """Return on what the eye for ``modality`` was trained. Raises as :func:`look`."""
-    return _loaded(modality)[1]
-
-
-def _eye(modality: str) -> "Eye":
-    return _loaded(modality)[0]
-
-
-def _weights(modality: str) -> Path:
-    return Path(str(files(__package__))) / f"{modality}.safetensors"
+def _bare(inputs: Inputs) -> Inputs:
+    """Return ``inputs`` without depth."""
+    channels = inputs.channels.copy()
+    channels[1:3] = 0
+    return Inputs(channels, inputs.z_mm)
 
 
 @lru_cache(maxsize=2)
-def _loaded(modality: str) -> "tuple[Eye, dict[str, Any]]":
+def _loaded(weights: Path) -> "tuple[Eye, dict[str, Any]]":
     from endoct.fusion.segmentation.learned.network import load_eye  # which loads torch
 
-    path = _weights(modality)
     try:
-        return load_eye(path)
+        return load_eye(weights)
     except (OSError, ValueError) as error:
         raise EndoctError(
-            f"the learned eye {path} cannot be read", found=str(error), remedy="install endoct again"
+            f"the learned eye {weights} cannot be read",
+            found=str(error),
+            expected="weights that `endoct train` made",
+            remedy=f"name others, or '{OUR_EYE}' or '{NO_EYE}'",
         ) from error
 
 
