@@ -31,8 +31,8 @@ class SegmentParameters(BaseModel):
     eye: str = Field(
         default=OUR_EYE,
         max_length=4096,
-        description="learned eye that finds an endoscope's cells: `endoct`, the weights of one that `endoct train` made, "
-        "or `off`: threshold, outlines and depth do",
+        description="learned eye that finds an endoscope's cells: `endoct`, the weights of one that `endoct train` "
+        "made, or `off`: threshold, outlines and depth do",
     )
     parallax: bool = Field(
         default=True, description="correct cells found by intensity where depth by parallax is known"

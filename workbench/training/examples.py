@@ -58,7 +58,7 @@ def _example(preset: PresetName, seed: int, folder: Path) -> Example:
 
 
 def example_of(panorama: Panorama, cell: np.ndarray) -> Example:
-    """Return what the network is given of ``panorama``, and its true cells, bool (n_z, n_theta), on the same samples."""
+    """Return what the network is given of ``panorama``, and its true cells; ``cell``, bool (n_z, n_theta)."""
     side = Side(panorama.modality, panorama)
     darkness = side.contrast("dark")
     inputs = inputs_of(darkness, side.parallax)
