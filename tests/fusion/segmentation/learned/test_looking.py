@@ -1,0 +1,119 @@
+"""The learned eye: its inputs and the way back, the seam of θ, long bores in pieces, weights that are none."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError
+from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.evidence.parallax import ParallaxRelief
+from endoct.fusion.segmentation.learned import looking
+from endoct.fusion.segmentation.learned.inputs import STEPS_MM, inputs_of, on_own_samples
+from endoct.fusion.segmentation.learned.looking import look, weights_for
+from endoct.fusion.segmentation.learned.network import HALVED, Eye, load_eye, save_eye
+
+N_Z, N_THETA, STEP_MM = 130, 400, 0.02
+ROWS, COLUMNS = np.mgrid[:N_Z, :N_THETA]
+
+
+def disc(row: float, column: float, radius_mm: float) -> Mask:
+    across = np.mod(COLUMNS - column + N_THETA / 2, N_THETA) - N_THETA / 2
+    return np.asarray(np.hypot(ROWS - row, across) * STEP_MM <= radius_mm)
+
+
+CELLS = disc(40, 2, 0.35) | disc(90, 200, 0.3)
+
+
+def darkness(values: np.ndarray, valid: Mask | None = None) -> Evidence:
+    noisy = values + np.random.default_rng(5).normal(0, 0.03, values.shape)
+    seen = np.ones(values.shape, np.bool_) if valid is None else valid
+    z_mm, radius_mm = STEP_MM * np.arange(len(values)), N_THETA * STEP_MM / (2 * np.pi)
+    return Evidence(np.where(seen, noisy, 0).astype(np.float32), seen, z_mm, STEP_MM, 0.3, radius_mm, "darkness")
+
+
+def relief(values: np.ndarray) -> ParallaxRelief:
+    return ParallaxRelief(values.astype(np.float32), np.full(values.shape, 0.03, np.float32))
+
+
+@pytest.fixture(scope="module")
+def weights() -> Path:
+    ours = weights_for("endoscope", "endoct")
+    assert ours is not None
+    return ours
+
+
+def jaccard(one: Mask, other: Mask) -> float:
+    return float((one & other).sum() / (one | other).sum())
+
+
+def test_dark_and_deep_cells_are_seen_across_the_seam_and_plain_wall_is_none(weights: Path) -> None:
+    seen = look(weights, darkness(0.6 * CELLS), relief(0.25 * CELLS))
+    assert jaccard(seen.of_cell > 0.5, CELLS) > 0.8
+    assert seen.of_cell[~disc(40, 2, 0.5) & ~disc(90, 200, 0.45)].mean() < 0.05
+    assert seen.of_cell[disc(40, 2, 0.2)].min() > 0.5
+
+
+def test_depth_shows_floors_as_bright_as_the_wall(weights: Path) -> None:
+    seen = look(weights, darkness(0 * CELLS), relief(0.25 * CELLS))
+    assert jaccard(seen.of_cell > 0.5, CELLS) > 0.6
+    assert not (seen.without_depth > 0.5).any()
+
+
+def test_without_depth_both_answers_are_one(weights: Path) -> None:
+    seen = look(weights, darkness(0.6 * CELLS), None)
+    assert seen.of_cell is seen.without_depth
+
+
+def test_turning_the_bore_by_whole_samples_turns_what_is_seen(weights: Path) -> None:
+    values = darkness(0.6 * CELLS).values
+    turned = replace(darkness(0.6 * CELLS), values=np.roll(values, 100, axis=1))
+    one = look(weights, replace(turned, values=values), None).of_cell
+    other = look(weights, turned, None).of_cell
+    assert (np.abs(np.roll(one, 100, axis=1) - other) < 0.05).mean() > 0.99
+
+
+def test_a_long_bore_is_seen_alike_in_pieces(weights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence = darkness(0.6 * np.concatenate([CELLS, CELLS]))
+    whole = look(weights, evidence, None).of_cell
+    monkeypatch.setattr(looking, "PIECE_ROWS", 200)
+    monkeypatch.setattr(looking, "OVERLAP_ROWS", 64)
+    pieces = look(weights, evidence, None).of_cell
+    assert np.isfinite(pieces).all()
+    assert ((whole > 0.5) == (pieces > 0.5)).mean() > 0.99
+
+
+def test_inputs_tell_what_is_known_and_lead_back() -> None:
+    valid = ~disc(60, 300, 0.2)
+    deep = relief(0.3 * CELLS)
+    deep.relief_mm[disc(90, 200, 0.3)] = np.nan
+    inputs = inputs_of(darkness(0.6 * CELLS, valid), deep)
+    assert inputs.channels.shape[2] % HALVED == 0
+    back = [on_own_samples(channel, inputs, darkness(0.6 * CELLS)) for channel in inputs.channels]
+    assert abs(back[0][disc(40, 2, 0.2)].mean() - 0.6) < 0.05
+    assert abs(back[1][disc(40, 2, 0.2)].mean() - 0.5) < 0.05
+    assert (back[2][disc(90, 200, 0.2)] == 0).all()
+    assert (back[3][disc(60, 300, 0.1)] == 0).all()
+    assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(STEPS_MM[0])
+
+
+def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    eye = Eye()
+    save_eye(eye, tmp_path / "e.safetensors", {"modality": "endoscope"})
+    again, card = load_eye(tmp_path / "e.safetensors")
+    assert card == {"modality": "endoscope"}
+    images = torch.rand(1, 4, 21, 64)
+    assert again(images).shape == (1, 21, 64)
+    torch.testing.assert_close(again(images), eye(images), atol=0.02, rtol=0.02)
+    assert weights_for("endoscope", str(tmp_path / "e.safetensors")) == tmp_path / "e.safetensors"
+    assert weights_for("oct", str(tmp_path / "e.safetensors")) is None
+    assert weights_for("oct", "endoct") is None
+    assert weights_for("endoscope", "off") is None
+    (tmp_path / "bad.safetensors").write_bytes(b"nothing")
+    for path in (tmp_path / "bad.safetensors", tmp_path / "absent.safetensors"):
+        with pytest.raises(EndoctError, match="cannot be read"):
+            weights_for("endoscope", str(path))
