@@ -55,7 +55,7 @@ Row = Mapping[str, object]
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class Recorded:
     """A panorama with its true relief and cells, on its own samples."""
 
     panorama: Panorama
@@ -63,7 +63,7 @@ class Seen:
     cell: Mask
 
 
-def of_simulator(preset: str, seed: int, folder: Path) -> Seen:
+def of_simulator(preset: str, seed: int, folder: Path) -> Recorded:
     """Return the endoscope's panorama of a specimen of the simulator."""
     sample = draw(preset, seed)  # type: ignore[arg-type]
     wall = build_wall(sample)
@@ -74,10 +74,10 @@ def of_simulator(preset: str, seed: int, folder: Path) -> Seen:
     write_truth(folder / "truth", sample, wall)
     panorama, truth = unroll(folder / "endoscope", progress=False), load_truth(folder)
     pose = true_pose(panorama, truth)
-    return Seen(panorama, true_relief(truth, pose, panorama), true_cells(truth, pose, panorama))
+    return Recorded(panorama, true_relief(truth, pose, panorama), true_cells(truth, pose, panorama))
 
 
-def of_independent(name: str, seed: int, folder: Path) -> Seen:
+def of_independent(name: str, seed: int, folder: Path) -> Recorded:
     """Return the endoscope's panorama of a bore of the independent generator."""
     recipe = recipe_of(name, seed)
     bore = drill(recipe.bore, np.random.default_rng([seed, 0]))
@@ -88,16 +88,16 @@ def of_independent(name: str, seed: int, folder: Path) -> Seen:
     wall = Wall(panorama.intensity, np.zeros(grid.shape, np.bool_), panorama.valid, grid.z_mm, grid.theta_rad)
     place, _ = measured_place(bore, wall, endoscope_place(recipe.endoscope, journey))
     theta, z = np.broadcast_arrays(*place.to_bore(grid.theta_rad[None, :], grid.z_mm[:, None]))
-    return Seen(panorama, np.asarray(bore.at(bore.relief_mm, theta, z), np.float32), bore.is_cell(theta, z))
+    return Recorded(panorama, np.asarray(bore.at(bore.relief_mm, theta, z), np.float32), bore.is_cell(theta, z))
 
 
 def judged(name: str, seed: int) -> Row:
     """Return figures of one recording."""
     with TemporaryDirectory() as scratch:
-        seen = (of_simulator if name in PRESETS else of_independent)(name, seed, Path(scratch))
-    side = Side("endoscope", seen.panorama)
+        recorded = (of_simulator if name in PRESETS else of_independent)(name, seed, Path(scratch))
+    side = Side("endoscope", recorded.panorama)
     row: dict[str, object] = {"set": name, "seed": seed}
-    cell, valid = seen.cell & seen.panorama.valid, seen.panorama.valid
+    cell, valid = recorded.cell & recorded.panorama.valid, recorded.panorama.valid
     by_depth = np.zeros(cell.shape, np.bool_)
     if (relief := side.parallax) is not None:
         by_depth = relief.known & (relief.relief_mm > np.fmax(0.05, relief.error_mm))
@@ -107,24 +107,25 @@ def judged(name: str, seed: int) -> Row:
         row[f"{how} precision"] = (mask & cell).sum() / max(mask.sum(), 1)
         row[f"{how} recall"] = (mask & cell).sum() / max(cell.sum(), 1)
     row["doubts"] = ", ".join(doubt.code for doubt in doubts_of_side(side, answers["eye"]))
-    return row | dict(_depths(seen, side))
+    return row | dict(_depths(recorded, side))
 
 
-def _depths(seen: Seen, side: Side) -> Iterator[tuple[str, float]]:
+def _depths(recorded: Recorded, side: Side) -> Iterator[tuple[str, float]]:
     """Yield bias and spread, µm, share within two standard errors and known share, of the wall and of floors."""
-    plain = ~seen.cell & (np.abs(seen.relief_mm) < 0.01)
+    plain = ~recorded.cell & (np.abs(recorded.relief_mm) < 0.01)
     floors = {
-        f"{low:g} to {high:g}": seen.cell & (seen.relief_mm > low) & (seen.relief_mm < high) for low, high in DEPTHS_MM
+        f"{low:g} to {high:g}": recorded.cell & (recorded.relief_mm > low) & (recorded.relief_mm < high)
+        for low, high in DEPTHS_MM
     }
     relief = side.parallax
     for name, where in {"wall": plain, **floors}.items():
-        where = where & seen.panorama.valid
+        where = where & recorded.panorama.valid
         known = where & relief.known if relief is not None else np.zeros(where.shape, np.bool_)
         if where.sum() < FEWEST:
             continue
         yield f"{name} known", float(known.sum() / where.sum())
         if relief is not None and known.sum() >= FEWEST:
-            error = (relief.relief_mm - seen.relief_mm)[known]
+            error = (relief.relief_mm - recorded.relief_mm)[known]
             yield f"{name} bias", 1e3 * float(np.median(error))
             yield f"{name} spread", 1e3 * robust_sigma(error - np.median(error))
             yield f"{name} in 2 sigma", float((np.abs(error) <= 2 * relief.error_mm[known]).mean())

@@ -9,8 +9,8 @@ from endoct.base.entry_points import OURS
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.segmentation.by_eye import cells_by_eye, has_eye
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.seen import is_seen, seen_cells
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import Panorama, doubts_of_observed
 
@@ -48,8 +48,8 @@ def segment_side(
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
-    if evidence.kind == "darkness" and is_seen(side, parameters):
-        return seen_cells(side, parameters, polarity_from)
+    if evidence.kind == "darkness" and has_eye(side, parameters):
+        return cells_by_eye(side, parameters, polarity_from)
     return find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
 
 

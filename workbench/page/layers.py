@@ -131,7 +131,7 @@ def png_of(picture: Pillow.Image) -> bytes:
 
 IMAGE, DEPTH, CELLS, DIFFERENCE = "image", "relief", "cells", "difference"
 PARALLAX_DEPTH = "parallax_depth_mm"
-SHOWN_AS = {
+TITLES = {
     "intensity": (IMAGE, "image", "intensity", "a.u."),
     "depth_mm": (DEPTH, "relief", "wall radius − bore radius", "mm"),
     PARALLAX_DEPTH: ("parallax", "relief by parallax", "wall radius − bore radius", "mm"),
@@ -245,7 +245,7 @@ def _plane(store: Path, name: str, index: tuple[int, ...], placing: Placing, wal
 
 
 def _scalar_part(side: str, name: str, low: float, high: float, plane: Plane, wall: Wall) -> LayerPart:
-    key, title, quantity, unit = SHOWN_AS[name]
+    key, title, quantity, unit = TITLES[name]
     shown_low, shown_high = shown_range(plane.overview().averaged)
     return LayerPart(
         key=f"{side}-{key}",

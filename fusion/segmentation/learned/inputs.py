@@ -36,10 +36,10 @@ def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float 
     """Return what the network is given of a side, of its ``darkness`` and ``relief`` on the same samples."""
     n_theta = FINEST_COLUMNS * max(1, round(2 * np.pi * darkness.radius_mm / step_mm / FINEST_COLUMNS))
     z_mm = np.arange(darkness.z_mm[0], darkness.z_mm[-1] + step_mm / 2, step_mm)
-    seen = on_grid(darkness, z_mm, n_theta)
-    channels = np.zeros((CHANNELS, *seen.values.shape), np.float32)
-    channels[0] = np.where(seen.valid, np.clip(seen.values, BRIGHTEST, DARKEST), 0)
-    channels[3] = seen.valid
+    even = on_grid(darkness, z_mm, n_theta)
+    channels = np.zeros((CHANNELS, *even.values.shape), np.float32)
+    channels[0] = np.where(even.valid, np.clip(even.values, BRIGHTEST, DARKEST), 0)
+    channels[3] = even.valid
     if relief is not None:
         known = relief.known & darkness.valid
 

@@ -53,14 +53,15 @@ def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Pr
     Computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are damaged.
     """
     eye = _loaded(weights)[0]
-    seen = [inputs_of(darkness, relief, step_mm) for step_mm in STEPS_MM]
+    views = [inputs_of(darkness, relief, step_mm) for step_mm in STEPS_MM]
 
-    def mean_of(given: list[Inputs]) -> Image:
-        of_each = [on_own_samples(_probability(eye, one), one, darkness) for one in given]
-        return np.asarray(np.mean(of_each, axis=0), dtype=np.float32)
+    def joined(given: list[Inputs]) -> Image:
+        # the quadratic mean: what one of two looks is sure of counts more
+        squares = [on_own_samples(_probability(eye, one), one, darkness) ** 2 for one in given]
+        return np.asarray(np.sqrt(np.mean(squares, axis=0)), dtype=np.float32)
 
-    of_cell = mean_of(seen)
-    return Probability(of_cell, of_cell if relief is None else mean_of([_bare(one) for one in seen]))
+    of_cell = joined(views)
+    return Probability(of_cell, of_cell if relief is None else joined([_bare(one) for one in views]))
 
 
 def _bare(inputs: Inputs) -> Inputs:

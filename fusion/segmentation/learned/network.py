@@ -43,12 +43,12 @@ class Eye(nn.Module):
 
     def forward(self, images: Tensor) -> Tensor:
         """Return logits (batch, n_z, n_theta) of (batch, channels, n_z, n_theta), n_theta a multiple of ``HALVED``."""
-        n_z, seen = images.shape[2], []
+        n_z, finer_images = images.shape[2], []
         images = pad(images, (0, 0, 0, -n_z % HALVED), mode="replicate")
         for level, finer in enumerate(self.down):
             images = finer(avg_pool2d(images, 2) if level else images)
-            seen.append(images)
-        for coarser, beside in zip(self.up, seen[-2::-1], strict=True):
+            finer_images.append(images)
+        for coarser, beside in zip(self.up, finer_images[-2::-1], strict=True):
             images = coarser(torch.cat([interpolate(images, scale_factor=2, mode="nearest"), beside], dim=1))
         logits: Tensor = self.out(images)[:, 0, :n_z]
         return logits

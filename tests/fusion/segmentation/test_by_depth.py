@@ -33,7 +33,7 @@ DARKNESS = Evidence(
     RADIUS_MM,
     "darkness",
 )
-FOUND = DARK_CELL | STAIN
+BY_DARKNESS = DARK_CELL | STAIN
 
 
 def relief(error_mm: float = 0.02) -> ParallaxRelief:
@@ -50,7 +50,7 @@ def without(relief_: ParallaxRelief, where: Mask) -> ParallaxRelief:
 
 
 def test_a_bright_floor_across_the_seam_is_added_and_a_stain_dropped() -> None:
-    cells, by_depth = judged_by_depth(FOUND, DARKNESS, relief(), SegmentParameters())
+    cells, by_depth = judged_by_depth(BY_DARKNESS, DARKNESS, relief(), SegmentParameters())
     truth = BRIGHT_FLOOR | DARK_CELL
     assert (cells & truth).sum() / (cells | truth).sum() > 0.97
     assert by_depth.known == 1
@@ -59,26 +59,28 @@ def test_a_bright_floor_across_the_seam_is_added_and_a_stain_dropped() -> None:
 
 
 def test_depth_that_is_not_sure_changes_nothing() -> None:
-    cells, by_depth = judged_by_depth(FOUND, DARKNESS, relief(error_mm=0.2), SegmentParameters())
-    np.testing.assert_array_equal(cells, FOUND)
+    cells, by_depth = judged_by_depth(BY_DARKNESS, DARKNESS, relief(error_mm=0.2), SegmentParameters())
+    np.testing.assert_array_equal(cells, BY_DARKNESS)
     assert by_depth.added == by_depth.dropped == 0
 
 
 def test_darkness_decides_where_depth_is_not_known() -> None:
-    cells, by_depth = judged_by_depth(FOUND, DARKNESS, without(relief(), BRIGHT_FLOOR | STAIN), SegmentParameters())
-    np.testing.assert_array_equal(cells, FOUND)
+    cells, by_depth = judged_by_depth(
+        BY_DARKNESS, DARKNESS, without(relief(), BRIGHT_FLOOR | STAIN), SegmentParameters()
+    )
+    np.testing.assert_array_equal(cells, BY_DARKNESS)
     assert by_depth.known == 1 - (BRIGHT_FLOOR | STAIN).mean()
 
 
 def test_what_is_as_dark_as_deep_cells_is_no_stain() -> None:
     dark = replace(DARKNESS, values=np.where(STAIN, np.float32(0.8), DARKNESS.values))
-    cells, _ = judged_by_depth(FOUND, dark, relief(), SegmentParameters())
+    cells, _ = judged_by_depth(BY_DARKNESS, dark, relief(), SegmentParameters())
     assert cells[STAIN].all()
 
 
 def test_nothing_is_added_where_nothing_was_observed() -> None:
     seen = replace(DARKNESS, valid=~disc(60, 2, 0.15))
-    cells, _ = judged_by_depth(FOUND & seen.valid, seen, relief(), SegmentParameters())
+    cells, _ = judged_by_depth(BY_DARKNESS & seen.valid, seen, relief(), SegmentParameters())
     assert not cells[~seen.valid].any()
     assert cells[BRIGHT_FLOOR & seen.valid].mean() > 0.9
 

@@ -19,17 +19,17 @@ from endoct.stitching.store import load_panorama, read_outline, save_panorama
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
 
-Seen = tuple[Panorama, FrameStream, EndoscopeCalibration]
+Unrolled = tuple[Panorama, FrameStream, EndoscopeCalibration]
 
 
 @pytest.fixture(scope="module")
-def seen(quick_specimen: Path) -> Seen:
+def unrolled(quick_specimen: Path) -> Unrolled:
     _, stream = open_recording(quick_specimen / "endoscope")
     return unroll(quick_specimen / "endoscope"), stream, ENDOSCOPE.survey(stream, ENDOSCOPE.parameters())
 
 
-def test_wall_and_floors_lie_where_they_are_as_surely_as_is_said(seen: Seen, quick_specimen: Path) -> None:
-    panorama, _, _ = seen
+def test_wall_and_floors_lie_where_they_are_as_surely_as_is_said(unrolled: Unrolled, quick_specimen: Path) -> None:
+    panorama, _, _ = unrolled
     depth_mm, error_mm = panorama.parallax_depth_mm, panorama.parallax_error_mm
     assert depth_mm is not None
     assert error_mm is not None
@@ -54,23 +54,23 @@ def test_wall_and_floors_lie_where_they_are_as_surely_as_is_said(seen: Seen, qui
         assert (np.abs(error) <= 2 * error_mm[where]).mean() > 0.8
 
 
-def test_the_seam_is_as_smooth_as_elsewhere(seen: Seen) -> None:
-    depth_mm = seen[0].parallax_depth_mm
+def test_the_seam_is_as_smooth_as_elsewhere(unrolled: Unrolled) -> None:
+    depth_mm = unrolled[0].parallax_depth_mm
     assert depth_mm is not None
     jumps = np.nanmean(np.abs(np.diff(depth_mm, axis=1, append=depth_mm[:, :1])), axis=0)
     assert jumps[-1] < np.nanquantile(jumps.reshape(-1, 2).max(axis=1), 0.99)
 
 
-def test_a_store_keeps_it(seen: Seen, tmp_path: Path) -> None:
-    save_panorama(seen[0], tmp_path / "p.zarr")
+def test_a_store_keeps_it(unrolled: Unrolled, tmp_path: Path) -> None:
+    save_panorama(unrolled[0], tmp_path / "p.zarr")
     again = load_panorama(tmp_path / "p.zarr")
     for name in ("parallax_depth_mm", "parallax_error_mm"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(seen[0], name))
+        np.testing.assert_array_equal(getattr(again, name), getattr(unrolled[0], name))
     assert read_outline(tmp_path / "p.zarr").has_parallax
 
 
-def test_frames_that_are_all_the_same_show_no_depth(seen: Seen) -> None:
-    panorama, stream, calibration = seen
+def test_frames_that_are_all_the_same_show_no_depth(unrolled: Unrolled) -> None:
+    panorama, stream, calibration = unrolled
     bare = replace(panorama, parallax_depth_mm=None, parallax_error_mm=None)
 
     class Still:

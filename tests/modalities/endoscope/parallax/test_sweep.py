@@ -29,9 +29,9 @@ def test_a_ray_passes_the_wall_short_of_what_it_ends_at() -> None:
 
 @given(depth_mm=st.floats(0, 1), from_middle_mm=st.floats(-0.3, 0.3))
 def test_what_a_place_is_seen_by_ends_at_that_place(depth_mm: float, from_middle_mm: float) -> None:
-    seen = places_seen(np.array([from_middle_mm]), np.zeros(1), depth_mm, STRIP)
-    if np.isfinite(seen).all():
-        ended = seen + np.interp(seen, ALONG_MM, SLANT) * depth_mm
+    passed_mm = places_seen(np.array([from_middle_mm]), np.zeros(1), depth_mm, STRIP)
+    if np.isfinite(passed_mm).all():
+        ended = passed_mm + np.interp(passed_mm, ALONG_MM, SLANT) * depth_mm
         assert ended == pytest.approx(from_middle_mm, abs=1e-6)
 
 
@@ -45,8 +45,8 @@ def drawn(depth_mm: Coordinates, rng: np.random.Generator) -> tuple[NDArray[np.i
     for k, z_mm in enumerate(FRAME_Z_MM):
         for j in range(N_COLUMNS):
             ends_mm = z_mm + rows_mm + np.interp(rows_mm, ALONG_MM, SLANT) * depth_mm[j]
-            seen = np.interp(ends_mm, fine_mm, texture[:, j]) + rng.normal(0, 5, rows_mm.size)
-            frames[k, :, j] = np.clip(np.rint(seen), -127, 127)
+            passed_mm = np.interp(ends_mm, fine_mm, texture[:, j]) + rng.normal(0, 5, rows_mm.size)
+            frames[k, :, j] = np.clip(np.rint(passed_mm), -127, 127)
     return frames, FRAME_Z_MM - 0.4
 
 

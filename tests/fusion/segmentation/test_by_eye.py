@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.fusion.segmentation.seen import expected_jaccard
+from endoct.fusion.segmentation.by_eye import expected_jaccard
 
 
 def test_what_is_surely_cell_over_what_may_be() -> None:
