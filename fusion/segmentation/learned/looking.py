@@ -26,9 +26,14 @@ COARSEST_MM = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Probability:
-    """How probably each sample is a cell, float32 (n_z, n_theta), by brightness and depth, and by brightness alone."""
+    """How probably each sample is a cell, float32 (n_z, n_theta).
+
+    ``of_cell``: by both looks, at brightness and depth; ``surest``: by the look that is surer of it; ``without_depth``:
+    by both looks at brightness alone.
+    """
 
     of_cell: Image
+    surest: Image
     without_depth: Image
 
 
@@ -55,13 +60,18 @@ def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Pr
     eye = _loaded(weights)[0]
     views = [inputs_of(darkness, relief, step_mm) for step_mm in STEPS_MM]
 
-    def joined(given: list[Inputs]) -> Image:
-        # the quadratic mean: what one of two looks is sure of counts more
-        squares = [on_own_samples(_probability(eye, one), one, darkness) ** 2 for one in given]
-        return np.asarray(np.sqrt(np.mean(squares, axis=0)), dtype=np.float32)
+    def looks_at(given: list[Inputs]) -> list[Image]:
+        return [on_own_samples(_probability(eye, one), one, darkness) for one in given]
 
-    of_cell = joined(views)
-    return Probability(of_cell, of_cell if relief is None else joined([_bare(one) for one in views]))
+    looks = looks_at(views)
+    of_cell = _joined(looks)
+    without = of_cell if relief is None else _joined(looks_at([_bare(one) for one in views]))
+    return Probability(of_cell, np.maximum.reduce(looks), without)
+
+
+def _joined(looks: list[Image]) -> Image:
+    """Return the quadratic mean: what one of two looks is sure of counts more."""
+    return np.asarray(np.sqrt(np.mean([one**2 for one in looks], axis=0)), dtype=np.float32)
 
 
 def _bare(inputs: Inputs) -> Inputs:
