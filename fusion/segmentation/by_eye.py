@@ -20,8 +20,8 @@ from endoct.fusion.segmentation.segment import Segmentation, doubts_of_share
 LEAST_PROBABILITY = 0.5
 """From this on a sample is a cell."""
 LEAST_EXPECTED = 0.85
-"""Of 21 recordings, tuning seeds, those of which less was expected scored 0.62 to 0.83 against the truth, the others 0.77
-and more, 0.91 in the median."""
+"""Of 21 recordings, tuning seeds, those of which less was expected scored 0.62 to 0.83 against the truth, the others
+0.77 and more, 0.91 in the median."""
 
 
 def has_eye(side: Side, parameters: SegmentParameters) -> bool:
