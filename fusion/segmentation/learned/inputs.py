@@ -10,8 +10,10 @@ from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.parallax import ParallaxRelief
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
 
-STEPS_MM = (0.016, 0.008)
-"""The eye was trained at the first. At the second it sees cells twice as large, and so the small ones too."""
+TRAINED_MM = 0.016
+"""Samples lie so far apart in training."""
+LOOKS_MM = (0.012, 0.01)
+"""And so in use, where the eye looks twice: it then sees cells larger, and so the small ones too."""
 FINEST_COLUMNS = 8
 """The number of columns is a multiple of this, as often as the network halves them."""
 DARKEST, BRIGHTEST = 1.5, -0.75
@@ -32,7 +34,7 @@ class Inputs:
     z_mm: Coordinates
 
 
-def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float = STEPS_MM[0]) -> Inputs:
+def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float = TRAINED_MM) -> Inputs:
     """Return what the network is given of a side, of its ``darkness`` and ``relief`` on the same samples."""
     n_theta = FINEST_COLUMNS * max(1, round(2 * np.pi * darkness.radius_mm / step_mm / FINEST_COLUMNS))
     z_mm = np.arange(darkness.z_mm[0], darkness.z_mm[-1] + step_mm / 2, step_mm)

@@ -12,7 +12,7 @@ from endoct.base.arrays import Image
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.parallax import ParallaxRelief
-from endoct.fusion.segmentation.learned.inputs import STEPS_MM, Inputs, inputs_of, on_own_samples
+from endoct.fusion.segmentation.learned.inputs import LOOKS_MM, Inputs, inputs_of, on_own_samples
 from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE
 
 if TYPE_CHECKING:
@@ -26,14 +26,9 @@ COARSEST_MM = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Probability:
-    """How probably each sample is a cell, float32 (n_z, n_theta).
-
-    ``of_cell``: by both looks, at brightness and depth; ``surest``: by the look that is surer of it; ``without_depth``:
-    by both looks at brightness alone.
-    """
+    """How probably each sample is a cell, float32 (n_z, n_theta), by brightness and depth, and by brightness alone."""
 
     of_cell: Image
-    surest: Image
     without_depth: Image
 
 
@@ -58,20 +53,14 @@ def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Pr
     Computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are damaged.
     """
     eye = _loaded(weights)[0]
-    views = [inputs_of(darkness, relief, step_mm) for step_mm in STEPS_MM]
+    views = [inputs_of(darkness, relief, step_mm) for step_mm in LOOKS_MM]
 
-    def looks_at(given: list[Inputs]) -> list[Image]:
-        return [on_own_samples(_probability(eye, one), one, darkness) for one in given]
+    def mean_of(given: list[Inputs]) -> Image:
+        looks = [on_own_samples(_probability(eye, one), one, darkness) for one in given]
+        return np.asarray(np.mean(looks, axis=0), dtype=np.float32)
 
-    looks = looks_at(views)
-    of_cell = _joined(looks)
-    without = of_cell if relief is None else _joined(looks_at([_bare(one) for one in views]))
-    return Probability(of_cell, np.maximum.reduce(looks), without)
-
-
-def _joined(looks: list[Image]) -> Image:
-    """Return the quadratic mean: what one of two looks is sure of counts more."""
-    return np.asarray(np.sqrt(np.mean([one**2 for one in looks], axis=0)), dtype=np.float32)
+    of_cell = mean_of(views)
+    return Probability(of_cell, of_cell if relief is None else mean_of([_bare(one) for one in views]))
 
 
 def _bare(inputs: Inputs) -> Inputs:

@@ -12,7 +12,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.parallax import ParallaxRelief
 from endoct.fusion.segmentation.learned import looking
-from endoct.fusion.segmentation.learned.inputs import STEPS_MM, inputs_of, on_own_samples
+from endoct.fusion.segmentation.learned.inputs import TRAINED_MM, inputs_of, on_own_samples
 from endoct.fusion.segmentation.learned.looking import look, weights_for
 from endoct.fusion.segmentation.learned.network import HALVED, Eye, load_eye, save_eye
 
@@ -97,7 +97,7 @@ def test_inputs_tell_what_is_known_and_lead_back() -> None:
     assert abs(back[1][disc(40, 2, 0.2)].mean() - 0.5) < 0.05
     assert (back[2][disc(90, 200, 0.2)] == 0).all()
     assert (back[3][disc(60, 300, 0.1)] == 0).all()
-    assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(STEPS_MM[0])
+    assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(TRAINED_MM)
 
 
 def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
