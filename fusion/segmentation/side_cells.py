@@ -1,5 +1,6 @@
 """The cells of a side, or of both, each on its own samples; and whether cells are dark or bright."""
 
+from dataclasses import replace
 from typing import Literal
 
 from endoct.base.arrays import Mask
@@ -9,7 +10,7 @@ from endoct.base.entry_points import OURS
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.by_eye import cells_by_eye, has_eye
+from endoct.fusion.segmentation.by_eye import TOO_GRAINY, cells_by_eye, has_eye, is_familiar
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import Panorama, doubts_of_observed
@@ -48,9 +49,11 @@ def segment_side(
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
-    if evidence.kind == "darkness" and has_eye(side, parameters):
+    by_eye = evidence.kind == "darkness" and has_eye(side, parameters)
+    if by_eye and is_familiar(side):
         return cells_by_eye(side, parameters, polarity_from)
-    return find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
+    cells = find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
+    return replace(cells, of=cells.of + TOO_GRAINY) if by_eye else cells
 
 
 def segment(

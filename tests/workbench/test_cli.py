@@ -65,7 +65,7 @@ def test_compare_writes_what_the_design_fixes(compared: Path, quick_specimen: Pa
     assert {"theta_shift_rad", "z_shift_mm", "z_scale", "mirrored", "z_reversed", "confidence"} <= set(
         result["alignment"]
     )
-    assert {"value", "unit", "of"} == set(result["threshold"]["oct"])
+    assert {"value", "unit", "of", "by_depth"} == set(result["threshold"]["oct"])
     assert {"versions", "inputs", "parameters", "seconds", "valid_fraction", "scores"} <= set(result)
     assert str(quick_specimen / "oct" / "pullback.tif") in result["inputs"]
     with xr.open_zarr(compared / "comparison.zarr") as stored:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.parallax import ParallaxRelief
 from endoct.fusion.geometry.resample import column_weights, resample, row_weights
@@ -21,6 +22,8 @@ DEEPEST_MM, NEAREST_MM = 0.6, -0.2
 ERROR_MM = 0.1
 """A standard error of depth of this size halves the trust in it."""
 CHANNELS = 4
+MOST_OF_WALL = 0.1
+"""What is darker may be a cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,14 @@ def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float 
         channels[1] = np.where(behind.valid, np.clip(behind.values, NEAREST_MM, DEEPEST_MM) / DEEPEST_MM, 0)
         channels[2] = np.where(behind.valid, ERROR_MM / (ERROR_MM + error.values), 0)
     return Inputs(channels, z_mm)
+
+
+def grain(inputs: Inputs) -> float:
+    """Return by how much the darkness of neighbouring samples on the wall differs, robust standard deviation."""
+    darkness, valid = inputs.channels[0], inputs.channels[3] > 0
+    wall = valid & (darkness < MOST_OF_WALL)
+    both = wall[:, 1:] & wall[:, :-1]
+    return robust_sigma(np.diff(darkness, axis=1)[both]) if both.any() else 0.0
 
 
 def on_own_samples(probable: Image, inputs: Inputs, darkness: Evidence) -> Image:

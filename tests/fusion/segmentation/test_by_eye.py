@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from endoct.fusion.segmentation.by_eye import expected_jaccard
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.by_eye import TOO_GRAINY, expected_jaccard, is_familiar
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.side_cells import segment_side
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
 
 
 def test_what_is_surely_cell_over_what_may_be() -> None:
@@ -15,3 +20,21 @@ def test_what_is_surely_cell_over_what_may_be() -> None:
 def test_without_cells_all_is_well() -> None:
     none = np.zeros((2, 3), bool)
     assert expected_jaccard(np.zeros((2, 3), np.float32), none, ~none) == 1
+
+
+@pytest.mark.parametrize(("noise", "familiar"), [(0.02, True), (0.3, False)])
+def test_a_wall_with_noise_in_every_sample_is_left_to_the_threshold(noise: float, familiar: bool) -> None:
+    rng, shape = np.random.default_rng(4), (120, 500)
+    grid = SurfaceGrid.full_circle(*shape, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
+    cell = np.zeros(shape, bool)
+    cell[30:70, -20:] = cell[30:70, :20] = True
+    light = np.exp(rng.normal(0, noise, shape) - 0.8 * cell).astype(np.float32)
+    ones = np.ones(shape)
+    side = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
+    assert is_familiar(side) == familiar
+    found = segment_side(side, SegmentParameters(), "dark")
+    assert ("learned eye for endoscope" in found.of) == familiar
+    assert found.of.endswith(TOO_GRAINY) != familiar
+    assert (found.mask & cell).sum() > 0.8 * cell.sum()
+    off = segment_side(side, SegmentParameters(eye="off"), "dark")
+    assert "eye" not in off.of
