@@ -62,8 +62,9 @@ def cells_by_eye(side: Side, parameters: SegmentParameters, polarity_from: str |
     mask = cells_of(probability.of_cell)
     by_depth = None
     if relief is not None:
-        without, n = cells_of(probability.without_depth), max(int(np.count_nonzero(valid)), 1)
-        shares = (relief.known & valid, mask & ~without, without & ~mask)
+        first, without = cells_of(probability.first), cells_of(probability.without_depth)
+        n = max(int(np.count_nonzero(valid)), 1)
+        shares = (relief.known & valid, first & ~without, without & ~first)
         by_depth = ByDepth(*(int(np.count_nonzero(some)) / n for some in shares))
     of = f"probability of a cell, by the learned eye for {side.panorama.modality} panoramas"
     doubts = tuple(_doubts(probability.of_cell, mask, valid))

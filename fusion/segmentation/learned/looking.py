@@ -1,5 +1,7 @@
 """How probably each sample of a side is a cell, as the learned eye of its modality sees it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -9,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from endoct.base.arrays import Image
+from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.parallax import ParallaxRelief
@@ -26,9 +29,14 @@ COARSEST_MM = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Probability:
-    """How probably each sample is a cell, float32 (n_z, n_theta), by brightness and depth, and by brightness alone."""
+    """How probably each sample is a cell, float32 (n_z, n_theta).
+
+    ``of_cell``: by all looks. ``first``: by the first of them, and ``without_depth`` by that at brightness alone; the
+    same array where there is no depth.
+    """
 
     of_cell: Image
+    first: Image
     without_depth: Image
 
 
@@ -50,17 +58,33 @@ def weights_for(modality: str, eye: str) -> Path | None:
 def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Probability:
     """Return what the eye with ``weights`` says of a side, of its ``darkness`` and ``relief`` on the same samples.
 
-    Computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are damaged.
+    Each look is computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are damaged.
     """
     eye = _loaded(weights)[0]
     views = [inputs_of(darkness, relief, step_mm) for step_mm in LOOKS_MM]
 
-    def mean_of(given: list[Inputs]) -> Image:
-        looks = [on_own_samples(_probability(eye, one), one, darkness) for one in given]
-        return np.asarray(np.mean(looks, axis=0), dtype=np.float32)
+    given = views if relief is None else [*views, _bare(views[0])]
 
-    of_cell = mean_of(views)
-    return Probability(of_cell, of_cell if relief is None else mean_of([_bare(one) for one in views]))
+    def look_at(one: Inputs) -> Image:
+        return on_own_samples(_probability(eye, one), one, darkness)
+
+    with _one_thread():
+        looks = list(thread_map(look_at, given))
+    of_cell = np.asarray(np.mean(looks[: len(views)], axis=0), dtype=np.float32)
+    return Probability(of_cell, looks[0], looks[-1] if relief is not None else looks[0])
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Have torch add up in one order on any machine: each look by one thread."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _bare(inputs: Inputs) -> Inputs:
@@ -91,19 +115,14 @@ def _probability(eye: "Eye", inputs: Inputs) -> Image:
 
     n_z = inputs.channels.shape[1]
     total, weight = np.zeros(inputs.channels.shape[1:], np.float32), np.zeros((n_z, 1), np.float32)
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        for first in range(0, max(1, n_z - OVERLAP_ROWS), PIECE_ROWS - OVERLAP_ROWS):
-            piece = slice(first, min(first + PIECE_ROWS, n_z))
-            with torch.inference_mode():
-                logits = eye(torch.from_numpy(np.ascontiguousarray(inputs.channels[None, :, piece])))
-                found = torch.sigmoid(logits)[0].numpy()
-            fade = _fade(len(found))
-            total[piece] += fade * found
-            weight[piece] += fade
-    finally:
-        torch.set_num_threads(before)
+    for first in range(0, max(1, n_z - OVERLAP_ROWS), PIECE_ROWS - OVERLAP_ROWS):
+        piece = slice(first, min(first + PIECE_ROWS, n_z))
+        with torch.inference_mode():
+            logits = eye(torch.from_numpy(np.ascontiguousarray(inputs.channels[None, :, piece])))
+            probable = torch.sigmoid(logits)[0].numpy()
+        fade = _fade(len(probable))
+        total[piece] += fade * probable
+        weight[piece] += fade
     return total / weight
 
 

@@ -65,7 +65,7 @@ def test_depth_shows_floors_as_bright_as_the_wall(weights: Path) -> None:
 
 def test_without_depth_both_answers_are_one(weights: Path) -> None:
     seen = look(weights, darkness(0.6 * CELLS), None)
-    assert seen.of_cell is seen.without_depth
+    assert seen.first is seen.without_depth
 
 
 def test_turning_the_bore_by_whole_samples_turns_what_is_seen(weights: Path) -> None:
