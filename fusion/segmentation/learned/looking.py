@@ -58,7 +58,8 @@ def weights_for(modality: str, eye: str) -> Path | None:
 def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Probability:
     """Return what the eye with ``weights`` says of a side, of its ``darkness`` and ``relief`` on the same samples.
 
-    Each look is computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are damaged.
+    Each look is computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are
+    damaged.
     """
     eye = _loaded(weights)[0]
     views = [inputs_of(darkness, relief, step_mm) for step_mm in LOOKS_MM]

@@ -117,3 +117,14 @@ def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "bad.safetensors", tmp_path / "absent.safetensors"):
         with pytest.raises(EndoctError, match="cannot be read"):
             weights_for("endoscope", str(path))
+
+
+def test_the_number_of_torchs_threads_changes_nothing(weights: Path) -> None:
+    before = torch.get_num_threads()
+    answers = []
+    for n in (1, 2):
+        torch.set_num_threads(n)
+        answers.append(look(weights, darkness(0.6 * CELLS), relief(0.25 * CELLS)).of_cell)
+        assert torch.get_num_threads() == n
+    torch.set_num_threads(before)
+    np.testing.assert_array_equal(*answers)
