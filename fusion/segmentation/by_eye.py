@@ -30,6 +30,8 @@ MOST_GRAIN = 0.04
 """A wall whose neighbouring samples differ by more is none that an eye was trained on. 41 recordings of two generators
 have 0.011 to 0.025. On walls with noise in every sample, 0.06 and more, the eye took nearly all for cells."""
 TOO_GRAINY = "; the wall is too grainy for the learned eye"
+NOT_SURE = "; the learned eye is not sure of this wall"
+UNSURE = "cells-unsure"
 
 
 def is_familiar(side: Side) -> bool:
@@ -71,6 +73,11 @@ def cells_by_eye(side: Side, parameters: SegmentParameters, polarity_from: str |
     return Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", polarity_from, by_depth, doubts)
 
 
+def is_sure(cells: Segmentation) -> bool:
+    """Say whether a learned eye is sure of ``cells``, which it found."""
+    return all(doubt.code != UNSURE for doubt in cells.doubts)
+
+
 def expected_jaccard(probability: Image, mask: Mask, valid: Mask) -> float:
     """Return the Jaccard index of ``mask`` to expect against the truth, if ``probability`` is right; 1 without cells.
 
@@ -89,4 +96,4 @@ def _doubts(probability: Image, mask: Mask, valid: Mask) -> Iterator[Doubt]:
             f"The learned eye is not sure of the cells: by its own probabilities they would reach a Jaccard index of "
             f"{expected:.2f} against the truth. Some may be missed, and some may be none."
         )
-        yield Doubt("cells-unsure", what, value=expected, unit="1", expected=(LEAST_EXPECTED, 1.0))
+        yield Doubt(UNSURE, what, value=expected, unit="1", expected=(LEAST_EXPECTED, 1.0))

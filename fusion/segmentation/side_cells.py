@@ -1,6 +1,7 @@
 """The cells of a side, or of both, each on its own samples; and whether cells are dark or bright."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 from endoct.base.arrays import Mask
@@ -10,7 +11,7 @@ from endoct.base.entry_points import OURS
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.by_eye import TOO_GRAINY, cells_by_eye, has_eye, is_familiar
+from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, cells_by_eye, has_eye, is_familiar, is_sure
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import Panorama, doubts_of_observed
@@ -49,11 +50,18 @@ def segment_side(
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
-    by_eye = evidence.kind == "darkness" and has_eye(side, parameters)
-    if by_eye and is_familiar(side):
-        return cells_by_eye(side, parameters, polarity_from)
-    cells = find_cells(evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
-    return replace(cells, of=cells.of + TOO_GRAINY) if by_eye else cells
+    by_rules = partial(find_cells, evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
+    if evidence.kind != "darkness" or not has_eye(side, parameters):
+        return by_rules()
+    if not is_familiar(side):
+        cells = by_rules()
+        return replace(cells, of=cells.of + TOO_GRAINY)
+    by_eye = cells_by_eye(side, parameters, polarity_from)
+    if is_sure(by_eye):
+        return by_eye
+    cells = by_rules()
+    # of two answers that are doubted, the eye's is the better where floors are bright
+    return by_eye if cells.doubts else replace(cells, of=cells.of + NOT_SURE)
 
 
 def segment(
