@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.by_eye import TOO_GRAINY, expected_jaccard, is_familiar
+from endoct.fusion.segmentation import by_eye
+from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, expected_jaccard, is_familiar, is_sure
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
@@ -38,3 +39,20 @@ def test_a_wall_with_noise_in_every_sample_is_left_to_the_threshold(noise: float
     assert (found.mask & cell).sum() > 0.8 * cell.sum()
     off = segment_side(side, SegmentParameters(eye="off"), "dark")
     assert "eye" not in off.of
+
+
+@pytest.mark.parametrize("sure", [True, False])
+def test_who_is_sure_decides(sure: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, shape = np.random.default_rng(4), (120, 500)
+    grid = SurfaceGrid.full_circle(*shape, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
+    cell = np.zeros(shape, bool)
+    cell[30:70, -20:] = cell[30:70, :20] = True
+    light = np.exp(rng.normal(0, 0.02, shape) - 0.8 * cell).astype(np.float32)
+    ones = np.ones(shape)
+    side = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
+    monkeypatch.setattr(by_eye, "LEAST_EXPECTED", 0.0 if sure else 1.1)
+    assert is_sure(by_eye.cells_by_eye(side, SegmentParameters())) == sure
+    found = segment_side(side, SegmentParameters(), "dark")
+    assert found.of.endswith(NOT_SURE) != sure
+    assert not found.doubts
+    assert (found.mask & cell).sum() > 0.9 * cell.sum()
