@@ -113,6 +113,26 @@ def test_a_pair_is_placed_undone_saved_and_loaded(page: Watched, folder: Path):
     assert page.page.title().startswith("endoct: specimen-9")
 
 
+def test_pairs_placed_before_the_session_has_come_stay(page: Watched):
+    page.page.keyboard.press("m")
+    place(page, 20, 3)
+    page.page.get_by_role("button", name="save session").click()
+    page.page.wait_for_function("() => !/not saved/.test(document.querySelector('.landmarks h2').innerText)")
+    held: list[Any] = []
+    page.page.route("**/session.json*", lambda route: held.append(route))
+    page.page.reload()
+    page.settle()
+    page.page.keyboard.press("m")
+    place(page, -20, -20)
+    assert rows(page) == 1
+    held[0].continue_()
+    page.page.wait_for_function("() => document.querySelectorAll('.landmarks tbody tr').length === 2")
+    assert "not saved" in page.page.locator(".landmarks h2").inner_text()
+    page.page.keyboard.press("Control+z")
+    assert rows(page) == 1
+    page.page.wait_for_function("() => !/not saved/.test(document.querySelector('.landmarks h2').innerText)")
+
+
 def press(watched: Watched, *keys: str) -> None:
     for key in keys:
         watched.page.keyboard.press(key)

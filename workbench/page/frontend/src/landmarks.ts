@@ -63,10 +63,13 @@ export class Landmarks {
   private past: (readonly Pair[])[] = [];
   private future: (readonly Pair[])[] = [];
 
-  load(pairs: readonly Pair[]): void {
-    this.pairs = this.kept = pairs;
-    this.past = [];
-    this.future = [];
+  /** Take in the pairs of a session, before those that a quick hand has placed while it was fetched. */
+  load(saved: readonly Pair[]): void {
+    const after = (placed: readonly Pair[]): readonly Pair[] => [...saved, ...placed];
+    this.kept = saved;
+    this.pairs = after(this.pairs);
+    this.past = this.past.map(after);
+    this.future = this.future.map(after);
   }
 
   /** Make `pairs` what there is, so that it can be undone. */
