@@ -33,8 +33,8 @@ class PlacedSide(Surface):
     mask, valid: bool, cells and what the side observed. ``labels`` numbers the cells.
     intensity: float32, 0 where not valid.
     depth_mm: float32, NaN where the side has none.
-    source, cells: the side on its own samples, and its cells there. None, as ``relief_mm`` and ``contrast`` are, where
-        the comparison was read from a store.
+    source, cells: the side on its own samples, and its cells there. None, as ``relief_mm``, ``relief_error_mm`` and
+        ``contrast`` are, where the comparison was read from a store.
     """
 
     intensity: Image
@@ -150,13 +150,21 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
     """Return a side with its ``cells`` on ``grid``, ``sampling`` saying where its samples lie."""
     panorama, placement = side.panorama, sampling.onto(grid)
     intensity, valid = placement.image(panorama.intensity, panorama.valid)
-    relief, contrast, depth_mm = side.relief, contrast_of(side, cells), panorama.depth_mm
+    relief, parallax = side.relief, side.parallax
+    contrast, depth_mm = contrast_of(side, cells), panorama.depth_mm
     nowhere = np.full(grid.shape, np.nan, np.float32)
     return PlacedSide(
         name=side.name,
         mask=placement.mask(cells.mask, panorama.valid)[0],
         valid=valid,
-        relief_mm=None if relief is None else placement.known(relief.values, relief.valid),
+        relief_mm=(
+            placement.known(relief.values, relief.valid)
+            if relief is not None
+            else None
+            if parallax is None
+            else placement.known(parallax.relief_mm, parallax.known)
+        ),
+        relief_error_mm=None if parallax is None else placement.known(parallax.error_mm, parallax.known),
         contrast=None if contrast is None else placement.known(contrast.values, contrast.valid),
         intensity=intensity,
         depth_mm=nowhere if depth_mm is None else placement.known(depth_mm, panorama.valid & np.isfinite(depth_mm)),

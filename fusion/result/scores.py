@@ -140,6 +140,38 @@ class Strata(Part):
         return {name: rows for name, rows in kinds.items() if name in self.model_fields_set}
 
 
+class ReliefStratum(Part):
+    """Where both reliefs together lie from ``low`` on and below ``to`` behind the wall, mm; None: open.
+
+    ``mean``, ``median`` and robust ``spread`` of the second relief less the first, mm; ``low_limit`` and ``high_limit``
+    its 2.5th and 97.5th percentiles; ``within_two_errors`` the share within two stated standard errors. None where
+    there are too few samples, or no error is stated.
+    """
+
+    low: Number | None = Field(validation_alias="from", serialization_alias="from")
+    to: Number | None
+    area_mm2: Number
+    mean: Number | None = None
+    median: Number | None = None
+    spread: Number | None = None
+    low_limit: Number | None = None
+    high_limit: Number | None = None
+    within_two_errors: Number | None = None
+
+
+class Reliefs(Part):
+    """How far the relief of the side ``second`` lies behind that of ``first``, by depth.
+
+    ``known``: share of what both observed where both know the depth; nothing within ``rim_mm`` of an outline counts.
+    """
+
+    first: str
+    second: str
+    known: Number
+    rim_mm: Number
+    strata: Annotated[tuple[ReliefStratum, ...], Field(strict=False)]
+
+
 class Scores(Part):
     """All scores of two masks besides their overlap, each None where there is nothing to score."""
 
@@ -156,9 +188,13 @@ class _OnGrid(Part):
 
 
 class PairScores(Scores, _OnGrid):
-    """The scores of the two sides: ``grid`` their overlap on the common grid, ``own_rows`` that on B's own samples."""
+    """The scores of the two sides: ``grid`` their overlap on the common grid, ``own_rows`` that on B's own samples.
+
+    ``reliefs`` compares their depth, where both know it.
+    """
 
     own_rows: OwnRows | None = None
+    reliefs: Reliefs | None = None
 
 
 class MaskScores(Scores, Overlap):

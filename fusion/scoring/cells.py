@@ -25,6 +25,8 @@ SAME_CELL = 0.5
 """Intersection over union from which two cells are one; above one half no cell can have two partners."""
 OBSERVED = 0.5
 """Share of a cell that the other side must have observed for it to count in scores of cells."""
+DEPTH_KNOWN = 0.5
+"""Share of a cell of which the depth by parallax must be known for it to count."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class Cell:
     area_mm2: on the nominal bore. ``z_mm``, ``theta_rad`` in [0, 2π): its centroid, the mean on the circle.
     depth_median_mm, depth_p95_mm: of the relief behind the wall; ``volume_mm3`` between the nominal bore and that
         relief, the fan of a cylinder; ``depth_of`` the side that measured them: its own, else the other, over what
-        that one observed. None where no side has depth there.
+        that one observed; one that tells depth by parallax comes last, and must know it on half of the cell, whose
+        rest is taken to be as deep. None where no side has depth there.
     contrast: median of ± log of intensity relative to the wall's, where the side's cells are segmented by intensity.
     touches_edge: whether it reaches the end of what its side observed, and so may be larger than it looks.
     observed_by_other: share of its area that the other side observed; ``covered`` share of that in which the other
@@ -143,7 +146,8 @@ def _of_side(own: Surface, other: Surface, matched: Matched, grid: SurfaceGrid, 
     cover = np.asarray(matched.common.sum(axis=1)).ravel()
     partner, overlap = matched.best()
     contrast = [None] * (n + 1) if own.contrast is None else _known_quantiles(own.contrast[row, column], label, n, 0.5)
-    depths = [_Depth.measured(s, row, column, label, n, grid) for s in ((own, other) if aligned else (own,))]
+    exact_first = sorted((own, other) if aligned else (own,), key=lambda side: side.relief_error_mm is not None)
+    depths = [_Depth.measured(side, row, column, label, n, grid) for side in exact_first]
     sample_mm2 = grid.dz_mm * grid.dtheta_mm
     cells = []
     for k in range(1, n + 1):
@@ -191,11 +195,16 @@ class _Depth:
         known = np.isfinite(relief)
         behind = np.where(known, np.maximum(relief, 0), 0).astype(np.float64)
         fan = grid.dz_mm * grid.dtheta_rad * ((grid.radius_mm + behind) ** 2 - grid.radius_mm**2) / 2
+        volume_mm3 = np.asarray(np.bincount(label, fan, n + 1), dtype=np.float64)
+        if side.relief_error_mm is not None:
+            share = np.bincount(label, known, n + 1) / np.maximum(np.bincount(label, minlength=n + 1), 1)
+            relief = np.where(share[label] >= DEPTH_KNOWN, relief, np.float32(np.nan))
+            volume_mm3 /= np.maximum(share, DEPTH_KNOWN)
         return cls(
             side.name,
             _known_quantiles(relief, label, n, 0.5),
             _known_quantiles(relief, label, n, 0.95),
-            np.asarray(np.bincount(label, fan, n + 1), dtype=np.float64),
+            volume_mm3,
         )
 
 

@@ -90,9 +90,11 @@ def find_sites(a: Mask, b: Mask, both_valid: Mask, sample_mm2: float) -> Sites:
 def strata(sites: Sites, surfaces: Sequence[Surface]) -> Strata:
     """Return the Jaccard index over sites parted by size, depth and contrast, where sides know these.
 
-    Depth and contrast are the median over a site of the first of ``surfaces`` that has them.
+    Contrast is the median over a site of the first of ``surfaces`` that has it; so is depth, of the first that
+    measures it and, where none does, of the first that tells it by parallax.
     """
-    relief = next((s.relief_mm for s in surfaces if s.relief_mm is not None), None)
+    with_relief = sorted((s for s in surfaces if s.relief_mm is not None), key=lambda s: s.relief_error_mm is not None)
+    relief = next((s.relief_mm for s in with_relief), None)
     contrast = next((s.contrast for s in surfaces if s.contrast is not None), None)
     diameter_mm = 2 * np.sqrt(sites.area_mm2 / np.pi)
     parted = {"diameter_mm": _parted(sites, diameter_mm, SIZE_EDGES_MM)}

@@ -10,6 +10,7 @@ from endoct.fusion.scoring.budget import agreement_budget
 from endoct.fusion.scoring.cells import Cell, area_limits, cell_scores, depth_limits, drift, measure
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED
 from endoct.fusion.scoring.overlap import Sites, find_sites, overlap, strata
+from endoct.fusion.scoring.reliefs import compare_reliefs
 from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.grid import SurfaceGrid
 
@@ -46,7 +47,8 @@ def score_sides(
 def pair_scores(a: Surface, b: Surface, cells: Sequence[Cell], grid: SurfaceGrid, tolerance_mm: float) -> PairScores:
     """Return the scores of two sides on ``grid``; ``cells`` are those of both."""
     sites = _sites(a, b, grid)
-    return PairScores(grid=overlap(a, b, sites), **dict(_scores(a, b, sites, cells, grid, tolerance_mm)))
+    of_masks = _scores(a, b, sites, cells, grid, tolerance_mm)
+    return PairScores(grid=overlap(a, b, sites), reliefs=compare_reliefs(a, b, grid), **dict(of_masks))
 
 
 def mask_scores(

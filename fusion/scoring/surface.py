@@ -11,8 +11,9 @@ from endoct.fusion.segmentation.regions import Labels, label_in_order
 class Surface:
     """What one side knows of the wall on a common grid, all (n_z, n_theta).
 
-    ``mask``, ``valid`` bool; ``relief_mm`` float32 or None: behind the wall, NaN where unknown; ``contrast`` float32
-    or None: the evidence by which its cells were separated from the wall, where that is intensity.
+    ``mask``, ``valid`` bool; ``relief_mm`` float32 or None: behind the wall, NaN where unknown; ``relief_error_mm``
+    float32 or None: its standard error, where that is stated, as of depth by parallax; ``contrast`` float32 or None:
+    the evidence by which its cells were separated from the wall, where that is intensity.
     """
 
     name: str
@@ -20,6 +21,7 @@ class Surface:
     valid: Mask
     relief_mm: Image | None = None
     contrast: Image | None = None
+    relief_error_mm: Image | None = None
 
     @cached_property
     def labels(self) -> Labels:

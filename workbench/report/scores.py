@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from endoct.fusion.result import CellScores, Limits, PairwiseScores, Raters, Result, Scores
-from endoct.workbench.report.wording import NOTHING, count_text, interval_text, length_text, share_text
+from endoct.fusion.result import CellScores, Limits, PairwiseScores, Raters, Reliefs, ReliefStratum, Result, Scores
+from endoct.workbench.report.wording import NOTHING, area_text, count_text, interval_text, length_text, share_text
 
 Pair = tuple[float, float]
 Names = tuple[str, str]
@@ -14,6 +14,25 @@ def score_table(result: Result) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of what outlines and cells say; no rows where nothing was scored."""
     cards = dict(_cards(result))
     return ["", *(f"{first} and {second}" for first, second in cards)], list(_rows(cards))
+
+
+def relief_rows(reliefs: Reliefs) -> list[list[str]]:
+    """Return a row for each range of depth: how far the second side's relief lies behind the first's."""
+    return [_relief_row(one) for one in reliefs.strata]
+
+
+def _relief_row(one: ReliefStratum) -> list[str]:
+    depths = (
+        f"below {one.to:g}"
+        if one.low is None
+        else f"{one.low:g} and more"
+        if one.to is None
+        else f"{one.low:g} to {one.to:g}"
+    )
+    limits = None if one.low_limit is None or one.high_limit is None else (one.low_limit, one.high_limit)
+    between = NOTHING if limits is None else " to ".join(f"{value:.3f}".replace("-", "−") for value in limits)
+    lengths = (length_text(value) for value in (one.median, one.mean, one.spread))
+    return [depths, area_text(one.area_mm2), *lengths, between, share_text(one.within_two_errors)]
 
 
 def rater_rows(raters: Raters) -> list[list[str]]:

@@ -13,7 +13,7 @@ from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.findings import Findings, overlaps_of
 from endoct.workbench.report.html_templates import rendered, rendered_blocks
 from endoct.workbench.report.per_frame import number_rows
-from endoct.workbench.report.scores import rater_rows, score_table
+from endoct.workbench.report.scores import rater_rows, relief_rows, score_table
 from endoct.workbench.report.side_findings import SideFindings, flag_rows
 from endoct.workbench.report.tables import alignment_rows, overlap_table, pair_rows, side_table
 from endoct.workbench.report.wording import leaf_rows
@@ -68,6 +68,7 @@ def comparison_sections(result: Result, figures: Mapping[str, Markup] = NO_FIGUR
         seconds=[(name, f"{value:.1f} s") for name, value in result.seconds.items()],
         score_table=score_table,
         rater_rows=rater_rows,
+        relief_rows=relief_rows,
         overlap_table=overlap_table,
         alignment_rows=alignment_rows,
         pair_rows=pair_rows,

@@ -88,6 +88,23 @@ def test_partners_and_what_was_observed() -> None:
     assert missed[0].covered == 0
 
 
+def test_depth_by_parallax_comes_last_and_must_be_known_on_half_of_a_cell() -> None:
+    exact = side("a", disc(2, 1, 0.3), depth=0.2)
+    shown = disc(2, 1, 0.3), disc(3, 4, 0.3), disc(3, 6, 0.3)
+    told = side("b", *shown, depth=0.4)
+    relief = np.array(told.relief_mm)
+    relief[shown[1] & (GRID.theta_rad < 4 / GRID.radius_mm)] = np.nan  # just half of the second is known
+    relief[shown[2] & (GRID.theta_rad < 6.1 / GRID.radius_mm)] = np.nan  # less than half of the third
+    told = replace(told, relief_mm=relief, relief_error_mm=np.full(GRID.shape, 0.05, np.float32))
+    without = replace(exact, valid=exact.valid & (GRID.theta_rad < 3 / GRID.radius_mm), relief_mm=np.where(
+        GRID.theta_rad < 3 / GRID.radius_mm, np.array(exact.relief_mm), np.float32(np.nan)))  # fmt: skip
+    both, half, less = sorted((c for c in measured(without, told) if c.side == "b"), key=lambda c: c.theta_rad)
+    assert (both.depth_of, both.depth_median_mm) == ("a", pytest.approx(0.2))
+    assert (half.depth_of, half.depth_median_mm) == ("b", pytest.approx(0.4))
+    assert half.volume_mm3 == pytest.approx(half.area_mm2 * 0.4 * (1 + 0.4 / 2.5), rel=0.02)
+    assert less.depth_of is None
+
+
 def test_a_cell_at_the_end_of_what_was_seen() -> None:
     cells = measured(side("a", disc(1.0, 2, 0.3)), side("b", disc(2.5, 2, 0.3), valid=SEEN & (GRID.theta_rad < 1.65)))
     assert [c.touches_edge for c in cells] == [True, True]
