@@ -27,6 +27,7 @@ from benchmarks.independent.truth import endoscope_place
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.geometry.placement import signed_distance
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_side
@@ -42,6 +43,10 @@ from endoct.workbench import unroll
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
 
 DEPTHS_MM = ((0.03, 0.1), (0.1, 0.3), (0.3, 0.7), (0.7, 1.5))
+EDGES = {"edge -z": (0, -1), "edge +z": (0, 1), "edge -theta": (1, -1), "edge +theta": (1, 1)}
+"""Sides of a cell, by the axis and direction in which they face out of it."""
+FARTHEST_MM = 0.3
+"""An edge farther off than this was not moved but missed."""
 FEWEST = 500
 """Samples of which a spread is told."""
 WAYS = {
@@ -107,7 +112,21 @@ def judged(name: str, seed: int) -> Row:
         row[f"{how} precision"] = (mask & cell).sum() / max(mask.sum(), 1)
         row[f"{how} recall"] = (mask & cell).sum() / max(cell.sum(), 1)
     row["doubts"] = ", ".join(doubt.code for doubt in doubts_of_side(side, answers["eye"]))
-    return row | dict(_depths(recorded, side))
+    return row | dict(_depths(recorded, side)) | dict(_edges(recorded, answers["eye"].mask))
+
+
+def _edges(recorded: Recorded, mask: Mask) -> Iterator[tuple[str, float]]:
+    """Yield by how much each side of cells is found short, µm, the median along its edge; less than 0 is too long."""
+    grid, valid = recorded.panorama.grid, recorded.panorama.valid
+    sample_mm = grid.dz_mm, grid.dtheta_mm
+    true_mm, found_mm = (signed_distance(cells & valid, sample_mm) for cells in (recorded.cell, mask))
+    slopes = np.gradient(true_mm, sample_mm[0], axis=0), (np.roll(true_mm, -1, 1) - np.roll(true_mm, 1, 1)) / 2
+    slopes = slopes[0], slopes[1] / sample_mm[1]
+    edge = valid & (np.abs(true_mm) <= max(sample_mm)) & (np.abs(found_mm) < FARTHEST_MM)
+    for name, (axis, sense) in EDGES.items():
+        facing = edge & (-sense * slopes[axis] > np.abs(slopes[1 - axis]))
+        if facing.sum() >= FEWEST // 5:
+            yield name, -1e3 * float(np.median((found_mm - true_mm)[facing]))
 
 
 def _depths(recorded: Recorded, side: Side) -> Iterator[tuple[str, float]]:
@@ -142,6 +161,8 @@ def table(rows: pd.DataFrame) -> str:
                 f"  {how:15s} median {j.median():.3f}, worst decile {j.quantile(0.1):.3f}, worst {j.min():.3f}, mean "
                 f"{j.mean():.3f}; precision {right:.3f}, recall {found:.3f}"
             )
+        short = (f"{edge[5:]} {of[edge].median():+.0f} (mean {of[edge].mean():+.0f})" for edge in EDGES if edge in of)
+        lines.append(f"  edges found short, µm: {', '.join(short)}")
         for what in ("wall", *(f"{low:g} to {high:g}" for low, high in DEPTHS_MM)):
             if f"{what} spread" in of and of[f"{what} spread"].notna().any():
                 bias, spread, held, known = (of[f"{what} {part}"] for part in ("bias", "spread", "in 2 sigma", "known"))
