@@ -154,7 +154,8 @@ def table(rows: pd.DataFrame) -> str:
     """Return what sets come to: medians, worst deciles, worst and means of cells; medians of depths."""
     lines = []
     for name, of in rows.groupby("set", sort=False):
-        lines.append(f"{name}: {len(of)} recordings, {(of['doubts'].fillna('') != '').sum()} doubted")
+        doubted = int(of["doubts"].astype(str).str.contains("cells").sum())
+        lines.append(f"{name}: {len(of)} recordings, the cells of {doubted} doubted")
         for how in (*WAYS, "depth"):
             j, right, found = of[how].fillna(0), of[f"{how} precision"].median(), of[f"{how} recall"].median()
             lines.append(

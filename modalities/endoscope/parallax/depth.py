@@ -80,11 +80,8 @@ class _Piece:
 
 
 def _pieces(fine: FineGrid) -> list[_Piece]:
-    n, length, overlap = (
-        fine.n_blocks[0],
-        round(PIECE_MM / fine.block_size_mm[0]),
-        round(OVERLAP_MM / fine.block_size_mm[0]),
-    )
+    n = fine.n_blocks[0]
+    length, overlap = (round(size_mm / fine.block_size_mm[0]) for size_mm in (PIECE_MM, OVERLAP_MM))
     return [
         _Piece(range(max(0, first - overlap), min(n, first + length + overlap)), range(first, min(n, first + length)))
         for first in range(0, n, length)
