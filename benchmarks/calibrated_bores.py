@@ -9,7 +9,6 @@ rows and the error of each side's scale along z.
 """
 
 import argparse
-import shutil
 import sys
 import tempfile
 import tomllib
@@ -45,8 +44,10 @@ def bore_of_the_same_instruments(tube: Path, folder: Path, seed: int) -> None:
 def state(recording: Path, stated: dict[str, object], calibration: Path | None) -> None:
     """Write a sidecar: ``stated``, or what a calibration does not say of it, and the calibration."""
     if calibration is not None:
-        shutil.copy(calibration, recording / calibration.name)
         known = tomllib.loads(calibration.read_text(encoding="utf-8"))
+        for table in (known, known["standard_errors"]):
+            table.pop("theta_origin_rad", None)  # the truth of the bore counts from where the recording starts
+        (recording / calibration.name).write_text(tomli_w.dumps(known), encoding="utf-8")
         stated = {name: value for name, value in stated.items() if name not in known}
         stated["calibration"] = calibration.name
     (recording / SIDECAR).write_text(tomli_w.dumps(stated), encoding="utf-8")

@@ -50,9 +50,9 @@ FARTHEST_MM = 0.3
 FEWEST = 500
 """Samples of which a spread is told."""
 WAYS = {
-    "brightness": SegmentParameters(eye="off", parallax=False),
+    "brightness": SegmentParameters(eye="off", by_depth=False),
     "both": SegmentParameters(eye="off"),
-    "eye, brightness": SegmentParameters(parallax=False),
+    "eye, brightness": SegmentParameters(by_depth=False),
     "eye": SegmentParameters(),
 }
 """How cells are found: by rules, from brightness and with depth, and by the learned eye, without depth and with it."""

@@ -51,7 +51,7 @@ def cells_by_eye(side: Side, parameters: SegmentParameters, polarity_from: str |
 
     Raises :class:`EndoctError` where the intensity is constant, or the eye's weights are damaged.
     """
-    darkness, relief = side.contrast("dark"), side.parallax if parameters.parallax else None
+    darkness, relief = side.contrast("dark"), side.parallax if parameters.by_depth else None
     weights, valid = weights_for(side.panorama.modality, parameters.eye), darkness.valid
     if weights is None:
         raise EndoctError(f"no eye was trained for {side.panorama.modality} panoramas", remedy="set eye to 'off'")

@@ -34,8 +34,8 @@ class SegmentParameters(BaseModel):
         description="learned eye that finds an endoscope's cells: `endoct`, the weights of one that `endoct train` "
         "made, or `off`: threshold, outlines and depth do",
     )
-    parallax: bool = Field(
-        default=True, description="correct cells found by intensity where depth by parallax is known"
+    by_depth: bool = Field(
+        default=True, description="find cells by an endoscope's depth too, where that is known by parallax"
     )
     outlines: bool = Field(
         default=True, description="take dark cells up to where their outline is clearest; else Li alone"

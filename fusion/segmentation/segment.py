@@ -180,7 +180,7 @@ def find_cells(
         mask = clear | enclosed_by_lines(evidence, clear, p)
         of += ", cells up to their clearest outline, and what dark lines enclose"
     by_depth = None
-    if relief is not None and p.parallax and polarity is not None:
+    if relief is not None and p.by_depth and polarity is not None:
         mask, by_depth = judged_by_depth(mask, evidence, relief, p)
         of += ", corrected by depth from parallax"
     believability = believability_of(

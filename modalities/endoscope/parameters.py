@@ -41,9 +41,7 @@ class EndoscopeParameters(BaseModel):
         default=True,
         description="correct z and θ for a probe off the bore's axis",
     )
-    parallax: bool = Field(
-        default=True, description="find depth by how places move from frame to frame, and judge cells by it too"
-    )
+    parallax: bool = Field(default=True, description="find depth by how places move from frame to frame")
     self_calibration: bool = Field(
         default=True, description="find the mirror's cone by the feed where the sidecar does not give its optics"
     )
