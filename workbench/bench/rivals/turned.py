@@ -79,6 +79,21 @@ def nearest_ascans(error_rad: Coordinates) -> NDArray[np.intp]:
     return np.where(nearer, place[before], place[after])
 
 
+def stated_errors_rad(panorama: Panorama, n_ascans: int) -> tuple[Coordinates, Coordinates]:
+    """Return the errors within turns that a panorama says it corrected, and how sure it is, in recording order.
+
+    float64 (n_slices, n_ascans), and standard deviations (n_slices,), infinite where none could be measured; rad.
+    """
+    of, turn = {name: each.values for name, each in panorama.per_frame.items()}, nominal_rad(n_ascans)
+    n_orders = of["rotation_harmonics_rad"].shape[1] // 2
+    errors = (of["turn_length"][:, None] - 1) * (turn - np.pi)
+    errors += of["rotation_harmonics_rad"] @ harmonics(turn, range(1, n_orders + 1)).T
+    errors += np.where(turn >= of["lost_at_rad"][:, None], of["lost_rad"][:, None], 0)
+    sigma = np.where(of["rotation_known"].astype(bool), of["rotation_sigma_rad"], np.inf)
+    recorded = np.argsort(of[f"{panorama.frame_dim}_index"])
+    return errors[recorded], np.nan_to_num(sigma, nan=np.inf)[recorded]
+
+
 def _stating(panorama: Panorama, errors_rad: Coordinates) -> Panorama:
     """The panorama with what was corrected beforehand in its values per slice."""
     turn = nominal_rad(errors_rad.shape[1])

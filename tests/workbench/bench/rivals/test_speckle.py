@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from endoct.modalities.registry import open_recording
-from endoct.workbench.bench.rivals import speckle
-from endoct.workbench.bench.rivals.turned import unrolled_as_turned
+from endoct.workbench.bench.rivals import ascans, speckle
+from endoct.workbench.bench.rivals.turned import stated_errors_rad, unrolled_as_turned
 from endoct.workbench.bench.task import Case, Declined
 from endoct.workbench.bench.tasks import oct as oct_task
 from endoct.workbench.pipeline.truth import Truth
@@ -47,6 +47,21 @@ def test_speckle_says_how_the_catheter_turned(case: Case[Path, Truth]) -> None:
     stated = oct_task.beam_errors_rad(panorama, case.truth)
     stated -= stated.mean(axis=1, keepdims=True)
     assert np.rad2deg(np.sqrt(np.mean(stated**2))) == pytest.approx(shape_error_deg(errors, case.truth), rel=0.05)
+
+
+def test_face_and_speckle_together_are_near_what_the_face_says_where_it_shows(case: Case[Path, Truth]) -> None:
+    answers = oct_task.ours(case.given), speckle.face_and_speckle(case.given)
+    by_face, by_both = (shape_error_deg(stated_errors_rad(each, 512)[0], case.truth) for each in answers)
+    assert by_both < by_face + 0.4
+
+
+def test_slices_warped_onto_each_other_hold_what_differs_between_them(case: Case[Path, Truth]) -> None:
+    _, stream = open_recording(case.given)
+    errors = ascans.warped_errors_rad(stream)
+    assert errors.shape == (len(stream), 512)
+    assert not errors[0].any()
+    assert shape_error_deg(errors, case.truth) < 1.05 * shape_error_deg(np.zeros_like(errors), case.truth)
+    np.testing.assert_array_equal(errors, ascans.warped_errors_rad(stream))
 
 
 def test_without_speckle_it_declines(case: Case[Path, Truth], monkeypatch: pytest.MonkeyPatch) -> None:
