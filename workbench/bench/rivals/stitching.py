@@ -5,6 +5,7 @@ what is the same in every strip and in every row, as ours does: they differ from
 says how sure it is, a low value means "I do not know".
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
@@ -106,10 +107,14 @@ def images_of_strips(strips: Sequence[Strip]) -> Image:
 
 
 def prepared(strips: Sequence[Strip]) -> Image:
-    """Return the logarithm of the strips without the median strip and the median of each row."""
-    logs = np.log(np.maximum(images_of_strips(strips), 1e-3))
-    logs -= np.median(logs, axis=0)
-    return np.asarray(logs - np.median(logs, axis=2, keepdims=True), dtype=np.float32)
+    """Return the logarithm of the strips without the median strip and the median of each row, float32; 0 if invalid."""
+    valid = np.stack([strip.valid & (strip.intensity > 0) for strip in strips])
+    logs = np.where(valid, np.log(np.maximum(images_of_strips(strips), 1e-3)), np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of places that no strip shows, and of rows without any
+        logs -= np.nanmedian(logs, axis=0)
+        logs -= np.nanmedian(logs, axis=2, keepdims=True)
+    return np.nan_to_num(logs).astype(np.float32)
 
 
 def grey(images: Image) -> list[NDArray[np.uint8]]:
