@@ -62,15 +62,15 @@ def speckle(recording: Path) -> Panorama:
 
 
 def face_and_speckle(recording: Path) -> Panorama:
-    """Unroll a pullback with turns as endoct finds them in the capillary's face, speckle added as either is sure.
-
-    Raises :class:`Declined` where no bone shows any.
-    """
+    """Unroll a pullback with turns as endoct finds them in the capillary's face, speckle added as either is sure."""
     base, by_face = even(recording), ours(recording)
 
     def both(stream: FrameStream) -> Coordinates:
-        of_speckle = speckle_errors_rad(stream, base)
-        of_face, sigma_rad = stated_errors_rad(by_face, of_speckle.shape[1])
+        of_face, sigma_rad = stated_errors_rad(by_face, len(stream[0].samples))
+        try:
+            of_speckle = speckle_errors_rad(stream, base)
+        except Declined:
+            return of_face
         share = (1 / (1 + (sigma_rad / SIGMA_RAD) ** 2))[:, np.newaxis]
         return np.asarray(share * of_face + (1 - share) * of_speckle)
 

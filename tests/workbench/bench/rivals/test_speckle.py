@@ -68,3 +68,6 @@ def test_without_speckle_it_declines(case: Case[Path, Truth], monkeypatch: pytes
     monkeypatch.setattr(speckle, "LEVELS_DB", (200.0,))  # no bone is so bright
     with pytest.raises(Declined, match="no bone shows speckle"):
         speckle.speckle_errors_rad(open_recording(case.given)[1], oct_task.even(case.given))
+    by_both = stated_errors_rad(speckle.face_and_speckle(case.given), 512)[0]
+    by_face = stated_errors_rad(oct_task.ours(case.given), 512)[0]
+    np.testing.assert_allclose(by_both, by_face, atol=0.01)
