@@ -6,6 +6,7 @@ keep what correlates best; those that need the polarity are tried with both.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,7 +85,7 @@ def phase_correlation(a: Panorama, b: Panorama) -> Alignment | NotAligned:
         (down, across), _, _ = phase_cross_correlation(flat.a, b_there, upsample_factor=20)
         yield np.array([[1, 0, across], [0, 1, down]])
 
-    return _best(a, b, shifts)
+    return best_of(a, b, shifts)
 
 
 def ecc(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -112,7 +113,7 @@ def ecc(a: Panorama, b: Panorama) -> Alignment | NotAligned:
                 continue
             yield np.asarray(matrix, np.float64)
 
-    return _best(a, b, refined)
+    return best_of(a, b, refined)
 
 
 def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -120,9 +121,9 @@ def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
     def matched(flat: Flat) -> Iterator[Matrix]:
         sift = cv2.SIFT.create(MOST_FEATURES)
-        points_a, described_a = sift.detectAndCompute(_bytes(flat.a), None)
+        points_a, described_a = sift.detectAndCompute(eight_bits(flat.a), None)
         for sign in (1, -1):
-            points_b, described_b = sift.detectAndCompute(_bytes(np.float32(sign) * flat.b), None)
+            points_b, described_b = sift.detectAndCompute(eight_bits(np.float32(sign) * flat.b), None)
             if described_a is None or described_b is None or len(points_a) < 2:
                 continue
             pairs = cv2.BFMatcher().knnMatch(described_b, described_a, k=2)
@@ -136,7 +137,7 @@ def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
             if matrix is not None:
                 yield np.asarray(matrix, np.float64)
 
-    return _best(a, b, matched)
+    return best_of(a, b, matched)
 
 
 def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -150,8 +151,8 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
         to_middle = np.array([[1, 0, half], [0, 1, 0], [0, 0, 1]])
         for sign in (1, -1):
             there, here = np.zeros((2, rows, columns), np.float32)
-            there[: flat.a.shape[0]] = _unit(flat.a)
-            here[: flat.b.shape[0], half : half + flat.b.shape[1]] = _unit(np.float32(sign) * flat.b)
+            there[: flat.a.shape[0]] = unit(flat.a)
+            here[: flat.b.shape[0], half : half + flat.b.shape[1]] = unit(np.float32(sign) * flat.b)
             torch.manual_seed(0)
             registrator = ImageRegistrator("similarity", num_iterations=100)
             model: Any = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
@@ -160,7 +161,7 @@ def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
             for candidate in (matrix, np.linalg.inv(matrix)):  # which of the two it means has changed between versions
                 yield (np.linalg.inv(to_unit) @ candidate @ to_unit @ to_middle)[:2]
 
-    return _best(a, b, registered, SLOW_PX)
+    return best_of(a, b, registered, SLOW_PX)
 
 
 def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -180,7 +181,6 @@ def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
         method.SetShrinkFactorsPerLevel([4, 2, 1])
         method.SetSmoothingSigmasPerLevel([2, 1, 0])
         method.SetInterpolator(sitk.sitkLinear)
-        method.SetNumberOfThreads(1)
         method.SetInitialTransform(first)
         try:
             transform = method.Execute(fixed, moving)
@@ -191,22 +191,37 @@ def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
         )
         yield np.stack([right - origin, down - origin, origin], axis=1)
 
-    return _best(a, b, registered, SLOW_PX)
+    with one_itk_thread():
+        return best_of(a, b, registered, SLOW_PX)
 
 
-def _best(a: Panorama, b: Panorama, method: Method, px: int = 1) -> Alignment | NotAligned:
+@contextmanager
+def one_itk_thread() -> Iterator[None]:
+    """Have SimpleITK add up in one order on any machine; a method's own number of threads leaves its metric to many."""
+    import SimpleITK as sitk
+
+    before = sitk.ProcessObject.GetGlobalDefaultNumberOfThreads()
+    sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(1)
+    try:
+        yield
+    finally:
+        sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(before)
+
+
+def best_of(a: Panorama, b: Panorama, method: Method, px: int = 1) -> Alignment | NotAligned:
     """Return the alignment that correlates best of all that ``method`` yields in the orientations that are open."""
     prepared = clipped(prepare(a)), clipped(prepare(b))
     candidates: list[tuple[float, Alignment]] = []
     for orientation in orientations_between(a, b):
-        flat = _flat(*prepared, orientation, px)
+        flat = flat_of(*prepared, orientation, px)
         candidates += [(flat.correlation(matrix), flat.place(matrix)) for matrix in method(flat)]
     if not candidates:
         return NotAligned("It found nothing.")
     return max(candidates, key=lambda one: one[0])[1]
 
 
-def _flat(a: Evidence, b: Evidence, orientation: Orientation, px: int) -> Flat:
+def flat_of(a: Evidence, b: Evidence, orientation: Orientation, px: int) -> Flat:
+    """Return both sides flat in one of the orientations, in pixels of ``px`` samples of A, slightly blurred."""
     n_theta = 2 * round(a.values.shape[1] / (2 * px))
     px_mm = 2 * np.pi * a.radius_mm / n_theta
     turned = reoriented(b, mirrored=orientation[0], z_reversed=orientation[1], z_scale=1.0)
@@ -220,10 +235,12 @@ def _flat(a: Evidence, b: Evidence, orientation: Orientation, px: int) -> Flat:
     return Flat(around, images[1], px_mm, (starts[0], starts[1]), a.radius_mm, orientation)
 
 
-def _unit(image: Image) -> Image:
+def unit(image: Image) -> Image:
+    """Return an image brought to [0, 1], the hundredth part at either end clipped, float32."""
     low, high = np.percentile(image, [1, 99])
     return np.asarray(np.clip((image - low) / max(high - low, 1e-6), 0, 1), dtype=np.float32)
 
 
-def _bytes(image: Image) -> Image:
-    return np.asarray(255 * _unit(image)).astype(np.uint8)
+def eight_bits(image: Image) -> Image:
+    """Return the same in 8 bits, uint8."""
+    return np.asarray(255 * unit(image)).astype(np.uint8)

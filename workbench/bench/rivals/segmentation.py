@@ -2,7 +2,7 @@
 
 Each takes the depth where a panorama has it, else the darkness of the raw intensity, lightly blurred, and knows
 nothing of the wall's course, of the light, or of θ being a circle. ``…_prepared`` get what ours thresholds, and the
-same cleaning afterwards: they differ from ours in the threshold alone.
+same cleaning afterwards: they differ from ours in the threshold or the contour alone.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skimage import filters, morphology, segmentation
 
 from endoct.base.arrays import Image, Mask
-from endoct.base.numeric.circle import masked_gaussian
+from endoct.base.numeric.circle import masked_gaussian, pad_circle
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.segmentation.parameters import SegmentParameters
@@ -25,6 +25,8 @@ from endoct.stitching.panorama import Panorama
 BLUR_MM = 0.015
 WINDOW_MM = 1.5
 """Window of local thresholds, some three typical cells across."""
+CONTOUR_STEPS, CELL_WEIGHT = 20, 30.0
+"""Of Chan and Vese's contours on prepared panoramas: how far what is within may stray less than what is without."""
 
 
 def li_raw(panorama: Panorama) -> Mask:
@@ -89,6 +91,21 @@ def chan_vese(panorama: Panorama) -> Mask:
     image = _image(panorama)
     mask = segmentation.morphological_chan_vese(image, 40, init_level_set=otsu(panorama), smoothing=1)
     return np.asarray(panorama.valid & (mask > 0))
+
+
+def chan_vese_prepared(panorama: Panorama) -> Mask:
+    """The same on what ours thresholds, on the circle, started from the triangle threshold, and cleaned as ours."""
+    p, evidence = SegmentParameters(), prepare(panorama)
+    values = _smooth_and_capped(evidence, p)
+    known = values[evidence.valid]
+    image = np.where(evidence.valid, values, np.median(known))
+    around = image.shape[1] // 8
+    start = pad_circle((image > filters.threshold_triangle(known)).astype(np.int8), around)
+    mask = segmentation.morphological_chan_vese(
+        pad_circle(image, around), CONTOUR_STEPS, init_level_set=start, smoothing=1, lambda2=CELL_WEIGHT
+    )
+    cells = mask[:, around:-around] > 0
+    return clean(cells & evidence.valid, evidence.dz_mm, evidence.column_mm, p) & evidence.valid
 
 
 def watershed(panorama: Panorama) -> Mask:

@@ -5,6 +5,7 @@ what is the same in every strip and in every row, as ours does: they differ from
 says how sure it is, a low value means "I do not know".
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
@@ -32,26 +33,12 @@ UNKNOWN: Shift = (np.nan, np.nan, False)
 Method = Callable[[Sequence[Strip], float], StripPoses]
 
 
-def opencv_scans(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
-    """OpenCV: the stitcher in its mode for scans; strips that it leaves out are not known."""
-    images = [cv2.merge([grey] * 3) for grey in _grey(_images(strips))]
-    stitcher = cv2.Stitcher.create(cv2.Stitcher_SCANS)
-    if (status := stitcher.estimateTransform(images)) != cv2.Stitcher_OK:
-        raise Declined(f"the stitcher gave up with status {status}")
-    chosen = np.asarray(stitcher.component()).ravel()
-    at = {int(k): np.asarray(c.R, np.float64)[:2, 2] for k, c in zip(chosen, stitcher.cameras(), strict=True)}
-    shifts: list[Shift] = [
-        (*(at[k + 1] - at[k])[::-1], True) if k in at and k + 1 in at else UNKNOWN for k in range(len(images) - 1)
-    ]
-    return _poses(shifts, strips, nominal_pitch_mm)
-
-
 def _ashlar(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     try:
         from ashlar import utils
     except ImportError as error:
         raise NotInstalled("ashlar") from error
-    whole = round(nominal_pitch_mm / _row_mm(strips))
+    whole = round(nominal_pitch_mm / row_mm(strips))
     n = images.shape[1] - abs(whole)
     if n < FEWEST_ROWS:
         raise Declined("strips at the nominal pitch hardly overlap")
@@ -66,7 +53,7 @@ def _ashlar(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> 
     null = [register(a, b)[2] for a, b in zip(images[:-apart], images[apart:], strict=True)]
     largest = float(np.percentile(null, 1)) if null else np.inf
     registered = [register(a, b) for a, b in pairwise(images)]
-    return _poses([(rows, columns, error < largest) for rows, columns, error in registered], strips, nominal_pitch_mm)
+    return poses_of([(rows, columns, error < largest) for rows, columns, error in registered], strips, nominal_pitch_mm)
 
 
 def _skimage(a: Image, b: Image, rows: float) -> Shift:  # noqa: ARG001
@@ -96,10 +83,10 @@ def _opencv_ecc(a: Image, b: Image, rows: float) -> Shift:
     return float(warp[1, 2]), float(warp[0, 2]), float(found) >= LEAST_ECC
 
 
-def _poses(shifts: Sequence[Shift], strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+def poses_of(shifts: Sequence[Shift], strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     """Return the poses that shifts add up to; the nominal pitch and no roll where a shift is not known."""
     rows, columns, known = (np.array(part) for part in zip(*shifts, strict=True))
-    feed: Coordinates = np.where(known, rows * _row_mm(strips), nominal_pitch_mm)
+    feed: Coordinates = np.where(known, rows * row_mm(strips), nominal_pitch_mm)
     roll: Coordinates = np.where(known, columns * float(strips[0].theta_rad[1] - strips[0].theta_rad[0]), 0.0)
     zero = np.zeros(1)
     return StripPoses(
@@ -109,22 +96,29 @@ def _poses(shifts: Sequence[Shift], strips: Sequence[Strip], nominal_pitch_mm: f
     )
 
 
-def _row_mm(strips: Sequence[Strip]) -> float:
+def row_mm(strips: Sequence[Strip]) -> float:
+    """Return the distance of two rows of the strips, mm."""
     return float(strips[0].z_mm[1] - strips[0].z_mm[0])
 
 
-def _images(strips: Sequence[Strip]) -> Image:
+def images_of_strips(strips: Sequence[Strip]) -> Image:
+    """Return the intensity of the strips, 0 where it is not valid, float32 (n, rows, columns)."""
     return np.stack([np.where(strip.valid, strip.intensity, 0) for strip in strips]).astype(np.float32)
 
 
-def _prepared(strips: Sequence[Strip]) -> Image:
-    """Return the logarithm of the strips without the median strip and the median of each row."""
-    logs = np.log(np.maximum(_images(strips), 1e-3))
-    logs -= np.median(logs, axis=0)
-    return np.asarray(logs - np.median(logs, axis=2, keepdims=True), dtype=np.float32)
+def prepared(strips: Sequence[Strip]) -> Image:
+    """Return the logarithm of the strips without the median strip and the median of each row, float32; 0 if invalid."""
+    valid = np.stack([strip.valid & (strip.intensity > 0) for strip in strips])
+    logs = np.where(valid, np.log(np.maximum(images_of_strips(strips), 1e-3)), np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of places that no strip shows, and of rows without any
+        logs -= np.nanmedian(logs, axis=0)
+        logs -= np.nanmedian(logs, axis=2, keepdims=True)
+    return np.nan_to_num(logs).astype(np.float32)
 
 
-def _grey(images: Image) -> list[NDArray[np.uint8]]:
+def grey(images: Image) -> list[NDArray[np.uint8]]:
+    """Return images (n, rows, columns) in 8 bits, all on one scale."""
     low, high = np.percentile(images, [0.5, 99.5])
     return [np.clip((image - low) / max(high - low, 1e-9) * 255, 0, 255).astype(np.uint8) for image in images]
 
@@ -133,8 +127,8 @@ def _of_pairs(images_of: Callable[[Sequence[Strip]], Image], shift: Pairwise) ->
     """Return the method that prepares strips with ``images_of`` and finds every strip's shift from the one before."""
 
     def method(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
-        rows, images = nominal_pitch_mm / _row_mm(strips), images_of(strips)
-        return _poses([shift(a, b, rows) for a, b in pairwise(images)], strips, nominal_pitch_mm)
+        rows, images = nominal_pitch_mm / row_mm(strips), images_of(strips)
+        return poses_of([shift(a, b, rows) for a, b in pairwise(images)], strips, nominal_pitch_mm)
 
     return method
 
@@ -144,15 +138,15 @@ def _with_ashlar(images_of: Callable[[Sequence[Strip]], Image]) -> Method:
 
 
 # scikit-image: phase_cross_correlation, and the same without whitening the spectrum (normalization=None)
-phase_correlation = _of_pairs(_images, _skimage)
-phase_correlation_prepared = _of_pairs(_prepared, _skimage)
-cross_correlation_prepared = _of_pairs(_prepared, _skimage_plain)
+phase_correlation = _of_pairs(images_of_strips, _skimage)
+phase_correlation_prepared = _of_pairs(prepared, _skimage)
+cross_correlation_prepared = _of_pairs(prepared, _skimage_plain)
 # OpenCV: phaseCorrelate with a Hanning window
-opencv_phase = _of_pairs(_images, _opencv_phase)
-opencv_phase_prepared = _of_pairs(_prepared, _opencv_phase)
+opencv_phase = _of_pairs(images_of_strips, _opencv_phase)
+opencv_phase_prepared = _of_pairs(prepared, _opencv_phase)
 # OpenCV: findTransformECC, a translation, started at the nominal pitch
-opencv_ecc = _of_pairs(_images, _opencv_ecc)
-opencv_ecc_prepared = _of_pairs(_prepared, _opencv_ecc)
+opencv_ecc = _of_pairs(images_of_strips, _opencv_ecc)
+opencv_ecc_prepared = _of_pairs(prepared, _opencv_ecc)
 # ashlar: its registration of two tiles cropped to their nominal overlap, and its null for what is an error
-ashlar = _with_ashlar(_images)
-ashlar_prepared = _with_ashlar(_prepared)
+ashlar = _with_ashlar(images_of_strips)
+ashlar_prepared = _with_ashlar(prepared)

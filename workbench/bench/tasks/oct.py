@@ -77,15 +77,19 @@ def judge(case: Case[Path, Truth], answer: object) -> dict[str, float]:
     cells, true = segment(answer), true_cells(truth, pose, answer)
     overlap = jaccard(cells, true, answer.valid)
     rims = _rim_errors_rad(cells, true, answer.valid)
+    beams = beam_errors_rad(answer, truth) if "start_angle_rad" in answer.per_frame else np.full((1, 1), np.nan)
     return {
         SUCCESS: float(overlap is None or overlap >= GOOD_ENOUGH),
         "jaccard": np.nan if overlap is None else overlap,
         "rim_deg": float(np.rad2deg(np.median(np.abs(rims)))) if rims.size else np.nan,
-        "beam_deg": float(np.rad2deg(np.sqrt(np.mean(beam_errors_rad(answer, truth) ** 2))))
-        if "start_angle_rad" in answer.per_frame
-        else np.nan,
+        "beam_deg": _rms_deg(beams),
+        "within_deg": _rms_deg(beams - beams.mean(axis=1, keepdims=True)),
         "valid": float(answer.valid.mean()),
     }
+
+
+def _rms_deg(errors_rad: Coordinates) -> float:
+    return float(np.rad2deg(np.sqrt(np.mean(errors_rad**2))))
 
 
 def beam_errors_rad(panorama: Panorama, truth: Truth) -> Coordinates:
@@ -168,6 +172,7 @@ TASK = Task(
         "jaccard": "Jaccard index of the cells against the true ones, own rows",
         "rim_deg": "rims of cells, median distance from the true ones, degrees",
         "beam_deg": "angle of beams, rms error after what was corrected, degrees",
+        "within_deg": "the same within turns, the mean of each slice taken off, degrees",
         "valid": "share of samples called valid",
     },
     own=own_cases,

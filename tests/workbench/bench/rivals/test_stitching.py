@@ -1,6 +1,10 @@
 """Strips placed with other people's libraries."""
 
-from endoct.workbench.bench.rivals.stitching import opencv_ecc_prepared, phase_correlation
+from dataclasses import replace
+
+import numpy as np
+
+from endoct.workbench.bench.rivals.stitching import opencv_ecc_prepared, phase_correlation, prepared
 from endoct.workbench.bench.tasks import stitching
 
 EASY = {
@@ -18,3 +22,13 @@ def test_a_rivals_rows_and_columns_become_feed_and_roll_of_the_right_sign() -> N
     case = stitching.cases(4, 0, EASY)
     for method in (opencv_ecc_prepared, phase_correlation):
         assert stitching.judge(case, method(*case.given))["right"] > 0.6
+
+
+def test_what_is_not_valid_is_prepared_as_nothing() -> None:
+    strips, _ = stitching.cases(4, 0, EASY).given
+    shown = np.ones(strips[0].valid.shape, np.bool_)
+    shown[:5] = shown[:, 100:130] = False
+    dark = [replace(strip, valid=shown, intensity=np.where(shown, strip.intensity, np.float32(0))) for strip in strips]
+    prepared_dark = prepared(dark)
+    assert not prepared_dark[:, ~shown].any()
+    assert np.abs(prepared_dark - prepared(strips))[:, shown].max() < 0.2

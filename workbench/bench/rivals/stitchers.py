@@ -1,0 +1,192 @@
+"""How one would place the strips with a whole program for stitching: OpenCV's, m2stitch and multiview-stitcher.
+
+These see θ as a circle, as every strip is continued by some columns at either end. What they take for a bad pair is "I
+do not know". ``…_prepared`` get strips without what is the same in every strip and in every row, as ours does.
+"""
+
+import contextlib
+import io
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Coordinates, Image
+from endoct.base.numeric.circle import pad_circle
+from endoct.stitching.strip import Strip
+from endoct.workbench.bench.rivals.stitching import (
+    UNKNOWN,
+    Shift,
+    grey,
+    images_of_strips,
+    poses_of,
+    prepared,
+    row_mm,
+)
+from endoct.workbench.bench.task import Declined, NotInstalled
+from endoct.workbench.bench.tasks.stitching import StripPoses
+
+AROUND = 32
+"""Columns by which a strip is continued at either end."""
+ENLARGED, LEAST_CONFIDENCE = 3, 0.3
+"""For OpenCV's features, which are as large as a strip of 64 rows."""
+LEAST_AREA = 0.3
+"""OpenCV fits affine maps; one that shrinks a strip to less is none."""
+
+
+def opencv_scans(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+    """OpenCV: the stitcher in its mode for scans, of all strips at once; strips that it leaves out are not known."""
+    places = _scanned(grey(images_of_strips(strips)), 1.0, None)
+    if not places:
+        raise Declined("the stitcher gave up")
+    nowhere = np.full(2, np.nan)
+    shifts = [places.get(k + 1, nowhere) - places.get(k, nowhere) for k in range(len(strips) - 1)]
+    return poses_of([_shift(shift) for shift in shifts], strips, nominal_pitch_mm)
+
+
+def opencv_scans_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+    """OpenCV: the same on prepared strips, enlarged, continued around, and pair after pair."""
+    images = [_enlarged(pad_circle(image, AROUND)) for image in grey(prepared(strips))]
+    shifts = []
+    for pair in pairwise(images):
+        places = _scanned(pair, ENLARGED, LEAST_CONFIDENCE)
+        shifts.append(_shift(places[1] - places[0]) if len(places) == 2 else UNKNOWN)
+    return poses_of(shifts, strips, nominal_pitch_mm)
+
+
+def _enlarged(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.resize(image, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC), np.uint8)
+
+
+def _scanned(images: Sequence[NDArray[np.uint8]], scale: float, confidence: float | None) -> dict[int, Coordinates]:
+    """Return (x, y) of the middle of every image that OpenCV's stitcher can place, px before they were enlarged."""
+    cv2.setRNGSeed(0)
+    stitcher = cv2.Stitcher.create(cv2.Stitcher_SCANS)
+    if confidence is not None:
+        stitcher.setRegistrationResol(-1)
+        stitcher.setPanoConfidenceThresh(confidence)
+    try:
+        if stitcher.estimateTransform([cv2.merge([image] * 3) for image in images]) != cv2.Stitcher_OK:
+            return {}
+    except cv2.error:  # of maps that cannot be inverted
+        return {}
+    middle = np.array([images[0].shape[1] / 2, images[0].shape[0] / 2, 1.0])
+    places = {}
+    for k, camera in zip(np.asarray(stitcher.component()).ravel(), stitcher.cameras(), strict=True):
+        to_image = np.asarray(camera.R, np.float64)
+        if np.isfinite(to_image).all() and LEAST_AREA < abs(np.linalg.det(to_image)) < 1 / LEAST_AREA:
+            places[int(k)] = (np.linalg.inv(to_image) @ middle)[:2] / scale
+    return places
+
+
+def _shift(xy: Coordinates) -> Shift:
+    return (float(xy[1]), float(xy[0]), True) if np.isfinite(xy).all() else UNKNOWN
+
+
+M2_LEAST_CORRELATION, M2_UNCERTAIN_PERCENT, M2_FARTHEST_PERCENT = 0.1, 45.0, 60.0
+
+
+def m2stitch_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+    """m2stitch (Fukai 2022), which is MIST (Chalfoun et al. 2017) in Python, on prepared strips.
+
+    MIST is for grids of tiles with neighbours on two sides, so every strip is cut into two halves that overlap.
+    """
+    try:
+        with _quiet():
+            import m2stitch
+    except ImportError as error:
+        raise NotInstalled("m2stitch") from error
+    images, rows = prepared(strips), nominal_pitch_mm / row_mm(strips)
+    if rows < 0:  # it wants the first tile on top
+        images = images[::-1]
+    n, half = len(images), images.shape[2] // 2
+    around = pad_circle(images, AROUND)
+    tiles = np.stack([around[:, :, first : first + half + 2 * AROUND] for first in (0, half)], axis=1)
+    index = np.stack(np.meshgrid(np.arange(n), [0, 1], indexing="ij"), axis=-1).reshape(-1, 2)
+    try:
+        with _quiet():
+            grid, _ = m2stitch.stitch_images(
+                tiles.reshape(2 * n, *tiles.shape[2:]),
+                position_indices=index,
+                position_initial_guess=index * [abs(rows), half],
+                overlap_diff_threshold=M2_FARTHEST_PERCENT,
+                pou=M2_UNCERTAIN_PERCENT,
+                ncc_threshold=M2_LEAST_CORRELATION,
+                full_output=True,
+                row_col_transpose=False,
+            )
+    except AssertionError as error:
+        raise Declined(f"m2stitch gave up: {error}") from error
+    places = grid[["y_pos", "x_pos"]].to_numpy(np.float64).reshape(n, 2, 2).mean(axis=1)
+    sure = grid["top_valid3"].to_numpy(np.bool_).reshape(n, 2)[1:].any(axis=1)
+    shifts = np.diff(places, axis=0)
+    if rows < 0:
+        shifts, sure = -shifts[::-1], sure[::-1]
+    known = [(float(y), float(x), bool(is_known)) for (y, x), is_known in zip(shifts, sure, strict=True)]
+    return poses_of(known, strips, nominal_pitch_mm)
+
+
+LEAST_QUALITY = 0.55
+"""Of the rank correlation by which multiview-stitcher judges its own pairs."""
+
+
+def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+    """Register neighbours where the nominal pitch lets them overlap, and place them one by one (Albert 2024)."""
+    try:
+        with _quiet():
+            import dask
+            from multiview_stitcher import msi_utils, registration, spatial_image_utils
+    except ImportError as error:
+        raise NotInstalled("multiview-stitcher") from error
+    rows, key = nominal_pitch_mm / row_mm(strips), "nominal"
+    views = []
+    for k, image in enumerate(images):
+        view = spatial_image_utils.get_sim_from_array(
+            pad_circle(image, AROUND),
+            dims=["y", "x"],
+            scale={"y": 1.0, "x": 1.0},
+            translation={"y": k * rows, "x": 0.0},
+            transform_key=key,
+        )
+        views.append(msi_utils.get_msim_from_sim(view, scale_factors=[]))
+    pairs = [(k, k + 1) for k in range(len(views) - 1)]
+    with _quiet(), dask.config.set(scheduler="single-threaded"):
+        found = registration.register(
+            views,
+            transform_key=key,
+            new_transform_key="registered",
+            reg_channel_index=0,
+            pairs=pairs,
+            pre_registration_pruning_method=None,
+            groupwise_resolution_method="shortest_paths",
+            return_dict=True,
+        )
+    quality = found["pairwise_registration"]["metrics"]["qualities"]
+    moved = np.array([np.asarray(each, np.float64).reshape(3, 3)[:2, 2] for each in found["params"]])
+    shifts: list[Shift] = [
+        (rows + float(y), float(x), float(np.ravel(quality[pair])[0]) > LEAST_QUALITY)
+        for (y, x), pair in zip(np.diff(moved, axis=0), pairs, strict=True)
+    ]
+    return poses_of(shifts, strips, nominal_pitch_mm)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep progress bars and warnings of libraries to themselves."""
+    with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
+        warnings.simplefilter("ignore")
+        yield
+
+
+Method = Callable[[Sequence[Strip], float], StripPoses]
+
+
+def _with_multiview(images_of: Callable[[Sequence[Strip]], Image]) -> Method:
+    return lambda strips, nominal_pitch_mm: _multiview_stitcher(images_of(strips), strips, nominal_pitch_mm)
+
+
+multiview_stitcher = _with_multiview(images_of_strips)
+multiview_stitcher_prepared = _with_multiview(prepared)
