@@ -24,8 +24,6 @@ misses."""
 LEAST_EXPECTED = 0.82
 """Of 24 recordings, tuning seeds, of the three with two to five small cells on a stained wall less was expected, 0.64
 to 0.74. The others score 0.04 less than expected in the median, at worst 0.17."""
-
-
 MOST_GRAIN = 0.04
 """A wall whose neighbouring samples differ by more is none that an eye was trained on. 41 recordings of two generators
 have 0.011 to 0.025. On walls with noise in every sample, 0.06 and more, the eye took nearly all for cells."""
