@@ -25,7 +25,7 @@ from endoct.base.files.files import read_small
 from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import clear_dead_scratch, new_file
 from endoct.workbench.bench.runner import Plan, Row
-from endoct.workbench.bench.task import load_task, module_of, origin
+from endoct.workbench.bench.task import module_of, origin
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.running.refusals import refusing_disk_errors
 
@@ -35,7 +35,7 @@ Facts = dict[str, object]
 
 def plan_facts(plan: Plan) -> Facts:
     """Return what is run, on which cases, and with which versions."""
-    task = load_task(plan.task)
+    task = plan.load_task()
     return {
         "task": task.name,
         "methods": {name: origin(task, name) for name in plan.methods},
@@ -103,7 +103,7 @@ def open_checkpoint(output: Path, plan: Plan, *, overwrite: bool) -> Checkpoint:
     Raises :class:`EndoctError` where it belongs to another plan, or to other code; with ``overwrite`` that goes.
     """
     folder = output.with_name(f"{output.name}.unfinished")
-    wanted = json.loads(json.dumps(plan_facts(plan) | {"source": _source(plan)}))
+    wanted = json.loads(json.dumps(plan_facts(plan) | {"source": source_digests(plan)}))
     begun = None
     if os.path.lexists(folder / RUN):
         with refusing(f"{folder / RUN} cannot be read", remedy="remove that folder"):
@@ -128,9 +128,9 @@ def _rows(path: Path) -> list[Row]:
         return TypeAdapter(list[Row]).validate_json(read_small(path, MOST_BYTES))
 
 
-def _source(plan: Plan) -> Mapping[str, str]:
+def source_digests(plan: Plan) -> Mapping[str, str]:
     """Return digests of endoct's source and of the modules of others' methods, but not of what those import."""
-    task = load_task(plan.task)
+    task = plan.load_task()
     ours = [path for part in PARTS for path in sorted(Path(import_module(f"endoct.{part}").__path__[0]).rglob("*.py"))]
     theirs = {module for name in plan.methods if (module := module_of(task, name)).partition(".")[0] != "endoct"}
     return {"endoct": _digest(ours)} | {module: _digest(_files(module)) for module in sorted(theirs)}

@@ -9,7 +9,7 @@ import math
 import random
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -20,6 +20,7 @@ import numpy as np
 
 from endoct.base.entry_points import Function
 from endoct.base.errors import EndoctError
+from endoct.workbench.bench.program import with_programs
 from endoct.workbench.bench.task import (
     AnyCase,
     AnyTask,
@@ -40,7 +41,10 @@ LONGEST_REASON = 300
 
 @dataclass(frozen=True)
 class Plan:
-    """What to run: cases from ``seeds`` × ``count``, drawn from ``ranges``, or those in the folders ``own``."""
+    """What to run: cases from ``seeds`` × ``count``, drawn from ``ranges``, or those in the folders ``own``.
+
+    ``programs``: the commands of methods that are programs, by name.
+    """
 
     task: str
     methods: tuple[str, ...]
@@ -48,6 +52,11 @@ class Plan:
     count: int = 1
     ranges: Mapping[str, Range] | None = None
     own: tuple[Path, ...] = ()
+    programs: Mapping[str, str] = field(default_factory=dict)
+
+    def load_task(self) -> AnyTask:
+        """Return the task with the plan's programs as methods."""
+        return with_programs(load_task(self.task), self.programs)
 
     @property
     def sources(self) -> list["Source"]:
@@ -140,7 +149,7 @@ def _run_by_processes(
 @one_blas_thread()
 def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> list[Row]:
     """Run every method on the cases of one source, BLAS with one thread for all."""
-    task = load_task(plan.task)
+    task = plan.load_task()
     cases = _cases(task, source, plan)
     rows: list[Row] = []
     for case in cases:

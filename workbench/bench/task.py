@@ -79,6 +79,22 @@ class NotInstalled(Exception):
 
 
 @dataclass(frozen=True)
+class Exchange(Generic[Given, Answer]):
+    """How a case reaches a method that is a program, and how its answer returns: as files in two folders.
+
+    Attributes
+    ----------
+    files: what both folders hold, for people who write one.
+    write: ``write(given, folder)`` writes what a method is called with.
+    read: ``read(given, folder)`` returns the answer; raises where it is none.
+    """
+
+    files: str
+    write: Callable[[Given, Path], None]
+    read: Callable[[Given, Path], Answer]
+
+
+@dataclass(frozen=True)
 class Task(Generic[Given, Truth, Answer]):
     """A kind of problem.
 
@@ -101,6 +117,7 @@ class Task(Generic[Given, Truth, Answer]):
     against: the method from which the others' differences are taken, case by case, unless the user names one.
     by: a condition of words whose cases have nothing in common but their scores: results are summarised for each word
         apart.
+    exchange: how a method that is a program gets a case and answers, where it can.
     """
 
     name: str
@@ -116,6 +133,7 @@ class Task(Generic[Given, Truth, Answer]):
     methods: Mapping[str, Callable[..., Answer]] = field(default_factory=dict)
     against: str | None = None
     by: str | None = None
+    exchange: Exchange[Given, Answer] | None = None
 
 
 AnyTask = Task[Any, Any, Any]
@@ -192,9 +210,9 @@ def load_method(task: AnyTask, name: str) -> Function:
 
 
 def origin(task: AnyTask, name: str) -> str:
-    """Return where a method comes from: its function and the version of the package that registers it."""
+    """Return where a method comes from: its function and the package that registers it; a program's command."""
     if name in task.methods:
-        return "endoct"
+        return str(getattr(task.methods[name], "command", "endoct"))
     entry = entry_named(name, _registered(task), _kind(task))
     package = f" ({entry.dist.name} {entry.dist.version})" if entry.dist is not None else ""
     return f"{entry.value}{package}"

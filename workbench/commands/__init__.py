@@ -4,7 +4,7 @@ import difflib
 import functools
 import io
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr
 from typing import Any, get_args
 
@@ -19,12 +19,15 @@ from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
+from endoct.workbench.commands.publishing import board, check, make, submit
 from endoct.workbench.commands.recordings import Info, Unroll, modalities
 from endoct.workbench.commands.research import bench, train
 from endoct.workbench.commands.simulations import Simulate, dataset, demo, warm_up
 from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30
+OF_BENCH: Mapping[str, Callable[..., Any]] = {"make": make, "submit": submit, "check": check, "board": board}
+"""Commands of published benchmarks. `endoct bench submit …` is `endoct bench-submit …`: `endoct bench` takes a task."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -40,6 +43,7 @@ def run(arguments: Sequence[str]) -> int:
         "target": Tube,
         "dataset": dataset,
         "bench": bench,
+        **{f"bench-{name}": command for name, command in OF_BENCH.items()},
         "train": train,
         "report": report,
         "serve": serve,
@@ -51,7 +55,7 @@ def run(arguments: Sequence[str]) -> int:
         "warm-up": warm_up,
         "completion": completion,
     }
-    arguments = arguments or ["open"]
+    arguments = _joined(arguments or ["open"])
     if near := _near(arguments[0], commands):
         sys.stderr.write(f"endoct: unknown command '{visible(arguments[0])}'; did you mean '{near}'?\n")
         return WRONG_USAGE
@@ -68,6 +72,13 @@ def run(arguments: Sequence[str]) -> int:
             config=(tyro.conf.FlagCreatePairsOff,),
         )
     return command()
+
+
+def _joined(arguments: Sequence[str]) -> Sequence[str]:
+    """Return the arguments with the two words of such a command as one."""
+    if arguments[0] == "bench" and len(arguments) > 1 and arguments[1] in OF_BENCH:
+        return [f"bench-{arguments[1]}", *arguments[2:]]
+    return arguments
 
 
 def _near(name: str, names: Collection[str]) -> str | None:

@@ -103,7 +103,7 @@ def test_others_methods_count_by_their_modules() -> None:
     task = replace(load_task("segmentation"), methods={})
     plan = Plan("segmentation", ("endoct", "li-raw"), (1,), 1, task.ranges)
     assert json.dumps(plan_facts(plan))
-    assert set(checkpoint._source(plan)) == {"endoct"}
+    assert set(checkpoint.source_digests(plan)) == {"endoct"}
     assert checkpoint._files("csv") == [Path(csv.__file__)]
     assert checkpoint._files("no_such_module_anywhere.at_all") == []
 

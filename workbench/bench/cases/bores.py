@@ -16,8 +16,8 @@ from endoct.modalities.ct.ct_volume import CtVolume, read_ct
 from endoct.modalities.ct.stored import SIGNS, SUFFIXES
 from endoct.modalities.ct.trajectory import Trajectory, read_line
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import is_panorama, load_panorama
-from endoct.workbench import api
+from endoct.stitching.store import is_panorama
+from endoct.workbench.bench.cases.specimens import load_side
 from endoct.workbench.bench.task import Case
 from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
 from endoct.workbench.posing.plan import read_plan
@@ -162,11 +162,6 @@ def own_cases(folder: Path) -> list[PoseCase]:
         case = posed_case(folder, chosen, seed=seed, name=name, conditions=conditions, panoramas=panoramas)
         cases.append(replace(case, given=(case.given[0], *_planned(folder))) if _has_plan(folder) else case)
     return cases
-
-
-def load_side(folder: Path, name: str) -> Panorama:
-    """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
-    return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else api.unroll(folder / name)
 
 
 def ct_of(folder: Path) -> Path:

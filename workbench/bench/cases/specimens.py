@@ -19,11 +19,13 @@ from endoct.fusion.files.masks import read_mask
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import is_panorama, load_panorama
 from endoct.synthetic.bone.cut_wall import CutWall
 from endoct.synthetic.bone.drawn_cells import draw_holes
 from endoct.synthetic.sample.parameters import Bore, Cell
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import PARTS, choices, default_ranges
+from endoct.workbench import api
 from endoct.workbench.bench.task import Range, rng_of
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 
@@ -122,6 +124,11 @@ def recordings_in(specimen: Path) -> list[Path]:
     if not recordings:
         raise EndoctError(f"{specimen} holds no recording", expected="oct/ or endoscope/ with an acquisition.toml")
     return sorted(recordings, key=lambda path: path.name not in MODALITIES)
+
+
+def load_side(folder: Path, name: str) -> Panorama:
+    """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
+    return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else api.unroll(folder / name)
 
 
 LEAST_MM = 0.2

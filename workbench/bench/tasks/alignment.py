@@ -14,14 +14,16 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
+from endoct.base.files.json_values import number
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.prepare import prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
 from endoct.fusion.registration.align import align, open_orientations
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
-from endoct.workbench import api
-from endoct.workbench.bench.task import Case, Declined, Range, Task, draw, rng_of
+from endoct.workbench.bench.cases.specimens import load_side
+from endoct.workbench.bench.program import read_answer, write_panorama
+from endoct.workbench.bench.task import Case, Declined, Exchange, Range, Task, draw, rng_of
 from endoct.workbench.pipeline.truth import TrueMap, load_truth, true_pose
 
 N_THETA, N_Z = 2048, 1024
@@ -141,13 +143,15 @@ def _panorama(image: Image) -> Panorama:
 def own_cases(specimen: Path) -> list[AlignmentCase]:
     """Return a simulated specimen's endoscope (A) and OCT (B), unrolled by us, as a case.
 
+    A panorama that is stored next to its recording, as ``oct.zarr``, is taken in place of unrolling it.
+
     Raises :class:`EndoctError` where there is no pair, or no truth that says where it lies.
     """
     truth = load_truth(specimen)
     recordings = [specimen / name for name in ("endoscope", "oct")]
     if not all(path.is_dir() for path in recordings):
         raise EndoctError(f"{specimen} holds no pair", expected="both oct/ and endoscope/ in it")
-    a, b = (api.unroll(path) for path in recordings)
+    a, b = (load_side(specimen, path.name) for path in recordings)
     true = TrueMap(a.z_mm, true_pose(a, truth), true_pose(b, truth))
     return [Case(specimen.name, (a, b), true, {"specimen": specimen.name})]
 
@@ -174,6 +178,23 @@ def judge(case: AlignmentCase, answer: Alignment | NotAligned) -> Mapping[str, f
     }
 
 
+def _write_pair(given: tuple[Panorama, Panorama], folder: Path) -> None:
+    for name, panorama in zip("ab", given, strict=True):
+        (folder / name).mkdir()
+        write_panorama(folder / name, panorama)
+
+
+def _read_alignment(given: tuple[Panorama, Panorama], folder: Path) -> Alignment:
+    del given
+    answer = read_answer(folder)
+    theta_rad, z_mm, scale = (
+        number(answer, name, -1e4, 1e4, "the answer") for name in ("theta_shift_rad", "z_shift_mm", "z_scale")
+    )
+    return Alignment(
+        theta_rad, z_mm, scale, mirrored=answer.get("mirrored") is True, z_reversed=answer.get("z_reversed") is True
+    )
+
+
 TASK = Task(
     name="alignment",
     title="two panoramas of one bore, 2048 × 1024, at any place on each other",
@@ -191,6 +212,13 @@ TASK = Task(
         "landmark_mm": "mean landmark error, mm",
     },
     own=own_cases,
+    exchange=Exchange(
+        files="given: folders a and b, each with intensity.npy, valid.npy, depth_mm.npy where there is depth, (z, θ), "
+        "and given.json with their z_mm and theta_rad. answer: answer.json with theta_shift_rad, z_shift_mm, z_scale, "
+        "mirrored and z_reversed: θ_A = θ_shift ± θ_B, z_A = z_shift + z_scale · ±z_B.",
+        write=_write_pair,
+        read=_read_alignment,
+    ),
 )
 
 

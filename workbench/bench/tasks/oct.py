@@ -17,10 +17,13 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.side_cells import segment
 from endoct.modalities.registry import open_recording
+from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import per_frame
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.cases.specimens import simulated
-from endoct.workbench.bench.task import SUCCESS, Case, Range, Task, draw
+from endoct.workbench.bench.program import read_answer, read_array, write_given
+from endoct.workbench.bench.task import SUCCESS, Case, Exchange, Range, Task, draw
 from endoct.workbench.bench.tasks.ablate import STEPS
 from endoct.workbench.pipeline.truth import Pose, Truth, load_truth, true_cells, true_pose
 
@@ -157,6 +160,39 @@ def _rim_errors_rad(cells: Mask, true: Mask, valid: Mask) -> Coordinates:
     return np.asarray(every[np.abs(every) < RIM_REACH_RAD])
 
 
+def _write_recording(recording: Path, folder: Path) -> None:
+    write_given(folder, {"recording": str(recording.absolute())})
+
+
+def _read_panorama(recording: Path, folder: Path) -> Panorama:
+    """Return the answer of a program as a panorama of the recording."""
+    _, stream = open_recording(recording)
+    sidecar, answer = stream.acquisition.model_dump(), read_answer(folder)
+    depth = read_array(folder, "depth_mm").astype(np.float32)
+    z_mm = np.asarray(answer.get("slice_z_mm", []), np.float64)
+    index = np.asarray(answer.get("slice_index", []), np.int64)
+    if depth.ndim != 2 or not z_mm.shape == index.shape == depth.shape[:1] or not (np.diff(z_mm) > 0).all():
+        raise EndoctError("the answer is no panorama", expected="a row of depth_mm.npy a slice, z ascending")
+    known = np.isfinite(depth)
+    step_mm = float(np.median(np.diff(z_mm))) if z_mm.size > 1 else 1.0
+    grid = SurfaceGrid.full_circle(
+        *depth.shape, z0_mm=z_mm[0], dz_mm=step_mm, radius_mm=float(sidecar["bore_diameter_mm"]) / 2
+    ).with_rows(z_mm)
+    return Panorama(
+        grid=grid,
+        intensity=np.zeros_like(depth),
+        depth_mm=np.where(known, depth, 0.0),
+        valid=known,
+        weight=known.astype(np.float32),
+        modality="oct",
+        handedness_known=sidecar["handedness"] != "unknown",
+        travel_known=sidecar["travel"] != "unknown",
+        frame_dim="slice",
+        per_frame=per_frame({"slice_index": index, "slice_z_mm": z_mm}, {}),
+        provenance={"acquisition": sidecar},
+    )
+
+
 TASK = Task(
     name="oct",
     title="an OCT recording unrolled, the catheter off its axis and turning unevenly",
@@ -177,6 +213,13 @@ TASK = Task(
     },
     own=own_cases,
     against="endoct",
+    exchange=Exchange(
+        files="given: given.json with recording, the path of the pullback's folder. answer: depth_mm.npy, (slice, θ) "
+        "by ascending z, mm behind the bore's nominal wall, NaN where not known; answer.json with slice_index and "
+        "slice_z_mm, a number a row.",
+        write=_write_recording,
+        read=_read_panorama,
+    ),
 )
 
 

@@ -17,10 +17,10 @@ from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import label
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.panorama import Panorama
-from endoct.workbench import api
 from endoct.workbench.bench.cases import toy_walls
-from endoct.workbench.bench.cases.specimens import PRESET_WORDS, recordings_in, simulated, truths_of
-from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
+from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, recordings_in, simulated, truths_of
+from endoct.workbench.bench.program import read_array, write_panorama
+from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
 
 MADE = "made"
 GOOD_ENOUGH = 0.7
@@ -40,24 +40,20 @@ def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> SegmentationCas
         return Case(name, panorama, cell, {"recipe": recipe, "modality": modality, **numbers})
     with simulated(recipe, seed, index) as folder:
         specimen = Path(folder) / "specimen"
-        panorama = _unrolled(specimen / _RECORDING_OF[modality])
+        panorama = load_side(specimen, _RECORDING_OF[modality])
         cell = truths_of(specimen, panorama)["wall"]
     return Case(name, panorama, cell, {"recipe": recipe, "modality": modality})
 
 
 def own_cases(specimen: Path) -> list[SegmentationCase]:
-    """Return a case for each recording and truth in a folder of the user's own."""
+    """Return a case for each recording and truth in a folder of the user's own; its panorama may be there as well."""
     cases_ = []
     for recording in recordings_in(specimen):
-        panorama = _unrolled(recording)
+        panorama = load_side(specimen, recording.name)
         conditions = {"specimen": specimen.name, "modality": "intensity" if panorama.depth_mm is None else "depth"}
         for name, cell in truths_of(specimen, panorama).items():
             cases_.append(Case(f"{specimen.name}/{recording.name}/{name}", panorama, cell, conditions))
     return cases_
-
-
-def _unrolled(recording: Path) -> Panorama:
-    return api.unroll(recording)
 
 
 def judge(case: SegmentationCase, answer: object) -> dict[str, float]:
@@ -100,6 +96,17 @@ def ours(panorama: Panorama) -> Mask:
     return cells.mask
 
 
+def _read_mask(panorama: Panorama, folder: Path) -> Mask:
+    mask = read_array(folder, "mask")
+    if mask.shape != panorama.grid.shape or mask.dtype.kind not in "bu":
+        raise EndoctError("mask.npy is no mask", found=f"{mask.dtype} {mask.shape}", expected=f"{panorama.grid.shape}")
+    return np.asarray(mask, np.bool_)
+
+
+def _write_panorama(panorama: Panorama, folder: Path) -> None:
+    write_panorama(folder, panorama)
+
+
 TASK = Task(
     name="segmentation",
     title="which samples of a panorama are cells",
@@ -120,4 +127,10 @@ TASK = Task(
         "area_error": "cell area marked minus true, share of the wall",
     },
     own=own_cases,
+    exchange=Exchange(
+        files="given: intensity.npy, valid.npy, depth_mm.npy where there is depth, (z, θ); given.json with their z_mm "
+        "and theta_rad. answer: mask.npy, bool or u8, of the same shape, not 0 where there is a cell.",
+        write=_write_panorama,
+        read=_read_mask,
+    ),
 )

@@ -19,7 +19,8 @@ from endoct.stitching.motion.feed import estimate_feed
 from endoct.stitching.strip import Strip
 from endoct.workbench.bench.cases import toy_strips
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, simulated
-from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
+from endoct.workbench.bench.program import read_answer, write_given
+from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
 from endoct.workbench.pipeline.truth import load_truth
 from endoct.workbench.pipeline.unrolling import open_recording
 
@@ -129,6 +130,23 @@ def ours(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     return StripPoses(feed.z_mm, feed.roll_rad, feed.trusted)
 
 
+def _write_strips(given: tuple[Sequence[Strip], float], folder: Path) -> None:
+    strips, pitch_mm = given
+    facts = {
+        "nominal_pitch_mm": pitch_mm,
+        "z_mm": strips[0].z_mm.tolist(),
+        "theta_rad": strips[0].theta_rad.tolist(),
+    }
+    intensity = np.stack([strip.intensity for strip in strips])
+    write_given(folder, facts, intensity=intensity, valid=np.stack([strip.valid for strip in strips]))
+
+
+def _read_places(given: tuple[Sequence[Strip], float], folder: Path) -> StripPoses:
+    answer, n = read_answer(folder), len(given[0])
+    z_mm, roll_rad = (np.asarray(answer.get(name, []), np.float64) for name in ("z_mm", "roll_rad"))
+    return StripPoses(z_mm, roll_rad, np.asarray(answer.get("trusted", [True] * n), np.bool_))
+
+
 TASK = Task(
     name="stitching",
     title="where the strips of an endoscope lie along the bore, and how far the probe rolled",
@@ -153,4 +171,11 @@ TASK = Task(
     },
     own=own_cases,
     against="endoct",
+    exchange=Exchange(
+        files="given: intensity.npy and valid.npy, (strip, row, column); given.json with nominal_pitch_mm, and z_mm "
+        "and theta_rad of the rows and columns of every strip. answer: answer.json with the lists z_mm and roll_rad, "
+        "a number a strip, and trusted, true or false a strip, where some are not known.",
+        write=_write_strips,
+        read=_read_places,
+    ),
 )

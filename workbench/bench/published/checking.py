@@ -1,0 +1,91 @@
+"""A submission checked: a sample of its cases run again here, and compared to the last digit."""
+
+import hashlib
+from dataclasses import dataclass
+from math import isclose
+from pathlib import Path
+
+from endoct.base.errors import EndoctError
+from endoct.workbench.bench.program import with_programs
+from endoct.workbench.bench.published.specimen_set import Entry, read_set
+from endoct.workbench.bench.published.submission import Scored, Submission, check_entries, read_submission, scored_row
+from endoct.workbench.bench.runner import Plan, run_source
+from endoct.workbench.bench.task import check_names, load_task
+from endoct.workbench.running.progress import Stages
+
+NEAR = 1e-6
+"""Relative: scores that differ by less are the same but for the last bits, which depend on the processor."""
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """One row of a submission, and what came of it here. ``worst``: the largest relative difference of a score."""
+
+    stated: Scored
+    again: Scored
+    worst: float
+
+    @property
+    def verdict(self) -> str:
+        """Return "equal" to the last digit, "near" or "different"."""
+        if self.stated.outcome == self.again.outcome:
+            return "equal"
+        return "near" if self.worst < NEAR else "different"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A submission, and its rows that were run again."""
+
+    submission: Submission
+    reruns: tuple[Rerun, ...]
+
+    def count(self, verdict: str) -> int:
+        """Return how many rows have a verdict."""
+        return sum(rerun.verdict == verdict for rerun in self.reruns)
+
+
+def check(path: Path, data: Path, *, sample: int, stages: Stages) -> Checked:
+    """Run ``sample`` specimens of a submission again with all its methods, drawn by the digest of its content.
+
+    Raises :class:`EndoctError` where ``data`` is not the set it was run on, or a method is not installed here.
+    """
+    submission = read_submission(path)
+    entries = _here(submission, data)
+    chosen = sorted(entries, key=lambda one: hashlib.sha256(f"{submission.data_digest} {one.name}".encode()).digest())
+    chosen = chosen[:sample]
+    check_entries(data, chosen, stages)
+    task = with_programs(load_task(submission.task), submission.programs)
+    plan = Plan(submission.task, check_names(task, tuple(submission.methods)), programs=submission.programs)
+    stated = {(row.specimen, row.case, row.method): row for row in submission.rows}
+    reruns: list[Rerun] = []
+    with stages.stage(f"{len(chosen)} of {len(entries)} specimens again") as advance:
+        for done, entry in enumerate(chosen, 1):
+            for row in run_source(plan, (data / entry.name).absolute()):
+                if row.status == "missing":
+                    raise EndoctError(f"the method '{row.method}' cannot be run again here", found=row.reason)
+                again = scored_row(entry.name, row)
+                before = stated.get((again.specimen, again.case, again.method))
+                if before is None:
+                    raise EndoctError(f"the submission lacks {again.method} on {again.case}", found=str(path))
+                reruns.append(Rerun(before, again, _worst(before, again)))
+            advance(done / len(chosen))
+    return Checked(submission, tuple(reruns))
+
+
+def _here(submission: Submission, data: Path) -> tuple[Entry, ...]:
+    """Return the specimens of a submission. Raises where ``data`` holds others by the same names."""
+    there = {one.name: one for one in read_set(data).specimens}
+    for entry in submission.specimens:
+        if entry.name not in there:
+            raise EndoctError(f"{data} lacks {entry.name}", expected=f"the {submission.half} half of {submission.set}")
+        if there[entry.name].recorded != entry.recorded:
+            raise EndoctError(f"{entry.name} in {data} is another specimen", found=there[entry.name].recorded[:16])
+    return submission.specimens
+
+
+def _worst(before: Scored, again: Scored) -> float:
+    if before.status != again.status or before.scores.keys() != again.scores.keys():
+        return float("inf")
+    pairs = [(before.scores[name], again.scores[name]) for name in before.scores]
+    return max((abs(a - b) / max(abs(a), abs(b)) for a, b in pairs if not isclose(a, b, rel_tol=0.0)), default=0.0)

@@ -1,0 +1,136 @@
+"""A published set made: every specimen from its seed, its panoramas, and the digests of both.
+
+What is made already stays: a run that was stopped goes on with the same command.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.scratch import new_file, scratch_next_to
+from endoct.stitching.store import save_panorama
+from endoct.workbench import api
+from endoct.workbench.bench.published.definition import Half, Planned, Size, load_definition, planned
+from endoct.workbench.bench.published.specimen_set import (
+    SET_FILE,
+    SIDES,
+    SPECIMEN_FILE,
+    Entry,
+    SpecimenSet,
+    entry_of,
+)
+from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.running.progress import Advance, Stages
+from endoct.workbench.running.refusals import refusing_disk_errors
+from endoct.workbench.running.scheduler import one_blas_thread
+
+Writer = Callable[[Path, Planned], None]
+"""Writes the recordings and the truth of a specimen into a folder that does not exist yet."""
+
+
+def simulated_specimen(folder: Path, specimen: Planned) -> None:
+    """Write a specimen of endoct's simulator."""
+    from endoct.synthetic.specimen import simulate
+
+    kind = specimen.kind
+    if kind.preset is None:
+        raise EndoctError(f"the kind {kind.name} has no preset")
+    simulate(folder, preset=kind.preset, seed=specimen.seed, ranges=kind.vary, ct="pose" in kind.tasks, workers=1)
+
+
+WRITERS: Mapping[str, Writer] = {"simulator": simulated_specimen}
+
+
+def make_set(
+    output: Path,
+    name: str,
+    *,
+    half: Half = "public",
+    size: Size = "small",
+    key: int | None = None,
+    writers: Mapping[str, Writer] = WRITERS,
+    workers: int = 1,
+    stages: Stages,
+) -> SpecimenSet:
+    """Make the set ``name`` in the folder ``output``, or what is missing of it there; return what it lists.
+
+    ``key``: what the seeds follow from, needed for the hidden half. Kinds of a generator that ``writers`` lack are
+    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where a specimen cannot be made, or
+    one that is there is not as it was made.
+    """
+    definition = load_definition(name)
+    if (half == "hidden") == (key is None):
+        raise EndoctError(f"the {half} half {'needs a key' if key is None else 'has a key of its own'}")
+    every = planned(definition, half, size, definition.public_key if key is None else key)
+    wanted = [one for one in every if one.kind.generator in writers]
+    with refusing_disk_errors(output), stages.stage(f"{len(wanted)} specimens of {name}") as advance:
+        output.mkdir(parents=True, exist_ok=True)
+        entries = dict(_made(output, wanted, writers, workers, advance))
+        listed = SpecimenSet(
+            set=name,
+            half=half,
+            size=size,
+            versions=versions(),
+            specimens=tuple(entries[one.name] for one in wanted),
+        )
+        with new_file(output / SET_FILE) as file:
+            file.write((listed.model_dump_json(indent=1) + "\n").encode())
+    return listed
+
+
+def _made(
+    output: Path, wanted: Sequence[Planned], writers: Mapping[str, Writer], workers: int, advance: Advance
+) -> Iterator[tuple[str, Entry]]:
+    jobs = [partial(make_specimen, output, one, writers[one.kind.generator]) for one in wanted]
+    if workers == 1:
+        for done, job in enumerate(jobs, 1):
+            entry = job()
+            yield entry.name, entry
+            advance(done / len(jobs))
+        return
+    from distributed import as_completed
+
+    from endoct.workbench.running.cluster import own_cluster
+
+    with own_cluster(min(workers, len(jobs))) as client:
+        for done, future in enumerate(as_completed([client.submit(job, pure=False) for job in jobs]), 1):
+            entry = future.result()
+            yield entry.name, entry
+            advance(done / len(jobs))
+
+
+@one_blas_thread()
+def make_specimen(output: Path, specimen: Planned, write: Writer) -> Entry:
+    """Make a specimen of a set with its panoramas, or check the one that is there; return its entry."""
+    place, kind = output / specimen.name, specimen.kind
+    if (place / SPECIMEN_FILE).is_file():
+        stated = Entry.model_validate_json((place / SPECIMEN_FILE).read_bytes())
+        if entry_of(place, stated) != stated:
+            raise EndoctError(f"{place} is not as it was made", remedy="move it away; it is then made again")
+        return stated
+    with scratch_next_to(place) as scratch:
+        folder = scratch / specimen.name
+        write(folder, specimen)
+        for side in SIDES:
+            if (folder / side).is_dir():
+                panorama = api.unroll(folder / side, progress=False)
+                inputs = {Path(path).name: digest for path, digest in panorama.provenance.get("inputs", {}).items()}
+                stored = replace(panorama, provenance={**panorama.provenance, "inputs": inputs})
+                save_panorama(stored, folder / f"{side}.zarr")
+        entry = entry_of(
+            folder,
+            Entry(
+                name=specimen.name,
+                generator=kind.generator,
+                difficulty=kind.difficulty,
+                tasks=kind.tasks,
+                split=specimen.split,
+                recorded="",
+                unrolled={},
+            ),
+        )
+        (folder / SPECIMEN_FILE).write_text(entry.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        folder.rename(place)
+    return entry

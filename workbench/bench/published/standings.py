@@ -1,0 +1,230 @@
+"""Where methods stand on a published set: by generator and difficulty, and where endoct's own are beaten."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
+from endoct.workbench.bench.published.definition import (
+    DIFFICULTIES,
+    Difficulty,
+    Generator,
+    Half,
+    ScoredTask,
+    Size,
+    load_definition,
+)
+from endoct.workbench.bench.published.submission import Scored, Submission, read_submission
+from endoct.workbench.bench.results.score_summary import Share, share
+from endoct.workbench.bench.task import SUCCESS, load_task
+
+OURS = "endoct"
+"""The name of the method that endoct itself uses, in every task."""
+MOST_FILES = 1000
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A method of a submission, by a name that no other of the board has; ``file``: that of the submission."""
+
+    name: str
+    origin: str
+    file: str
+    submission: Submission
+    rows: tuple[Scored, ...]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What a method scored on the cases of one generator, or of one of its difficulties.
+
+    ``success`` is over all cases. ``median``, with its 95 % interval ``low`` to ``high``, and ``mean`` are of the main
+    score over the ``ok`` cases that have it; NaN where there is none, and the interval where there are too few.
+    """
+
+    entrant: Entrant
+    cases: int
+    ok: int
+    declined: int
+    failed: int
+    success: Share
+    median: float
+    low: float
+    high: float
+    mean: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Loss:
+    """Where a method beats endoct's own: cases in which it is better, worse and even, of those that either answered.
+
+    ``theirs`` and ``ours``: the medians of the main score over the cases that both answered.
+    """
+
+    generator: Generator
+    method: str
+    better: int
+    worse: int
+    even: int
+    theirs: float
+    ours: float
+
+
+@dataclass(frozen=True)
+class TaskBoard:
+    """The entrants of one task on one set, all on the same recordings."""
+
+    set: str
+    half: Half
+    size: Size
+    task: str
+    title: str
+    scored: ScoredTask
+    meaning: str
+    entrants: tuple[Entrant, ...]
+
+    @property
+    def generators(self) -> tuple[Generator, ...]:
+        """Return who made the specimens, in order."""
+        entries = self.entrants[0].submission.specimens
+        return tuple(dict.fromkeys(one.generator for one in entries))
+
+    @property
+    def unrolled_alike(self) -> bool:
+        """Say whether all entrants were given panoramas that are equal to the last bit."""
+        return len({one.submission.data_digest for one in self.entrants}) == 1
+
+    def rows(self, entrant: Entrant, generator: Generator, difficulty: Difficulty | None = None) -> list[Scored]:
+        """Return an entrant's rows on the specimens of a generator, or of one of its difficulties."""
+        wanted = {
+            one.name
+            for one in entrant.submission.specimens
+            if one.generator == generator and difficulty in (None, one.difficulty)
+        }
+        return [row for row in entrant.rows if row.specimen in wanted]
+
+    def standings(self, generator: Generator, difficulty: Difficulty | None = None) -> list[Standing]:
+        """Return the entrants' standings, best first: by success, then by the main score."""
+        given = [(one, self.rows(one, generator, difficulty)) for one in self.entrants]
+        made = [_standing(one, rows, self.scored.score) for one, rows in given if rows]
+        sign = -1 if self.scored.better == "higher" else 1
+        return sorted(made, key=lambda one: (-one.success.k / one.success.n, sign * np.nan_to_num(one.median, nan=0)))
+
+    def difficulties(self, generator: Generator) -> tuple[Difficulty, ...]:
+        """Return the difficulties that the specimens of a generator have, easy first."""
+        given = {one.difficulty for one in self.entrants[0].submission.specimens if one.generator == generator}
+        return tuple(one for one in DIFFICULTIES if one in given)
+
+    def losses(self) -> list[Loss]:
+        """Return where another method is better than endoct's own in more cases than it is worse."""
+        ours = next((one for one in self.entrants if one.name == OURS), None)
+        if ours is None:
+            return []
+        losses = [
+            self._loss(generator, ours, one) for generator in self.generators for one in self.entrants if one != ours
+        ]
+        return [loss for loss in losses if loss.better > loss.worse]
+
+    def _loss(self, generator: Generator, ours: Entrant, other: Entrant) -> Loss:
+        sign = 1 if self.scored.better == "higher" else -1
+        mine = {row.case: row for row in self.rows(ours, generator)}
+        better = worse = even = 0
+        both: list[tuple[float, float]] = []
+        for row in self.rows(other, generator):
+            if (against := mine.get(row.case)) is None:
+                continue
+            theirs, own = (_main(one, self.scored.score) for one in (row, against))
+            if np.isfinite(theirs) and np.isfinite(own):
+                both.append((theirs, own))
+            lead = sign * (theirs - own) if np.isfinite(theirs) and np.isfinite(own) else _won(row) - _won(against)
+            better, worse, even = better + (lead > 0), worse + (lead < 0), even + (lead == 0)
+        medians = np.median(both, axis=0) if both else (np.nan, np.nan)
+        return Loss(generator, other.name, better, worse, even, float(medians[0]), float(medians[1]))
+
+
+def read_boards(folder: Path) -> list[TaskBoard]:
+    """Return a board for each task and set that the submissions in ``folder`` are of.
+
+    Raises :class:`EndoctError` where there is none, one was changed, or two were run on different recordings.
+    """
+    files = sorted(folder.glob("*.json"))
+    if not files or len(files) > MOST_FILES:
+        raise EndoctError(
+            f"{folder} holds {'too many' if files else 'no'} submissions", expected=f"1 to {MOST_FILES} JSON files"
+        )
+    read = [(path.stem, read_submission(path)) for path in files]
+    boards = []
+    for key in dict.fromkeys((one.set, one.half, one.size, one.task) for _, one in read):
+        same = [(name, one) for name, one in read if (one.set, one.half, one.size, one.task) == key]
+        _check_alike(same)
+        name, half, size, task_name = key
+        definition = load_definition(name)
+        if task_name not in definition.tasks:
+            raise EndoctError(f"{name} has no task '{task_name}'", expected=" or ".join(definition.tasks))
+        task, scored = load_task(task_name), definition.tasks[task_name]
+        meaning = task.scores.get(scored.score, scored.score)
+        boards.append(TaskBoard(name, half, size, task_name, task.title, scored, meaning, tuple(_entrants(same))))
+    return boards
+
+
+def _check_alike(same: Sequence[tuple[str, Submission]]) -> None:
+    first_name, first = same[0]
+    wanted = [(one.name, one.recorded) for one in first.specimens]
+    for name, other in same[1:]:
+        if [(one.name, one.recorded) for one in other.specimens] != wanted:
+            raise EndoctError(
+                f"the submissions {first_name} and {name} were run on different recordings",
+                found=f"{len(first.specimens)} and {len(other.specimens)} specimens of {first.set}",
+                remedy="submit both on one set, or keep them in two folders",
+            )
+
+
+def _entrants(same: Iterable[tuple[str, Submission]]) -> list[Entrant]:
+    entrants: list[Entrant] = []
+    for file, submission in same:
+        for name, origin in submission.methods.items():
+            taken = any(one.name == name for one in entrants)
+            rows = tuple(row for row in submission.rows if row.method == name)
+            entrants.append(Entrant(f"{name} ({file})" if taken else name, origin, file, submission, rows))
+    return entrants
+
+
+def _standing(entrant: Entrant, rows: Sequence[Scored], score: str) -> Standing:
+    status = [row.status for row in rows]
+    values = np.array([_main(row, score) for row in rows])
+    values = values[np.isfinite(values)]
+    low, high = _interval(values)
+    return Standing(
+        entrant,
+        len(rows),
+        status.count("ok"),
+        status.count("declined"),
+        status.count("failed"),
+        share(sum(map(_won, rows)), len(rows)),
+        float(np.median(values)) if values.size else np.nan,
+        low,
+        high,
+        float(values.mean()) if values.size else np.nan,
+        float(np.median([row.seconds for row in rows])),
+    )
+
+
+def _interval(values: Coordinates) -> tuple[float, float]:
+    """Return the 95 % interval of a median by order statistics; NaN where there are too few values for one."""
+    if values.size < 2:
+        return np.nan, np.nan
+    interval = stats.quantile_test(values, p=0.5).confidence_interval(0.95)
+    return float(interval.low), float(interval.high)
+
+
+def _main(row: Scored, score: str) -> float:
+    return row.scores.get(score, np.nan) if row.status == "ok" else np.nan
+
+
+def _won(row: Scored) -> int:
+    return int(row.scores.get(SUCCESS, 0.0) > 0.5)

@@ -1,0 +1,219 @@
+"""A submission: what methods scored on a published set, with digests of data and code, versions, machine and times.
+
+It is one JSON file with a digest of itself, so that a file that was edited or cut off is noticed. That is no
+protection against forgery: ``endoct bench check`` reruns a sample of the cases.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small
+from endoct.base.files.output import check_output, new_output
+from endoct.workbench.bench.checkpoint import machine, open_checkpoint, source_digests
+from endoct.workbench.bench.program import with_programs
+from endoct.workbench.bench.published.definition import Half, Size
+from endoct.workbench.bench.published.specimen_set import (
+    Entry,
+    SpecimenSet,
+    check_specimen,
+    digest_of_entries,
+    read_set,
+)
+from endoct.workbench.bench.runner import Plan, Row, Status, run
+from endoct.workbench.bench.task import AnyTask, check_names, load_task, origin
+from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.running.kinds import SUBMISSION
+from endoct.workbench.running.progress import Stages
+
+FORMAT = "endoct bench submission 1"
+NO_PROGRAMS: Mapping[str, str] = MappingProxyType({})
+MOST_BYTES = 64_000_000
+
+
+class Scored(BaseModel):
+    """What came of one method on one case of a specimen; see :class:`endoct.workbench.bench.runner.Row`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    specimen: str
+    case: str
+    method: str
+    status: Status
+    reason: str
+    scores: dict[str, float]
+    seconds: float
+    cpu_seconds: float
+
+    @property
+    def outcome(self) -> tuple[str, dict[str, float]]:
+        """Return what does not depend on the machine's speed."""
+        return self.status, self.scores
+
+
+class Submission(BaseModel):
+    """The content of a submission.
+
+    ``specimens``: those it was run on, with the digests of what was read. ``methods``: by name where each comes from;
+    of these ``programs`` are commands, of whose source nothing is known.
+    ``sources``: digests of endoct's source and of the modules of others' methods. ``left_out``: methods whose library
+    is not installed, with the reason.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: str = FORMAT
+    set: str
+    half: Half
+    size: Size
+    task: str
+    specimens: tuple[Entry, ...]
+    methods: dict[str, str]
+    programs: dict[str, str]
+    sources: dict[str, str]
+    left_out: dict[str, str]
+    rows: tuple[Scored, ...]
+    versions: dict[str, str]
+    machine: dict[str, Any]
+    workers: int
+    seconds: float
+
+    @property
+    def data_digest(self) -> str:
+        """Return the digest of the specimens that it was run on."""
+        return digest_of_entries(self.specimens)
+
+
+def submit(
+    data: Path,
+    task_name: str,
+    output: Path,
+    *,
+    methods: Sequence[str] = (),
+    programs: Mapping[str, str] = NO_PROGRAMS,
+    workers: int = 1,
+    overwrite: bool = False,
+    stages: Stages,
+) -> Submission:
+    """Run methods on the specimens of the set in ``data`` that are for a task, and write ``output``.
+
+    ``programs``: commands of methods that are programs, by name; with some, only those ``methods`` that are named run.
+    Every specimen is checked against its digests first. A run that was stopped goes on with the same command. Raises
+    :class:`EndoctError` where the set is damaged, none of its specimens is for the task, or ``output`` exists.
+    """
+    specimens = read_set(data)
+    task = with_programs(load_task(task_name), programs)
+    entries = entries_for(specimens, task_name, data)
+    folders = tuple((data / one.name).absolute() for one in entries)
+    plan = Plan(task_name, check_names(task, [*methods, *programs]), own=folders, programs=programs)
+    check_output(output, SUBMISSION, overwrite=overwrite, inputs=[data], is_ours=is_submission)
+    check_entries(data, entries, stages)
+    checkpoint = open_checkpoint(output, plan, overwrite=overwrite)
+    start = time.perf_counter()
+    rows = checkpoint.read()
+
+    def keep(place: int, new: Sequence[Row]) -> None:
+        checkpoint.save(place, new)
+        rows[place] = list(new)
+
+    with stages.stage(f"bench {task_name}") as advance:
+        run(plan, workers=workers, advance=advance, finished=dict(rows), keep=keep)
+    submission = _submission(specimens, task, entries, plan, rows, workers, time.perf_counter() - start)
+    with new_output(output, SUBMISSION, overwrite=overwrite, inputs=[data], is_ours=is_submission) as scratch:
+        scratch.write_bytes(text_of(submission).encode())
+    checkpoint.remove()
+    return submission
+
+
+def entries_for(specimens: SpecimenSet, task: str, folder: Path) -> tuple[Entry, ...]:
+    """Return the specimens of a set that are for a task. Raises :class:`EndoctError` where there is none."""
+    entries = tuple(one for one in specimens.specimens if task in one.tasks)
+    if not entries:
+        known = sorted({each for one in specimens.specimens for each in one.tasks})
+        raise EndoctError(f"no specimen of {folder} is for the task '{task}'", expected=" or ".join(known))
+    return entries
+
+
+def check_entries(data: Path, entries: Sequence[Entry], stages: Stages) -> None:
+    """Compare specimens with their digests. Raises :class:`EndoctError` where one is not as the set says."""
+    with stages.stage("check of the data") as advance:
+        for done, entry in enumerate(entries, 1):
+            check_specimen(data, entry)
+            advance(done / len(entries))
+
+
+def _submission(
+    specimens: SpecimenSet,
+    task: AnyTask,
+    entries: tuple[Entry, ...],
+    plan: Plan,
+    rows: dict[int, list[Row]],
+    workers: int,
+    seconds: float,
+) -> Submission:
+    every = [(entries[place].name, row) for place in sorted(rows) for row in rows[place]]
+    left_out = {row.method: row.reason for _, row in every if row.status == "missing"}
+    scored = tuple(scored_row(name, row) for name, row in every if row.method not in left_out)
+    if not scored:
+        raise EndoctError("none of the methods is installed", found="; ".join(left_out.values()))
+    return Submission(
+        set=specimens.set,
+        half=specimens.half,
+        size=specimens.size,
+        task=task.name,
+        specimens=entries,
+        methods={name: origin(task, name) for name in plan.methods if name not in left_out},
+        programs=dict(plan.programs),
+        sources=dict(source_digests(plan)),
+        left_out=left_out,
+        rows=scored,
+        versions=versions(),
+        machine=machine(),
+        workers=workers,
+        seconds=round(seconds, 1),
+    )
+
+
+def scored_row(specimen: str, row: Row) -> Scored:
+    """Return a row of a run as a submission states it."""
+    facts = asdict(row)
+    del facts["conditions"]
+    return Scored(specimen=specimen, **facts)
+
+
+def text_of(submission: Submission) -> str:
+    """Return the JSON of a submission, with the digest of its content."""
+    content = submission.model_dump(mode="json")
+    return json.dumps({**content, "digest": _digest(content)}, indent=1, ensure_ascii=False) + "\n"
+
+
+def read_submission(path: Path) -> Submission:
+    """Return what :func:`submit` wrote. Raises :class:`EndoctError` where it is something else, or was changed."""
+    with refusing(f"{path} cannot be used", expected="a file that `endoct bench submit` wrote", remedy="submit again"):
+        content = json.loads(read_small(path, MOST_BYTES))
+        if not isinstance(content, dict) or content.get("format") != FORMAT:
+            raise ValueError("it is no submission")
+        if content.pop("digest", None) != _digest(content):
+            raise ValueError("its content was changed since it was written")
+        return Submission.model_validate(content)
+
+
+def is_submission(path: Path) -> bool:
+    """Say whether a file is a submission that nobody changed."""
+    try:
+        read_submission(path)
+    except EndoctError:
+        return False
+    return True
+
+
+def _digest(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,150 @@
+"""Commands of published benchmarks: make a set, submit methods on it, check a submission, draw the board."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import path_text
+from endoct.workbench.commands.console import command_stages, print_json, print_line
+from endoct.workbench.requests import OutputPath
+from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
+
+SET = "endoct-bench-1"
+
+
+def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = False) -> int:
+    """Make the public half of the published benchmark endoct-bench-1, or what is missing of it in the folder.
+
+    Args:
+        output: folder of the set
+        full: make the full set, five times the small one
+        workers: processes that share the specimens
+        json: print as JSON
+    """
+    from endoct.workbench.bench.published.definition import load_definition
+    from endoct.workbench.bench.published.making import WRITERS, make_set
+
+    made = make_set(output, SET, size="full" if full else "small", workers=workers, stages=command_stages(json))
+    missing = sorted({kind.generator for kind in load_definition(SET).kinds} - set(WRITERS))
+    if json:
+        print_json({"output": path_text(output), "specimens": len(made.specimens), "digest": made.digest})
+        return DONE
+    print_line(f"set: {output} ({len(made.specimens)} specimens, digest {made.digest[:16]}…)")
+    print_line(f"left out: specimens of the {', '.join(missing)} generator, which a source checkout makes")
+    return DONE
+
+
+def submit(
+    task: Positional[str],
+    data: Positional[Path],
+    output: OutputPath,
+    methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
+    program: tuple[str, ...] = (),
+    workers: int = 1,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Run methods on a published set, and write one JSON file with their scores (see docs/how-to/bench.md).
+
+    Args:
+        task: oct, stitching, segmentation, alignment or pose
+        data: folder of the set, as `endoct bench make` makes it
+        output: the file to write
+        methods: names of methods, separated by commas; default: all, or none where there are programs
+        program: a method that is a program, NAME=COMMAND; it is called with two folders, what is given and the answer
+        workers: processes that share the specimens; with more than one, timings are those of a busy machine
+        overwrite: replace the output if it exists
+        json: print as JSON
+    """
+    from endoct.workbench.bench.program import parse_programs
+    from endoct.workbench.bench.published.submission import submit as run
+
+    names = [name.strip() for name in methods.split(",") if name.strip()]
+    submission = run(
+        data,
+        task,
+        output,
+        methods=names,
+        programs=parse_programs(program),
+        workers=workers,
+        overwrite=overwrite,
+        stages=command_stages(json),
+    )
+    if json:
+        print_json({"output": path_text(output), "data": submission.data_digest, "rows": len(submission.rows)})
+        return DONE
+    for name, reason in submission.left_out.items():
+        print_line(f"left out: {name}, because {reason}")
+    print_line(
+        f"submission: {output} ({len(submission.methods)} methods on {len(submission.specimens)} specimens, "
+        f"data {submission.data_digest[:16]}…)"
+    )
+    return DONE
+
+
+def check(
+    submission: Positional[Path],
+    data: Positional[Path],
+    sample: int = 2,
+    json: bool = False,
+) -> int:
+    """Run a sample of a submission again, and compare the scores to the last digit.
+
+    Args:
+        submission: the file that `endoct bench submit` wrote
+        data: folder of the set it was run on
+        sample: how many specimens to run again, with all methods
+        json: print as JSON
+    """
+    from endoct.workbench.bench.published.checking import check as run
+
+    if sample < 1:
+        raise EndoctError("--sample must be at least 1", found=str(sample))
+    checked = run(submission, data, sample=sample, stages=command_stages(json))
+    counts = {verdict: checked.count(verdict) for verdict in ("equal", "near", "different")}
+    if json:
+        reruns = [
+            {"verdict": one.verdict, "stated": asdict_of(one.stated), "again": asdict_of(one.again)}
+            for one in checked.reruns
+        ]
+        print_json({"counts": counts, "rows": reruns})
+    else:
+        for one in checked.reruns:
+            if one.verdict != "equal":
+                before, after = one.stated, one.again
+                print_line(f"{one.verdict}: {before.method} on {before.case}: {before.outcome}, again {after.outcome}")
+        print_line(
+            f"{len(checked.reruns)} rows run again: {counts['equal']} equal to the last digit, "
+            f"{counts['near']} but for the last bits, {counts['different']} different"
+        )
+    return UNUSABLE_INPUT if counts["different"] else DONE
+
+
+def board(folder: Positional[Path], output: OutputPath, overwrite: bool = False, json: bool = False) -> int:
+    """Draw the board of all submissions in a folder: one HTML page that opens offline.
+
+    Args:
+        folder: folder with files that `endoct bench submit` wrote
+        output: the page to write
+        overwrite: replace the output if it exists
+        json: print where endoct is beaten as JSON
+    """
+    from endoct.workbench.bench.published.board import write_board
+
+    boards = write_board(folder, output, overwrite=overwrite)
+    if json:
+        print_json({one.task: [asdict(loss) for loss in one.losses()] for one in boards})
+        return DONE
+    for one in boards:
+        beaten = ", ".join(f"{loss.method} ({loss.generator})" for loss in one.losses())
+        print_line(f"{one.task}: {len(one.entrants)} methods; endoct is beaten by {beaten or 'none'}")
+    print_line(f"board: {output}")
+    return DONE
+
+
+def asdict_of(row: object) -> dict[str, object]:
+    """Return the status and the scores of a row of a submission."""
+    return {name: getattr(row, name) for name in ("specimen", "case", "method", "status", "scores")}
