@@ -10,7 +10,7 @@ from endoct.workbench.bench.runner import Row, Status
 from endoct.workbench.bench.task import AnyTask, Case, Declined, Range, Task, draw
 from endoct.workbench.bench.tasks.alignment import RANGES
 
-LOADERS = ("command", "runner", "results.result_tables", "checkpoint")
+LOADERS = ("command", "runner", "results.result_tables")
 """Modules of the bench that load tasks by name."""
 
 EASY: Mapping[str, Range] = {

@@ -68,7 +68,7 @@ def test_the_judge_counts_valid_samples_alone(case: SegmentationCase) -> None:
 
 def test_own_data_with_masks_drawn_by_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     specimen = made("depth")
-    monkeypatch.setattr(segmentation, "_unrolled", lambda recording: specimen.given)
+    monkeypatch.setattr(segmentation, "load_side", lambda folder, name: specimen.given)
     for name in ("oct", "truth"):
         (tmp_path / "bore" / name).mkdir(parents=True)
     (tmp_path / "bore" / "oct" / "acquisition.toml").write_text('modality = "oct"\n')

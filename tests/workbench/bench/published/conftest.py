@@ -1,0 +1,35 @@
+"""A set of two small specimens that tests share."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from published_sets import planned_specimen
+
+from endoct.workbench.bench.published.definition import Planned
+from endoct.workbench.bench.published.making import make_specimen, simulated_specimen
+from endoct.workbench.bench.published.specimen_set import SET_FILE, SpecimenSet
+
+
+@pytest.fixture(scope="session")
+def plan() -> Planned:
+    """The first specimen of the set."""
+    return planned_specimen("easy", 11)
+
+
+@pytest.fixture(scope="session")
+def made_set(tmp_path_factory: pytest.TempPathFactory, plan: Planned) -> Path:
+    """A set on disk. Tests must not change it."""
+    folder = tmp_path_factory.mktemp("published") / "set"
+    folder.mkdir()
+    specimens = [plan, planned_specimen("hard", 12)]
+    entries = tuple(make_specimen(folder, specimen, simulated_specimen) for specimen in specimens)
+    content = SpecimenSet(set="endoct-bench-1", half="public", size="small", versions={}, specimens=entries)
+    (folder / SET_FILE).write_text(content.model_dump_json(), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def changed_set(made_set: Path, tmp_path: Path) -> Path:
+    """A copy of the set that a test may change."""
+    return Path(shutil.copytree(made_set, tmp_path / "copy"))

@@ -1,0 +1,60 @@
+"""A published set made: the same bytes by any number of workers, resumed, and never mixed with something else."""
+
+from pathlib import Path
+
+import pytest
+from published_sets import tiny
+
+from endoct.base.errors import EndoctError
+from endoct.workbench.bench.published import making
+from endoct.workbench.bench.published.definition import Planned
+from endoct.workbench.bench.published.making import make_set, make_specimen, simulated_specimen
+from endoct.workbench.bench.published.specimen_set import SpecimenSet, read_set
+from endoct.workbench.running.progress import SilentStages
+
+
+def made(output: Path, workers: int = 1) -> SpecimenSet:
+    return make_set(output, "endoct-bench-1", workers=workers, stages=SilentStages())
+
+
+def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(making, "load_definition", lambda _: tiny())
+    first = made(tmp_path / "set")
+    assert [entry.name for entry in first.specimens] == ["simulator-easy-000"]  # the second generator has no writer
+    assert read_set(tmp_path / "set") == first
+
+    def never(folder: Path, specimen: Planned) -> None:
+        raise AssertionError(f"{specimen.name} was made again in {folder}")
+
+    again = make_set(tmp_path / "set", "endoct-bench-1", writers={"simulator": never}, stages=SilentStages())
+    assert again == first
+
+
+@pytest.mark.slow
+def test_workers_change_no_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(making, "load_definition", lambda _: tiny(count=2))
+    assert made(tmp_path / "alone").digest == made(tmp_path / "together", workers=2).digest
+
+
+def test_a_specimen_that_was_changed_is_refused(changed_set: Path, plan: Planned) -> None:
+    (changed_set / plan.name / "oct" / "acquisition.toml").write_text("", encoding="utf-8")
+    with pytest.raises(EndoctError, match="not as it was made"):
+        make_specimen(changed_set, plan, simulated_specimen)
+
+
+def test_a_writer_that_fails_leaves_nothing(tmp_path: Path, plan: Planned) -> None:
+    def fails(folder: Path, specimen: Planned) -> None:
+        folder.mkdir()
+        (folder / "half").write_text(specimen.name, encoding="utf-8")
+        raise EndoctError("no more")
+
+    with pytest.raises(EndoctError, match="no more"):
+        make_specimen(tmp_path, plan, fails)
+    assert not list(tmp_path.iterdir())
+
+
+def test_each_half_has_its_key(tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match="needs a key"):
+        make_set(tmp_path, "endoct-bench-1", half="hidden", stages=SilentStages())
+    with pytest.raises(EndoctError, match="key of its own"):
+        make_set(tmp_path, "endoct-bench-1", key=5, stages=SilentStages())

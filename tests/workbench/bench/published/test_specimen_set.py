@@ -1,0 +1,73 @@
+"""A published set on disk: its digests notice every change, and nothing that is none."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from endoct.base.errors import EndoctError
+from endoct.stitching.store import load_panorama
+from endoct.workbench.bench.published.specimen_set import (
+    SET_FILE,
+    check_specimen,
+    panorama_digest,
+    read_set,
+    recorded_digest,
+)
+
+
+def test_a_whole_set_passes(made_set: Path) -> None:
+    for entry in read_set(made_set).specimens:
+        check_specimen(made_set, entry)
+        assert set(entry.unrolled) == {"oct", "endoscope"}
+
+
+def test_a_flipped_bit_of_the_truth_is_noticed(changed_set: Path) -> None:
+    entry = read_set(changed_set).specimens[0]
+    path = changed_set / entry.name / "truth" / "recording.json"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(EndoctError, match="recordings or truth"):
+        check_specimen(changed_set, entry)
+
+
+def test_a_file_more_is_noticed(changed_set: Path) -> None:
+    entry = read_set(changed_set).specimens[0]
+    before = recorded_digest(changed_set / entry.name)
+    (changed_set / entry.name / "oct" / "more.txt").write_text("", encoding="utf-8")
+    assert recorded_digest(changed_set / entry.name) != before
+
+
+def test_the_digest_of_a_panorama_is_that_of_its_samples(made_set: Path) -> None:
+    panorama = load_panorama(made_set / "simulator-easy-000" / "oct.zarr")
+    assert panorama_digest(replace(panorama, provenance={}, notes=("another",))) == panorama_digest(panorama)
+    turned = replace(panorama, valid=np.roll(panorama.valid, 1, axis=1), depth_mm=np.roll(panorama.depth_mm, 1, axis=1))
+    assert panorama_digest(turned) != panorama_digest(panorama)
+    off = panorama.depth_mm.copy()
+    off[0, 0] = np.nextafter(off[0, 0], np.float32(9))
+    assert panorama_digest(replace(panorama, depth_mm=off)) != panorama_digest(panorama)
+
+
+def test_the_store_names_no_place_of_the_machine(made_set: Path) -> None:
+    for side in ("oct", "endoscope"):
+        inputs = load_panorama(made_set / "simulator-easy-000" / f"{side}.zarr").provenance["inputs"]
+        assert inputs
+        assert all("/" not in path for path in inputs)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": "another"}'])
+def test_what_is_no_set_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(EndoctError, match="no set"):
+        read_set(tmp_path)
+    (tmp_path / SET_FILE).write_text(text, encoding="utf-8")
+    with pytest.raises(EndoctError, match="damaged"):
+        read_set(tmp_path)
+
+
+def test_a_name_that_leads_out_of_the_set_is_refused(changed_set: Path) -> None:
+    path = changed_set / SET_FILE
+    path.write_text(path.read_text(encoding="utf-8").replace("simulator-easy-000", "../outside"), encoding="utf-8")
+    with pytest.raises(EndoctError, match="cannot be used"):
+        read_set(changed_set)
