@@ -25,7 +25,8 @@ def planned_specimen(difficulty: Difficulty, seed: int) -> Planned:
 def entry(name: str, generator: str = "simulator", difficulty: str = "easy") -> Entry:
     """A specimen of a set that is nowhere."""
     facts = {"name": name, "generator": generator, "difficulty": difficulty, "tasks": TASKS, "split": "train"}
-    return Entry.model_validate({**facts, "recorded": "a" * 64, "unrolled": {"oct": "b" * 64}})
+    digests = {"recorded": {"oct": "a" * 64, "truth": "c" * 64}, "unrolled": {"oct": "b" * 64}}
+    return Entry.model_validate({**facts, **digests, "means": {"oct": (50.0, 60.0)}})
 
 
 def scored(specimen: str, method: str, jaccard: float | None, *, success: bool = False, seconds: float = 1.0) -> Scored:

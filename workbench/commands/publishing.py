@@ -120,7 +120,9 @@ def check(
             f"{len(checked.reruns)} rows run again: {counts['equal']} equal to the last digit, "
             f"{counts['near']} but for the last bits, {counts['different']} different"
         )
-    return UNUSABLE_INPUT if counts["different"] else DONE
+        if not checked.is_of_equal_data:
+            print_line("the data here are equal to those of the submission but for rounding, on another processor")
+    return UNUSABLE_INPUT if counts["different"] and checked.is_of_equal_data else DONE
 
 
 def board(folder: Positional[Path], output: OutputPath, overwrite: bool = False, json: bool = False) -> int:

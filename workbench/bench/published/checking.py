@@ -7,7 +7,7 @@ from pathlib import Path
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.program import with_programs
-from endoct.workbench.bench.published.specimen_set import Entry, read_set
+from endoct.workbench.bench.published.specimen_set import Entry, digest_of_entries, read_set
 from endoct.workbench.bench.published.submission import Scored, Submission, check_entries, read_submission, scored_row
 from endoct.workbench.bench.runner import Plan, run_source
 from endoct.workbench.bench.task import check_names, load_task
@@ -35,10 +35,16 @@ class Rerun:
 
 @dataclass(frozen=True)
 class Checked:
-    """A submission, and its rows that were run again."""
+    """A submission, its rows that were run again, and the digest of the data here."""
 
     submission: Submission
     reruns: tuple[Rerun, ...]
+    data_digest: str
+
+    @property
+    def is_of_equal_data(self) -> bool:
+        """Say whether the data here are equal to the bit to those of the submission."""
+        return self.data_digest == self.submission.data_digest
 
     def count(self, verdict: str) -> int:
         """Return how many rows have a verdict."""
@@ -70,18 +76,18 @@ def check(path: Path, data: Path, *, sample: int, stages: Stages) -> Checked:
                     raise EndoctError(f"the submission lacks {again.method} on {again.case}", found=str(path))
                 reruns.append(Rerun(before, again, _worst(before, again)))
             advance(done / len(chosen))
-    return Checked(submission, tuple(reruns))
+    return Checked(submission, tuple(reruns), digest_of_entries(entries))
 
 
 def _here(submission: Submission, data: Path) -> tuple[Entry, ...]:
-    """Return the specimens of a submission. Raises where ``data`` holds others by the same names."""
+    """Return the specimens of a submission as they are in ``data``. Raises where it has others by the same names."""
     there = {one.name: one for one in read_set(data).specimens}
     for entry in submission.specimens:
         if entry.name not in there:
             raise EndoctError(f"{data} lacks {entry.name}", expected=f"the {submission.half} half of {submission.set}")
-        if there[entry.name].recorded != entry.recorded:
-            raise EndoctError(f"{entry.name} in {data} is another specimen", found=there[entry.name].recorded[:16])
-    return submission.specimens
+        if not there[entry.name].is_alike(entry):
+            raise EndoctError(f"{entry.name} in {data} is another specimen", found=there[entry.name].digest[:16])
+    return tuple(there[entry.name] for entry in submission.specimens)
 
 
 def _worst(before: Scored, again: Scored) -> float:

@@ -8,7 +8,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small
 from endoct.base.files.scratch import new_file, scratch_next_to
 from endoct.stitching.store import save_panorama
 from endoct.workbench import api
@@ -106,7 +107,8 @@ def make_specimen(output: Path, specimen: Planned, write: Writer) -> Entry:
     """Make a specimen of a set with its panoramas, or check the one that is there; return its entry."""
     place, kind = output / specimen.name, specimen.kind
     if (place / SPECIMEN_FILE).is_file():
-        stated = Entry.model_validate_json((place / SPECIMEN_FILE).read_bytes())
+        with refusing(f"{place} is no specimen of a set", remedy="move it away; it is then made again"):
+            stated = Entry.model_validate_json(read_small(place / SPECIMEN_FILE))
         if entry_of(place, stated) != stated:
             raise EndoctError(f"{place} is not as it was made", remedy="move it away; it is then made again")
         return stated
@@ -127,8 +129,9 @@ def make_specimen(output: Path, specimen: Planned, write: Writer) -> Entry:
                 difficulty=kind.difficulty,
                 tasks=kind.tasks,
                 split=specimen.split,
-                recorded="",
+                recorded={},
                 unrolled={},
+                means={},
             ),
         )
         (folder / SPECIMEN_FILE).write_text(entry.model_dump_json(indent=1) + "\n", encoding="utf-8")

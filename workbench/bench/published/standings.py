@@ -95,8 +95,8 @@ class TaskBoard:
         return tuple(dict.fromkeys(one.generator for one in entries))
 
     @property
-    def unrolled_alike(self) -> bool:
-        """Say whether all entrants were given panoramas that are equal to the last bit."""
+    def has_equal_data(self) -> bool:
+        """Say whether all entrants were given data that are equal to the bit."""
         return len({one.submission.data_digest for one in self.entrants}) == 1
 
     def rows(self, entrant: Entrant, generator: Generator, difficulty: Difficulty | None = None) -> list[Scored]:
@@ -174,9 +174,9 @@ def read_boards(folder: Path) -> list[TaskBoard]:
 
 def _check_alike(same: Sequence[tuple[str, Submission]]) -> None:
     first_name, first = same[0]
-    wanted = [(one.name, one.recorded) for one in first.specimens]
     for name, other in same[1:]:
-        if [(one.name, one.recorded) for one in other.specimens] != wanted:
+        pairs = zip(first.specimens, other.specimens, strict=False)
+        if len(first.specimens) != len(other.specimens) or not all(one.is_alike(two) for one, two in pairs):
             raise EndoctError(
                 f"the submissions {first_name} and {name} were run on different recordings",
                 found=f"{len(first.specimens)} and {len(other.specimens)} specimens of {first.set}",

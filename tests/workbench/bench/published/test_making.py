@@ -37,9 +37,17 @@ def test_workers_change_no_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_specimen_that_was_changed_is_refused(changed_set: Path, plan: Planned) -> None:
-    (changed_set / plan.name / "oct" / "acquisition.toml").write_text("", encoding="utf-8")
+    with (changed_set / plan.name / "oct" / "acquisition.toml").open("a", encoding="utf-8") as file:
+        file.write("# a remark\n")
     with pytest.raises(EndoctError, match="not as it was made"):
         make_specimen(changed_set, plan, simulated_specimen)
+
+
+def test_a_folder_of_others_is_refused(tmp_path: Path, plan: Planned) -> None:
+    (tmp_path / plan.name).mkdir()
+    (tmp_path / plan.name / "specimen.json").write_text('{"name": "mine"}', encoding="utf-8")
+    with pytest.raises(EndoctError, match="no specimen of a set"):
+        make_specimen(tmp_path, plan, simulated_specimen)
 
 
 def test_a_writer_that_fails_leaves_nothing(tmp_path: Path, plan: Planned) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from published_sets import entry
 
 from endoct.base.errors import EndoctError
 from endoct.stitching.store import load_panorama
@@ -13,31 +14,46 @@ from endoct.workbench.bench.published.specimen_set import (
     check_specimen,
     panorama_digest,
     read_set,
-    recorded_digest,
 )
 
 
 def test_a_whole_set_passes(made_set: Path) -> None:
-    for entry in read_set(made_set).specimens:
-        check_specimen(made_set, entry)
-        assert set(entry.unrolled) == {"oct", "endoscope"}
+    for each in read_set(made_set).specimens:
+        check_specimen(made_set, each)
+        assert set(each.unrolled) == set(each.means) == {"oct", "endoscope"}
+        assert set(each.recorded) == {"oct", "endoscope", "truth"}
 
 
 def test_a_flipped_bit_of_the_truth_is_noticed(changed_set: Path) -> None:
-    entry = read_set(changed_set).specimens[0]
-    path = changed_set / entry.name / "truth" / "recording.json"
+    first = read_set(changed_set).specimens[0]
+    path = changed_set / first.name / "truth" / "recording.json"
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
-    with pytest.raises(EndoctError, match="recordings or truth"):
-        check_specimen(changed_set, entry)
+    with pytest.raises(EndoctError, match="another truth"):
+        check_specimen(changed_set, first)
 
 
 def test_a_file_more_is_noticed(changed_set: Path) -> None:
-    entry = read_set(changed_set).specimens[0]
-    before = recorded_digest(changed_set / entry.name)
-    (changed_set / entry.name / "oct" / "more.txt").write_text("", encoding="utf-8")
-    assert recorded_digest(changed_set / entry.name) != before
+    first = read_set(changed_set).specimens[0]
+    (changed_set / first.name / "more.txt").write_text("", encoding="utf-8")
+    with pytest.raises(EndoctError, match=r"another more\.txt"):
+        check_specimen(changed_set, first)
+
+
+def test_another_rounding_is_alike_and_another_truth_is_not() -> None:
+    first = entry("s0")
+    rounded = {"recorded": {**first.recorded, "oct": "d" * 64}, "means": {"oct": (50.004, 59.998)}}
+    assert first.is_alike(first.model_copy(update=rounded))
+    assert first.digest != first.model_copy(update=rounded).digest
+    for other in (
+        {"means": {"oct": (50.0, 60.1)}},
+        {"means": {"oct": (50.0,)}},
+        {"means": {}},
+        {"name": "s1"},
+        {"recorded": {**first.recorded, "truth": "d" * 64}},
+    ):
+        assert not first.is_alike(first.model_copy(update=other))
 
 
 def test_the_digest_of_a_panorama_is_that_of_its_samples(made_set: Path) -> None:

@@ -64,7 +64,7 @@ def test_methods_of_one_name_are_kept_apart(tmp_path: Path) -> None:
 
 def test_submissions_on_different_recordings_are_refused(tmp_path: Path) -> None:
     for number, digest in enumerate("ab"):
-        of = entry("s0").model_copy(update={"recorded": digest * 64})
+        of = entry("s0").model_copy(update={"recorded": {"truth": digest * 64}})
         text = text_of(submission([scored("s0", "mine", 0.5)], [of]))
         (tmp_path / f"{number}.json").write_text(text, encoding="utf-8")
     with pytest.raises(EndoctError, match="different recordings"):
@@ -73,10 +73,10 @@ def test_submissions_on_different_recordings_are_refused(tmp_path: Path) -> None
         read_boards(tmp_path / "nothing")
 
 
-def test_panoramas_of_another_processor_are_said(tmp_path: Path) -> None:
+def test_data_of_another_processor_are_said(tmp_path: Path) -> None:
     for number, digest in enumerate("ab"):
         of = entry("s0").model_copy(update={"unrolled": {"oct": digest * 64}})
         text = text_of(submission([scored("s0", f"mine{number}", 0.5)], [of]))
         (tmp_path / f"{number}.json").write_text(text, encoding="utf-8")
     (board,) = read_boards(tmp_path)
-    assert not board.unrolled_alike
+    assert not board.has_equal_data

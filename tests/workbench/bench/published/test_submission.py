@@ -45,7 +45,7 @@ def test_methods_and_a_program_are_scored_on_every_specimen(made_set: Path, tmp_
 
 def test_damaged_data_are_refused_before_anything_runs(changed_set: Path, tmp_path: Path) -> None:
     (changed_set / "simulator-hard-000" / "truth" / "recording.json").write_text("{}", encoding="utf-8")
-    with pytest.raises(EndoctError, match="recordings or truth"):
+    with pytest.raises(EndoctError, match="another truth"):
         run(changed_set, tmp_path / "mine.json", methods=["li-depth"])
     assert not (tmp_path / "mine.json").exists()
 
