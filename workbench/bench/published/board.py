@@ -51,8 +51,10 @@ def _section(board: TaskBoard) -> dict[str, object]:
         "curves": _svg(_curves(board)),
         "costs": _svg(_costs(board)),
         "specimens": [(GENERATORS[one], _by_case(board, one)) for one in board.generators],
+        "origins": [[visible(one.name), visible(one.origin), one.file] for one in board.entrants],
         "runs": _runs(board),
         "number": number,
+        "interval": interval,
         "visible": visible,
         "ours": OURS,
     }
@@ -100,6 +102,11 @@ def _runs(board: TaskBoard) -> list[list[str]]:
 def number(value: float) -> str:
     """Return a score with three digits, a dash where there is none."""
     return f"{value:.3g}" if math.isfinite(value) else "–"
+
+
+def interval(low: float, high: float) -> str:
+    """Return an interval, a dash where there is none."""
+    return f"{number(low)}–{number(high)}" if math.isfinite(low) and math.isfinite(high) else "–"
 
 
 def _styles(entrants: Sequence[Entrant]) -> dict[str, Style]:

@@ -39,8 +39,9 @@ class _Read(BaseModel):
 
 
 class ScoredTask(_Read):
-    """A task's main score, one of those its judge gives, and which way is better."""
+    """A task's title, its main score, one of those that its judge gives, and which way is better."""
 
+    title: str
     score: str
     better: Literal["higher", "lower"]
 

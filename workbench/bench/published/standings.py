@@ -83,7 +83,6 @@ class TaskBoard:
     half: Half
     size: Size
     task: str
-    title: str
     scored: ScoredTask
     meaning: str
     entrants: tuple[Entrant, ...]
@@ -166,9 +165,9 @@ def read_boards(folder: Path) -> list[TaskBoard]:
         definition = load_definition(name)
         if task_name not in definition.tasks:
             raise EndoctError(f"{name} has no task '{task_name}'", expected=" or ".join(definition.tasks))
-        task, scored = load_task(task_name), definition.tasks[task_name]
-        meaning = task.scores.get(scored.score, scored.score)
-        boards.append(TaskBoard(name, half, size, task_name, task.title, scored, meaning, tuple(_entrants(same))))
+        scored = definition.tasks[task_name]
+        meaning = load_task(task_name).scores[scored.score]
+        boards.append(TaskBoard(name, half, size, task_name, scored, meaning, tuple(_entrants(same))))
     return boards
 
 
