@@ -19,14 +19,20 @@ from endoct.workbench.commands.completion import completion
 from endoct.workbench.commands.exports import export
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
-from endoct.workbench.commands.publishing import board, check, make, submit
+from endoct.workbench.commands.publishing import board, check, layout, make, submit
 from endoct.workbench.commands.recordings import Info, Unroll, modalities
 from endoct.workbench.commands.research import bench, train
 from endoct.workbench.commands.simulations import Simulate, dataset, demo, warm_up
 from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30
-OF_BENCH: Mapping[str, Callable[..., Any]] = {"make": make, "submit": submit, "check": check, "board": board}
+OF_BENCH: Mapping[str, Callable[..., Any]] = {
+    "make": make,
+    "submit": submit,
+    "check": check,
+    "board": board,
+    "layout": layout,
+}
 """Commands of published benchmarks. `endoct bench submit …` is `endoct bench-submit …`: `endoct bench` takes a task."""
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
@@ -34,6 +34,32 @@ def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = 
         return DONE
     print_line(f"set: {output} ({len(made.specimens)} specimens, digest {made.digest[:16]}…)")
     print_line(f"left out: specimens of the {', '.join(missing)} generator, which a source checkout makes")
+    return DONE
+
+
+def layout(
+    data: Positional[Path],
+    output: OutputPath,
+    to: Literal["huggingface", "webdataset"] = "huggingface",
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Write the panoramas and true masks of a published set in a layout that other libraries load.
+
+    Args:
+        data: folder of the set
+        output: folder to write
+        to: huggingface, pictures for its imagefolder, or webdataset, shards with arrays
+        overwrite: replace the output if it exists
+        json: print as JSON
+    """
+    from endoct.workbench.bench.published.layouts import write_layout
+
+    n_examples = write_layout(data, output, to, overwrite=overwrite, stages=command_stages(json))
+    if json:
+        print_json({"output": path_text(output), "examples": n_examples})
+        return DONE
+    print_line(f"{to}: {output} ({n_examples} examples)")
     return DONE
 
 

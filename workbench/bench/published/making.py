@@ -14,6 +14,7 @@ from endoct.base.files.scratch import new_file, scratch_next_to
 from endoct.stitching.store import save_panorama
 from endoct.workbench import api
 from endoct.workbench.bench.published.definition import Half, Planned, Size, load_definition, planned
+from endoct.workbench.bench.published.deposit import write_deposit
 from endoct.workbench.bench.published.specimen_set import (
     SET_FILE,
     SIDES,
@@ -78,6 +79,7 @@ def make_set(
         )
         with new_file(output / SET_FILE) as file:
             file.write((listed.model_dump_json(indent=1) + "\n").encode())
+        write_deposit(output, listed)
     return listed
 
 

@@ -1,1 +1,1 @@
-"""The template of the board."""
+"""Templates: the board, and the texts that go with a set."""
