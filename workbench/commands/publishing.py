@@ -26,13 +26,19 @@ def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = 
     """
     from endoct.workbench.bench.published.definition import load_definition
     from endoct.workbench.bench.published.making import WRITERS, make_set
+    from endoct.workbench.bench.published.specimen_set import shipped_entries
 
     made = make_set(output, SET, size="full" if full else "small", workers=workers, stages=command_stages(json))
+    published = shipped_entries(SET)
+    known = [one for one in made.specimens if one.name in published]
+    equal = sum(one.digest == published[one.name].digest for one in known)
     missing = sorted({kind.generator for kind in load_definition(SET).kinds} - set(WRITERS))
     if json:
-        print_json({"output": path_text(output), "specimens": len(made.specimens), "digest": made.digest})
+        facts = {"output": path_text(output), "specimens": len(made.specimens), "digest": made.digest}
+        print_json({**facts, "published": len(known), "equal": equal})
         return DONE
     print_line(f"set: {output} ({len(made.specimens)} specimens, digest {made.digest[:16]}…)")
+    print_line(f"of {len(known)} published ones {equal} are equal to the bit, {len(known) - equal} but for rounding")
     print_line(f"left out: specimens of the {', '.join(missing)} generator, which a source checkout makes")
     return DONE
 

@@ -22,6 +22,7 @@ from endoct.workbench.bench.published.specimen_set import (
     Entry,
     SpecimenSet,
     entry_of,
+    shipped_entries,
 )
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.running.progress import Advance, Stages
@@ -59,8 +60,8 @@ def make_set(
     """Make the set ``name`` in the folder ``output``, or what is missing of it there; return what it lists.
 
     ``key``: what the seeds follow from, needed for the hidden half. Kinds of a generator that ``writers`` lack are
-    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where a specimen cannot be made, or
-    one that is there is not as it was made.
+    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where a specimen cannot be made, one
+    that is there is not as it was made, or the set is not the published one but for rounding.
     """
     definition = load_definition(name)
     if (half == "hidden") == (key is None):
@@ -80,7 +81,22 @@ def make_set(
         with new_file(output / SET_FILE) as file:
             file.write((listed.model_dump_json(indent=1) + "\n").encode())
         write_deposit(output, listed)
+    if half == "public":
+        _check_published(listed)
     return listed
+
+
+def _check_published(listed: SpecimenSet) -> None:
+    """Raise :class:`EndoctError` where a specimen is not the one that was published."""
+    published = shipped_entries(listed.set)
+    others = [one.name for one in listed.specimens if one.name in published and not one.is_alike(published[one.name])]
+    if others:
+        raise EndoctError(
+            f"{len(others)} specimens are not those that were published",
+            found=", ".join(others[:3]),
+            expected=f"what {listed.set} is made of",
+            remedy="download the set: it was made by another version of endoct or of a library",
+        )
 
 
 def _made(

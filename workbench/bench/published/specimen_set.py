@@ -11,9 +11,11 @@ are not equal to the bit; their truth is.
 
 import hashlib
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict
 
 from endoct.base.errors import EndoctError, refusing
@@ -29,14 +31,15 @@ FORMAT = "endoct bench set 1"
 SIDES = ("oct", "endoscope")
 MOST_SET_BYTES = 16_000_000
 ROUNDED = 0.01
-"""Counts by which the means of two frames differ at most that are equal but for rounding: of 0.0002 of the samples."""
+"""By so much two means differ at most of samples that are equal but for rounding: of 0.0002 of them, by a count."""
 
 
 class Entry(BaseModel):
     """What a set says of one specimen.
 
     ``recorded``: the digest of each of its folders and files, ``oct``, ``truth`` and so on. ``unrolled``: by side, the
-    digest of its panorama. ``means``: by side, the mean of each frame, counts.
+    digest of its panorama. ``means``: by side, the mean of each frame, counts; by panorama, the means of intensity and
+    of depth in hundredths of a mm, and the percentage that is valid.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -57,7 +60,7 @@ class Entry(BaseModel):
         return hashlib.sha256(f"{self.name}\n{lines}".encode()).hexdigest()
 
     def is_alike(self, other: "Entry") -> bool:
-        """Say whether another specimen has the same truth, and the same recordings but for rounding."""
+        """Say whether another specimen has the same truth, and the same samples but for rounding."""
         if self.name != other.name or self.recorded.get("truth") != other.recorded.get("truth"):
             return False
         if {side: len(means) for side, means in self.means.items()} != {s: len(m) for s, m in other.means.items()}:
@@ -86,6 +89,14 @@ class SpecimenSet(BaseModel):
 def digest_of_entries(entries: Sequence[Entry]) -> str:
     """Return the sha256 of the digests of specimens, in order."""
     return hashlib.sha256("".join(one.digest for one in entries).encode()).hexdigest()
+
+
+def shipped_entries(name: str) -> dict[str, Entry]:
+    """Return the specimens of a benchmark's public half as they were published, by name; of the small set."""
+    path = files(__package__).joinpath(f"{name}.public.json")
+    if not path.is_file():
+        return {}
+    return {one.name: one for one in SpecimenSet.model_validate_json(path.read_text("utf-8")).specimens}
 
 
 def read_set(folder: Path) -> SpecimenSet:
@@ -123,8 +134,15 @@ def check_specimen(folder: Path, entry: Entry) -> None:
 
 def entry_of(folder: Path, stated: Entry) -> Entry:
     """Return ``stated`` with the digests of the specimen in ``folder``."""
-    parts = {"recorded": recorded_digests(folder), "unrolled": unrolled_digests(folder), "means": frame_means(folder)}
-    return stated.model_copy(update=parts)
+    panoramas = panoramas_of(folder)
+    means = {f"{side}.zarr": panorama_means(panorama) for side, panorama in panoramas.items()}
+    return stated.model_copy(
+        update={
+            "recorded": recorded_digests(folder),
+            "unrolled": {side: panorama_digest(panorama) for side, panorama in panoramas.items()},
+            "means": frame_means(folder) | means,
+        }
+    )
 
 
 def recorded_digests(folder: Path) -> dict[str, str]:
@@ -142,16 +160,25 @@ def recorded_digests(folder: Path) -> dict[str, str]:
 def frame_means(folder: Path) -> dict[str, tuple[float, ...]]:
     """Return by side the mean of each frame as recorded, counts, to four decimals."""
     streams = {side: open_recording(folder / side)[1] for side in SIDES if (folder / side).is_dir()}
-    return {
-        side: tuple(round(float(np.mean(stream[k].samples, dtype=np.float64)), 4) for k in range(len(stream)))
-        for side, stream in streams.items()
-    }
+    return {side: tuple(_mean(stream[k].samples) for k in range(len(stream))) for side, stream in streams.items()}
 
 
-def unrolled_digests(folder: Path) -> dict[str, str]:
-    """Return the digest of each panorama of a specimen, by side."""
+def panorama_means(panorama: Panorama) -> tuple[float, ...]:
+    """Return the means of intensity and of depth where it is valid, and the percentage that is."""
+    valid = panorama.valid
+    depth = () if panorama.depth_mm is None else (_mean(100 * panorama.depth_mm[valid]),)
+    return _mean(panorama.intensity[valid]), *depth, _mean(100 * valid)
+
+
+def _mean(samples: ArrayLike) -> float:
+    values = np.asarray(samples, np.float64)
+    return round(float(values.mean()), 4) if values.size else 0.0
+
+
+def panoramas_of(folder: Path) -> dict[str, Panorama]:
+    """Return the panoramas of a specimen, by side."""
     stores = {side: folder / f"{side}.zarr" for side in SIDES}
-    return {side: panorama_digest(load_panorama(store)) for side, store in stores.items() if store.is_dir()}
+    return {side: load_panorama(store) for side, store in stores.items() if store.is_dir()}
 
 
 def panorama_digest(panorama: Panorama) -> str:

@@ -19,6 +19,7 @@ def made(output: Path, workers: int = 1) -> SpecimenSet:
 
 def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(making, "load_definition", lambda _: tiny())
+    monkeypatch.setattr(making, "shipped_entries", lambda _: {})
     first = made(tmp_path / "set")
     assert [entry.name for entry in first.specimens] == ["simulator-easy-000"]  # the second generator has no writer
     assert read_set(tmp_path / "set") == first
@@ -28,11 +29,18 @@ def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: p
 
     again = make_set(tmp_path / "set", "endoct-bench-1", writers={"simulator": never}, stages=SilentStages())
     assert again == first
+    monkeypatch.setattr(making, "shipped_entries", lambda _: {each.name: each for each in first.specimens})
+    assert made(tmp_path / "set") == first
+    another = first.specimens[0].model_copy(update={"means": {"oct": (1.0,)}})
+    monkeypatch.setattr(making, "shipped_entries", lambda _: {another.name: another})
+    with pytest.raises(EndoctError, match="not those that were published"):
+        made(tmp_path / "set")
 
 
 @pytest.mark.slow
 def test_workers_change_no_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(making, "load_definition", lambda _: tiny(count=2))
+    monkeypatch.setattr(making, "shipped_entries", lambda _: {})
     assert made(tmp_path / "alone").digest == made(tmp_path / "together", workers=2).digest
 
 
