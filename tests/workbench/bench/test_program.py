@@ -8,10 +8,13 @@ import pytest
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.modalities.ct.ct_volume import CtVolume
+from endoct.modalities.ct.trajectory import Trajectory
 from endoct.workbench.bench.cases.toy_walls import toy_panorama
 from endoct.workbench.bench.program import Program, parse_programs, with_programs
 from endoct.workbench.bench.task import Case, Declined, load_task
 from endoct.workbench.bench.tasks.alignment import AlignmentCase
+from endoct.workbench.bench.tasks.pose import Located
 from endoct.workbench.bench.tasks.stitching import StripPoses
 
 CONDITIONS = {"signal_db": 25.0, "cell_mm": 0.8, "fill": 0.2, "missing": 0.2, "unevenness": 0.2}
@@ -110,6 +113,29 @@ def test_a_pullback_is_read_from_depth(tmp_path: Path, quick_specimen: Path) -> 
     assert np.argwhere(~panorama.valid).tolist() == [[2, 0]]  # type: ignore[attr-defined]
     (case,) = load_task("oct").own(quick_specimen)  # type: ignore[misc]
     assert 0 <= load_task("oct").judge(case, panorama)["jaccard"] <= 1
+
+
+def test_a_located_side_is_read(tmp_path: Path) -> None:
+    panorama, _ = toy_panorama(3, 0, "depth", CONDITIONS)
+    steps = np.diag([0.5, 0.3, 0.2])  # along k, j, i
+    ct = CtVolume(np.arange(24, dtype=np.int16).reshape(2, 3, 4), np.array([1.0, 2.0, 3.0]), steps, "lps")
+    method = program(
+        tmp_path,
+        "pose",
+        "voxels, to_lps = np.load(given / 'ct.npy'), np.array(facts['ct_to_lps'])\n"
+        "last = to_lps @ np.append(np.array(voxels.shape) - 1, 1)\n"
+        "assert (given / '0' / 'depth_mm.npy').exists()\n"
+        "tell(sides=[dict(ends_mm=[facts['entry_mm'], last[:3].tolist()], zero=[0, 1, 0]), None])",
+    )
+    plan = Trajectory((0.0, 0.0, 0.0), (0.0, 0.0, 9.0))
+    located = method((panorama, panorama), ct, plan)
+    assert isinstance(located, Located)
+    assert located.sides[1] is None
+    assert located.sides[0] is not None
+    assert np.allclose(located.sides[0].ends_mm, [[0, 0, 0], [1 + 0.5, 2 + 0.6, 3 + 0.6]])
+    for answer in ("sides=[None]", "sides=[dict(ends_mm=[[0, 0, 0]], zero=[0, 1, 0]), None]"):
+        with pytest.raises(EndoctError, match="answer"):
+            program(tmp_path, "pose", f"tell({answer})")((panorama, panorama), ct, plan)
 
 
 @pytest.mark.parametrize("texts", [("mine",), ("mine=",), ("=x",), ("a=x", "a=y")])

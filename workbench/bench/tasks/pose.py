@@ -11,13 +11,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from endoct.base.arrays import Coordinates
+from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.cases.bores import PLAN_ASIDE_MM, PLAN_TILT_DEG, PoseCase, TrueBore, own_cases, posed_case
+from endoct.workbench.bench.cases.bores import (
+    PLAN_ASIDE_MM,
+    PLAN_TILT_DEG,
+    Given,
+    PoseCase,
+    TrueBore,
+    own_cases,
+    posed_case,
+)
 from endoct.workbench.bench.cases.specimens import CELL_MM, DIFFICULTIES, PRESET_WORDS, simulated
-from endoct.workbench.bench.task import SUCCESS, Declined, Range, Task, draw
+from endoct.workbench.bench.program import read_answer, write_given, write_panorama
+from endoct.workbench.bench.task import SUCCESS, Declined, Exchange, Range, Task, draw
 
 if TYPE_CHECKING:
     from endoct.fusion.pose.pose import BorePose
@@ -156,6 +166,35 @@ def _angle(across: Coordinates, direction: Coordinates) -> float:
     return float(np.arctan2(y, x))
 
 
+def _write_given(given: Given, folder: Path) -> None:
+    sides, ct, plan = given
+    for number, panorama in enumerate(sides):
+        (folder / str(number)).mkdir()
+        write_panorama(folder / str(number), panorama)
+    to_lps = np.eye(4)
+    to_lps[:3, :3], to_lps[:3, 3] = np.asarray(ct.steps_mm).T, ct.origin_mm
+    facts = {"sides": len(sides), "ct_to_lps": to_lps.tolist(), "entry_mm": plan.entry_mm, "target_mm": plan.target_mm}
+    write_given(folder, facts, ct=ct.voxels)
+
+
+def _read_located(given: Given, folder: Path) -> Located:
+    answered = read_answer(folder).get("sides")
+    if not isinstance(answered, list) or len(answered) != len(given[0]):
+        raise EndoctError("the answer lacks its sides", expected=f"a list of {len(given[0])}, null for one left aside")
+    sides: list[LocatedSide | None] = []
+    for side in answered:
+        if side is None:
+            sides.append(None)
+            continue
+        ends, zero = np.asarray(side["ends_mm"], np.float64), np.asarray(side["zero"], np.float64)
+        if ends.shape != (2, 3) or zero.shape != (3,) or not np.isfinite([*ends.ravel(), *zero]).all():
+            raise EndoctError(
+                "a side of the answer lies nowhere", expected="ends_mm, two points, and zero, a direction"
+            )
+        sides.append(LocatedSide(ends, zero))
+    return Located(tuple(sides))
+
+
 TASK = Task(
     name="pose",
     title="where a bore lies in the patient's CT, by its wall",
@@ -180,6 +219,14 @@ TASK = Task(
         "inside_95": "share whose stated 95 % ellipse across the axis holds the truth",
     },
     own=own_cases,
+    exchange=Exchange(
+        files="given: folders 0 and, where there are two sides, 1, each with intensity.npy, valid.npy, depth_mm.npy "
+        "where there is depth, (z, θ), and given.json; ct.npy (k, j, i); given.json with ct_to_lps, a matrix of (k, j, "
+        "i, 1), entry_mm and target_mm of the plan, LPS. answer: answer.json with sides, for each null or ends_mm, the "
+        "axis at its first and last row, and zero, the direction of its θ = 0.",
+        write=_write_given,
+        read=_read_located,
+    ),
 )
 
 

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch.utils.data import DataLoader
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published.examples import Examples
+
+ROOT = Path(__file__).parents[4]
 
 
 def test_segmentation_has_the_truth_on_the_panoramas_samples(made_set: Path) -> None:
@@ -55,23 +56,16 @@ def test_a_split_without_examples_and_another_task_are_refused(made_set: Path) -
         Examples(made_set, "speed")
 
 
-def test_a_training_learns_from_a_loader(made_set: Path) -> None:
+def test_the_manuals_training_runs_and_learns(made_set: Path) -> None:
+    page = (ROOT / "docs" / "how-to" / "benchmark-data.md").read_text(encoding="utf-8")
+    code = page.partition("```python\n")[2].partition("```")[0]
+    assert '"DATA"' in code
+    assert "loss.backward()" in code
     torch.manual_seed(0)
-    model = torch.nn.Sequential(
-        torch.nn.Conv2d(2, 8, 3, padding=1), torch.nn.ReLU(), torch.nn.Conv2d(8, 1, 3, padding=1)
+    code = code.replace('"DATA"', repr(str(made_set))).replace(
+        "        loss.backward()", "        losses.append(float(loss.detach()))\n        loss.backward()"
     )
-    optimiser = torch.optim.Adam(model.parameters(), 0.01)
-    loader = DataLoader(Examples(made_set, "segmentation", "train"), batch_size=None)
-    losses = []
-    for _ in range(5):
-        for example in loader:
-            if not example["has_depth"]:
-                continue
-            depth = example["depth_mm"].clamp(-0.2, 1.0)
-            given = torch.stack([depth, example["valid"].float()])[None]
-            loss = torch.nn.functional.binary_cross_entropy_with_logits(model(given)[0, 0], example["cell"].float())
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            losses.append(float(loss.detach()))
-    assert np.mean(losses[-2:]) < 0.8 * np.mean(losses[:2])
+    losses: list[float] = []
+    exec(code, {"losses": losses})
+    assert len(losses) == 40
+    assert np.mean(losses[-8:]) < 0.8 * np.mean(losses[:4])
