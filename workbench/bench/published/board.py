@@ -9,6 +9,7 @@ from pathlib import Path
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from endoct.base.errors import visible
 from endoct.base.files.contents import is_marked, marked
@@ -172,6 +173,9 @@ def _costs(board: TaskBoard) -> Figure:
                     linewidth=0.6,
                 )
             axes.set(xscale="log", ylim=(-0.03, 1.03), title=GENERATORS[generator], xlabel="median seconds a case")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.grid(linewidth=0.3)
         panels[0].set_ylabel("share of successes")
         return figure
