@@ -32,8 +32,8 @@ def bench(
     """Run named methods on the same cases with truth: a table, results.csv, plots (see docs/how-to/bench.md).
 
     Args:
-        task: alignment, stitching, segmentation, oct, ablate, sensitivity or a task of another package; without one,
-            all tasks are listed
+        task: alignment, stitching, segmentation, oct, depth, pose, ablate, sensitivity, speed or a task of another
+            package; without one, all tasks are listed
         conditions: ranges or choices to draw cases from, right after the task, such as cell_mm=0.2..1 or
             modality=depth|intensity
         output: folder for results.csv, bench.json and plots

@@ -33,6 +33,7 @@ class Examples:
       ``cell``, by ``wall_z_mm`` and ``wall_theta_rad``;
     - alignment: ``a_…`` and ``b_…`` as for segmentation, and where B truly lies: ``z_in_a_mm`` for each row of B, NaN
       where A does not reach, and ``theta_in_a_rad`` for each column;
+    - depth: ``intensity`` and ``valid`` (z, θ), and the true ``relief_mm`` and ``cell``;
     - pose: ``SIDE_…`` as for segmentation, ``ct`` (k, j, i), ``ct_to_lps`` (4, 4) of its index, ``plan_mm`` (2, 3), and
       the true ``bore_to_lps`` (4, 4) and ``length_mm``.
 
@@ -113,6 +114,16 @@ def _alignment(case: AnyCase) -> Arrays:
     }
 
 
+def _depth(case: AnyCase) -> Arrays:
+    panorama = case.given.panorama
+    return {
+        "intensity": panorama.intensity,
+        "valid": panorama.valid,
+        "relief_mm": case.truth.relief_mm,
+        "cell": case.truth.cell,
+    }
+
+
 def _pose(case: AnyCase) -> Arrays:
     panoramas, ct, plan = case.given
     to_lps = np.eye(4)
@@ -135,5 +146,6 @@ _ARRAYS: Mapping[str, Callable[[AnyCase], Arrays]] = {
     "stitching": _stitching,
     "oct": _oct,
     "alignment": _alignment,
+    "depth": _depth,
     "pose": _pose,
 }

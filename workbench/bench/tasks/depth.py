@@ -1,0 +1,186 @@
+"""The task "depth": how far the wall that an endoscope shows lies behind the bore's radius, by its frames alone.
+
+Places behind the wall move otherwise from frame to frame, and cells are darker than the wall. A method gets the
+panorama, the strips it was blended from in their places, and the slant of the view, so that depth alone is at stake. It
+is judged on every valid sample of the wall and of true cells; what it does not know counts as the nominal wall.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.errors import EndoctError
+from endoct.fusion.evidence.side import Side
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.strip import Strip
+from endoct.workbench import api
+from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, simulated
+from endoct.workbench.bench.program import read_array, write_panorama
+from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
+from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
+from endoct.workbench.pipeline.unrolling import open_recording
+
+DEEPEST_MM = 1.5
+"""Cells are deeper here and there; deeper than this no method is asked for."""
+WALL_UM, CELL_UM = 25.0, 120.0
+"""An answer succeeds with median errors of at most these, on the wall and in cells: a sixth of what cells have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """What a method gets.
+
+    ``recording``: its folder. ``panorama`` without depth; ``strips`` as they lie on its rows and columns;
+    ``frame_z_mm`` (n,), z of each strip's middle. ``from_middle_mm`` and ``slant`` (m,): at this z from the middle, a
+    ray goes on by so much z for 1 mm behind the wall; ``slant_known``: whether that follows from optics that are
+    stated, or from a usual mirror.
+    """
+
+    recording: Path
+    panorama: Panorama
+    strips: tuple[Strip, ...]
+    frame_z_mm: Coordinates
+    from_middle_mm: Coordinates
+    slant: Coordinates
+    slant_known: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Depths:
+    """What is true at the panorama's samples: ``relief_mm`` behind the nominal wall, and which are cells."""
+
+    relief_mm: Image
+    cell: Mask
+
+
+def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> Case[Views, Depths]:
+    """Return a case: the views of a simulated recording, and the true depth."""
+    drawn = draw(seed, index, ranges)
+    scratch = simulated(str(drawn["recipe"]), seed, index)
+    case = _of_recording(Path(scratch.name) / "specimen")
+    return replace(case, name=f"{seed}-{index}", conditions=drawn, scratch=scratch)
+
+
+def own_cases(specimen: Path) -> list[Case[Views, Depths]]:
+    """Return the case of a folder laid out as a simulated specimen; its panorama may be there as well."""
+    if not (specimen / "endoscope").is_dir():
+        raise EndoctError(f"{specimen} holds no recording of an endoscope", expected="endoscope/ in it")
+    return [_of_recording(specimen)]
+
+
+def _of_recording(specimen: Path) -> Case[Views, Depths]:
+    unrolled, truth = load_side(specimen, "endoscope"), load_truth(specimen)
+    panorama = replace(unrolled, parallax_depth_mm=None, parallax_error_mm=None)
+    pose = true_pose(panorama, truth)
+    true = Depths(true_relief(truth, pose, panorama), true_cells(truth, pose, panorama))
+    return Case(specimen.name, views_of(specimen / "endoscope", panorama), true, {"specimen": specimen.name})
+
+
+def views_of(recording: Path, panorama: Panorama) -> Views:
+    """Return the views of a recording whose ``panorama`` was unrolled."""
+    side = open_recording(recording, modality="endoscope")
+    modality: Any = side.manifest.load()
+    calibration = modality.survey(side.stream, side.parameters)
+    strips = tuple(modality.unroll(side.stream[k], calibration) for k in range(len(side.stream)))
+    optics, along_mm = calibration.optics, np.asarray(calibration.strip_z_mm)
+    return Views(
+        recording,
+        panorama,
+        strips,
+        np.asarray(calibration.z_mm),
+        along_mm,
+        np.asarray(optics.slant(optics.r_px(along_mm))),
+        not optics.assumed,
+    )
+
+
+def judge(case: Case[Views, Depths], answer: object) -> dict[str, float]:
+    """Score depths on the panorama's samples. Raises :class:`EndoctError` for an answer of another shape."""
+    valid, true = case.given.panorama.valid, case.truth
+    depth = np.asarray(answer)
+    if depth.shape != valid.shape or depth.dtype.kind != "f":
+        raise EndoctError("that is no depth", found=f"{depth.dtype} {depth.shape}", expected=f"float {valid.shape}")
+    known = np.isfinite(depth)
+    answered_mm = np.clip(np.where(known, depth, 0.0), -DEEPEST_MM, DEEPEST_MM)
+    error_um = 1e3 * (answered_mm - np.minimum(true.relief_mm, DEEPEST_MM))
+    cell, wall = true.cell & valid, ~true.cell & valid
+    if not cell.any():
+        raise Declined("the recording shows no cell", {SUCCESS: 1.0})
+    of_wall, of_cells = (float(np.median(np.abs(error_um[where]))) for where in (wall, cell))
+    return {
+        SUCCESS: float(of_wall <= WALL_UM and of_cells <= CELL_UM),
+        "error_um": (of_wall + of_cells) / 2,
+        "wall_um": of_wall,
+        "cell_um": of_cells,
+        "cell_bias_um": float(np.median(error_um[cell])),
+        "within_100": float((np.abs(error_um[cell]) <= 100).mean()),
+        "known": float(known[cell].mean()),
+    }
+
+
+def ours(views: Views) -> Image:
+    """Return depth as `endoct compare` takes it: by parallax, relative to the wall. NaN where it is not known."""
+    side = Side("endoscope", api.unroll(views.recording))
+    if side.parallax is None:
+        raise Declined("the depth is not known: no optics are stated, or frames agree on too little")
+    return side.parallax.relief_mm
+
+
+def _write_views(views: Views, folder: Path) -> None:
+    write_panorama(folder, views.panorama)
+    rows = {float(z): k for k, z in enumerate(views.panorama.z_mm)}
+    shape = len(views.strips), *views.panorama.grid.shape
+    strips = np.full(shape, np.nan, np.float32)
+    for k, strip in enumerate(views.strips):
+        for row, z_mm in enumerate(strip.z_mm):
+            if float(z_mm) in rows:
+                strips[k, rows[float(z_mm)]] = np.where(strip.valid[row], strip.intensity[row], np.nan)
+    np.save(folder / "strips.npy", strips)
+    facts = {
+        "frame_z_mm": views.frame_z_mm.tolist(),
+        "from_middle_mm": views.from_middle_mm.tolist(),
+        "slant": views.slant.tolist(),
+        "slant_known": views.slant_known,
+    }
+    (folder / "views.json").write_text(json.dumps(facts), encoding="utf-8")
+
+
+def _read_depth(views: Views, folder: Path) -> Image:
+    del views  # the judge knows its samples
+    return read_array(folder, "depth_mm").astype(np.float32)
+
+
+TASK = Task(
+    name="depth",
+    title="how far the wall that an endoscope shows lies behind the bore's radius",
+    signature=(
+        "method(views: endoct.workbench.bench.tasks.depth.Views) -> float array (n_z, n_theta) on the samples of "
+        "views.panorama: mm behind the nominal wall, NaN where not known, which counts as 0."
+    ),
+    cases=cases,
+    judge=judge,
+    ranges={"recipe": PRESET_WORDS},
+    usual={"recipe": ("quick",)},
+    scores={
+        "error_um": "mean of the next two, µm",
+        "wall_um": "median error on the wall, µm",
+        "cell_um": "median error in true cells, to 1.5 mm, µm",
+        "cell_bias_um": "median of answered minus true depth in cells, µm",
+        "within_100": "share of cells' samples within 100 µm",
+        "known": "share of cells' samples that have a depth",
+    },
+    own=own_cases,
+    against="endoct",
+    exchange=Exchange(
+        files="given: intensity.npy and valid.npy, (z, θ); strips.npy (frame, z, θ), NaN where a frame shows nothing; "
+        "given.json with z_mm, theta_rad; views.json with frame_z_mm, from_middle_mm and slant: z by which a ray "
+        "goes on for 1 mm behind the wall. answer: depth_mm.npy, (z, θ), NaN where not known.",
+        write=_write_views,
+        read=_read_depth,
+    ),
+)
