@@ -94,12 +94,11 @@ def submit(
     from endoct.workbench.bench.program import parse_programs
     from endoct.workbench.bench.published.submission import submit as run
 
-    names = [name.strip() for name in methods.split(",") if name.strip()]
     submission = run(
         data,
         task,
         output,
-        methods=names,
+        methods=_names(methods),
         programs=parse_programs(program),
         workers=workers,
         overwrite=overwrite,
@@ -121,6 +120,7 @@ def check(
     submission: Positional[Path],
     data: Positional[Path],
     sample: int = 2,
+    methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
     json: bool = False,
 ) -> int:
     """Run a sample of a submission again, and compare the scores to the last digit.
@@ -128,18 +128,19 @@ def check(
     Args:
         submission: the file that `endoct bench submit` wrote
         data: folder of the set it was run on
-        sample: how many specimens to run again, with all methods
+        sample: how many specimens to run again
+        methods: names of methods, separated by commas; default: all of the submission
         json: print as JSON
     """
     from endoct.workbench.bench.published.checking import check as run
 
     if sample < 1:
         raise EndoctError("--sample must be at least 1", found=str(sample))
-    checked = run(submission, data, sample=sample, stages=command_stages(json))
+    checked = run(submission, data, sample=sample, methods=_names(methods), stages=command_stages(json))
     counts = {verdict: checked.count(verdict) for verdict in ("equal", "near", "different")}
     if json:
         reruns = [
-            {"verdict": one.verdict, "stated": asdict_of(one.stated), "again": asdict_of(one.again)}
+            {"verdict": one.verdict, "stated": one.stated.model_dump(), "again": one.again.model_dump()}
             for one in checked.reruns
         ]
         print_json({"counts": counts, "rows": reruns})
@@ -179,6 +180,5 @@ def board(folder: Positional[Path], output: OutputPath, overwrite: bool = False,
     return DONE
 
 
-def asdict_of(row: object) -> dict[str, object]:
-    """Return the status and the scores of a row of a submission."""
-    return {name: getattr(row, name) for name in ("specimen", "case", "method", "status", "scores")}
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]

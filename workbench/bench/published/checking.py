@@ -1,10 +1,12 @@
 """A submission checked: a sample of its cases run again here, and compared to the last digit."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isclose
 from pathlib import Path
 
+from endoct.base.entry_points import unknown_name
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.program import with_programs
 from endoct.workbench.bench.published.specimen_set import Entry, digest_of_entries, read_set
@@ -51,25 +53,33 @@ class Checked:
         return sum(rerun.verdict == verdict for rerun in self.reruns)
 
 
-def check(path: Path, data: Path, *, sample: int, stages: Stages) -> Checked:
-    """Run ``sample`` specimens of a submission again with all its methods, drawn by the digest of its content.
+def check(path: Path, data: Path, *, sample: int, methods: Sequence[str] = (), stages: Stages) -> Checked:
+    """Run ``sample`` specimens of a submission again, drawn by the digest of its content, with all or some ``methods``.
 
     Raises :class:`EndoctError` where ``data`` is not the set it was run on, or a method is not installed here.
     """
     submission = read_submission(path)
+    if others := [name for name in methods if name not in submission.methods]:
+        unknown_name(others[0], tuple(submission.methods), "method of the submission")
     entries = _here(submission, data)
     chosen = sorted(entries, key=lambda one: hashlib.sha256(f"{submission.data_digest} {one.name}".encode()).digest())
     chosen = chosen[:sample]
     check_entries(data, chosen, stages)
-    task = with_programs(load_task(submission.task), submission.programs)
-    plan = Plan(submission.task, check_names(task, tuple(submission.methods)), programs=submission.programs)
+    names = tuple(methods or submission.methods)
+    programs = {name: command for name, command in submission.programs.items() if name in names}
+    task = with_programs(load_task(submission.task), programs)
+    plan = Plan(submission.task, check_names(task, names), programs=programs)
     stated = {(row.specimen, row.case, row.method): row for row in submission.rows}
     reruns: list[Rerun] = []
     with stages.stage(f"{len(chosen)} of {len(entries)} specimens again") as advance:
         for done, entry in enumerate(chosen, 1):
             for row in run_source(plan, (data / entry.name).absolute()):
                 if row.status == "missing":
-                    raise EndoctError(f"the method '{row.method}' cannot be run again here", found=row.reason)
+                    raise EndoctError(
+                        f"the method '{row.method}' cannot be run again here",
+                        found=row.reason,
+                        remedy="install that, or name the methods to run with --methods",
+                    )
                 again = scored_row(entry.name, row)
                 before = stated.get((again.specimen, again.case, again.method))
                 if before is None:

@@ -24,6 +24,13 @@ def test_a_rerun_is_equal_to_the_last_digit(submitted: Path, made_set: Path) -> 
     assert checked.count("equal") == 4
 
 
+def test_some_methods_are_enough(submitted: Path, made_set: Path) -> None:
+    checked = check(submitted, made_set, sample=1, methods=["k-means"], stages=SilentStages())
+    assert {rerun.again.method for rerun in checked.reruns} == {"k-means"}
+    with pytest.raises(EndoctError, match="k-means"):
+        check(submitted, made_set, sample=1, methods=["k-mean"], stages=SilentStages())
+
+
 def test_other_scores_are_different(submitted: Path, made_set: Path, tmp_path: Path) -> None:
     made = read_submission(submitted)
     rows = [row.model_copy(update={"scores": {**row.scores, "jaccard": 0.999}}) for row in made.rows]
