@@ -15,7 +15,7 @@ from endoct.base.errors import visible
 from endoct.base.files.contents import is_marked, marked
 from endoct.base.files.output import new_output
 from endoct.workbench.bench.published.definition import Generator, load_definition
-from endoct.workbench.bench.published.standings import OURS, Entrant, Standing, TaskBoard, read_boards
+from endoct.workbench.bench.published.standings import OURS, Entrant, Loss, Standing, TaskBoard, read_boards
 from endoct.workbench.bench.results.plots import STYLES, Style
 from endoct.workbench.report.figures.drawing import PAGE_WIDTH_IN, journal_style
 from endoct.workbench.report.html_templates import rendered
@@ -46,8 +46,7 @@ def _section(board: TaskBoard) -> dict[str, object]:
     """Return what the template says of one task."""
     return {
         "board": board,
-        "words": GENERATORS,
-        "losses": [_loss_sentence(board, loss.generator, loss.method) for loss in board.losses()],
+        "losses": [_sentence(loss) for loss in board.losses()],
         "tables": [(GENERATORS[one], board.standings(one)) for one in board.generators],
         "curves": _svg(_curves(board)),
         "costs": _svg(_costs(board)),
@@ -61,12 +60,11 @@ def _section(board: TaskBoard) -> dict[str, object]:
     }
 
 
-def _loss_sentence(board: TaskBoard, generator: Generator, method: str) -> str:
-    loss = next(one for one in board.losses() if (one.generator, one.method) == (generator, method))
+def _sentence(loss: Loss) -> str:
     even = f", even in {loss.even}" if loss.even else ""
     return (
-        f"{method} on {GENERATORS[generator]}: better in {loss.better} cases, worse in {loss.worse}{even}; "
-        f"median {number(loss.theirs)} against {number(loss.ours)} where both answered"
+        f"{visible(loss.method)} on {GENERATORS[loss.generator]}: better in {loss.better} cases, worse in {loss.worse}"
+        f"{even}; median {number(loss.theirs)} against {number(loss.ours)} where both answered"
     )
 
 
