@@ -9,7 +9,7 @@ from pathlib import Path
 from endoct.base.entry_points import unknown_name
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.program import with_programs
-from endoct.workbench.bench.published.specimen_set import Entry, digest_of_entries, read_set
+from endoct.workbench.bench.published.specimen_set import Entry, digest_of_entries, read_finished_set
 from endoct.workbench.bench.published.submission import Scored, Submission, check_entries, read_submission, scored_row
 from endoct.workbench.bench.runner import Plan, run_source
 from endoct.workbench.bench.task import check_names, load_task
@@ -91,7 +91,7 @@ def check(path: Path, data: Path, *, sample: int, methods: Sequence[str] = (), s
 
 def _here(submission: Submission, data: Path) -> tuple[Entry, ...]:
     """Return the specimens of a submission as they are in ``data``. Raises where it has others by the same names."""
-    there = {one.name: one for one in read_set(data).specimens}
+    there = {one.name: one for one in read_finished_set(data).specimens}
     for entry in submission.specimens:
         if entry.name not in there:
             raise EndoctError(f"{data} lacks {entry.name}", expected=f"the {submission.half} half of {submission.set}")

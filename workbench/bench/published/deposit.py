@@ -14,7 +14,7 @@ from pathlib import Path
 from string import Template
 
 from endoct.base.files.files import sha256_of
-from endoct.base.files.scratch import new_file
+from endoct.base.files.scratch import keep_aside, new_file
 from endoct.workbench.bench.published.definition import Definition, load_definition
 from endoct.workbench.bench.published.specimen_set import SET_FILE, SpecimenSet
 
@@ -191,5 +191,10 @@ def _values(definition: Definition, listed: SpecimenSet) -> dict[str, str]:
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text; one of that name that says something else, perhaps a person's, is kept next to it."""
+    if path.is_file():
+        if path.read_bytes() == text.encode():
+            return
+        keep_aside(path, path)
     with new_file(path) as file:
         file.write(text.encode())

@@ -11,7 +11,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.reading.recording import open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.published.definition import Split
-from endoct.workbench.bench.published.specimen_set import Entry, read_set
+from endoct.workbench.bench.published.specimen_set import Entry, read_finished_set
 from endoct.workbench.bench.task import AnyCase, load_task
 
 Example = dict[str, Any]
@@ -44,7 +44,9 @@ class Examples:
         self.root, self.task = Path(root), load_task(task)
         if task not in _ARRAYS:
             raise EndoctError(f"the task '{task}' has no examples", expected=" or ".join(_ARRAYS))
-        entries = [one for one in read_set(self.root).specimens if task in one.tasks and split in (None, one.split)]
+        entries = [
+            one for one in read_finished_set(self.root).specimens if task in one.tasks and split in (None, one.split)
+        ]
         if not entries:
             raise EndoctError(f"{root} has no example for '{task}'", found=f"split {split}")
         self.places = [(entry, number) for entry in entries for number in range(_cases_of(entry, task))]

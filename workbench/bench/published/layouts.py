@@ -19,7 +19,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.output import new_output
 from endoct.workbench.bench.published.definition import Split
 from endoct.workbench.bench.published.examples import Example, Examples
-from endoct.workbench.bench.published.specimen_set import read_set
+from endoct.workbench.bench.published.specimen_set import read_finished_set
 from endoct.workbench.running.kinds import DATA_SET
 from endoct.workbench.running.progress import Advance, Stages
 
@@ -38,7 +38,7 @@ def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool 
     """
     if layout not in get_args(Layout):
         raise EndoctError(f"there is no layout '{layout}'", expected=" or ".join(get_args(Layout)))
-    entries = read_set(folder).specimens
+    entries = read_finished_set(folder).specimens
     splits = list(dict.fromkeys(one.split for one in entries if "segmentation" in one.tasks))
     facts = {one.name: {"generator": str(one.generator), "difficulty": str(one.difficulty)} for one in entries}
     write = _WRITERS[layout]

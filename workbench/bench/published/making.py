@@ -3,6 +3,7 @@
 What is made already stays: a run that was stopped goes on with the same command.
 """
 
+import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
+from endoct.base.files.output import check_place
 from endoct.base.files.scratch import new_file, scratch_next_to
 from endoct.stitching.store import save_panorama
 from endoct.workbench import api
@@ -22,6 +24,7 @@ from endoct.workbench.bench.published.specimen_set import (
     Entry,
     SpecimenSet,
     entry_of,
+    read_set,
     shipped_entries,
 )
 from endoct.workbench.pipeline.inputs import versions
@@ -60,30 +63,53 @@ def make_set(
     """Make the set ``name`` in the folder ``output``, or what is missing of it there; return what it lists.
 
     ``key``: what the seeds follow from, needed for the hidden half. Kinds of a generator that ``writers`` lack are
-    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where a specimen cannot be made, one
-    that is there is not as it was made, or the set is not the published one but for rounding.
+    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where ``output`` holds something else,
+    a specimen cannot be made, one that is there is not as it was made, or the set is not the published one but for
+    rounding.
     """
     definition = load_definition(name)
     if (half == "hidden") == (key is None):
         raise EndoctError(f"the {half} half {'needs a key' if key is None else 'has a key of its own'}")
-    every = planned(definition, half, size, definition.public_key if key is None else key)
-    wanted = [one for one in every if one.kind.generator in writers]
+    key = definition.public_key if key is None else key
+    wanted = [one for one in planned(definition, half, size, key) if one.kind.generator in writers]
+    key_digest = hashlib.sha256(str(key).encode()).hexdigest()
+    begun = SpecimenSet(set=name, half=half, size=size, key=key_digest, versions=versions(), specimens=())
     with refusing_disk_errors(output), stages.stage(f"{len(wanted)} specimens of {name}") as advance:
-        output.mkdir(parents=True, exist_ok=True)
-        entries = dict(_made(output, wanted, writers, workers, advance))
-        listed = SpecimenSet(
-            set=name,
-            half=half,
-            size=size,
-            versions=versions(),
-            specimens=tuple(entries[one.name] for one in wanted),
-        )
-        with new_file(output / SET_FILE) as file:
-            file.write((listed.model_dump_json(indent=1) + "\n").encode())
+        _begin(output, begun)
+        try:
+            entries = dict(_made(output, wanted, writers, workers, advance))
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{output} is begun, and the same command goes on with it") from None
+        listed = begun.model_copy(update={"specimens": tuple(entries[one.name] for one in wanted)})
+        _list(output, listed)
         write_deposit(output, listed)
     if half == "public":
         _check_published(listed)
     return listed
+
+
+def _begin(output: Path, begun: SpecimenSet) -> None:
+    """Write that a set is begun. Raises :class:`EndoctError` where ``output`` is another one, or something else."""
+    check_place(output)
+    if (output / SET_FILE).is_file():
+        there = read_set(output)
+        if (there.set, there.half, there.key) != (begun.set, begun.half, begun.key):
+            raise EndoctError(
+                f"{output} holds another set",
+                found=f"the {there.half} half of {there.set}",
+                expected=f"the {begun.half} half of {begun.set}, of the same key",
+                remedy="choose another folder",
+            )
+        return
+    if output.exists() and any(output.iterdir()):
+        raise EndoctError(f"{output} is no set, and not empty", remedy="choose another folder")
+    output.mkdir(parents=True, exist_ok=True)
+    _list(output, begun)
+
+
+def _list(output: Path, listed: SpecimenSet) -> None:
+    with new_file(output / SET_FILE) as file:
+        file.write((listed.model_dump_json(indent=1) + "\n").encode())
 
 
 def _check_published(listed: SpecimenSet) -> None:

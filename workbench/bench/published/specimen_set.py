@@ -69,7 +69,10 @@ class Entry(BaseModel):
 
 
 class SpecimenSet(BaseModel):
-    """The content of ``set.json``: which set it is, what it was made with, and its specimens in order."""
+    """The content of ``set.json``: which set it is, what it was made with, and its specimens in order.
+
+    ``key``: the sha256 of the key that its seeds follow from. A set that is not finished has no specimens.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -77,6 +80,7 @@ class SpecimenSet(BaseModel):
     set: str
     half: Half
     size: Size
+    key: str
     versions: dict[str, str]
     specimens: tuple[Entry, ...]
 
@@ -100,7 +104,7 @@ def shipped_entries(name: str) -> dict[str, Entry]:
 
 
 def read_set(folder: Path) -> SpecimenSet:
-    """Return what a set's ``set.json`` says. Raises :class:`EndoctError` where the folder is no finished set."""
+    """Return what a set's ``set.json`` says. Raises :class:`EndoctError` where the folder is no set."""
     path = folder / SET_FILE
     if not path.is_file():
         raise EndoctError(
@@ -114,6 +118,14 @@ def read_set(folder: Path) -> SpecimenSet:
             raise ValueError(f"its format is {read.format[:40]!r}")
         for entry in read.specimens:
             plain_name(entry.name, f"a specimen of {path}")
+    return read
+
+
+def read_finished_set(folder: Path) -> SpecimenSet:
+    """Return what a set's ``set.json`` says. Raises :class:`EndoctError` where specimens are still missing."""
+    read = read_set(folder)
+    if not read.specimens:
+        raise EndoctError(f"the set {folder} is not finished", remedy="start the command again that makes it")
     return read
 
 

@@ -26,7 +26,7 @@ from endoct.workbench.bench.published.specimen_set import (
     SpecimenSet,
     check_specimen,
     digest_of_entries,
-    read_set,
+    read_finished_set,
 )
 from endoct.workbench.bench.runner import Plan, Row, Status, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, origin
@@ -109,7 +109,7 @@ def submit(
     Every specimen is checked against its digests first. A run that was stopped goes on with the same command. Raises
     :class:`EndoctError` where the set is damaged, none of its specimens is for the task, or ``output`` exists.
     """
-    specimens = read_set(data)
+    specimens = read_finished_set(data)
     task = with_programs(load_task(task_name), programs)
     entries = entries_for(specimens, task_name, data)
     folders = tuple((data / one.name).absolute() for one in entries)
@@ -124,8 +124,12 @@ def submit(
         checkpoint.save(place, new)
         rows[place] = list(new)
 
-    with stages.stage(f"bench {task_name}") as advance:
-        run(plan, workers=workers, advance=advance, finished=dict(rows), keep=keep)
+    try:
+        with stages.stage(f"bench {task_name}") as advance:
+            run(plan, workers=workers, advance=advance, finished=dict(rows), keep=keep)
+    except KeyboardInterrupt:
+        kept = f"{len(checkpoint.read())} of {len(entries)} specimens are kept in {checkpoint.folder}"
+        raise KeyboardInterrupt(f"{kept}; the same command goes on") from None
     submission = _submission(specimens, task, entries, plan, rows, workers, time.perf_counter() - start)
     with new_output(output, SUBMISSION, overwrite=overwrite, inputs=[data], is_ours=is_submission) as scratch:
         scratch.write_bytes(text_of(submission).encode())

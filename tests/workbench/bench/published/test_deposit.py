@@ -27,6 +27,11 @@ def test_nothing_of_a_deposit_is_part_of_a_digest(deposited: tuple[Path, Specime
     before = {name: (folder / name).read_bytes() for name in DEPOSITED}
     write_deposit(folder, listed)
     assert {name: (folder / name).read_bytes() for name in DEPOSITED} == before
+    (folder / "README.md").write_text("a card of my own", encoding="utf-8")
+    write_deposit(folder, listed)
+    assert (folder / "README.md").read_bytes() == before["README.md"]
+    (kept,) = folder.glob("README.md.kept*")
+    assert kept.read_text(encoding="utf-8") == "a card of my own"
 
 
 def test_the_texts_name_set_licence_and_digest(deposited: tuple[Path, SpecimenSet]) -> None:

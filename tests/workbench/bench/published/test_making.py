@@ -9,7 +9,7 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published import making
 from endoct.workbench.bench.published.definition import Planned
 from endoct.workbench.bench.published.making import make_set, make_specimen, simulated_specimen
-from endoct.workbench.bench.published.specimen_set import SpecimenSet, read_set
+from endoct.workbench.bench.published.specimen_set import SpecimenSet, read_finished_set, read_set
 from endoct.workbench.running.progress import SilentStages
 
 
@@ -67,6 +67,26 @@ def test_a_writer_that_fails_leaves_nothing(tmp_path: Path, plan: Planned) -> No
     with pytest.raises(EndoctError, match="no more"):
         make_specimen(tmp_path, plan, fails)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_not_empty_or_another_set_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(making, "load_definition", lambda _: tiny())
+    (tmp_path / "README.md").write_text("mine", encoding="utf-8")
+    with pytest.raises(EndoctError, match="not empty"):
+        made(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
+
+    def stopped(folder: Path, specimen: Planned) -> None:
+        raise KeyboardInterrupt
+
+    hidden = tmp_path / "hidden"
+    with pytest.raises(KeyboardInterrupt, match="goes on"):
+        make_set(hidden, "endoct-bench-1", half="hidden", key=7, writers={"simulator": stopped}, stages=SilentStages())
+    with pytest.raises(EndoctError, match="not finished"):
+        read_finished_set(hidden)
+    for half, key in (("hidden", 8), ("public", None)):
+        with pytest.raises(EndoctError, match="another set"):
+            make_set(hidden, "endoct-bench-1", half=half, key=key, stages=SilentStages())
 
 
 def test_each_half_has_its_key(tmp_path: Path) -> None:
