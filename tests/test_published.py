@@ -136,4 +136,5 @@ def test_what_is_published_of_a_hidden_half_tells_no_sample() -> None:
         set="endoct-bench-1", half="hidden", size="small", key="", versions={}, specimens=(entry("s0"),)
     )
     assert digests(hidden)["specimens"] == {"s0": entry("s0").digest}
+    assert digests(hidden)["key"] == "f" * 64
     assert "means" not in str(digests(hidden))

@@ -69,12 +69,8 @@ def read_key(path: Path) -> int:
 
 def digests(made: SpecimenSet) -> dict[str, object]:
     """Return what is published of a hidden half: digests of its specimens, nothing that tells a seed or a sample."""
-    return {
-        "set": made.set,
-        "half": made.half,
-        "size": made.size,
-        "specimens": {e.name: e.digest for e in made.specimens},
-    }
+    facts = {"set": made.set, "half": made.half, "size": made.size, "key": made.key}
+    return facts | {"specimens": {each.name: each.digest for each in made.specimens}}
 
 
 if __name__ == "__main__":
