@@ -22,6 +22,7 @@ from endoct.workbench.bench.results.score_summary import (
     CONDITION,
     SCORE,
     Difference,
+    by_method,
     columns_of,
     count_true,
     frame_of,
@@ -80,7 +81,7 @@ def draw_plots(rows: Sequence[Row], task: AnyTask, folder: Path) -> list[Path]:
     scores = ([name for name in named if name in task.scores] or named)[:MOST_PANELS]
     paths = [_overview(frame, task, scores, folder / "overview.png")]
     varied = [column for column in columns_of(frame, CONDITION) if frame[column].nunique() > 1]
-    for column in varied if frame["method"].nunique() <= len(STYLES) else ():
+    for column in varied if len(set(frame["method"])) <= len(STYLES) else ():
         file = re.sub(r"[^A-Za-z0-9_-]+", "-", column.removeprefix(CONDITION))
         paths.append(_against(frame, task, scores, column, folder / f"against-{file}.png"))
     return paths
@@ -88,7 +89,7 @@ def draw_plots(rows: Sequence[Row], task: AnyTask, folder: Path) -> list[Path]:
 
 def _overview(frame: pd.DataFrame, task: AnyTask, scores: Sequence[str], path: Path) -> Path:
     """Draw every answer's scores as a dot, with median and quartiles, a line a method."""
-    methods = list(frame["method"].unique())
+    methods = list(dict.fromkeys(frame["method"]))
     with journal_style():
         panels = [*scores, ""]
         n_columns = min(3, len(panels))
@@ -108,7 +109,7 @@ def _overview(frame: pd.DataFrame, task: AnyTask, scores: Sequence[str], path: P
 
 def _dots(axes: Axes, frame: pd.DataFrame, column: str) -> None:
     jitter = np.random.default_rng(0)
-    for place, (_, own) in enumerate(frame.groupby("method", sort=False)):
+    for place, (_, own) in enumerate(by_method(frame)):
         values = own[column].dropna()
         if values.empty:
             continue
@@ -122,7 +123,7 @@ def _dots(axes: Axes, frame: pd.DataFrame, column: str) -> None:
 
 
 def _outcomes(axes: Axes, frame: pd.DataFrame) -> None:
-    for place, (_, own) in enumerate(frame.groupby("method", sort=False)):
+    for place, (_, own) in enumerate(by_method(frame)):
         left = 0.0
         for status, colour in (("ok", GREEN), ("declined", ORANGE), ("failed", VERMILION)):
             width = float((own["status"] == status).mean())
@@ -135,7 +136,7 @@ def _outcomes(axes: Axes, frame: pd.DataFrame) -> None:
 
 def _against(frame: pd.DataFrame, task: AnyTask, scores: Sequence[str], condition: str, path: Path) -> Path:
     """Draw scores, success and how many were not answered against one condition, a curve a method."""
-    methods = list(frame["method"].unique())
+    methods = list(dict.fromkeys(frame["method"]))
     frame = frame[frame[condition].notna()]
     panels = [*scores, *([SUCCESS] if frame.get(f"{SCORE}{SUCCESS}", pd.Series()).notna().any() else []), UNANSWERED]
     n_columns = min(3, len(panels))

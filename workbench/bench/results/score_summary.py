@@ -3,7 +3,7 @@
 Methods are held against one of them case by case: the same cases, so that their difficulty cancels.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,15 @@ def frame_of(rows: Sequence[Row]) -> pd.DataFrame:
     frame = pd.DataFrame(values, columns=pd.Index(names, dtype=object), dtype=object)
     numbers = [*TIMES, *(name for name in names if name.startswith(SCORE))]
     return frame.astype(dict.fromkeys(numbers, float))
+
+
+def by_method(frame: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the lines of each method, in the order in which they were run.
+
+    pandas would group by an index, of Arrow's texts where pyarrow is installed, which refuse what is no valid Unicode.
+    """
+    for method in dict.fromkeys(frame["method"]):
+        yield str(method), frame[[name == method for name in frame["method"]]]
 
 
 def columns_of(frame: pd.DataFrame, beginning: str) -> list[str]:
@@ -114,9 +123,9 @@ def summarise(rows: Sequence[Row], listed: Sequence[str] = (), by: str | None = 
     """
     names = score_names(rows, listed)
     return [
-        _summary(str(method), word, own, names)
+        _summary(method, word, own, names)
         for word, some in by_word(rows, by)
-        for method, own in frame_of(some).groupby("method", sort=False)
+        for method, own in by_method(frame_of(some))
     ]
 
 
@@ -173,12 +182,14 @@ def differences(rows: Sequence[Row], reference: str, scores: Sequence[str]) -> l
     """
     frame = frame_of(rows)
     is_reference = frame["method"] == reference
-    base = frame[is_reference].drop_duplicates("case", keep="last").set_index("case")
-    others = frame[~is_reference]
+    base, others = frame[is_reference], frame[~is_reference]
     differing = []
     for column in (f"{SCORE}{score}" for score in scores):
-        by_case = (others[column] - others["case"].map(base[column])).dropna()
-        for method, values in by_case.groupby(others["method"], sort=False):
+        of_reference = dict(zip(base["case"], base[column], strict=True))
+        for method, own in by_method(others):
+            values = (own[column] - [of_reference.get(case, np.nan) for case in own["case"]]).dropna()
+            if values.empty:
+                continue
             lower, higher = int((values < 0).sum()), int((values > 0).sum())
-            differing.append(Difference(str(method), column.removeprefix(SCORE), spread(values), lower, higher))
+            differing.append(Difference(method, column.removeprefix(SCORE), spread(values), lower, higher))
     return differing
