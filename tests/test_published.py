@@ -9,9 +9,8 @@ import pytest
 from benchmarks.independent.bore import drill
 from benchmarks.independent.sets import recipe_of
 from benchmarks.published.__main__ import digests, read_key, write_key
-from benchmarks.published.bone import write_scan
+from benchmarks.published.specimens import FINER, Turning, turned, uneven_turns, write_scan, write_walls
 from benchmarks.published.truth import even_turns
-from benchmarks.published.walls import FINER, Turning, turned, uneven_turns, write_walls
 from endoct.base.errors import EndoctError
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.side_cells import segment

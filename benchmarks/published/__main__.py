@@ -13,8 +13,9 @@ import os
 import secrets
 from pathlib import Path
 
-from benchmarks.published.writers import BOTH
+from benchmarks.published.specimens import BOTH
 from endoct.base.errors import EndoctError
+from endoct.base.files.scratch import new_file
 from endoct.workbench.bench.published.making import make_set
 from endoct.workbench.bench.published.specimen_set import SpecimenSet
 from endoct.workbench.commands.console import command_stages
@@ -48,7 +49,8 @@ def main() -> None:
         stages=command_stages(False),
     )
     if options.key:
-        (options.output / DIGESTS).write_text(json.dumps(digests(made), indent=1) + "\n", encoding="utf-8")
+        with new_file(options.output / DIGESTS) as file:
+            file.write((json.dumps(digests(made), indent=1) + "\n").encode())
     print(f"{options.output}: {len(made.specimens)} specimens, digest {made.digest}")
 
 

@@ -75,6 +75,13 @@ class CtVolume:
         """Whether its slices lie askew, as a tilted gantry has them."""
         return _shear(self.steps_mm) > MOST_SHEAR
 
+    @property
+    def to_lps(self) -> Coordinates:
+        """The matrix (4, 4) that takes an index (k, j, i, 1) to its place, LPS, mm."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = np.asarray(self.steps_mm).T, self.origin_mm
+        return matrix
+
 
 def is_volume(path: Path) -> bool:
     """Say whether a path is, by its content, a volume: a file, or slices in a folder; no recording in DICOM."""

@@ -37,16 +37,17 @@ class Program:
 
     def __call__(self, *given: object) -> object:
         """Return the program's answer. Raises :class:`EndoctError` where it fails or answers nothing."""
+        case = given[0] if len(given) == 1 else given
         with TemporaryFolder("program") as scratch:
             folders = [Path(scratch) / name for name in ("given", "answer")]
             for folder in folders:
                 folder.mkdir()
-            self.exchange.write(given[0] if len(given) == 1 else given, folders[0])
+            self.exchange.write(case, folders[0])
             self._run(folders)
             answer = read_answer(folders[1])
             if isinstance(reason := answer.get("declined"), str):
                 raise Declined(reason)
-            return self.exchange.read(given[0] if len(given) == 1 else given, folders[1])
+            return self.exchange.read(case, folders[1])
 
     def _run(self, folders: list[Path]) -> None:
         command = [*shlex.split(self.command), *map(str, folders)]

@@ -183,7 +183,7 @@ def _svg(figure: Figure) -> Markup:
     """Return a figure as SVG for a page; the same figure gives the same text."""
     from matplotlib import rc_context
 
-    with rc_context({"svg.hashsalt": "endoct"}):
+    with rc_context({"svg.hashsalt": "endoct", "svg.fonttype": "none"}):
         drawn = io.StringIO()
         figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None})
     return Markup(drawn.getvalue()[drawn.getvalue().index("<svg") :])

@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isclose
 from pathlib import Path
 
 from endoct.base.entry_points import unknown_name
@@ -21,11 +20,19 @@ NEAR = 1e-6
 
 @dataclass(frozen=True)
 class Rerun:
-    """One row of a submission, and what came of it here. ``worst``: the largest relative difference of a score."""
+    """One row of a submission, and what came of it here."""
 
     stated: Scored
     again: Scored
-    worst: float
+
+    @property
+    def worst(self) -> float:
+        """Return the largest relative difference of a score; infinite where status or scores are others."""
+        before, again = self.stated.scores, self.again.scores
+        if self.stated.status != self.again.status or before.keys() != again.keys():
+            return float("inf")
+        pairs = [(before[name], again[name]) for name in before]
+        return max((abs(a - b) / max(abs(a), abs(b)) for a, b in pairs if a != b), default=0.0)
 
     @property
     def verdict(self) -> str:
@@ -84,7 +91,7 @@ def check(path: Path, data: Path, *, sample: int, methods: Sequence[str] = (), s
                 before = stated.get((again.specimen, again.case, again.method))
                 if before is None:
                     raise EndoctError(f"the submission lacks {again.method} on {again.case}", found=str(path))
-                reruns.append(Rerun(before, again, _worst(before, again)))
+                reruns.append(Rerun(before, again))
             advance(done / len(chosen))
     return Checked(submission, tuple(reruns), digest_of_entries(entries))
 
@@ -98,10 +105,3 @@ def _here(submission: Submission, data: Path) -> tuple[Entry, ...]:
         if not there[entry.name].is_alike(entry):
             raise EndoctError(f"{entry.name} in {data} is another specimen", found=there[entry.name].digest[:16])
     return tuple(there[entry.name] for entry in submission.specimens)
-
-
-def _worst(before: Scored, again: Scored) -> float:
-    if before.status != again.status or before.scores.keys() != again.scores.keys():
-        return float("inf")
-    pairs = [(before.scores[name], again.scores[name]) for name in before.scores]
-    return max((abs(a - b) / max(abs(a), abs(b)) for a, b in pairs if not isclose(a, b, rel_tol=0.0)), default=0.0)

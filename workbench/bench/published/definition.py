@@ -30,15 +30,17 @@ LEFT_OUT_BITS = 11
 """Of 64 that are drawn: what is left, a double of any program that reads JSON holds exactly."""
 FULL = 5
 """A full set has so many times the specimens of a small one."""
-SPLIT_OF: tuple[Split, ...] = ("train", "train", "validation", "train")
-"""The public half is there to learn from: of four specimens of a kind in a row the third is for validation."""
+SPLIT_OF: tuple[Split, ...] = ("train", "validation", "train", "train")
+"""The public half is there to learn from: of four specimens of a kind in a row the second is for validation."""
 
 
-class _Read(BaseModel):
+class Stored(BaseModel):
+    """What is read from files, or written to them: without unknown keys, and not to be changed."""
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class ScoredTask(_Read):
+class ScoredTask(Stored):
     """A task's title, its main score, one of those that its judge gives, and which way is better."""
 
     title: str
@@ -46,7 +48,7 @@ class ScoredTask(_Read):
     better: Literal["higher", "lower"]
 
 
-class Kind(_Read):
+class Kind(Stored):
     """A kind of specimen: who makes it and how, which tasks it is for, and how many a small set has.
 
     ``preset`` and ``vary`` are those of ``endoct simulate``; the second generator goes by the difficulty alone.
@@ -66,7 +68,7 @@ class Kind(_Read):
         return f"{what}{self.generator}-{self.difficulty}"
 
 
-class Definition(_Read):
+class Definition(Stored):
     """A benchmark: see ``endoct-bench-1.toml``. ``simulator`` is the version of what the simulator writes."""
 
     name: str

@@ -128,15 +128,13 @@ def _depth(case: AnyCase) -> Arrays:
 
 def _pose(case: AnyCase) -> Arrays:
     panoramas, ct, plan = case.given
-    to_lps = np.eye(4)
-    to_lps[:3, :3], to_lps[:3, 3] = np.asarray(ct.steps_mm).T, ct.origin_mm  # of (k, j, i)
     arrays: dict[str, NDArray[Any]] = {}
     for panorama in panoramas:
         arrays |= _side(panorama, f"{panorama.modality}_")
     return {
         **arrays,
         "ct": ct.voxels,
-        "ct_to_lps": to_lps,
+        "ct_to_lps": ct.to_lps,
         "plan_mm": np.array([plan.entry_mm, plan.target_mm]),
         "bore_to_lps": case.truth.to_lps,
         "length_mm": np.array(case.truth.length_mm),

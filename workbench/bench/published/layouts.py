@@ -20,7 +20,7 @@ from endoct.base.files.output import new_output
 from endoct.workbench.bench.published.definition import Split
 from endoct.workbench.bench.published.examples import Example, Examples
 from endoct.workbench.bench.published.specimen_set import read_finished_set
-from endoct.workbench.running.kinds import DATA_SET
+from endoct.workbench.running.kinds import EXPORT
 from endoct.workbench.running.progress import Advance, Stages
 
 Layout = Literal["huggingface", "webdataset"]
@@ -44,8 +44,8 @@ def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool 
     write = _WRITERS[layout]
     n_written = 0
     with (
-        new_output(output, DATA_SET, overwrite=overwrite, inputs=[folder]) as scratch,
-        stages.stage(f"{layout}") as advance,
+        new_output(output, EXPORT, overwrite=overwrite, inputs=[folder]) as scratch,
+        stages.stage(layout) as advance,
     ):
         scratch.mkdir()
         for number, split in enumerate(splits):

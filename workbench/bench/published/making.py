@@ -23,6 +23,7 @@ from endoct.workbench.bench.published.specimen_set import (
     SPECIMEN_FILE,
     Entry,
     SpecimenSet,
+    check_specimen,
     entry_of,
     read_set,
     shipped_entries,
@@ -153,8 +154,7 @@ def make_specimen(output: Path, specimen: Planned, write: Writer) -> Entry:
     if (place / SPECIMEN_FILE).is_file():
         with refusing(f"{place} is no specimen of a set", remedy="move it away; it is then made again"):
             stated = Entry.model_validate_json(read_small(place / SPECIMEN_FILE))
-        if entry_of(place, stated) != stated:
-            raise EndoctError(f"{place} is not as it was made", remedy="move it away; it is then made again")
+        check_specimen(output, stated)
         return stated
     with scratch_next_to(place) as scratch:
         folder = scratch / specimen.name

@@ -10,20 +10,20 @@ are not equal to the bit; their truth is.
 """
 
 import hashlib
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import plain_name, read_small, sha256_of
 from endoct.modalities.registry import open_recording
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
-from endoct.workbench.bench.published.definition import Difficulty, Generator, Half, Size, Split
+from endoct.workbench.bench.published.definition import Difficulty, Generator, Half, Size, Split, Stored
 from endoct.workbench.dataset.set_files import digest_of
 
 SET_FILE, SPECIMEN_FILE = "set.json", "specimen.json"
@@ -34,15 +34,13 @@ ROUNDED = 0.01
 """By so much two means differ at most of samples that are equal but for rounding: of 0.0002 of them, by a count."""
 
 
-class Entry(BaseModel):
+class Entry(Stored):
     """What a set says of one specimen.
 
     ``recorded``: the digest of each of its folders and files, ``oct``, ``truth`` and so on. ``unrolled``: by side, the
     digest of its panorama. ``means``: by side, the mean of each frame, counts; by panorama, the means of intensity and
-    of depth in hundredths of a mm, and the percentage that is valid.
+    of depth in hundredths of a mm, and the percentages that are valid and that have a depth.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str
     generator: Generator
@@ -68,13 +66,11 @@ class Entry(BaseModel):
         return all(np.allclose(means, other.means[side], rtol=0, atol=ROUNDED) for side, means in self.means.items())
 
 
-class SpecimenSet(BaseModel):
+class SpecimenSet(Stored):
     """The content of ``set.json``: which set it is, what it was made with, and its specimens in order.
 
     ``key``: the sha256 of the key that its seeds follow from. A set that is not finished has no specimens.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     format: str = FORMAT
     set: str
@@ -131,27 +127,28 @@ def read_finished_set(folder: Path) -> SpecimenSet:
 
 def check_specimen(folder: Path, entry: Entry) -> None:
     """Compare a specimen with its digests. Raises :class:`EndoctError` where anything of it changed."""
-    again = entry_of(folder / entry.name, entry)
-    if again == entry:
-        return
-    changed = [name for name, sha in entry.recorded.items() if again.recorded.get(name) != sha]
-    changed += [name for name in again.recorded if name not in entry.recorded]
-    changed += [f"{side}.zarr" for side, sha in entry.unrolled.items() if again.unrolled.get(side) != sha]
-    raise EndoctError(
-        f"{entry.name} in {folder} is not as the set says",
-        found=f"another {', '.join(changed)}",
-        remedy="make or download the set again",
-    )
+    recorded = recorded_digests(folder / entry.name)
+    unrolled = unrolled_digests(panoramas_of(folder / entry.name))
+    changed = [name for name in {**entry.recorded, **recorded} if entry.recorded.get(name) != recorded.get(name)]
+    changed += [
+        f"{side}.zarr" for side in {**entry.unrolled, **unrolled} if entry.unrolled.get(side) != unrolled.get(side)
+    ]
+    if changed:
+        raise EndoctError(
+            f"{entry.name} in {folder} is not as it was made",
+            found=f"another {', '.join(changed)}",
+            remedy="make or download it again",
+        )
 
 
 def entry_of(folder: Path, stated: Entry) -> Entry:
-    """Return ``stated`` with the digests of the specimen in ``folder``."""
+    """Return ``stated`` with the digests and means of the specimen in ``folder``."""
     panoramas = panoramas_of(folder)
     means = {f"{side}.zarr": panorama_means(panorama) for side, panorama in panoramas.items()}
     return stated.model_copy(
         update={
             "recorded": recorded_digests(folder),
-            "unrolled": {side: panorama_digest(panorama) for side, panorama in panoramas.items()},
+            "unrolled": unrolled_digests(panoramas),
             "means": frame_means(folder) | means,
         }
     )
@@ -176,10 +173,14 @@ def frame_means(folder: Path) -> dict[str, tuple[float, ...]]:
 
 
 def panorama_means(panorama: Panorama) -> tuple[float, ...]:
-    """Return the means of intensity and of depth where it is valid, and the percentage that is."""
+    """Return the means of intensity and of depth where these are known, and the percentages that are."""
     valid = panorama.valid
-    depth = () if panorama.depth_mm is None else (_mean(100 * panorama.depth_mm[valid]),)
-    return _mean(panorama.intensity[valid]), *depth, _mean(100 * valid)
+    means = [_mean(panorama.intensity[valid]), _mean(100 * valid)]
+    for depth_mm in (panorama.depth_mm, panorama.parallax_depth_mm):
+        if depth_mm is not None:
+            known = valid & np.isfinite(depth_mm)
+            means += [_mean(100 * depth_mm[known]), _mean(100 * known)]
+    return tuple(means)
 
 
 def _mean(samples: ArrayLike) -> float:
@@ -193,11 +194,16 @@ def panoramas_of(folder: Path) -> dict[str, Panorama]:
     return {side: load_panorama(store) for side, store in stores.items() if store.is_dir()}
 
 
+def unrolled_digests(panoramas: Mapping[str, Panorama]) -> dict[str, str]:
+    """Return by side the digest of a panorama."""
+    return {side: panorama_digest(panorama) for side, panorama in panoramas.items()}
+
+
 def panorama_digest(panorama: Panorama) -> str:
-    """Return the sha256 of a panorama's samples and of its grid; what was said in making it is left out."""
-    digest = hashlib.sha256(repr(panorama.grid).encode())
-    frames = [each.values for _, each in sorted(panorama.per_frame.items())]
-    for array in (panorama.intensity, panorama.depth_mm, panorama.valid, panorama.weight, *frames):
-        if array is not None:
-            digest.update(np.ascontiguousarray(array).tobytes())
+    """Return the sha256 of all that a panorama's store holds, except how it was made and what was said of it."""
+    stated = {name: value for name, value in panorama.attributes().items() if name != "provenance"}
+    digest = hashlib.sha256(json.dumps(stated, sort_keys=True).encode())
+    for name, (_, array, _) in sorted(panorama.variables().items()):
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

@@ -13,14 +13,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
-
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
 from endoct.base.files.output import check_output, new_output
 from endoct.workbench.bench.checkpoint import machine, open_checkpoint, source_digests
 from endoct.workbench.bench.program import with_programs
-from endoct.workbench.bench.published.definition import Half, Size
+from endoct.workbench.bench.published.definition import Half, Size, Stored
 from endoct.workbench.bench.published.specimen_set import (
     Entry,
     SpecimenSet,
@@ -39,10 +37,8 @@ NO_PROGRAMS: Mapping[str, str] = MappingProxyType({})
 MOST_BYTES = 64_000_000
 
 
-class Scored(BaseModel):
+class Scored(Stored):
     """What came of one method on one case of a specimen; see :class:`endoct.workbench.bench.runner.Row`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     specimen: str
     case: str
@@ -59,7 +55,7 @@ class Scored(BaseModel):
         return self.status, self.scores
 
 
-class Submission(BaseModel):
+class Submission(Stored):
     """The content of a submission.
 
     ``specimens``: those it was run on, with the digests of what was read. ``methods``: by name where each comes from;
@@ -67,8 +63,6 @@ class Submission(BaseModel):
     ``sources``: digests of endoct's source and of the modules of others' methods. ``left_out``: methods whose library
     is not installed, with the reason.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     format: str = FORMAT
     set: str

@@ -183,10 +183,10 @@ def differences(rows: Sequence[Row], reference: str, scores: Sequence[str]) -> l
     frame = frame_of(rows)
     is_reference = frame["method"] == reference
     base, others = frame[is_reference], frame[~is_reference]
-    differing = []
+    differing, of_methods = [], list(by_method(others))
     for column in (f"{SCORE}{score}" for score in scores):
         of_reference = dict(zip(base["case"], base[column], strict=True))
-        for method, own in by_method(others):
+        for method, own in of_methods:
             values = (own[column] - [of_reference.get(case, np.nan) for case in own["case"]]).dropna()
             if values.empty:
                 continue

@@ -28,7 +28,7 @@ from endoct.workbench.pipeline.unrolling import open_recording
 DEEPEST_MM = 1.5
 """Cells are deeper here and there; deeper than this no method is asked for."""
 WALL_UM, CELL_UM = 25.0, 120.0
-"""An answer succeeds with median errors of at most these, on the wall and in cells: a sixth of what cells have."""
+"""An answer succeeds with median errors of at most these, on the wall and in cells (chosen)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -171,9 +171,12 @@ def _write_given(given: Given, folder: Path) -> None:
     for number, panorama in enumerate(sides):
         (folder / str(number)).mkdir()
         write_panorama(folder / str(number), panorama)
-    to_lps = np.eye(4)
-    to_lps[:3, :3], to_lps[:3, 3] = np.asarray(ct.steps_mm).T, ct.origin_mm
-    facts = {"sides": len(sides), "ct_to_lps": to_lps.tolist(), "entry_mm": plan.entry_mm, "target_mm": plan.target_mm}
+    facts = {
+        "sides": len(sides),
+        "ct_to_lps": ct.to_lps.tolist(),
+        "entry_mm": plan.entry_mm,
+        "target_mm": plan.target_mm,
+    }
     write_given(folder, facts, ct=ct.voxels)
 
 

@@ -1,8 +1,11 @@
-"""A bore of the second generator with cells, recorded by both instruments, the catheter turning unevenly."""
+"""Specimens of the second generator: bores with cells, the catheter turning unevenly, and bores in bone with a CT."""
 
+import gzip
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import nibabel
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
@@ -14,7 +17,11 @@ from benchmarks.independent.pair import Pair, write_endoscope, write_pullback
 from benchmarks.independent.recipe import Recipe
 from benchmarks.independent.sets import recipe_of
 from benchmarks.published.truth import Turns, even_turns, write_truth
-from endoct.workbench.bench.published.definition import Difficulty
+from benchmarks.second_origin.bores import made
+from endoct.modalities.ct.ct_volume import CtVolume
+from endoct.modalities.ct.trajectory import write_line
+from endoct.workbench.bench.published.definition import Difficulty, Planned
+from endoct.workbench.bench.published.making import WRITERS, Writer
 
 FINER = 4
 """Even A-scans that are recorded for one of an uneven turn, which is the nearest of them: none is interpolated."""
@@ -94,3 +101,39 @@ def turned(pullback: Pullback, turns: Turns, start_rad: float, *, mirrored: bool
     sense = -1.0 if mirrored else 1.0
     beams: Floats = start_rad + sense * chosen * (2 * np.pi / n_fine)
     return replace(pullback, samples=samples, angle_rad=beams)
+
+
+LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+def write_bone_bore(folder: Path, difficulty: Difficulty, seed: int) -> None:
+    """Write a specimen into ``folder``, which must not exist; hard ones have cells on a third of the bore only."""
+    bore = made(seed, sparse=difficulty == "hard")
+    for side in ("oct", "endoscope"):
+        (folder / side).mkdir(parents=True)
+    write_pullback(bore.pair.oct, bore.pair.recipe, folder / "oct")
+    write_endoscope(bore.pair.endoscope, bore.pair.recipe, folder / "endoscope")
+    write_scan(folder / "ct.nii.gz", bore.ct)
+    write_line(bore.plan, "plan", folder / "plan.mrk.json")
+    world = {"coordinates": "lps", "bore_to_world": bore.to_lps.tolist()}
+    sample = {"seed": seed, "difficulty": difficulty, "bore": {"length_mm": bore.length_mm}}
+    write_truth(folder / "truth", bore.pair, even_turns(bore.pair.recipe.oct.slices), sample, world)
+
+
+def write_scan(path: Path, ct: CtVolume) -> None:
+    """Write a CT as NIfTI, the same bytes for the same voxels."""
+    to_ras = LPS_TO_RAS @ ct.to_lps[:, [2, 1, 0, 3]]  # NIfTI counts i first
+    image = nibabel.Nifti1Image(np.ascontiguousarray(ct.voxels.T), to_ras)
+    image.header.set_xyzt_units("mm")
+    path.write_bytes(gzip.compress(image.to_bytes(), 6, mtime=0))
+
+
+def second_specimen(folder: Path, specimen: Planned) -> None:
+    """Write a specimen of the second generator: in bone with a CT for the task "pose", else a wall with cells."""
+    if "pose" in specimen.kind.tasks:
+        write_bone_bore(folder, specimen.kind.difficulty, specimen.seed)
+    else:
+        write_walls(folder, specimen.kind.difficulty, specimen.seed)
+
+
+BOTH: Mapping[str, Writer] = {**WRITERS, "second": second_specimen}
