@@ -4,9 +4,9 @@ A specimen's folder is laid out as ``endoct simulate`` writes it, with the panor
 ``oct.zarr`` and ``endoscope.zarr``: methods that begin with a panorama all get the same one, whatever version of
 endoct runs them.
 
-A seed gives the same bytes on processors of one family. On another one a few samples in ten thousand of an OCT
-recording are rounded the other way. So a set also has the mean of every frame, by which two specimens are alike that
-are not equal to the bit; their truth is.
+A seed gives the same bytes on one machine. On another one a few samples in ten thousand of an OCT recording may be
+rounded the other way. So a set also has the mean of every frame, by which two specimens of equal truth are alike that
+are not equal to the bit. This is not enough everywhere: where truth or means differ by more, the set is refused.
 """
 
 import hashlib
