@@ -26,7 +26,8 @@ def entry(name: str, generator: str = "simulator", difficulty: str = "easy") -> 
     """A specimen of a set that is nowhere."""
     facts = {"name": name, "generator": generator, "difficulty": difficulty, "tasks": TASKS, "split": "train"}
     digests = {"recorded": {"oct": "a" * 64, "truth": "c" * 64}, "unrolled": {"oct": "b" * 64}}
-    return Entry.model_validate({**facts, **digests, "means": {"oct": (50.0, 60.0)}})
+    means = {"oct": (50.0, 60.0), "oct.zarr": (100.0, 99.9), "truth": (29.2, 3.1)}
+    return Entry.model_validate({**facts, **digests, "means": means})
 
 
 def scored(specimen: str, method: str, jaccard: float | None, *, success: bool = False, seconds: float = 1.0) -> Scored:

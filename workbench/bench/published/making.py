@@ -1,13 +1,20 @@
 """A published set made: every specimen from its seed, its panoramas, and the digests of both.
 
 What is made already stays: a run that was stopped goes on with the same command.
+
+Libraries choose instructions by the processor, and each choice rounds differently. Specimens are therefore made in
+processes that use none beyond those of every x86-64 processor; see :data:`PLAIN_ARITHMETIC`.
 """
 
 import hashlib
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+
+import cv2
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
@@ -31,7 +38,17 @@ from endoct.workbench.bench.published.specimen_set import (
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.running.progress import Advance, Stages
 from endoct.workbench.running.refusals import refusing_disk_errors
-from endoct.workbench.running.scheduler import one_blas_thread
+
+PLAIN_ARITHMETIC = {
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+    "OPENBLAS_CORETYPE": "Nehalem",
+    "NUMBA_CPU_NAME": "generic",
+    "NUMBA_CPU_FEATURES": "",
+    # the second half: names of glibc before 2.33
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX2_Usable,-FMA_Usable,-FMA4_Usable",
+}
+"""Environment in which NumPy, OpenBLAS, Numba and the C library round alike on every x86-64 processor; OpenCV is told
+in the process. They read it as they are loaded."""
 
 Writer = Callable[[Path, Planned], None]
 """Writes the recordings and the truth of a specimen into a folder that does not exist yet."""
@@ -129,25 +146,39 @@ def _check_published(listed: SpecimenSet) -> None:
 def _made(
     output: Path, wanted: Sequence[Planned], writers: Mapping[str, Writer], workers: int, advance: Advance
 ) -> Iterator[tuple[str, Entry]]:
-    jobs = [partial(make_specimen, output, one, writers[one.kind.generator]) for one in wanted]
-    if workers == 1:
-        for done, job in enumerate(jobs, 1):
-            entry = job()
-            yield entry.name, entry
-            advance(done / len(jobs))
-        return
     from distributed import as_completed
 
     from endoct.workbench.running.cluster import own_cluster
 
-    with own_cluster(min(workers, len(jobs))) as client:
-        for done, future in enumerate(as_completed([client.submit(job, pure=False) for job in jobs]), 1):
+    jobs = [partial(make_specimen, output, one, writers[one.kind.generator]) for one in wanted]
+    with _environment(PLAIN_ARITHMETIC), own_cluster(min(workers, len(jobs))) as client:
+        for done, future in enumerate(as_completed([client.submit(_plainly, job, pure=False) for job in jobs]), 1):
             entry = future.result()
             yield entry.name, entry
             advance(done / len(jobs))
 
 
-@one_blas_thread()
+@contextmanager
+def _environment(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set environment variables for the processes that start meanwhile."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _plainly(job: Callable[[], Entry]) -> Entry:
+    """Do a job without OpenCV's faster instructions, in a process that is there for such jobs alone."""
+    cv2.setUseOptimized(False)
+    return job()
+
+
 def make_specimen(output: Path, specimen: Planned, write: Writer) -> Entry:
     """Make a specimen of a set with its panoramas, or check the one that is there; return its entry."""
     place, kind = output / specimen.name, specimen.kind

@@ -1,15 +1,19 @@
 """A published set made: the same bytes by any number of workers, resumed, and never mixed with something else."""
 
+import json
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import pytest
 from published_sets import tiny
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published import making
 from endoct.workbench.bench.published.definition import Planned
-from endoct.workbench.bench.published.making import make_set, make_specimen, simulated_specimen
-from endoct.workbench.bench.published.specimen_set import SpecimenSet, read_finished_set, read_set
+from endoct.workbench.bench.published.making import PLAIN_ARITHMETIC, make_set, make_specimen, simulated_specimen
+from endoct.workbench.bench.published.specimen_set import Entry, SpecimenSet, read_finished_set, read_set
 from endoct.workbench.running.progress import SilentStages
 
 
@@ -69,6 +73,30 @@ def test_a_writer_that_fails_leaves_nothing(tmp_path: Path, plan: Planned) -> No
     assert not list(tmp_path.iterdir())
 
 
+def test_specimens_are_made_by_plain_arithmetic_and_this_process_keeps_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(making, "load_definition", lambda _: tiny())
+    monkeypatch.setenv("NUMBA_CPU_NAME", "host")
+    monkeypatch.delenv("NUMBA_CPU_FEATURES", raising=False)
+
+    def tells(folder: Path, specimen: Planned) -> None:
+        import threadpoolctl
+
+        blas = {each["architecture"] for each in threadpoolctl.threadpool_info() if "architecture" in each}
+        facts = {"opencv": cv2.useOptimized(), "blas": sorted(blas)} | {
+            name: os.environ[name] for name in PLAIN_ARITHMETIC
+        }
+        raise EndoctError(json.dumps(facts))
+
+    with pytest.raises(EndoctError) as told:
+        make_set(tmp_path / "set", "endoct-bench-1", writers={"simulator": tells}, stages=SilentStages())
+    assert json.loads(str(told.value)) == {"opencv": False, "blas": ["Nehalem"], **PLAIN_ARITHMETIC}
+    assert os.environ["NUMBA_CPU_NAME"] == "host"
+    assert "NUMBA_CPU_FEATURES" not in os.environ
+    assert cv2.useOptimized()
+
+
 def test_a_folder_that_is_not_empty_or_another_set_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(making, "load_definition", lambda _: tiny())
     (tmp_path / "README.md").write_text("mine", encoding="utf-8")
@@ -76,12 +104,14 @@ def test_a_folder_that_is_not_empty_or_another_set_is_refused(tmp_path: Path, mo
         made(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
 
-    def stopped(folder: Path, specimen: Planned) -> None:
+    def stopped(*_: object) -> Iterator[tuple[str, Entry]]:
         raise KeyboardInterrupt
 
     hidden = tmp_path / "hidden"
-    with pytest.raises(KeyboardInterrupt, match="goes on"):
-        make_set(hidden, "endoct-bench-1", half="hidden", key=7, writers={"simulator": stopped}, stages=SilentStages())
+    with monkeypatch.context() as patch:
+        patch.setattr(making, "_made", stopped)
+        with pytest.raises(KeyboardInterrupt, match="goes on"):
+            make_set(hidden, "endoct-bench-1", half="hidden", key=7, stages=SilentStages())
     with pytest.raises(EndoctError, match="not finished"):
         read_finished_set(hidden)
     for half, key in (("hidden", 8), ("public", None)):

@@ -1,5 +1,6 @@
 """A published set on disk: its digests notice every change, and nothing that is none."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from published_sets import entry
 
 from endoct.base.errors import EndoctError
+from endoct.base.zarr.zarr_store import read_arrays
 from endoct.stitching.store import load_panorama
 from endoct.workbench.bench.published.specimen_set import (
     SET_FILE,
@@ -21,7 +23,7 @@ def test_a_whole_set_passes(made_set: Path) -> None:
     for each in read_set(made_set).specimens:
         check_specimen(made_set, each)
         assert set(each.unrolled) == {"oct", "endoscope"}
-        assert set(each.means) == {"oct", "endoscope", "oct.zarr", "endoscope.zarr"}
+        assert set(each.means) == {"oct", "endoscope", "oct.zarr", "endoscope.zarr", "truth"}
         assert set(each.recorded) == {"oct", "endoscope", "truth"}
 
 
@@ -44,17 +46,32 @@ def test_a_file_more_is_noticed(changed_set: Path) -> None:
 
 def test_another_rounding_is_alike_and_another_truth_is_not() -> None:
     first = entry("s0")
-    rounded = {"recorded": {**first.recorded, "oct": "d" * 64}, "means": {"oct": (50.004, 59.998)}}
+    means = {"oct": (50.004, 59.998), "oct.zarr": (100.2, 99.9), "truth": (29.2, 3.1)}
+    rounded = {"recorded": {"oct": "d" * 64, "truth": "e" * 64}, "unrolled": {"oct": "f" * 64}, "means": means}
     assert first.is_alike(first.model_copy(update=rounded))
     assert first.digest != first.model_copy(update=rounded).digest
     for other in (
-        {"means": {"oct": (50.0, 60.1)}},
-        {"means": {"oct": (50.0,)}},
+        {"means": {**means, "oct": (50.0, 60.1)}},
+        {"means": {**means, "oct": (50.0,)}},
+        {"means": {**means, "oct.zarr": (100.6, 99.9)}},
+        {"means": {**means, "truth": (29.22, 3.1)}},
         {"means": {}},
         {"name": "s1"},
-        {"recorded": {**first.recorded, "truth": "d" * 64}},
     ):
         assert not first.is_alike(first.model_copy(update=other))
+
+
+def test_the_means_of_the_truth_are_those_of_its_files(made_set: Path) -> None:
+    first = read_set(made_set).specimens[0]
+    truth = made_set / first.name / "truth"
+    wall = read_arrays(truth / "wall.zarr")
+    recording = json.loads((truth / "recording.json").read_text(encoding="utf-8"))
+    depth, share, radius, *others = first.means["truth"]
+    assert depth == pytest.approx(100 * wall["relief_mm"].mean(dtype=np.float64), abs=1e-4)
+    assert share == pytest.approx(100 * wall["cell"].mean(), abs=1e-4)
+    assert radius == recording["bore_radius_mm"]
+    assert round(float(np.mean(recording["oct"]["z_mm"])), 4) in others
+    assert round(recording["oct"]["theta_origin_rad"], 4) in others
 
 
 def test_the_digest_of_a_panorama_is_that_of_its_samples(made_set: Path) -> None:
