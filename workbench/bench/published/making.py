@@ -46,9 +46,13 @@ PLAIN_ARITHMETIC = {
     "NUMBA_CPU_FEATURES": "",
     # the second half: names of glibc before 2.33
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F,-AVX2_Usable,-FMA_Usable,-FMA4_Usable",
+    "OPENCV_IPP": "disabled",
+    "OPENCV_LOG_LEVEL": "ERROR",  # it warns of IPP's absence
 }
-"""Environment in which NumPy, OpenBLAS, Numba and the C library round alike on every x86-64 processor; OpenCV is told
-in the process. They read it as they are loaded."""
+"""Environment in which NumPy, OpenBLAS, Numba, OpenCV and the C library round alike on every x86-64 processor.
+
+They read it as they are loaded. OpenCV is also told in the process, which holds for IPP in one thread alone.
+"""
 
 Writer = Callable[[Path, Planned], None]
 """Writes the recordings and the truth of a specimen into a folder that does not exist yet."""
