@@ -40,8 +40,8 @@ def test_other_scores_are_different(submitted: Path, made_set: Path, tmp_path: P
 
 def test_another_set_of_the_same_name_is_refused(submitted: Path, changed_set: Path) -> None:
     path = changed_set / "set.json"
-    truth = read_submission(submitted).specimens[0].recorded["truth"]
-    path.write_text(path.read_text(encoding="utf-8").replace(truth, "f" * 64), encoding="utf-8")
+    depth = read_submission(submitted).specimens[0].means["truth"][0]
+    path.write_text(path.read_text(encoding="utf-8").replace(f"{depth}", f"{depth + 1}"), encoding="utf-8")
     with pytest.raises(EndoctError, match="another specimen"):
         check(submitted, changed_set, sample=1, stages=SilentStages())
 

@@ -63,8 +63,9 @@ def test_methods_of_one_name_are_kept_apart(tmp_path: Path) -> None:
 
 
 def test_submissions_on_different_recordings_are_refused(tmp_path: Path) -> None:
-    for number, digest in enumerate("ab"):
-        of = entry("s0").model_copy(update={"recorded": {"truth": digest * 64}})
+    for number in range(2):
+        of = entry("s0")
+        of = of.model_copy(update={"means": {**of.means, "truth": (29.2 + number, 3.1)}})
         text = text_of(submission([scored("s0", "mine", 0.5)], [of]))
         (tmp_path / f"{number}.json").write_text(text, encoding="utf-8")
     with pytest.raises(EndoctError, match="different recordings"):
