@@ -154,7 +154,7 @@ def check(
             f"{counts['near']} but for the last bits, {counts['different']} different"
         )
         if not checked.is_of_equal_data:
-            print_line("the data here are equal to those of the submission but for rounding, on another processor")
+            print_line("the data here are equal to those of the submission but for rounding")
     return UNUSABLE_INPUT if counts["different"] and checked.is_of_equal_data else DONE
 
 

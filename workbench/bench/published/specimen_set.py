@@ -4,9 +4,10 @@ A specimen's folder is laid out as ``endoct simulate`` writes it, with the panor
 ``oct.zarr`` and ``endoscope.zarr``: methods that begin with a panorama all get the same one, whatever version of
 endoct runs them.
 
-A seed gives the same bytes on every x86-64 processor. Another C library rounds a few samples in ten thousand of an
-OCT recording the other way, and unrolling makes more of it. So a set also has means, of every frame, of the truth and
-of the panoramas: two specimens are alike where these are equal but for rounding.
+A seed gives the same bytes on every x86-64 processor with the same libraries. Others, the C library among them, round
+a few samples in ten thousand of an OCT recording the other way, and unrolling makes more of it. So a set also has
+means, of every frame, of the truth and of the panoramas: two specimens are alike where these are equal but for
+rounding.
 """
 
 import hashlib
@@ -200,13 +201,15 @@ def truth_means(truth: Path) -> tuple[float, ...]:
 
 
 def _means_of(stated: object) -> Iterator[float]:
-    """Yield the mean of each number and of each list of numbers, depth first."""
-    parts = list(stated.values()) if isinstance(stated, Mapping) else stated
-    if isinstance(parts, list) and (parts is not stated or any(isinstance(part, Mapping) for part in parts)):
-        for part in parts:
+    """Yield the mean of each number and of each list of numbers, depth first; a text has none."""
+    if isinstance(stated, Mapping):
+        for part in stated.values():
             yield from _means_of(part)
-    elif isinstance(parts, list | int | float):
-        yield _mean(parts)
+    elif isinstance(stated, list) and any(isinstance(part, Mapping) for part in stated):
+        for part in stated:
+            yield from _means_of(part)
+    elif isinstance(stated, list | int | float):
+        yield _mean(stated)
 
 
 def _mean(samples: ArrayLike) -> float:
