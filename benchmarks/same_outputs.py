@@ -2,10 +2,10 @@
 
     python benchmarks/same_outputs.py -o DIR [--endoct EXE] [--against DIR]
 
-Makes one specimen of each preset, unrolls and compares it, and does the same with the recordings that
-``ENDOCT_RECORDINGS`` names; writes what all of it holds to ``DIR/held.json``: digests of files and arrays, and every
-value of every ``result.json``. With ``--against``, prints what differs from an earlier run, made with the older
-``endoct``; the figures and the page of a report are no part of it.
+Makes one specimen of each preset, and unrolls and compares it, or finds its pose in its CT. Does the same with the
+recordings that ``ENDOCT_RECORDINGS`` names. Writes what all of it holds to ``DIR/held.json``: digests of files and
+arrays, and every value of every ``result.json``. With ``--against``, prints what differs from an earlier run, made with
+the older ``endoct``; the figures and the page of a report are no part of it.
 """
 
 import argparse
@@ -22,7 +22,8 @@ import numpy as np
 import zarr
 
 ENDOCT = Path(sys.executable).with_name("endoct")
-SPECIMENS = {"quick": 11, "hard": 12, "mastoid": 13, "learning": 14, "paper": 15}
+SPECIMENS = {"quick": 11, "hard": 12, "mastoid": 13, "learning": 14, "paper": 15, "small-patient": 16}
+WITH_CT = "small-patient"
 IMAGES = ("omnidirectional/example.jpg", "pipe-end/2019_10_23_13_39_07.jpg", "endoscope-circle/demo.jpg")
 RUNS_APART = ("seconds", "versions", "inputs")
 """Parts of ``result.json`` that differ between any two runs."""
@@ -40,9 +41,13 @@ def make(endoct: Path, folder: Path, presets: list[str]) -> None:
     for preset in presets:
         seed = SPECIMENS[preset]
         print(preset, flush=True)
-        labels = [] if preset == "paper" else ["--labels"]
-        run(f"{preset}-simulate", "simulate", "-o", preset, "--preset", preset, "--seed", str(seed), *labels)
+        more = ["--ct"] if preset == WITH_CT else [] if preset == "paper" else ["--labels"]
+        run(f"{preset}-simulate", "simulate", "-o", preset, "--preset", preset, "--seed", str(seed), *more)
         sides = [f"{preset}/endoscope", f"{preset}/oct"]
+        if preset == WITH_CT:
+            plan = ["--ct", f"{preset}/truth/ct.nii.gz", "--plan", f"{preset}/plan.mrk.json"]
+            run(f"{preset}-pose", "pose", *sides, *plan, "-o", f"{preset}-posed")
+            continue
         if preset == "learning":
             run(f"{preset}-volume", "unroll", sides[1], "-o", f"{preset}.zarr", "--volume")
         extra = ["--set", "correct_twist=true"] if preset == "learning" else []
