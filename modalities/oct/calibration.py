@@ -13,8 +13,8 @@ from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.second_look import RawLevels
-from endoct.modalities.oct.surface.wall_evidence import Background
+from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.trust import RawLevels
 from endoct.modalities.oct.turning.rotation import Rotation
 from endoct.stitching.grid import SurfaceGrid
 

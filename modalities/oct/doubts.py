@@ -19,8 +19,8 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.fixed_lines import FixedLines
-from endoct.modalities.oct.surface.wall_evidence import Background
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.stitching.panorama import Panorama
 

@@ -21,11 +21,10 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.pictures import locate_in_bscan, picture_bscan
-from endoct.modalities.oct.settle import settle_pullback
 from endoct.modalities.oct.sniffing import sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
 from endoct.modalities.oct.undistort import write_volume
-from endoct.modalities.oct.unroll import unroll_bscan
+from endoct.modalities.oct.unroll import settle_pullback, unroll_bscan
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target
 from endoct.stitching.panorama import Panorama

@@ -24,7 +24,7 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_floor, measure_levels
-from endoct.modalities.oct.surface.second_look import measure_raw_levels
+from endoct.modalities.oct.surface.trust import measure_raw_levels
 from endoct.modalities.oct.turning.uneven_turn import correct_starts, correct_uneven_turns, nominal_turns
 from endoct.stitching.grid import SurfaceGrid
 

@@ -14,7 +14,7 @@ from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.face_circle import circle_distance_mm
-from endoct.modalities.oct.surface.wall_evidence import relative_power, spread_of_noise
+from endoct.modalities.oct.surface.background import relative_power, spread_of_noise
 from endoct.modalities.oct.unroll import BeamProfile, profile_beams
 from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.target import Target

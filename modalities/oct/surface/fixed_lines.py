@@ -8,34 +8,25 @@ glass's inner face, which keeps its depth for a third of the turn, counts for no
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, maximum_filter1d, percentile_filter, uniform_filter1d
+from scipy.ndimage import label, percentile_filter, uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric import ranks
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.surface.background import DARK_SHARE, LINE_SIGMAS, lines_with_skirts
 from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
-from endoct.modalities.oct.surface.line_removal import without_lines
-from endoct.modalities.oct.surface.wall_evidence import Background
 
-LINE_SIGMAS = 1.0
-SKIRT_SIGMAS = 0.12
-LINE_WIDTH_MM = 0.15
 LINE_BACKGROUND_MM = 0.35
 LINE_BEYOND_MM = (0.07, 0.13)  # behind a line and its echo, but before the signal of bone there ends
-DARK_SHARE = 0.2
-LINE_AROUND_MM = (0.05, 0.12)
 AROUND_LINE_MM = (0.03, 0.07)  # the same within the gap, which may be narrow
-JUDGED_ASCANS = 512
 FACE_MM = 0.06  # behind the outer face, which is still in view there
 WALL_MM = (0.06, 0.25)  # before and behind where the wall is expected
 WALL_SHIFT = 0.3  # of the gap between glass and wall: no farther off than that is the wall looked for
@@ -46,7 +37,6 @@ NEAREST_SHARE, CROSSING_MM = (
     0.02,
     0.03,
 )  # so many A-scans see the face nearest; so much deeper, a line is behind it there
-TURNING_MM = 0.04  # from a face's nearest and farthest depth
 INNER_FACE_MM = 0.04  # before and behind where the glass's inner face is expected: half its line
 
 
@@ -89,7 +79,7 @@ def find_fixed_lines(
     judged = can_stand & _dark_beyond(pool.ascans, can_stand, mm_per_px)
     excess = _excess(np.where(judged, pool.ascans, np.nan), mm_per_px)
     sigma = max(robust_sigma(pool.ascans - ranks.medians(pool.ascans)), 1e-6)
-    lines = _lines_with_skirts(excess, sigma, mm_per_px)
+    lines = lines_with_skirts(excess, sigma, mm_per_px)
     undecided = np.zeros(n_depth, np.bool_)
     runs, count = label(lines > 0)
     for k in range(1, count + 1):
@@ -159,7 +149,7 @@ def _crossing_lines(pool: Pool, behind_face: Image, clear: tuple[Mask, Mask], si
     """
     before = behind_face < -FACE_MM
     excess = _excess(np.where(before & clear[0], pool.ascans, np.nan), mm_per_px)
-    lines = _lines_with_skirts(excess, sigma, mm_per_px)
+    lines = lines_with_skirts(excess, sigma, mm_per_px)
     crossing = float(np.quantile(pool.face_mm, NEAREST_SHARE)) + CROSSING_MM
     runs, count = label(lines > 0)
     for k in range(1, count + 1):
@@ -191,46 +181,3 @@ def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) 
         return None if typical > HALF * sigma else False
     there = [np.median(contrast[known & (part == k)]) > HALF * typical for k in enough]
     return bool(typical > HALF * sigma and np.mean(there) >= 1 - MOST_MISSED)
-
-
-def with_lines_of(
-    samples: NDArray[Any], background: Background, face: Circle, glass_path_mm: float, mm_per_px: float
-) -> Background:
-    """Return ``background`` with the lines added that only this one B-scan, logarithmic (θ, depth), holds.
-
-    A spectrometer's mean over a turn is subtracted from every A-scan. The faces of the capillary, the outer ``face``
-    and the inner one ``glass_path_mm`` before it (0 where that is not seen), hardly change their depth where they are
-    nearest and farthest, are part of that mean there, and so appear, faintly, in every A-scan of the turn. Such a line
-    shows in the darkest A-scans too, and is brighter than what lies before and behind it.
-    """
-    some = without_lines(samples[:: max(1, len(samples) // JUDGED_ASCANS)], background)
-    near, far = (round(reach / mm_per_px) for reach in LINE_AROUND_MM)
-    turning = _turning_points(face, glass_path_mm, samples.shape[1], mm_per_px)
-    rows = np.flatnonzero(maximum_filter1d(turning, 4 * far + 1))  # these, and what they are compared with
-    dark = np.zeros(turning.size, np.float32)
-    dark[rows] = ranks.quantiles(some[:, rows], DARK_SHARE)
-    padded = np.pad(uniform_filter1d(dark, far - near, mode="nearest"), far, mode="edge")
-    middle = (near + far) // 2
-    around = np.maximum(padded[far - middle :][: dark.size], padded[far + middle :][: dark.size])
-    excess = np.where(turning, dark - around, 0)
-    excess = _lines_with_skirts(excess, max(background.noise_sigma, 1e-6), mm_per_px)
-    return replace(background, line_excess=np.maximum(background.line_excess, excess)) if excess.any() else background
-
-
-def _turning_points(face: Circle, glass_path_mm: float, n_depth: int, mm_per_px: float) -> Mask:
-    """Which depths lie near the nearest or the farthest one of either face, bool (n_depth,)."""
-    depth_mm = np.arange(n_depth) * mm_per_px
-    outer = face.axis_depth_mm + face.radius_mm + face.offset_mm * np.array([-1, 1])
-    ends = np.concatenate([outer, outer - glass_path_mm])
-    return np.asarray(np.abs(depth_mm[:, None] - ends).min(axis=1) < TURNING_MM)
-
-
-def _lines_with_skirts(excess: Image, sigma: float, mm_per_px: float) -> Image:
-    core = excess > LINE_SIGMAS * sigma
-    line = core.copy()
-    skirts, count = label(excess > SKIRT_SIGMAS * sigma)
-    for k in range(1, count + 1):
-        rows = skirts == k
-        if core[rows].any() and np.count_nonzero(rows) <= LINE_WIDTH_MM / mm_per_px:
-            line |= rows
-    return np.where(line, np.maximum(excess, 0), 0).astype(np.float32)

@@ -19,8 +19,7 @@ from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median, ranked, robust_s
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.line_removal import bridge_rows
-from endoct.modalities.oct.surface.wall_evidence import Background, relative_power
+from endoct.modalities.oct.surface.background import Background, bridge_rows, relative_power
 
 MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
 CLEARANCE_MM = 0.03  # from the outer face to the first sample that shows no more of it
