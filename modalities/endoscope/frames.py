@@ -14,8 +14,7 @@ from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow
 from endoct.modalities.endoscope.mirror.band import Band, Circles, sample
-from endoct.modalities.endoscope.mirror.ring_search import Reference, settle_annuli
-from endoct.modalities.endoscope.mirror.roundness import squared
+from endoct.modalities.endoscope.mirror.ring_search import Reference, settle_annuli, squared
 
 STRIP_COLUMNS = 1024
 _ROOM = Room()

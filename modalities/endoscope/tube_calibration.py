@@ -13,9 +13,9 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.frame_stream import EndoscopeRecording
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.optics import ASSUMED_LENGTH, ConeOptics, scale_is_stated
-from endoct.modalities.endoscope.opening import EndoscopeRecording
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.endoscope.tube_fit import ANGLE, DISTANT, FOCAL, TubeModel, optics_of

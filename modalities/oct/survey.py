@@ -11,9 +11,8 @@ from endoct.base.compute.parallel import at_once, thread_map
 from endoct.base.compute.spool import Computed, Kept
 from endoct.base.errors import NotSeen
 from endoct.modalities.contract import FrameStream
-from endoct.modalities.oct.bscan import ascans_of, columns_of
+from endoct.modalities.oct.bscan import UPSIDE_DOWN, ascans_of, columns_of
 from endoct.modalities.oct.calibration import OctCalibration, per_slice_values
-from endoct.modalities.oct.depth_order import UPSIDE_DOWN
 from endoct.modalities.oct.doubts import notes_on_survey
 from endoct.modalities.oct.face.course import Course, measure_course
 from endoct.modalities.oct.face.faces import Faces, fit_sines, locate_faces

@@ -22,11 +22,12 @@ from endoct.modalities.oct.tube_fit import (
     X,
     Y,
     Z,
+    at_surface,
     first_sample_mm,
+    late_mm,
     refined,
 )
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
-from endoct.modalities.oct.tube_surface import at_surface, late_mm
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import COLUMNS, Pose
 from endoct.modalities.tube.measurement import (

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.parallel import thread_map
+from endoct.base.zarr.zarr_store import Named, consolidate, new_array, write_arrays
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
@@ -194,8 +195,6 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
     ``radius`` (mm, from the capillary's axis) lies along depth. Samples keep the recording's type; outside what
     was recorded they are 0 (NaN in a float recording).
     """
-    from endoct.base.zarr.zarr_store import Named, consolidate, new_array, write_arrays  # loads zarr
-
     grid, radii = calibration.grid, volume_radii_mm(calibration)
     dtype = stream[0].samples.dtype
     arrays = {

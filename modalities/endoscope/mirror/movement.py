@@ -15,8 +15,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.parallel import at_once, thread_map
 from endoct.base.numeric.ranks import medians
-from endoct.modalities.endoscope.mirror.annulus import Annulus
-from endoct.modalities.endoscope.mirror.edges import edge_points
+from endoct.modalities.endoscope.mirror.annulus import Annulus, edge_points
 from endoct.modalities.endoscope.mirror.rings import Ring, find_rings, fit_circle, rays
 
 GRAIN = 1 / 320

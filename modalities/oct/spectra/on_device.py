@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from endoct.modalities.device import memory_of
-from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import Reconstruction
+from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction
 
 MOST = float(np.iinfo(np.uint16).max)
 

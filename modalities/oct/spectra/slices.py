@@ -12,9 +12,8 @@ from endoct.base.compute.room import Room
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, inside, open_regular
-from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, SpectraKeys
-from endoct.modalities.oct.spectra.reconstruction import Reconstruction, mean_spectrum
+from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction, mean_spectrum
 from endoct.modalities.oct.spectra.turns import Levels, find_turns, usual_turn
 from endoct.modalities.reading.folders import entries, is_folder
 from endoct.modalities.reading.frame_names import read_names
