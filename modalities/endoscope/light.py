@@ -38,8 +38,8 @@ def reduced_light(
     """Return the brightness of a frame, 1 at full scale, and which share is saturated, None where nothing is.
 
     Both are means of ``factor`` × ``factor`` pixels, float32 (row, column); a remainder at the far edges is left out.
-    They are arrays of ``room``, if any. Of a colour frame it is that of its green, which sees tissue with the most
-    contrast and saturates after red under the warm light of an endoscope.
+    They are arrays of ``room``, if any. Of a colour frame it is that of its green. That sees tissue with the most
+    contrast, and under the warm light of an endoscope it saturates after red.
     """
     plane = np.ascontiguousarray(green(samples))
     room, shape = room or Room(), (plane.shape[0] // factor, plane.shape[1] // factor)

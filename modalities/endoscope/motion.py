@@ -148,8 +148,8 @@ def by_method(
 
     The method gets what methods of `endoct bench stitching` get: the strips of even light, and the nominal pitch. What
     our own motion says of the optics stays, since a method does not measure it. ``textures`` are the logarithms of
-    strips on the rows of ``band``. Raises :class:`EndoctError` where there is no nominal feed or no such method, it
-    fails, or answers something else than a place and a roll of every strip.
+    strips on the rows of ``band``. Raises :class:`EndoctError` without a nominal feed or such a method, and where it
+    fails or answers anything but a place and a roll of every strip.
     """
     if nominal is None:
         raise EndoctError(

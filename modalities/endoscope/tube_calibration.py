@@ -50,8 +50,8 @@ ROUNDS = 3
 ALONE_SIGMAS = 0.1
 """Relative, above which a standard error says that a number is not told apart from others."""
 RIM_PX = 0.4
-"""By how much a blurred rim is found off its place (inner and outer: −0.1 and 0.2 in the preset `tube`, seeds 30–37;
-0.2 and −0.35 in independent recordings, seeds 10–19)."""
+"""By how much a blurred rim is found off its place. Inner and outer: −0.1 and 0.2 in the preset `tube`, seeds 30–37;
+0.2 and −0.35 in independent recordings, seeds 10–19."""
 ROLLING_RAD = 0.05
 WANDER_MM = 0.02
 """How far a probe wanders off its mean place in the bore, which turns what a frame sees."""

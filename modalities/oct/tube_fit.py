@@ -1,6 +1,6 @@
 """A pullback's scales and zeros from a printed tube, by least squares over where its beams meet the tube's marks.
 
-The tube's wall lies at its radius, the capillary's outer face at its own; what lies between them, and the steps of
+The tube's wall lies at its radius, the capillary's outer face at its own. What lies between them, and the steps of
 rings and grooves, give the depth of a pixel. The helical groove is a vernier along z: it gives the pitch, and the two
 rings say which way. The zero of the depth axis follows from the capillary, its glass being as thick as its inner face
 shows.
@@ -28,17 +28,25 @@ from endoct.modalities.tube.target import Target
 SURFACE_MM = 0.0015
 """Standard error of where the bore's surface is taken to be, against the capillary's face."""
 STEP_MM, FLOOR_MM = 0.001, 0.001
-"""The same of a ring's surface against the bore's, and of a groove's floor against both (all: preset `tube`, seeds
-30–43, and independent recordings, seeds 10–23)."""
+"""The same of a ring's surface against the bore's, and of a groove's floor against both. All are from the preset
+`tube`, seeds 30–43, and independent recordings, seeds 10–23."""
 TILTED = 0.02
 """Usual slope of the tube's axis against the capillary's, and what they lie apart, mm, is not bounded."""
 CLUSTER_MM = 1.2
 N_PARAMETERS = 13
 SCALE, WALL, DEPTH, FLOOR, X, Y, LEAN_X, LEAN_Y, Z, PITCH, THETA, SWAY, BULGE = range(N_PARAMETERS)
-"""Parameters: logarithm of true over stated axial pixel; wall off the stated radius, all depths off the stated ones,
-and the grooves' floors in addition, mm; the tube's axis off the capillary's in its middle, mm, and its slopes; z of
-the nominal z = 0, mm; true over stated pitch; θ of the angle 0; what an oblique beam makes of the radius, by the first
-and by the second order of the offset, so that the eccentricity tells nothing of the scale."""
+"""Parameters of the fit.
+
+SCALE: logarithm of true over stated axial pixel.
+
+WALL, DEPTH, FLOOR: wall off the stated radius, all depths off the stated ones, the grooves' floors in addition, mm.
+
+X, Y, LEAN_X, LEAN_Y: the tube's axis off the capillary's in its middle, mm, and its slopes.
+
+Z, PITCH, THETA: z of the nominal z = 0, mm; true over stated pitch; θ of the angle 0.
+
+SWAY, BULGE: what an oblique beam makes of the radius, by the first and the second order of the offset. With these, the
+eccentricity says nothing of the scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +95,8 @@ class TubeModel:
         # in stated mm, as depths were measured: a smaller scale must not make their errors smaller
         off_radius = (radius - expected - values[FLOOR] * marks.in_groove) / scale
 
-        # where the beam, in the shared frame, is as far from the tube's axis as the groove's edges; by the stated
-        # offset, so that angles tell nothing of the scale
+        # where the beam, in the shared frame, is as far from the tube's axis as the groove's edges. This takes the
+        # stated offset, so that angles say nothing of the scale
         x, y = self.beams.x_mm[of], self.beams.y_mm[of]
         level = target.radius_mm + target.ring_depth_mm * marks.in_ring
         ox, oy = c * x - s * y - axis_x, s * x + c * y - axis_y
@@ -152,8 +160,8 @@ def first_sample_mm(values: Coordinates, calibration: OctCalibration) -> Coordin
 N_KINDS = 4
 """Bore and groove, and both within a ring."""
 BEFORE_MM = 0.0015
-"""By how much half of the rise lies before the surface, as what returns falls off behind it: 0.0011 in the preset
-`tube`, seeds 30–43, 0.0017 in independent recordings, seeds 10–23."""
+"""By how much half of the rise lies before the surface, as what returns falls off behind it. It is 0.0011 in the preset
+`tube`, seeds 30–43, and 0.0017 in independent recordings, seeds 10–23."""
 LEAST_BEAMS = 200
 BINS_PER_PX = 4
 DARK_MM = -0.1, -0.03

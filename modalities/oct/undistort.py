@@ -1,12 +1,12 @@
 """From the depth along a beam to radius and angle about the capillary's axis, and back; B-scans on such a grid.
 
 There are two methods. "eccentric" uses the catheter's position. A sample at distance ρ along the beam at angle α
-lies at e + ρ·u(α), turned by the angle by which the capillary's glass bends the beam. "sine" is the paper's (Laves
+lies at e + ρ·u(α), turned as far as the glass bends the beam. "sine" is the paper's (Laves
 2019, Image undistortion). Every A-scan is shifted by the fitted sine and keeps its angle, which is right for the
 radius to first order only.
 
-Three angles occur: θ of the panorama; the direction of a beam in the frame of its slice; and the nominal angle of
-an A-scan, its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates them.
+Three angles occur: θ of the panorama, the direction of a beam in the frame of its slice, and the nominal angle of
+an A-scan. The last is its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates all three.
 
 B-scans are resampled on (θ, radius) about the capillary's axis: everything from there outward, sub-surface
 included. All of them together are the dense volume, a hollow cylinder in a panorama's store.

@@ -25,7 +25,7 @@ from endoct.modalities.oct.surface.background import (
     without_lines,
 )
 from endoct.modalities.oct.surface.trust import SecondLook, look_again, trusted, wall_sigmas
-from endoct.modalities.oct.surface.wall import brightest, first_edge, largest
+from endoct.modalities.oct.surface.wall import first_edge, largest
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, face_depth_mm, radius_mm
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
@@ -37,10 +37,10 @@ class BeamProfile:
     """The outer face and the wall in each of ``n_theta`` sectors of a turn.
 
     Attributes: ``angle_rad`` of the sectors' centres from A-scan 0; ``face_mm`` and ``wall_mm``, depths of the outer
-    face and of the wall's surface from depth sample 0 (of the last sample where there is no surface); ``surface``,
-    whether there is one; ``intensity``, the projection; ``trusted``, whether the surface is the wall's;
-    ``wall_sigmas``, by how much the wall stands out in the whole slice; ``second_look``, what speaks against it all;
-    ``level``, the B-scan in which the wall was sought, logarithmic and without fixed lines, (n_theta, n_depth).
+    face and of the wall's surface from depth sample 0; ``surface``, whether there is one; ``intensity``, the
+    projection; ``trusted``, whether the surface is the wall's; ``wall_sigmas``, by how much the wall stands out in the
+    whole slice; ``second_look``, what speaks against it all; ``level``, the B-scan in which the wall was sought,
+    logarithmic and without fixed lines, (n_theta, n_depth). Without a surface, the depth is that of the last sample.
     """
 
     angle_rad: Coordinates
@@ -89,6 +89,15 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     )
 
 
+def brightest(image: Image, first_row: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the index of the maximum from ``first_row`` (n,) on of every A-scan of ``image`` (n, depth).
+
+    Laves 2019, Extracting mastoid pattern, implemented literally.
+    """
+    beyond = np.arange(image.shape[1]) >= first_row[:, None]
+    return np.asarray(np.argmax(np.where(beyond, image, -np.inf), axis=1))
+
+
 def maximum_intensity(samples: NDArray[Any], first_row: NDArray[np.intp], lines: Mask) -> Image:
     """Return the maximum of each A-scan of ``samples`` (n, depth) cropped from ``first_row`` (n,) on, float32 (n,).
 
@@ -114,13 +123,13 @@ def _maxima(samples: NDArray[Any], first_row: NDArray[np.intp], bridges: Bridges
 def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
     """Return the panorama's row of one B-scan: intensity and depth at each θ. Pure.
 
-    θ of a column is where the beam crosses the nominal bore surface, so that an opening there appears at its own
-    θ; its depth is that of the surface the beam meets. Where the beam meets no surface in range (a deep cell), the
-    depth is that of the last sample, a lower bound. Not valid are bridged slices, slices whose wall hardly stands out
-    of the noise, dead A-scans, anything before the wall, and angles that no A-scan recorded.
+    θ of a column is where the beam crosses the nominal bore surface, so that an opening there appears at its own θ.
+    Its depth is that of the surface the beam meets. Where the beam meets none in range (a deep cell), the depth is that
+    of the last sample, a lower bound. Bridged slices are not valid, nor slices whose wall hardly stands out of the
+    noise. Dead A-scans, anything before the wall, and angles that no A-scan recorded are not valid either.
 
-    Back to the catheter: with c = offset·(cos, sin)(offset direction) of the slice, the sample at column θ lies on the
-    beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth; R is the nominal bore
+    Back to the catheter: let c = offset·(cos, sin)(offset direction) of the slice. The sample at column θ lies on the
+    beam from c towards R·(cos, sin)(θ + bend), where its distance from the axis is R + depth. R is the nominal bore
     radius, bend up to 2° where ``glass_mm`` is not 0 (:mod:`endoct.modalities.oct.face.glass`).
     """
     beams = profile_beams(frame, calibration)

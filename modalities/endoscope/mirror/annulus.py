@@ -41,7 +41,7 @@ REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check 
 class Annulus:
     """Two circles, each with its own centre, in pixels.
 
-    Between them the centre of a circle of radius r runs linearly from the one to the other: a mirror or a
+    Between them the centre of a circle of radius r runs linearly from the one to the other. A mirror or a
     bore that is not quite on the camera's axis moves the centre with the radius. Pixels are square ones: those of the
     image are ``pixels`` times as high as wide, and its rows count.
     """
@@ -125,7 +125,7 @@ def find_outer_rims(image: Image) -> list[Ring]:
 def find_annulus(image: Image, outers: Sequence[Ring] | None = None) -> Annulus:
     """Return the annulus in a grey image, float32 (row, column), best the mean of several frames.
 
-    Of the clear edges from dark to lasting brightness the one nearest the outer rim is its inner rim: what lies
+    Its inner rim is the clear edge from dark to lasting brightness that is nearest the outer rim. What lies
     farther inside is the camera's own reflection. ``outers``: :func:`find_outer_rims` of it, where these are known.
     Raises :class:`NotSeen` where there is none.
     """
@@ -276,7 +276,7 @@ TAPS = _AWAY / SIGMA**2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2) / (1 + 2 * np.exp(
 def edge_points(image: Image, ring: Ring, reach_px: float) -> tuple[Coordinates, Coordinates]:
     """Return x and y, float64 (n,), of the steepest edge on each ray within ``reach_px`` of ``ring``.
 
-    A blurred edge is steepest in its middle only where the image is linear in light: its logarithm, or a camera's
+    A blurred edge is steepest in its middle only where the image is linear in light. Its logarithm, or a camera's
     gamma, moves it towards the dark. As the gamma is not known, a little of a usual one is undone. Rays without a clear
     edge are left out.
     """

@@ -1,6 +1,6 @@
 """What moves in the image while the probe stays: the wall does, and nothing that belongs to the probe.
 
-The mirror's inner rim may be as bright as the wall around it, and a reflection, or the end of the bore, may make a
+The mirror's inner rim may be as bright as the wall around it. A reflection, or the end of the bore, may make a
 clearer edge than the rim does. But whatever the light, the image changes from frame to frame outside the rim and stays
 as it is inside.
 """
@@ -54,8 +54,8 @@ class Movement:
 def movement(images: Sequence[Image], places: Sequence[Ring], outer: Ring) -> Movement | None:
     """Return what moves in grey images whose outer rims lie at ``places``, with these laid on ``outer``.
 
-    None for a single image. Taken is the mean absolute departure from the median, with each image at the brightness of
-    the others; what a remaining displacement makes of still edges is taken off.
+    None for a single image. It is the mean absolute departure from the median, with each image at the brightness of the
+    others. What a remaining displacement makes of still edges is taken off.
     """
     if len(images) < 2:
         return None

@@ -2,10 +2,10 @@
 
 An overlay is opaque: its pixels stand still, to what a codec makes of them, while the wall goes by around them. So does
 what is saturated, and dirt that lets no light through. But their edges are soft, as light ends smoothly and dirt is out
-of focus, and the sharp edges of the probe, rims and specular rings, run around the ring. So an overlay is known by
-sharp edges next to pixels that stand still, which do not run around the ring, in what the slopes of all frames have in
-common: of the wall, that is next to nothing. From there on all belongs to it that stands still, as strokes and boxes
-do, or has corners in most of the frames, as the changing digits of a clock do.
+of focus. The sharp edges of the probe, rims and specular rings, run around the ring. So an overlay is known by sharp
+edges that do not run around the ring, next to pixels that stand still. They are looked for in what the slopes of all
+frames have in common: of the wall, that is next to nothing. Connected with them, all belongs to it that stands still,
+as strokes and boxes do. So does what has corners in most of the frames, as the changing digits of a clock do.
 """
 
 from collections.abc import Sequence
@@ -39,8 +39,8 @@ RIM_PX, EDGE_PX = 3, 3
 def find_overlay(images: Sequence[Image], annulus: Annulus) -> Mask | None:
     """Return what was drawn over the ring, bool (row, column); None where nothing was, or too few images show it.
 
-    ``images``: grey, float32 of full scale 1, in all of which the ring lies about where ``annulus`` has it and between
-    which the wall moves on.
+    ``images``: grey, float32 of full scale 1. In all of them the ring lies about where ``annulus`` has it, and between
+    them the wall moves on.
     """
     whole = _ring(annulus, images[0].shape, -RIM_PX)
     if len(images) < FEWEST_FRAMES or not whole.any():

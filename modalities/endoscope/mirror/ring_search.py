@@ -254,8 +254,8 @@ REFERENCE_FRAMES = 12
 class Reference:
     """How every frame is looked at: fixed before the pass, so that the order of the frames does not matter.
 
-    ``full_scale``: value of a saturated sample. The survey reduces frames by ``factor``; ``annulus``, in pixels of
-    the reduced frames, is where it is looked for first, and ``handle`` the circle that it is followed by, None for its
+    ``full_scale``: value of a saturated sample. The survey reduces frames by ``factor``. ``annulus``, in pixels of
+    the reduced frames: where it is looked for first. ``handle``: the circle that it is followed by, None for its
     own rims. ``ring``: what it was found by. ``overlay``: what was drawn over the ring, in square pixels of the reduced
     frames, bool (row, column); None where nothing was.
     """

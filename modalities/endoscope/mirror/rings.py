@@ -30,8 +30,8 @@ NUMBERS = 512
 def consensus_circle(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coordinates:
     """Return (x, y, radius), float64 (3,), of the circle through three of the points that most of them agree with.
 
-    Tried are always the same ones of so many points; a radius counts that is about that of ``start``, which is the
-    answer where none does.
+    Of so many points, the same circles are tried every time. Only a radius about that of ``start`` counts; where none
+    does, ``start`` is the answer.
     """
     circles = np.empty((3, PICKS))
     n = _through_three(x_px, y_px, _picks(x_px.size), start[2], circles)

@@ -1,8 +1,14 @@
 """Depth of an endoscope's panorama by parallax, with its standard error.
 
-The wall is swept piece by piece, each with the frames that show it; pieces overlap, so that none has an end inside the
-bore. How sure a depth is follows from how much worse the frames agree at others, from how rough depths are around it,
-and from how well the optics are known, to whose slants every depth is in proportion.
+The wall is swept piece by piece, each with the frames that show it. Pieces overlap, so that none has an end inside the
+bore. A ray goes on behind the wall under its slant m. What lies δ behind the wall at z is seen where its ray passes the
+wall, at z − m·δ. Frames see it under different slants, so their textures coincide at its true depth alone.
+
+Neighbours mostly lie equally deep, so depths are found together by semi-global matching (Hirschmüller 2008), along z
+and around, where paths close upon themselves.
+
+A depth is the surer, the worse the frames agree at others and the smoother depths are around it. How well the optics
+are known counts as well: every depth is in proportion to their slants.
 """
 
 from dataclasses import dataclass, replace
@@ -195,8 +201,8 @@ def sweep(
 ) -> Costs:
     """Return what each depth costs in each block, uint8 (n_z, n_theta, n_depths), ``UNSEEN`` where too few see it.
 
-    ``textures``: local contrast of frames, int8 (n_frames, n_rows, n_columns), -128 where unknown, with ``first_mm``,
-    z of their first rows, ``row_mm`` from row to row, and ``frame_z_mm``, z of their middles, both float64 (n_frames,).
+    ``textures``: local contrast of frames, int8 (n_frames, n_rows, n_columns), -128 where unknown. ``first_mm`` is z of
+    their first rows and ``frame_z_mm`` that of their middles, both float64 (n_frames,); ``row_mm``: from row to row.
     ``strip``: z from a frame's middle, ascending, and the slant there. ``z_mm``: of the samples of blocks, float64
     (n_z, samples along z); around, a block has two columns.
     """

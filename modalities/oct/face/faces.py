@@ -1,10 +1,9 @@
 """Where the capillary's outer face lies in every slice, by that slice and its neighbours.
 
-The depth axis has no known zero, so the outer face is the ruler for the wall's radius. Of the bright lines in the
-slices it is the deepest one whose axis keeps its depth through the recording and that has darkness and then a wall
-behind it. Lines of the sheath and the inner face lie before it. Behind the wall's own surface it is not dark. A line
-that the detector draws does not move at all. A bright plate of bone with marrow behind it looks the same, but has
-nothing before it.
+The depth axis has no known zero, so the outer face is the ruler for the wall's radius. It is the deepest of the bright
+lines whose axis keeps its depth through the recording and that have darkness, then a wall behind them. Lines of the
+sheath and the inner face lie before it. Behind the wall's own surface it is not dark. A line that the detector draws
+does not move at all. A bright plate of bone with marrow behind it looks the same, but has nothing before it.
 
 A slice that strays from its neighbours is not used, and gaps between known slices are bridged. The face departs from
 a circle by a few micrometres, as rotation is uneven and glass oblique. These ripples are harmonics of the beam's angle
@@ -33,8 +32,10 @@ from endoct.modalities.oct.parameters import OctParameters
 SAME_LINE_MM = 0.02
 FIXED_LINE_MM = 0.01
 LEAST_PRESENCE = 0.4
-BEFORE_MM = 0.03  # nearer to the face than that, a line may be a part of it
-DARK_SHARE = 0.5  # behind the face it is nearer to the darkness than to the wall
+BEFORE_MM = 0.03
+"""Nearer to the face than that, a line may be a part of it."""
+DARK_SHARE = 0.5
+"""Behind the face it is nearer to the darkness than to the wall."""
 
 
 def outer_line(
@@ -127,9 +128,12 @@ def _known(medians: Image) -> Image:
 
 
 STRAY_MM = 0.08
-REACH = 3  # slices either side
-LEAST_OFFSET_MM = 0.006  # nearer to the axis, an offset has no direction
-FREE_RAD = 0.8  # typical change of the offset's direction from slice to slice, above which turns start anywhere
+REACH = 3
+"""A slice is compared with so many on either side."""
+LEAST_OFFSET_MM = 0.006
+"""Nearer to the axis, an offset has no direction."""
+FREE_RAD = 0.8
+"""Turns start anywhere if the offset's direction typically changes by more than this from slice to slice."""
 
 
 def starts_anywhere(capillary: Capillary, start: Literal["auto", "triggered", "free"]) -> bool:
@@ -173,9 +177,12 @@ def bridged(capillary: Capillary) -> Capillary:
     return Capillary(x, y, depth, capillary.radius_mm)
 
 
-CERTAIN_FRACTION = 0.5  # of columns: a face seen in so many need not be near its neighbours'
-WIDTHS = (3.0, 1.5)  # of Tukey's weights, in tolerances
-AXIS_WEIGHT = 5.0  # points' worth of the recording's axis depth in a slice's fit
+CERTAIN_FRACTION = 0.5
+"""A face seen in this part of the columns need not be near its neighbours'."""
+WIDTHS = (3.0, 1.5)
+"""Half widths of Tukey's weights, in tolerances, in one round of the fit after the other."""
+AXIS_WEIGHT = 5.0
+"""The recording's axis depth counts as much as so many points in a slice's fit."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,9 @@ class OnDevice:
     def bscan(self, spectra: Counts) -> NDArray[np.uint16]:
         """Return the B-scan (A-scan, n / 2) of ``spectra`` (A-scan, n), as :meth:`Reconstruction.bscan` does.
 
-        Sums in float32 are taken in another order there, so that amplitudes differ by about 2⁻²⁴ of the largest sample:
-        levels down to 20 dB below noise of a digit or more by one count at most, those of hardly anything by many.
+        Sums in float32 are taken in another order there, so that amplitudes differ by about 2⁻²⁴ of the largest sample.
+        Levels down to 20 dB below noise of a digit or more differ by one count at most, those of hardly anything by
+        many.
         Raises ``MemoryError`` where the device's memory does not hold the slice.
         """
         with memory_of(self.device):

@@ -23,9 +23,10 @@ _LOG2 = tuple(
     np.float32(a)
     for a in np.polynomial.Chebyshev.interpolate(np.log2, 5, domain=[1, 2]).convert(kind=np.polynomial.Polynomial).coef
 )
-"""log₂ of 1 … 2 as a polynomial: off by 1e-5 at most, a hundredth of a count."""
+"""This polynomial is log₂ of 1 … 2, off by 1e-5 at most, a hundredth of a count."""
 LINE = 16
-"""float32 in a line of a processor's cache, by which rows lie apart: what lies 4 KiB apart shares its places there."""
+"""A line of a processor's cache holds so many float32. Rows lie apart by one: what lies 4 KiB apart shares its places
+there."""
 _ROOM = Room()
 
 
@@ -33,10 +34,11 @@ _ROOM = Room()
 class Reconstruction:
     """How spectra of n samples become A-scans of n / 2; picklable.
 
-    Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, taps), with window, electrons and the scale in them
-    that gives a cosine of amplitude 1 the level 0 dB, whatever n and the window are; ``gain`` float32 (n / 2,),
-    by which powers are multiplied to make up for the roll-off of the interpolation; ``background`` float64 (n,),
-    counts, None: the mean over the A-scans of a slice; ``cos_sin`` float32 (2, n) of the dispersion's phase, if any.
+    Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, taps), with window and electrons in them;
+    ``gain`` float32 (n / 2,), by which powers are multiplied to make up for the roll-off of the interpolation;
+    ``background`` float64 (n,), counts, None: the mean over the A-scans of a slice; ``cos_sin`` float32 (2, n) of the
+    dispersion's phase, if any. The weights are scaled so that a cosine of amplitude 1 has the level 0 dB, whatever n
+    and the window are.
     """
 
     first: NDArray[np.uint32]
@@ -107,8 +109,8 @@ def reconstruction(
 def _gain(taps: Taps, window: Coordinates) -> Image:
     """Return by what power falls with depth as samples are interpolated, its inverse, float32 (n / 2,).
 
-    The measure is white noise of the detector, whose level is to be one over all depths: what interpolation takes from
-    it, it takes from fringes.
+    The measure is white noise of the detector, whose level is to be one over all depths. What interpolation takes from
+    it, it takes from fringes too.
     """
     n, n_taps = taps.weights.shape
     power, even = np.zeros(n // 2 + 1), np.arange(n)
@@ -147,7 +149,7 @@ def resample(spectra: Counts, first: NDArray[np.uint32], weights: Image, backgro
     """Write ``spectra`` (n, :data:`BLOCK`) at even wavenumbers, less ``background`` (n,), to ``fringes`` float32.
 
     ``first`` (n,) and ``weights`` float32 (n, taps) are taps, four or a multiple of it. A-scans lie side by side, in
-    ``fringes`` too, so that a wavenumber of all of them is made of rows that lie in one piece each.
+    ``fringes`` too. So a wavenumber of all of them is made of rows, each of which lies in one piece.
     """
     for k in range(first.size):
         less, fringe = background[k], fringes[k]
@@ -167,9 +169,9 @@ def write_levels(parts: Image, gain: Image, power: Image, counts: NDArray[np.uin
     """Write the levels of half-spectra as ``counts`` (A-scan, depth), :data:`COUNTS_PER_DB` from :data:`ZERO_DB` on.
 
     A row of ``parts``, float32 (A-scan, n), holds the real part of depth 0, then real and imaginary parts of depths 1,
-    2, …. Where what was transformed is complex, there are twice as many rows: those of its real parts, then those of
-    its imaginary parts with the opposite sign. Powers are multiplied by ``gain``, float32 (n / 2,); ``power``, of the
-    same shape, is room for one A-scan.
+    2, …. Of complex fringes there are twice as many rows: first those of their real parts, then those of their
+    imaginary parts with the opposite sign. Powers are multiplied by ``gain``, float32 (n / 2,); ``power``, of the same
+    shape, is room for one A-scan.
     """
     n_ascans, n_depth = counts.shape
     bits = power.view(np.int32)

@@ -1,7 +1,7 @@
 """Turns in a stream of A-scans: after how many of them the beam points the same way again.
 
 A probe does not turn evenly: one rig took 14 600 to 14 800 A-scans a turn within a series. Nothing in a file of raw
-spectra says where turns end, but A-scans repeat after a turn, as capillary, sheath and most of the wall do. So every
+spectra says where turns end. But A-scans repeat after a turn, as capillary, sheath and most of the wall do. So every
 part of the stream is compared with what follows about a turn later. The lag at which they agree best is followed along
 the stream, on every few A-scans at first. Where turns meet it is then measured on all A-scans.
 """
@@ -45,8 +45,8 @@ AROUND = 1 / 30
 STEPS_A_TURN = 48
 """Places a turn at which the lag is followed."""
 JUMP_COST, MOST_COST = 0.02, 0.2
-"""Correlation that a change of the lag by one step costs, from place to place; and that any change does at most: blocks
-of A-scans get lost."""
+"""Correlation that a change of the lag by one step costs, from place to place, and that any change costs at most.
+Blocks of A-scans get lost."""
 NEAR = 1 / 80
 """Half of what is compared where turns meet, turns."""
 ROWS = 64

@@ -16,10 +16,14 @@ from endoct.base.compute.compiled import compiled
 from endoct.base.numeric import ranks
 from endoct.modalities.oct.face.face_circle import Circle
 
-HIDDEN_SHARE = 0.6  # of the wall's contrast: nothing is seen under a line as bright as that
-LN_POWER_PER_SIGMA = 1.139  # ln of exponentially distributed power, as speckle and noise have, over its σ (from MAD)
-MOST_LN_POWER = 20.0  # far beyond, and no overflow
-LEAST_SIGMA_SHARE = 0.15  # of the wall's contrast: even where there is hardly any noise, there is texture
+HIDDEN_SHARE = 0.6
+"""Nothing is seen under a line with this share of the wall's contrast."""
+LN_POWER_PER_SIGMA = 1.139
+"""Logarithm (ln) of exponentially distributed power, as speckle and noise have, over its σ (from MAD)."""
+MOST_LN_POWER = 20.0
+"""Powers are cut off here, far beyond any that occur, so that none overflows."""
+LEAST_SIGMA_SHARE = 0.15
+"""Even where there is hardly any noise, texture scatters by this share of the wall's contrast."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,10 +171,10 @@ def with_lines_of(
 ) -> Background:
     """Return ``background`` with the lines added that only this one B-scan, logarithmic (θ, depth), holds.
 
-    A spectrometer's mean over a turn is subtracted from every A-scan. The faces of the capillary, the outer ``face``
-    and the inner one ``glass_path_mm`` before it (0 where that is not seen), hardly change their depth where they are
-    nearest and farthest, are part of that mean there, and so appear, faintly, in every A-scan of the turn. Such a line
-    shows in the darkest A-scans too, and is brighter than what lies before and behind it.
+    A spectrometer's mean over a turn is subtracted from every A-scan. The capillary's faces are part of that mean where
+    they hardly change their depth: where they are nearest and farthest. So they appear there, faintly, in every A-scan
+    of the turn. They are the outer ``face``, and the inner one ``glass_path_mm`` before it, 0 where that is not seen.
+    Such a line shows in the darkest A-scans too, and is brighter than what lies before and behind it.
     """
     some = without_lines(samples[:: max(1, len(samples) // JUDGED_ASCANS)], background)
     near, far = (round(reach / mm_per_px) for reach in LINE_AROUND_MM)

@@ -1,9 +1,9 @@
 """Lines at one depth in every A-scan, which come from the detector and not from the specimen.
 
-A catheter that lies steadily off the axis keeps glass and wall at steady depths too: a depth that is bright in many
-A-scans is no proof of a line. So a line is claimed only where neither can stand, by the geometry of the slice, and only
-if it is there in all parts of the turn and of the pullback. Or, where the capillary is nearer in some directions, if it
-is there before the capillary in all others: the sheath, which keeps its depth all round, lies within the capillary. The
+A catheter that lies steadily off the axis keeps glass and wall at steady depths too. So a depth that is bright in many
+A-scans is no proof of a line. A line is claimed only where neither can stand, by the geometry of the slice. And all
+parts of the turn and of the pullback must show it. Where the capillary is nearer in some directions, the line may be
+there before the capillary in all others. The sheath, which keeps its depth all round, lies within the capillary. The
 glass's inner face, which keeps its depth for a third of the turn, counts for no line where geometry predicts it.
 """
 
@@ -25,19 +25,26 @@ from endoct.modalities.oct.surface.background import DARK_SHARE, LINE_SIGMAS, li
 from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
 
 LINE_BACKGROUND_MM = 0.35
-LINE_BEYOND_MM = (0.07, 0.13)  # behind a line and its echo, but before the signal of bone there ends
-AROUND_LINE_MM = (0.03, 0.07)  # the same within the gap, which may be narrow
-FACE_MM = 0.06  # behind the outer face, which is still in view there
-WALL_MM = (0.06, 0.25)  # before and behind where the wall is expected
-WALL_SHIFT = 0.3  # of the gap between glass and wall: no farther off than that is the wall looked for
-FEWEST_SECTORS = 3  # a quarter of the turn: hardly a cell, and no side of glass or wall at one depth, reaches so far
-MOST_MISSED = 0.2  # of sectors and parts that must show a line, all but so many do
-HALF = 0.5  # of a line's typical contrast: less does not show it; and of its rows: fewer do not judge it
-NEAREST_SHARE, CROSSING_MM = (
-    0.02,
-    0.03,
-)  # so many A-scans see the face nearest; so much deeper, a line is behind it there
-INNER_FACE_MM = 0.04  # before and behind where the glass's inner face is expected: half its line
+LINE_BEYOND_MM = (0.07, 0.13)
+"""Darkness is judged so far behind a line: behind its echo, but before the signal of bone there ends."""
+AROUND_LINE_MM = (0.03, 0.07)
+"""A line is compared with what lies so far before and behind it, within the gap, which may be narrow."""
+FACE_MM = 0.06
+"""So far behind the outer face it is still in view."""
+WALL_MM = (0.06, 0.25)
+"""The wall may lie so far before and behind where it is expected."""
+WALL_SHIFT = 0.3
+"""The wall is looked for no farther off than this part of the gap between glass and wall."""
+FEWEST_SECTORS = 3
+"""Hardly a cell, and no side of glass or wall at one depth, reaches through so many sectors, a quarter of the turn."""
+MOST_MISSED = 0.2
+"""All but this part of the sectors and parts must show a line."""
+HALF = 0.5
+"""Less of a line's typical contrast does not show it, and fewer of its rows do not judge it."""
+NEAREST_SHARE, CROSSING_MM = 0.02, 0.03
+"""So many A-scans see the face nearest. A line that lies so much deeper is behind it there."""
+INNER_FACE_MM = 0.04
+"""The glass's inner face reaches so far before and behind where it is expected, half its line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +70,7 @@ def find_fixed_lines(
     """Return the detector's fixed lines, with their skirts, by A-scans of all ``slices``, which show ``faces``.
 
     A depth is judged behind the outer face, away from where the wall is expected, in A-scans that are dark a little
-    deeper: bone interferes with a line and so can make it fainter as well as brighter.
+    deeper. Bone interferes with a line, and so can make it fainter as well as brighter.
     """
     pool = pooled(slices, faces, acquisition)
     mm_per_px = acquisition.mm_per_px
@@ -144,8 +151,8 @@ def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> 
 def _crossing_lines(pool: Pool, behind_face: Image, clear: tuple[Mask, Mask], sigma: float, mm_per_px: float) -> Image:
     """Return the excess of lines that are there all round before the face, but too deep to be before it everywhere.
 
-    ``clear``: where before the face the glass's inner face cannot be, which keeps its depth for a third of the turn
-    where it is farthest; and where behind it neither face nor wall can be. A line is there as well.
+    ``clear``: where, before the face, the glass's inner face cannot be, and where, behind it, neither face nor wall can
+    be. A line is there as well. Where the inner face is farthest, it keeps its depth for a third of the turn.
     """
     before = behind_face < -FACE_MM
     excess = _excess(np.where(before & clear[0], pool.ascans, np.nan), mm_per_px)

@@ -3,7 +3,7 @@
 By the levels of the recording, an A-scan may show something opaque before the wall, its shadow, or noise.
 
 A second look shares nothing with how the surface was found. An opening is dark where the bore's wall would be, and the
-wall is bright: two levels of the recording, as recorded, say which is which. No noise floor is taken off, no evidence
+wall is bright. Two levels of the recording, as recorded, say which is which. No noise floor is taken off, no evidence
 summed up, no path followed. So it knows nothing of the bore that the search does not, and finds no surface. But where a
 whole patch of wall was erased, or cells were walled up, it contradicts, whatever the cause.
 """
@@ -41,9 +41,9 @@ POWER_OF_A_PATH = 1.5  # times the noise's: a path through noise alone follows w
 def trusted(level: Image, row: NDArray[np.intp], background: Background, spacing: Spacing) -> Mask:
     """Return for every A-scan of a logarithmic B-scan (θ, depth) whether its surface at ``row`` is the wall's.
 
-    It is not where a bright surface has nothing behind it while the wall elsewhere in the slice has: something opaque,
-    such as a guide wire or a clot, lies before the wall. Nor is it next to that, where the shadow shows no surface
-    (``row`` = n_depth). Elsewhere no surface means a cell whose floor is out of range, which is trusted.
+    It is not where a bright surface has nothing behind it while the wall elsewhere in the slice has. There, something
+    opaque, such as a guide wire or a clot, lies before the wall. Nor is it next to that, where the shadow shows no
+    surface (``row`` = n_depth). Elsewhere no surface means a cell whose floor is out of range, which is trusted.
     """
     n_theta, n_depth = level.shape
     surface = row < n_depth
@@ -73,9 +73,9 @@ def trusted(level: Image, row: NDArray[np.intp], background: Background, spacing
 def wall_sigmas(level: Image, row: NDArray[np.intp], trusted: Mask, background: Background, spacing: Spacing) -> float:
     """Return by how many standard errors the wall stands out of the noise, over 0.1 × 0.1 mm of it.
 
-    That is the power just behind the surface at ``row``, in excess of what a path through noise alone would show, the
-    median over all such patches where ``trusted`` A-scans show a surface; 0 where there are none, or where the power is
-    less than that of noise.
+    That is the power just behind the surface at ``row``, in excess of what a path through noise alone would show. It is
+    the median over all such patches where ``trusted`` A-scans show a surface. It is 0 where there are none, or where
+    the power is less than that of noise.
     """
     n_depth = level.shape[1]
     depth, width = max(1, round(SQUARE_MM / spacing.depth_mm)), max(1, round(SQUARE_MM / spacing.column_mm))
@@ -109,15 +109,23 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
     return [(int(start), int((end - start) % mask.size) + 1) for start, end in zip(starts, ends, strict=True)]
 
 
-GAP_MM = (0.06, 0.08)  # behind the outer face, and before the nominal wall: between these there is nothing
-BONE_MM = (0.02, 0.1)  # behind the wall
-BONE_SHARE = 0.75  # of the A-scans, up to so many may be openings
-OPENING_MM = 0.05  # behind the nominal wall, from which a surface is that of an opening
-PLAIN_MM = 0.03  # from the nominal wall: as near, it is the bore's own
-CLEAR_MM = 0.015  # from the nominal wall and from the surface, where both are blurred
-PATCH_MM = 0.1  # along θ: averaged over that, speckle is as bright as bone
+GAP_MM = (0.06, 0.08)
+"""There is nothing between so far behind the outer face and so far before the nominal wall."""
+BONE_MM = (0.02, 0.1)
+"""Bone lies so far behind the wall."""
+BONE_SHARE = 0.75
+"""Up to so many of the A-scans may be openings."""
+OPENING_MM = 0.05
+"""So far behind the nominal wall, a surface is that of an opening."""
+PLAIN_MM = 0.03
+"""So near to the nominal wall, a surface is the bore's own."""
+CLEAR_MM = 0.015
+"""The nominal wall and the surface are blurred so far."""
+PATCH_MM = 0.1
+"""Averaged over so much of θ, speckle is as bright as bone."""
 FEWEST_ROWS = 2
-BRIGHT, DARK = 0.5, 0.25  # of the way from darkness to bone
+BRIGHT, DARK = 0.5, 0.25
+"""Of the way from darkness to bone: what reaches more is bright, what reaches less is dark."""
 
 
 @dataclass(frozen=True)

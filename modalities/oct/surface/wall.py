@@ -1,7 +1,7 @@
 """Where the bore wall lies in one B-scan.
 
-The evidence for a surface at a depth is the power over that of the noise, summed behind it with weights that fall off
-as bone returns less and less. To first order, that is the log-likelihood ratio of faint bone against noise alone.
+The evidence for a surface at a depth is the power behind it, over that of the noise. It is summed with weights that
+fall off as bone returns less and less. To first order, that is the log-likelihood ratio of faint bone against noise.
 Summing over many samples brings out a wall that no single sample shows and that speckle hides in every single A-scan.
 
 A surface is likelier where the bore's own wall runs than elsewhere. A drilled wall is round: the gap between it and
@@ -29,10 +29,10 @@ from endoct.modalities.oct.surface.background import (
 
 Rows = NDArray[np.intp]
 
-MOST_POWER = 6.0  # times the power from which samples count as bone: a glint counts for no more
+MOST_POWER = 6.0  # times that of bone: a glint counts for no more
 HAZE_SHARE = 0.2  # of the wall's contrast
-LOOK_MM2 = 6.4e-5  # of wall, about three samples: the area of one independent sample of noise and speckle
-PATCH_MM = (0.05, 0.05)  # along θ and depth: averaged over that, noise is no longer as bright as bone
+LOOK_MM2 = 6.4e-5  # about three samples: the area of one independent sample
+PATCH_MM = (0.05, 0.05)  # averaged over that, noise is not as bright as bone
 NEVER = np.float32(-1e6)
 COLUMNS_AT_ONCE = 8
 
@@ -100,8 +100,8 @@ def surface_evidence(
 def _evidence(power: Image, columns: _Columns, weights: _Weights, patch: tuple[int, int]) -> Image:
     """The evidence in ``columns`` of ``power`` (n_theta, n_depth), float32 (n_columns, n_visible + 1).
 
-    What lies behind a row counts for it, a bright ``patch`` (columns, rows) before it counts against it.
-    :data:`COLUMNS_AT_ONCE` columns are summed up along depth together, so that no sum has to wait for the one before.
+    What lies behind a row counts for it. A bright ``patch`` (columns, rows) before it counts against it.
+    ``COLUMNS_AT_ONCE`` columns are summed up along depth together, so that no sum has to wait for the one before.
     """
     start, visible, first_row = columns
     per_bone, weight, decay = weights
@@ -286,15 +286,6 @@ def _first_largest(values: Image) -> int:
 
 COLUMN_MM = 0.008  # a third of the beam's width: finer columns are taken together
 STIFFER = 5.0
-
-
-def brightest(image: Image, first_row: Rows) -> Rows:
-    """Return the index of the maximum from ``first_row`` (n,) on of every A-scan of ``image`` (n, depth).
-
-    Laves 2019, Extracting mastoid pattern, implemented literally.
-    """
-    beyond = np.arange(image.shape[1]) >= first_row[:, None]
-    return np.asarray(np.argmax(np.where(beyond, image, -np.inf), axis=1))
 
 
 def first_edge(

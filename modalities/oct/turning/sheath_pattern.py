@@ -31,8 +31,10 @@ from endoct.modalities.oct.face.lines import Lines
 from endoct.modalities.oct.face.slices import SliceFeatures
 
 N_ANGLES, BIN_MM = 256, 0.003
-STRAY_RATE = 0.02  # points in a column and bin, of any pattern
-SECTORS = 16  # taken by turns for one half and for the other, each of which says where the turn starts
+STRAY_RATE = 0.02
+"""Points in a column and bin, of any pattern."""
+SECTORS = 16
+"""They are taken by turns for one half and for the other, each of which says where the turn starts."""
 Field = NDArray[np.float64]
 Spectra = NDArray[np.complex128]
 _WAVES = np.arange(N_ANGLES // 2 + 1)

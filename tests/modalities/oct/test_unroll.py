@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from endoct.modalities.oct.plugin import OCT
-from endoct.modalities.oct.surface.wall import brightest
 from endoct.modalities.oct.turning.rotation import even_rotation
-from endoct.modalities.oct.unroll import maximum_intensity
+from endoct.modalities.oct.unroll import brightest, maximum_intensity
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 
