@@ -21,11 +21,11 @@ BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99
 DARKEST = 0.002
 UNSEEN = 1e12
-"""Brightness of pixels that say nothing: the least share of one makes a sample brighter than any that is seen."""
+"""Pixels that say nothing are this bright: the least share of one makes a sample brighter than any that is seen."""
 
 
 def full_scale(samples: NDArray[Any]) -> float:
-    """Return the value of a saturated sample: of the least bit depth that holds what was seen; 1 for floats."""
+    """Return the value of a saturated sample: that of the least bit depth that holds all samples; 1 for floats."""
     largest = float(samples.max())
     if samples.dtype.kind == "f":
         return max(1.0, largest)
@@ -126,7 +126,7 @@ class GreenFrame(Frame):
 
 
 def green_frames(stream: FrameStream) -> AbstractContextManager[FrameStream]:
-    """Give a stream of the green of every frame of ``stream``, each read from there once."""
+    """Return a stream of the green of every frame of ``stream``, each read from there once."""
     return kept_frames(stream, _green_frame)
 
 

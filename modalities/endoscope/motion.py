@@ -33,7 +33,7 @@ from endoct.stitching.strip import Strip
 FEWEST_PAIRS = 5
 """At least this many pairs of neighbouring frames must match. Fewer say nothing about the recording as a whole."""
 SURE_STRETCH = 3.0
-"""Standard errors that the feed must be uneven by before another cone is assumed."""
+"""The feed must be uneven by so many standard errors before another cone is assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +148,8 @@ def by_method(
 
     The method gets what methods of `endoct bench stitching` get: the strips of even light, and the nominal pitch. What
     our own motion says of the optics stays, since a method does not measure it. ``textures`` are the logarithms of
-    strips on the rows of ``band``. Raises :class:`EndoctError` without a nominal feed or such a method, and where it
-    fails or answers anything but a place and a roll of every strip.
+    strips on the rows of ``band``. Raises :class:`EndoctError` without a nominal feed or such a method. It also
+    does where the method fails, or does not answer a place and a roll of every strip.
     """
     if nominal is None:
         raise EndoctError(
@@ -234,7 +234,7 @@ ON_AXIS = BoreAxis(0.0, 0.0, (0.0, 0.0))
 def bore_axis(drift_px: tuple[float, float], annulus: Annulus, optics: ConeOptics, radius_mm: float) -> BoreAxis | None:
     """Return where the bore's axis lies by the drift of the centres from outer to inner rim, or None if unknown.
 
-    It is not known where the drift speaks of more than a tenth of the radius.
+    It is not known where the drift would put it off by more than a tenth of the radius.
     """
     inner, outer = optics.centre_shift_px_per_mm(np.array([annulus.inner_px, annulus.outer_px]))
     x_mm, y_mm = (float(drift / (outer - inner)) for drift in drift_px)

@@ -42,13 +42,13 @@ from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 BY_FEED = np.arange(0.86, 1.141, 0.02)
-"""True over assumed length of the annulus, where the feed or the sidecar gave that."""
+"""These ratios of true over assumed length of the annulus are tried where the feed or the sidecar gave that length."""
 UNKNOWN = np.geomspace(0.5, 2.0, 70)
-"""The same where nothing did."""
+"""These are tried where nothing did."""
 LEAST_POINTS = 300
 ROUNDS = 3
 ALONE_SIGMAS = 0.1
-"""Relative, above which a standard error says that a number is not told apart from others."""
+"""A number with a larger relative standard error cannot be distinguished from others."""
 RIM_PX = 0.4
 """By how much a blurred rim is found off its place. Inner and outer: −0.1 and 0.2 in the preset `tube`, seeds 30–37;
 0.2 and −0.35 in independent recordings, seeds 10–19."""

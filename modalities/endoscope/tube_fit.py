@@ -23,8 +23,8 @@ from endoct.modalities.tube.target import Target
 ANGLE_DEG, DISTANCE, DISTORTION = 8.0, 1.2, 0.02
 """Standard errors, for mirrors of any make, also those that look along parallel rays.
 
-They say how far the half angle lies from 45° and the distortion at the outer rim from 0, and the logarithm of the
-distance over the bore's radius from that of ``USUAL_DISTANCE``."""
+They say how far the half angle lies from 45° and the distortion at the outer rim from 0. The logarithm of the distance
+over the bore's radius is compared with that of ``USUAL_DISTANCE``."""
 USUAL_DISTANCE = 2.5
 CENTRE_PX, OFFSET_MM, TILT_RAD = 3.0, 0.05, 0.02
 """How far the optical axis lies from the outer rim's centre, the bore's axis from the probe's, and their tilt."""
@@ -32,8 +32,8 @@ CLUSTER_MM = 0.5
 SHIFT_MM, TREND_MM, BEND_MM = 0.003, 0.0035, 0.002
 """By how much light shifts the helical groove's middle along the circumference.
 
-In a ring against elsewhere, from mid annulus to a rim, and by a parabola along the annulus (preset `tube`, seeds 0, 1
-and 20 to 22)."""
+In a ring against elsewhere, from mid annulus to a rim, and by a parabola along the annulus. They are from the preset
+`tube`, seeds 0, 1 and 20 to 22."""
 N_PARAMETERS = 16
 ANGLE, FOCAL, DISTANT, DISTORTED, X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y = range(10)
 RADIUS, DEPTH, BRIM, SHIFT, TREND, BEND = range(10, N_PARAMETERS)

@@ -24,7 +24,7 @@ from endoct.modalities.oct.parameters import OctParameters
 
 _ROOM = Room()
 ROWS_TOGETHER = 32
-"""Rows of a page that are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
+"""So many rows of a page are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
 LEAST_SHARE = 1e-3
 """A smaller part of an A-scan at a sector's edge does not count."""
 
@@ -116,7 +116,7 @@ def _average_rows(
 ) -> None:
     """Write means of ``turned`` (A-scan, :data:`ROWS_TOGETHER`) into ``means`` (sector, depth) from ``row`` on.
 
-    Four A-scans are added up before the sum is put away: that is what takes the time.
+    Four A-scans are added up before the sum is stored, since storing is what takes the time.
     """
     n_columns, most = weight.shape
     mean = np.empty(ROWS_TOGETHER, np.float32)
@@ -171,11 +171,6 @@ def sector_angles_rad(n_ascans: int, n_columns: int) -> Coordinates:
     """Return the rotation angle from A-scan 0 at the centre of each sector, float64 (n_columns,), rad."""
     width = n_ascans / n_columns
     return np.asarray((np.arange(n_columns) * width + (width - 1) / 2) * (2 * np.pi / n_ascans), dtype=np.float64)
-
-
-def depth_sums(image: Image) -> Coordinates:
-    """Return the sums of each A-scan of ``image`` (n, depth) before every depth, float64 (n, depth + 1)."""
-    return np.concatenate([np.zeros((image.shape[0], 1)), np.cumsum(image, axis=1, dtype=np.float64)], axis=1)
 
 
 @compiled
@@ -262,7 +257,7 @@ def columns_of(frame: Frame, parameters: OctParameters) -> int:
 
 
 def reduced_pullback(stream: FrameStream, parameters: OctParameters) -> AbstractContextManager[FrameStream]:
-    """Give a stream of the :class:`ReducedBscan` of ``stream``; each is read from there when it is first asked for."""
+    """Return a stream of the :class:`ReducedBscan` of ``stream``; each is read from there when it is first needed."""
     return kept_frames(stream, lambda frame: reduced(frame, columns_of(frame, parameters)))
 
 
@@ -278,7 +273,7 @@ def _saturated(frame: Frame) -> bool:
 
 SECTORS = 128
 WINDOW = 0.05
-"""Part of the depth: wider than the lines of sheath and capillary, narrower than the visible tissue."""
+"""This part of the depth is wider than the lines of sheath and capillary, and narrower than the visible tissue."""
 UPSIDE_DOWN = 0.4
 """Depth runs the wrong way where fewer of the sectors brighten so, in the mean of several B-scans."""
 STEADY = 0.1
@@ -289,7 +284,7 @@ bands."""
 def share_brightening(bscan: Image) -> float:
     """Return in which share of its sectors a B-scan (A-scan, depth) brightens with depth faster than it darkens.
 
-    Thin lines are left out, since they do both, and what is there all around.
+    Thin lines, which do both, are left out, and so is what lies at one depth all around.
     """
     sectors = reduce_theta(bscan, min(SECTORS, bscan.shape[0]))
     sectors = (sectors - quantiles(sectors, STEADY)).astype(np.float32)

@@ -28,21 +28,21 @@ from endoct.modalities.stated import on_stated
 LEAST_DEPTH = LEAST_SAMPLES // 2
 FARTHEST_WALL = 10.0  # from the capillary, in depths of a B-scan; beyond that, nothing could be seen of the bore
 SIDE_PX = 512
-"""Pages are judged at this size at most."""
+"""Pages are reduced to at most so many pixels a side to be judged."""
 SECTORS = 16
-"""Of a turn, within which layers are straight enough."""
+"""In so many sectors of a turn, layers are straight enough."""
 LAYERED = 1.25
-"""How much more depths differ among themselves than directions within a sector; photographs have 0.5 to 0.7."""
+"""Within a sector, depths differ among themselves by so much more than directions do; photographs have 0.5 to 0.7."""
 LAYERED_THROUGHOUT = 4.0
-"""The same of whole B-scans, which off-axis catheters seldom reach."""
+"""In whole B-scans they differ by so much more, which off-axis catheters seldom reach."""
 ENDS_ALIKE = 0.6
-"""Correlation of the first and the last A-scans of a turn; photographs have 0.3 at most."""
+"""The first and the last A-scans of a turn correlate by at least this; those of photographs by 0.3 at most."""
 ENDS_SHOW = 0.25
-"""Contrast of these A-scans over that of the page, so that dark margins do not count."""
+"""They must have this part of the page's contrast, so that dark margins do not count."""
 
 
 class UnstatedSpectra(EndoctError):
-    """A recording of raw spectra, as it seems, which its sidecar does not say."""
+    """A recording seems to hold raw spectra, which its sidecar does not say."""
 
 
 def open_pages(path: Path, spectra: SpectraKeys | None, device: str | None = None) -> ImageStack:
@@ -197,7 +197,7 @@ def _reduced(page: NDArray[Any]) -> Image:
 
 
 def _is_layered(bscans: list[Image]) -> bool:
-    """Say whether depths differ among themselves more than directions do, in sectors or in whole B-scans."""
+    """Say whether brightness differs more between depths than between directions, in sectors or in whole B-scans."""
     in_sectors = np.median([_along_depth(bscan, SECTORS) / _along_depth(bscan.T, SECTORS) for bscan in bscans])
     in_all = np.median([_along_depth(bscan, 1) / _along_depth(bscan.T, 1) for bscan in bscans])
     return bool(in_sectors >= LAYERED or in_all >= LAYERED_THROUGHOUT)

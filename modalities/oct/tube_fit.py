@@ -112,7 +112,7 @@ class TubeModel:
         return np.where(marks.line == DEPTHS, off_radius, target.radius_mm * wrap_rad(off_angle))
 
     def groups(self) -> NDArray[np.intp]:
-        """Return which points have one scale of errors: depths of the wall, of grooves, middles of either groove."""
+        """Return which points share a scale of errors: depths of the wall, of grooves, middles of either groove."""
         return np.where(self.marks.line > 0, 1 + self.marks.line, self.marks.in_groove.astype(np.intp))
 
     def clusters(self) -> NDArray[np.intp]:
@@ -158,30 +158,31 @@ def first_sample_mm(values: Coordinates, calibration: OctCalibration) -> Coordin
 
 
 N_KINDS = 4
-"""Bore and groove, and both within a ring."""
+"""Surfaces are bore and groove, and both within a ring."""
 BEFORE_MM = 0.0015
 """By how much half of the rise lies before the surface, as what returns falls off behind it. It is 0.0011 in the preset
 `tube`, seeds 30–43, and 0.0017 in independent recordings, seeds 10–23."""
 LEAST_BEAMS = 200
 BINS_PER_PX = 4
 DARK_MM = -0.1, -0.03
-"""Before the surface, where only noise is; and behind it, how far the brightest lies at most:"""
+"""Before the surface there is only noise between these."""
 BRIGHT_MM = 0.04
+"""The brightest lies at most so far behind the surface."""
 MOST_POWER = 10.0
-"""Times the median behind the surface: a glint counts for no more."""
+"""A glint counts for no more than so many times the median behind the surface."""
 NEAR_MM = 0.05
 """Beams whose wall is found farther off the model than that see something else."""
 
 
 def kinds(marks: Marks) -> NDArray[np.intp]:
-    """Return of which of ``N_KINDS`` surfaces points are, (n,)."""
+    """Return on which of the ``N_KINDS`` surfaces points lie, (n,)."""
     return 2 * marks.in_ring.astype(np.intp) + marks.in_groove
 
 
 def at_surface(marks: Marks, late_mm: Coordinates) -> Marks:
-    """Return marks whose depths are those of surfaces that are found ``late_mm`` (``N_KINDS``,) too deep.
+    """Return ``marks`` with the depths of their surfaces, which were found ``late_mm`` (``N_KINDS``,) too deep.
 
-    Depths of a kind of which that is not known are NaN.
+    Depths on a kind of surface for which that is not known are NaN.
     """
     return replace(marks, gap_mm=marks.gap_mm - late_mm[kinds(marks)])
 

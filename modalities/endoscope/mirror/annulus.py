@@ -270,7 +270,7 @@ MARGIN = 2
 SIGMA = 2.0
 _AWAY = np.arange(1, 9)
 TAPS = _AWAY / SIGMA**2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2) / (1 + 2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2).sum())
-"""One side of the derivative of a Gaussian, in samples."""
+"""These are one side of the derivative of a Gaussian, in samples."""
 
 
 def edge_points(image: Image, ring: Ring, reach_px: float) -> tuple[Coordinates, Coordinates]:

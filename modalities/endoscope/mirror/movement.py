@@ -23,7 +23,7 @@ GRAIN = 1 / 320
 LEFT_PX = 0.3
 """Frames remain displaced by about this much after their outer rims were laid on each other."""
 CLEAR_RIM = 0.8
-"""Support from which on an edge of the movement is the rim; 1.2 to 1.5 in the simulator, others stay below 0.55."""
+"""An edge of the movement with this support is the rim: it has 1.2 to 1.5 in the simulator, others below 0.55."""
 NEARLY = 0.8
 """Edges with this part of the clearest edge's support count as nearly as clear."""
 REFINED = 0.015
@@ -36,9 +36,9 @@ NOISE_SHARE = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """``light``: how much what a pixel of the probe sees changes, float32 (row, column), as parts of full scale.
+    """``light``: by how much each pixel of the probe changes, float32 (row, column), as parts of full scale.
 
-    ``noise``: what of that is there where nothing moves. ``outer``: the rim that the frames were laid on each other by.
+    ``noise``: by how much it does where nothing moves. ``outer``: the rim by which the frames were superposed.
     """
 
     light: Image

@@ -22,7 +22,7 @@ from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median_in_loops, quantil
 MOST_GROWTH = 3.0
 """A circle's radius may differ from its first estimate by at most this factor."""
 PICKS = 200
-"""Circles that are tried."""
+"""So many circles are tried."""
 NUMBERS = 512
 """The choices of three points are kept for up to this many points, as many as there are rays."""
 
@@ -267,7 +267,7 @@ def without_thin_lines(image: Image) -> Image:
 def dark_level(image: Image) -> float:
     """Return what is added to the brightness of ``image`` before logarithms are taken, so that noise counts little.
 
-    Every fourth pixel says it well enough.
+    It is measured on every fourth pixel, which is enough.
     """
     return 0.05 * max(quantile(image[::2, ::2], 0.95), 1e-6)
 

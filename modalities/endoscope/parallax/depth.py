@@ -36,27 +36,28 @@ from endoct.modalities.endoscope.parallax.views import (
 from endoct.stitching.panorama import Panorama
 
 COST = 200
-"""Frames that have nothing in common, as what depths cost; 0 where they are alike."""
+"""A depth costs so much where frames have nothing in common there, and 0 where they are alike."""
 UNSEEN = 255
-"""As cost of every depth of a block that fewer than two frames see."""
+"""Every depth costs this in a block that fewer than two frames see."""
 Costs = NDArray[np.uint8]
-"""By block along z, block around, and depth."""
+"""What depths cost, by block along z, block around, and depth."""
 DEPTHS_MM = np.cumsum(np.concatenate([[-0.1], np.full(20, 0.025), 0.025 * 1.083 ** np.arange(1, 27)]))
 WALL = 4
-"""Depths that are tried, mm, the wall's own, 0, at ``WALL``: even where floors are shallow, then ever farther apart."""
+"""These depths are tried, mm, with the wall's own, 0, at ``WALL``. They are even where floors are shallow, then ever
+farther apart."""
 SCALES_MM = (0.007, 0.01, 0.014, 0.02, 0.03, 0.045)
-"""Textures that are tried, the finest first: noise and blur leave only coarser ones in common."""
+"""Textures of these scales are tried, the finest first: noise and blur leave only coarser ones in common."""
 ALIKE = 0.3
 """Frames see the same wall where textures cost less at depth 0, in the median: 0.16 to 0.25 in sharp recordings."""
 WINDOW_MM = (0.1, 0.04)
 """Costs are means over this length along z and around."""
 STEP, JUMP = 0.2, 1.0
-"""What it costs to lie one depth or any number of depths behind a neighbour."""
+"""It costs this to lie one depth, or any number of depths, behind a neighbour."""
 DOUBT = 0.05
 """Depths that cost this much more are 1/e as probable."""
 ROUGHNESS = 1.0
 SCALE_STATED, SCALE_ASSUMED = 0.03, 0.15
-"""Standard error of all depths together, relative, where the mirror's optics are stated and where they are assumed."""
+"""All depths together have this relative standard error where the mirror's optics are stated, or are assumed."""
 LEAST_ERROR_MM, MOST_ERROR_MM = 0.015, 0.25
 """No error is stated as less; what is less sure than that is not known."""
 PIECE_MM, OVERLAP_MM = 2.0, 0.4

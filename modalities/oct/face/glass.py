@@ -86,7 +86,7 @@ def face_distance(
 
 
 def measure_glass(slices: Sequence[SliceFeatures], faces: Faces, medium_index: float) -> Glass:
-    """Return the capillary's glass; of unknown thickness where no inner face is seen with the catheter off the axis."""
+    """Return the capillary's glass; its thickness is unknown where no off-axis catheter sees its inner face."""
     capillary = faces.capillary
     return Glass(capillary.radius_mm, _thickness_mm(slices, faces, GLASS_INDEX / medium_index), medium_index)
 

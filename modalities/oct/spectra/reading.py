@@ -36,7 +36,7 @@ SHARPER = 1.5
 SHALLOW = 4  # of the depth, this part
 APODISATION = "data/ApodizationSpectrum.data"
 LEAST_COVERED = 0.5
-"""Share of the even wavenumbers that a chirp must reach; places in other units reach none or all too few."""
+"""A chirp must reach this part of the even wavenumbers; places in other units reach none or all too few."""
 
 ReadVector = Callable[[str, str, int], Coordinates]
 _ROOM = Room()
@@ -106,7 +106,7 @@ def _sharpness(bscan: NDArray[np.uint16]) -> float:
 def chain_of(keys: SpectraKeys, read: ReadVector) -> Reconstruction:
     """Return the chain that ``keys`` describe; ``read`` returns a vector by its name, its key, and its length.
 
-    Raises :class:`EndoctError` where a vector is missing, or is none of its kind.
+    Raises :class:`EndoctError` where a vector is missing or is not what its key says.
     """
     n = keys.samples
     places = np.arange(n, dtype=np.float64)
@@ -131,7 +131,7 @@ def chain_of(keys: SpectraKeys, read: ReadVector) -> Reconstruction:
 
 
 def _places(chirp: Coordinates, keys: SpectraKeys) -> Coordinates:
-    """Return where even wavenumbers lie among the samples. Raises :class:`EndoctError` for what is no chirp."""
+    """Return where even wavenumbers lie among the samples. Raises :class:`EndoctError` where this is no chirp."""
     if (falls := np.flatnonzero(np.diff(chirp) <= 0)).size:
         i = int(falls[0])
         raise EndoctError(
@@ -156,7 +156,7 @@ def _places(chirp: Coordinates, keys: SpectraKeys) -> Coordinates:
 class ReadThorlabsSpectra:
     """Reads the spectra of B-scans: called with an index, returns the B-scan, u16 (depth, A-scan).
 
-    ``apodised``: what is subtracted is the mean of a B-scan's own spectra without the sample, where it has such.
+    ``apodised``: whether to subtract the mean of a B-scan's own spectra without the sample, where it has such.
     """
 
     def __init__(

@@ -15,10 +15,12 @@ from endoct.modalities.oct.spectra.resampling import Taps
 
 Counts = NDArray[np.integer[Any]]
 BLOCK = LEAST_ASCANS
-"""A-scans at a time, so that what lies between two steps stays in a processor's cache. Every slice has so many."""
+"""So many A-scans are taken at a time, to keep what lies between two steps in a processor's cache.
+
+Every slice has as many."""
 _PER_OCTAVE = np.float32(10 * np.log10(2) * COUNTS_PER_DB)
 _AT_ONE = np.float32(0.5 - ZERO_DB * COUNTS_PER_DB)
-"""Of power 1; the half rounds."""
+"""The level of power 1 in counts; the half rounds."""
 _LOG2 = tuple(
     np.float32(a)
     for a in np.polynomial.Chebyshev.interpolate(np.log2, 5, domain=[1, 2]).convert(kind=np.polynomial.Polynomial).coef
@@ -107,7 +109,7 @@ def reconstruction(
 
 
 def _gain(taps: Taps, window: Coordinates) -> Image:
-    """Return by what power falls with depth as samples are interpolated, its inverse, float32 (n / 2,).
+    """Return what makes up for the fall of power with depth as samples are interpolated, float32 (n / 2,).
 
     The measure is white noise of the detector, whose level is to be one over all depths. What interpolation takes from
     it, it takes from fringes too.

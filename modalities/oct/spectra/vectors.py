@@ -21,9 +21,9 @@ _TEXT = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?[0-9eEnNaAiIfF+\-.,;\s\
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?")
 _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _MOST_BYTES = 24 * MOST_SAMPLES
-"""Of a chirp: 8 a sample, more as text."""
+"""A chirp has no more: 8 a sample, more as text."""
 ENDS = 0.05
-"""Share of the samples by which a chirp may begin and end beside the first and the last of them."""
+"""A chirp begins and ends at most this part of the samples away from the first and the last of them."""
 
 
 def read_vector(folder: Path, name: str, key: str, n: int) -> Coordinates:
@@ -38,8 +38,8 @@ def read_vector(folder: Path, name: str, key: str, n: int) -> Coordinates:
 def vector_of(data: bytes, path: Path, key: str, n: int) -> Coordinates:
     """Return the ``n`` values that the bytes of the file ``path`` hold, float64 (n,).
 
-    They are text with a number a line, which the bytes tell, or little-endian float64 or float32, which their number
-    tells apart. Raises :class:`EndoctError` where there are more or fewer values, or one is not finite.
+    They are text with a number a line, as the bytes show, or little-endian float64 or float32, which their number
+    distinguishes. Raises :class:`EndoctError` where there are more or fewer values, or one is not finite.
     """
     if path.suffix.lower() in TEXT_SUFFIXES or is_text(data):
         values = numbers_of(data, path)
@@ -77,7 +77,7 @@ def is_text(data: bytes) -> bool:
 
 
 def numbers_of(data: bytes, path: Path) -> Coordinates:
-    """Return the numbers of a text, float64. Raises :class:`EndoctError` where it holds others than numbers."""
+    """Return the numbers of a text, float64. Raises :class:`EndoctError` where it holds anything else."""
     try:
         words = text_of(data).split()
         if words and all(map(_DECIMAL_COMMA.fullmatch, words)):
@@ -106,7 +106,7 @@ def seems_spectra(path: Path) -> str | None:
 
 
 def _chirp_length(file: Path) -> int:
-    """Return of how many samples the file is a chirp, 0 where it is none."""
+    """Return for how many samples the file is a chirp, 0 where it is none."""
     data = read_start(file, _MOST_BYTES)
     if is_text(data):
         return _text_length(data, file)
@@ -118,7 +118,7 @@ def _chirp_length(file: Path) -> int:
 
 
 def _text_length(data: bytes, file: Path) -> int:
-    """Return of how many samples a text with a number a line is a chirp, 0 where it is none."""
+    """Return for how many samples a text with a number a line is a chirp, 0 where it is none."""
     if len(data) == _MOST_BYTES:
         return 0
     try:

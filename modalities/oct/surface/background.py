@@ -78,7 +78,7 @@ def spread_of_noise(background: Background) -> float:
 
 
 class Bridges(NamedTuple):
-    """What rows are made of: each of ``row`` (n,) of the rows ``low`` and ``high``, of ``high`` by its ``share``."""
+    """How rows are interpolated: each of ``row`` (n,) from rows ``low`` and ``high``, with ``share`` of ``high``."""
 
     row: NDArray[np.intp]
     low: NDArray[np.intp]

@@ -119,7 +119,7 @@ class Pool:
 
 
 def pooled(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition) -> Pool:
-    """Return every n-th of all the A-scans of slices that show the face, ``POOLED_SLICES`` slices' worth."""
+    """Return every n-th of the A-scans of all slices that show the face, as many as ``POOLED_SLICES`` slices have."""
     step = max(1, len(slices) // POOLED_SLICES)
     ascans, face_mm, wall_mm, part, first = [], [], [], [], 0
     for i, features in enumerate(slices):

@@ -29,10 +29,14 @@ from endoct.modalities.oct.surface.background import (
 
 Rows = NDArray[np.intp]
 
-MOST_POWER = 6.0  # times that of bone: a glint counts for no more
-HAZE_SHARE = 0.2  # of the wall's contrast
-LOOK_MM2 = 6.4e-5  # about three samples: the area of one independent sample
-PATCH_MM = (0.05, 0.05)  # averaged over that, noise is not as bright as bone
+MOST_POWER = 6.0
+"""Times the power from which samples count as bone: a glint counts for no more."""
+HAZE_SHARE = 0.2
+"""Haze is as bright as this share of the wall's contrast."""
+LOOK_MM2 = 6.4e-5
+"""The area of wall that one independent sample of noise and speckle covers, about three samples."""
+PATCH_MM = (0.05, 0.05)
+"""Averaged over so much of θ and depth, noise is no longer as bright as bone."""
 NEVER = np.float32(-1e6)
 COLUMNS_AT_ONCE = 8
 

@@ -32,7 +32,7 @@ from endoct.modalities.oct.face.slices import SliceFeatures
 
 N_ANGLES, BIN_MM = 256, 0.003
 STRAY_RATE = 0.02
-"""Points in a column and bin, of any pattern."""
+"""Whatever the pattern, so many points stray into a column and bin."""
 SECTORS = 16
 """They are taken by turns for one half and for the other, each of which says where the turn starts."""
 Field = NDArray[np.float64]
