@@ -97,7 +97,7 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
     rows = _rows_of_circles(circles, cosine, sine, radius_mm, mm_per_px, n_rows)
     found = _strongest(
         circles,
-        _Sights(scored, rows),
+        _Crossings(scored, rows),
         strength,
         (column, np.minimum(row, n_rows - 1)),
         _beams_to(points),
@@ -117,8 +117,8 @@ class _Beams(NamedTuple):
     strength: Coordinates
 
 
-class _Sights(NamedTuple):
-    """At which ``rows`` (n_circles, n_columns) the ``columns`` (n_columns,) of a B-scan see circles; −1: at none."""
+class _Crossings(NamedTuple):
+    """At which ``rows`` (n_circles, n_columns) circles cross the ``columns`` (n_columns,) of a B-scan; −1: at none."""
 
     columns: NDArray[np.intp]
     rows: NDArray[np.int32]
@@ -132,7 +132,7 @@ def _beams_to(points: Points) -> _Beams:
 @compiled
 def _strongest(
     circles: Coordinates,
-    sights: _Sights,
+    crossings: _Crossings,
     strength: Image,
     places: tuple[NDArray[np.intp], NDArray[np.intp]],
     beams: _Beams,
@@ -141,7 +141,7 @@ def _strongest(
 ) -> Coordinates:
     """Lines, one after another the strongest that is left: x, y, depth of the axis and support, float64 (n, 4).
 
-    ``sights`` are those of ``circles`` in ``strength`` (column, row), in which ``beams`` end at ``places``. What lies
+    ``crossings`` are those of ``circles`` in ``strength`` (column, row), where ``beams`` end at ``places``. What lies
     on a line is taken out of both.
     """
     lines = np.empty((MOST_LINES, 4))
@@ -149,7 +149,7 @@ def _strongest(
     cosine, sine, depth_mm, left = beams
     column, row = places
     for _ in range(MOST_LINES):
-        support = _support(strength, sights)
+        support = _support(strength, crossings)
         best = 0
         for k in range(1, support.size):
             if support[k] > support[best]:
@@ -193,9 +193,9 @@ def _rows_of_circles(
 
 
 @compiled
-def _support(strength: Image, sights: _Sights) -> Image:
-    """The mean of ``strength`` at the ``sights`` of each circle, or up to two rows from there, float32 (n_circles,)."""
-    scored, rows = sights
+def _support(strength: Image, crossings: _Crossings) -> Image:
+    """The mean of ``strength`` at each circle's ``crossings``, or up to two rows from there, float32 (n_circles,)."""
+    scored, rows = crossings
     n_columns, n_rows = scored.size, strength.shape[1]
     wide = np.empty((n_columns, n_rows), np.float32)
     for column in range(n_columns):

@@ -158,12 +158,19 @@ def bridge_ascan(samples: Image, bridges: Bridges) -> None:
 
 
 LINE_SIGMAS = 1.0
+"""A line stands out by more than this σ of the noise."""
 SKIRT_SIGMAS = 0.12
+"""The skirts of a line stand out by more than this σ of the noise."""
 LINE_WIDTH_MM = 0.15
+"""A line is no wider than that, its skirts included."""
 DARK_SHARE = 0.2
+"""A depth is judged by this part of its A-scans, the darkest."""
 LINE_AROUND_MM = (0.05, 0.12)
+"""A line of one B-scan is compared with what lies so far before and behind it."""
 JUDGED_ASCANS = 512
-TURNING_MM = 0.04  # from a face's nearest and farthest depth
+"""It is judged by no more than about so many of its A-scans."""
+TURNING_MM = 0.04
+"""It lies so near to where a face is nearest or farthest."""
 
 
 def with_lines_of(

@@ -22,7 +22,7 @@ from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import DARK_SHARE, LINE_SIGMAS, lines_with_skirts
-from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
+from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, filled_medians, pooled
 
 LINE_BACKGROUND_MM = 0.35
 LINE_BEYOND_MM = (0.07, 0.13)
@@ -111,7 +111,7 @@ def _wall_shift_mm(pool: Pool, mm_per_px: float) -> float:
     rows = np.round(pool.wall_mm / mm_per_px).astype(np.intp)[:, None] + reach
     inside = (rows >= 0) & (rows < pool.ascans.shape[1])
     near = np.where(inside, np.take_along_axis(pool.ascans, rows.clip(0, pool.ascans.shape[1] - 1), axis=1), np.nan)
-    level = uniform_filter1d(medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
+    level = uniform_filter1d(filled_medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
     return float(reach[int(np.argmax(level))]) * mm_per_px
 
 
@@ -174,7 +174,7 @@ def _crossing_lines(pool: Pool, behind_face: Image, clear: tuple[Mask, Mask], si
 
 def _excess(samples: Image, mm_per_px: float) -> Image:
     """Return how far the median of every depth of ``samples``, NaN where not judged, stands out of those around."""
-    level = medians(samples)
+    level = filled_medians(samples)
     around = percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
     return np.asarray(level - around, dtype=np.float32)
 

@@ -135,7 +135,7 @@ def pooled(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquis
     return Pool(np.concatenate(ascans), np.concatenate(face_mm), np.concatenate(wall_mm), np.concatenate(part))
 
 
-def medians(samples: Image) -> Image:
+def filled_medians(samples: Image) -> Image:
     """Return the median of every column without NaN, float32 (n_columns,); columns of too few are interpolated."""
     finite = np.isfinite(samples)
     count = np.count_nonzero(finite, axis=0)

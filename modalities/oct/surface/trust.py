@@ -34,8 +34,10 @@ OPAQUE_SHARE = 0.25
 BRIGHT_SHARE = 0.5
 TAIL_SIGMAS = 1.5
 SQUARE_MM = 0.1
-MOST_POWER = 30.0  # times the noise's: a glint counts for no more
-POWER_OF_A_PATH = 1.5  # times the noise's: a path through noise alone follows what is brightest
+MOST_POWER = 30.0
+"""A glint counts for no more than so many times the power of the noise."""
+POWER_OF_A_PATH = 1.5
+"""A path through noise alone follows what is brightest, so many times the power of the noise."""
 
 
 def trusted(level: Image, row: NDArray[np.intp], background: Background, spacing: Spacing) -> Mask:

@@ -196,7 +196,7 @@ BLOCK_MM = 0.03
 SEARCH_MM = 0.06
 REACHES_MM = ((0.2, 1), (0.12, 1), (0.08, 2), (0.05, 2), (0.05, 2))
 """Each round of the fit: the distance up to which surfaces count, and its number of harmonics."""
-STRONGEST = 2.0  # times the median evidence: a bright side does not outvote the rest
+STRONGEST = 2.0  # times the median evidence: a bright side must not outvote the rest
 LEAST_SEEN = 0.05
 BAND_MM = 0.02
 BONUS_PER_MM = 100.0  # of wall: evidence gained where the bore's wall runs
