@@ -232,6 +232,11 @@ class ReducedBscan(Frame):
         """The samples as float32 (n_columns, depth)."""
         return np.ascontiguousarray(self.samples, dtype=np.float32)
 
+    @property
+    def angle_rad(self) -> Coordinates:
+        """The rotation angle from A-scan 0 at the centre of each sector, float64 (n_columns,), rad."""
+        return sector_angles_rad(self.n_ascans, len(self.samples))
+
 
 def reduced(frame: Frame, n_columns: int) -> ReducedBscan:
     """Return a B-scan as means over ``n_columns``; one that was reduced to as many already is returned as it is."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import Spacing, logarithmic, reduced, sector_angles_rad, varying
+from endoct.modalities.oct.bscan import Spacing, logarithmic, reduced, varying
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_sizes, doubts_of_surface, doubts_of_turns
 from endoct.modalities.oct.surface.background import (
@@ -59,7 +59,7 @@ def profile_beams(frame: Frame, calibration: OctCalibration) -> BeamProfile:
     parameters, acquisition = calibration.parameters, calibration.acquisition
     n_theta, mm = calibration.grid.n_theta, calibration.mm_per_px
     bscan = reduced(frame, n_theta)
-    samples, angle = bscan.samples, sector_angles_rad(bscan.n_ascans, n_theta)
+    samples, angle = bscan.samples, bscan.angle_rad
     face = face_depth_mm(calibration, frame.index, angle)
     n_depth = samples.shape[1]
     first_row = np.clip(np.ceil((face + parameters.clearance_mm) / mm), 0, n_depth - 1).astype(np.intp)

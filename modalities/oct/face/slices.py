@@ -59,7 +59,7 @@ def examine_bscan(
         n_columns=n_columns,
         lines=find_lines(points, raster, acquisition.capillary_radius_mm, parameters.ransac_trials, rng),
         ascans=logarithmic(fine[kept], acquisition.intensity),
-        ascan_angle_rad=sector_angles_rad(n_ascans, n_theta)[kept],
+        ascan_angle_rad=bscan.angle_rad[kept],
         saturated=bscan.saturated,
         brightening=share_brightening(coarse),
     )

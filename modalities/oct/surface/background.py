@@ -168,7 +168,7 @@ DARK_SHARE = 0.2
 LINE_AROUND_MM = (0.05, 0.12)
 """A line of one B-scan is compared with what lies so far before and behind it."""
 JUDGED_ASCANS = 512
-"""It is judged by no more than about so many of its A-scans."""
+"""It is judged by at least so many of its A-scans, where it has as many."""
 TURNING_MM = 0.04
 """It lies so near to where a face is nearest or farthest."""
 
