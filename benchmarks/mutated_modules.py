@@ -59,15 +59,12 @@ TESTS: Mapping[str, tuple[str, ...]] = {
     "stitching/motion/feed.py": ("tests/stitching/motion/test_feed.py",),
     "base/numeric/ranks.py": ("tests/base/numeric/test_ranks.py",),
     "modalities/oct/surface/wall.py": (f"{OCT}/surface/test_wall.py",),
-    "modalities/oct/surface/wall_evidence.py": (f"{OCT}/surface/test_wall_evidence.py",),
+    "modalities/oct/surface/background.py": (f"{OCT}/surface/test_background.py",),
     "modalities/oct/surface/levels.py": (f"{OCT}/surface/test_levels.py",),
-    "modalities/oct/surface/second_look.py": (f"{OCT}/surface/test_second_look.py",),
-    "modalities/oct/surface/fixed_lines.py": (
-        f"{OCT}/surface/test_lines_of_a_recording.py",
-        f"{OCT}/surface/test_fixed_lines.py",
-    ),
+    "modalities/oct/surface/trust.py": (f"{OCT}/surface/test_trust.py",),
+    "modalities/oct/surface/fixed_lines.py": (f"{OCT}/surface/test_fixed_lines.py",),
     "modalities/oct/doubts.py": (f"{OCT}/test_doubts.py",),
-    "modalities/oct/settle.py": (f"{OCT}/test_settle.py",),
+    "modalities/oct/unroll.py": (f"{OCT}/test_unroll.py",),
     "modalities/oct/undistort.py": (f"{OCT}/test_undistort.py",),
     "modalities/endoscope/doubts.py": (f"{ENDOSCOPE}/test_doubts.py",),
     "modalities/endoscope/frame_places.py": (f"{ENDOSCOPE}/test_frame_places.py",),
@@ -85,6 +82,6 @@ NAMED: tuple[tuple[str, str, str, str], ...] = (
     ("modalities/oct/surface/wall.py", "lead = n_theta // 4", "lead = 0", f"{OCT}/surface/test_wall.py"),
     ("base/numeric/ranks.py", "ERROR_PER_SIGMA = 1.25", "ERROR_PER_SIGMA = 1.0", "tests/base/numeric/test_ranks.py"),
     ("synthetic/draw.py", " - min(0.0, advance)", "", "tests/synthetic/test_draw.py"),
-    ("modalities/oct/settle.py", "(turn - 0.5)", "(turn + 0.5)", f"{OCT}/test_settle.py"),
+    ("modalities/oct/unroll.py", "(turn - 0.5)", "(turn + 0.5)", f"{OCT}/test_unroll.py"),
 )
 """Mutants that tests once let through: module, text, what replaces it, and the tests that must fail."""

@@ -28,7 +28,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment
-from endoct.modalities.endoscope.mirror import finding
+from endoct.modalities.endoscope.mirror import ring_search
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import stored_frame
@@ -208,7 +208,7 @@ def rows_of(preset: str, seed: int, worlds: Path, kinds: Sequence[str]) -> Itera
                     if looked:
                         panorama = unroll(recording, progress=False)
                     else:
-                        with patch.object(finding, "find_overlay", lambda *_: None):
+                        with patch.object(ring_search, "find_overlay", lambda *_: None):
                             panorama = unroll(recording, progress=False)
                     yield row | judge(panorama, truth)
                 except EndoctError as error:

@@ -15,9 +15,16 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
-from endoct.modalities.oct.spectra.kernels import BLOCK, resample, write_levels
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import LINE, Reconstruction, mean_spectrum, reconstruction
+from endoct.modalities.oct.spectra.reconstruction import (
+    BLOCK,
+    LINE,
+    Reconstruction,
+    mean_spectrum,
+    reconstruction,
+    resample,
+    write_levels,
+)
 from endoct.modalities.oct.spectra.resampling import sample_places, taps, window
 from endoct.synthetic.oct.spectrometer import chirp
 

@@ -25,11 +25,11 @@ from endoct.stitching.grid import SurfaceGrid
 class EndoscopeCalibration:
     """What a survey measured; everything that unrolling a frame needs besides the frame.
 
-    ``annuli``, one a frame, in pixels of the files; ``drift_px`` (x, y): by how much the centre of the circles of
-    constant z drifts from the outer rim to the inner, and ``shift_px`` by how much it lies off the outer rim;
-    ``z_mm`` of every frame's band centre. θ of the wall is
-    image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``: rows of the flat
-    field from the band's centre; ``exposure`` (n,): logarithm of what each frame is brighter than its light says.
+    ``annuli``: one a frame, in pixels of the files. The centre of circles of constant z lies ``shift_px`` (x, y) off
+    the outer rim, and drifts by ``drift_px`` to the inner rim. ``z_mm``: of every frame's band centre.
+    θ of the wall is image angle + ``roll_rad`` (n,) + ``sway_rad`` (n, 2) · (cos, sin) of their sum. ``strip_z_mm``:
+    rows of the flat field from the band's centre. ``exposure`` (n,): logarithm of what each frame is brighter than its
+    light says.
     ``overlay``: pixels of the files that something was drawn over, bool (row, column); None where there are none.
     ``doubts``: what questions where everything lies; ``notes``: what concerns some frames.
     """

@@ -10,8 +10,7 @@ from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.frames import Frames
 from endoct.modalities.endoscope.mirror.movement import NOISE_SHARE, movement_in_thirds, movement_within
 from endoct.modalities.endoscope.mirror.overlay import share_of_ring
-from endoct.modalities.endoscope.mirror.ring_search import FoundRing, Reference
-from endoct.modalities.endoscope.mirror.roundness import NOT_ROUND, Roundness
+from endoct.modalities.endoscope.mirror.ring_search import NOT_ROUND, FoundRing, Reference, Roundness
 from endoct.stitching.motion.feed import Feed
 
 FARTHEST_APART = 0.06

@@ -1,8 +1,8 @@
 """Light and dirt of the probe, estimated from the recording itself.
 
 In logarithms a frame is light(r, θ_image) + pattern(r, θ_image) + wall. Light is a profile along r (the
-specular ring of the mirror is part of it) with a few harmonics in θ; dirt and scratches are the pattern, which
-stays where it is while the wall moves on. Cells are dark and may cover much of a short recording, so light
+specular ring of the mirror is part of it) with a few harmonics in θ. Dirt and scratches are the pattern, which
+stays where it is while the wall moves on. Cells are dark and may cover much of a short recording. So light
 follows the bright side of what is seen, and a pattern is looked for only where the wall has moved far enough.
 """
 
@@ -129,8 +129,8 @@ def _quantile(logs: NDArray[np.floating[Any]], share: float) -> Image:
 def _light(typical: Image, harmonics: int) -> Image:
     """Return a profile along r plus harmonics in θ that follow the bright side of ``typical`` robustly.
 
-    What is darker than the rest is ever less believed, from least squares at first: so the darker side of the
-    light is not taken for a cell.
+    It begins with least squares; then what is darker than the rest is believed less and less. So the darker side of
+    the light is not taken for a cell.
     """
     n_rows, n_theta = typical.shape
     theta = 2 * np.pi / n_theta * np.arange(n_theta)

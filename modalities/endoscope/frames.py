@@ -14,8 +14,7 @@ from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow
 from endoct.modalities.endoscope.mirror.band import Band, Circles, sample
-from endoct.modalities.endoscope.mirror.ring_search import Reference, settle_annuli
-from endoct.modalities.endoscope.mirror.roundness import squared
+from endoct.modalities.endoscope.mirror.ring_search import Reference, settle_annuli, squared
 
 STRIP_COLUMNS = 1024
 _ROOM = Room()
@@ -32,9 +31,11 @@ under an overlay."""
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """What was measured in every frame: its annulus in pixels of the files, whether that was measured there or taken
-    from the frames around, bool (n,), the radii of its inner and outer rim by that frame alone, px, float64 (n, 2), NaN
-    where they are not clear, and the share of its strip that is saturated, float64 (n,).
+    """What was measured in every frame.
+
+    Attributes: ``annuli`` in pixels of the files; ``annulus_found``, bool (n,), whether it was measured there or taken
+    from the frames around; ``own_radii_px``, float64 (n, 2), of its inner and outer rim by that frame alone, NaN where
+    they are not clear; ``saturated_fraction``, float64 (n,), of its strip.
     """
 
     annuli: tuple[Annulus, ...]

@@ -21,11 +21,11 @@ BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99
 DARKEST = 0.002
 UNSEEN = 1e12
-"""Brightness of pixels that say nothing: the least share of one makes a sample brighter than any that is seen."""
+"""Pixels that say nothing are this bright: the least share of one makes a sample brighter than any that is seen."""
 
 
 def full_scale(samples: NDArray[Any]) -> float:
-    """Return the value of a saturated sample: of the least bit depth that holds what was seen; 1 for floats."""
+    """Return the value of a saturated sample: that of the least bit depth that holds all samples; 1 for floats."""
     largest = float(samples.max())
     if samples.dtype.kind == "f":
         return max(1.0, largest)
@@ -38,8 +38,8 @@ def reduced_light(
     """Return the brightness of a frame, 1 at full scale, and which share is saturated, None where nothing is.
 
     Both are means of ``factor`` × ``factor`` pixels, float32 (row, column); a remainder at the far edges is left out.
-    They are arrays of ``room``, if any. Of a colour frame it is that of its green, which sees tissue with the most
-    contrast and saturates after red under the warm light of an endoscope.
+    They are arrays of ``room``, if any. Of a colour frame it is that of its green. That sees tissue with the most
+    contrast, and under the warm light of an endoscope it saturates after red.
     """
     plane = np.ascontiguousarray(green(samples))
     room, shape = room or Room(), (plane.shape[0] // factor, plane.shape[1] // factor)
@@ -126,7 +126,7 @@ class GreenFrame(Frame):
 
 
 def green_frames(stream: FrameStream) -> AbstractContextManager[FrameStream]:
-    """Give a stream of the green of every frame of ``stream``, each read from there once."""
+    """Return a stream of the green of every frame of ``stream``, each read from there once."""
     return kept_frames(stream, _green_frame)
 
 

@@ -80,8 +80,8 @@ def _outlines(overlay: Mask | None) -> dict[str, Coordinates]:
 def locate_in_frame(index: int, places: Places, calibration: EndoscopeCalibration) -> dict[str, Coordinates]:
     """Return (column, row) in px of the pixel that looks at each place on the nominal bore, and (θ, z) in the strip.
 
-    Depth is not known to an endoscope: what lies behind the bore's wall is seen where the ray through it crosses that,
-    and so is the place of the panorama. Places beyond the rims are not seen.
+    An endoscope does not know depth. What lies behind the bore's wall is seen where the ray through it crosses the
+    wall, and the panorama has it there. Places beyond the rims are not seen.
     """
     from_centre_mm = places.z_mm - calibration.z_mm[index]
     seen = np.abs(from_centre_mm) <= calibration.strip_z_mm[-1]

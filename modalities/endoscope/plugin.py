@@ -8,13 +8,13 @@ from endoct.base.arrays import Coordinates
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream, LocatingModality, Picture, Places, Sniff
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.frame_stream import EndoscopeRecording, open_frames, sniff_frames
 from endoct.modalities.endoscope.light import green_frames
-from endoct.modalities.endoscope.opening import EndoscopeRecording, open_frames
 from endoct.modalities.endoscope.parallax.depth import add_parallax
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.pictures import locate_in_frame, picture_frame
-from endoct.modalities.endoscope.sniffing import sniff_frames
 from endoct.modalities.endoscope.survey import survey_frames
+from endoct.modalities.endoscope.tube_calibration import calibrate_endoscope
 from endoct.modalities.endoscope.unroll import unroll_frame
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target
@@ -81,8 +81,6 @@ class EndoscopeModality:
 
     def calibrate(self, stream: FrameStream, parameters: EndoscopeParameters, target: Target) -> Measurement:
         """Return what a recording of a printed tube says of the endoscope."""
-        from endoct.modalities.endoscope.tube_calibration import calibrate_endoscope  # which only a calibration needs
-
         return calibrate_endoscope(stream, parameters, target)
 
 

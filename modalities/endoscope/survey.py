@@ -12,7 +12,6 @@ from endoct.base.entry_points import OURS
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration, per_frame_values
-from endoct.modalities.endoscope.chosen_feed import by_method
 from endoct.modalities.endoscope.doubts import doubts_of_overlay, doubts_of_ring, evidence_of_ring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
 from endoct.modalities.endoscope.frame_places import place_frames
@@ -21,7 +20,7 @@ from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band, Circles, recentred, stated_band
 from endoct.modalities.endoscope.mirror.overlay import in_pixels_of_files
 from endoct.modalities.endoscope.mirror.ring_search import find_reference
-from endoct.modalities.endoscope.motion import measure_centring, measure_motion, nominal_mm
+from endoct.modalities.endoscope.motion import by_method, measure_centring, measure_motion, nominal_mm
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.stitching.grid import SurfaceGrid

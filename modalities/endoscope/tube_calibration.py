@@ -13,9 +13,9 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
+from endoct.modalities.endoscope.frame_stream import EndoscopeRecording
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.optics import ASSUMED_LENGTH, ConeOptics, scale_is_stated
-from endoct.modalities.endoscope.opening import EndoscopeRecording
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.endoscope.tube_fit import ANGLE, DISTANT, FOCAL, TubeModel, optics_of
@@ -42,16 +42,16 @@ from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 BY_FEED = np.arange(0.86, 1.141, 0.02)
-"""True over assumed length of the annulus, where the feed or the sidecar gave that."""
+"""These ratios of true over assumed length of the annulus are tried where the feed or the sidecar gave that length."""
 UNKNOWN = np.geomspace(0.5, 2.0, 70)
-"""The same where nothing did."""
+"""These are tried where nothing did."""
 LEAST_POINTS = 300
 ROUNDS = 3
 ALONE_SIGMAS = 0.1
-"""Relative, above which a standard error says that a number is not told apart from others."""
+"""A number with a larger relative standard error cannot be distinguished from others."""
 RIM_PX = 0.4
-"""By how much a blurred rim is found off its place (inner and outer: −0.1 and 0.2 in the preset `tube`, seeds 30–37;
-0.2 and −0.35 in independent recordings, seeds 10–19)."""
+"""By how much a blurred rim is found off its place. Inner and outer: −0.1 and 0.2 in the preset `tube`, seeds 30–37;
+0.2 and −0.35 in independent recordings, seeds 10–19."""
 ROLLING_RAD = 0.05
 WANDER_MM = 0.02
 """How far a probe wanders off its mean place in the bore, which turns what a frame sees."""

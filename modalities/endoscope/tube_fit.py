@@ -2,9 +2,9 @@
 
 The helical groove is a scale that winds around: where it crosses a circle of the image tells z there. The axial groove
 tells how a frame is rolled. Where frames lie and how they are rolled follows from the points themselves, so that only
-what changes within a frame counts. On a ring's floor the same ray goes on: by how much z changes there tells the slant
-of the view, which no single bore does. Half angle, distance, focal length and distortion are told apart by the slant
-and by how z(r) bends, more or less; the standard errors say how well.
+what changes within a frame counts. On a ring's floor the same ray goes on: how much z changes there gives the slant of
+the view, which no single bore does. The slant, and how z(r) bends, distinguish half angle, distance, focal length and
+distortion, more or less. The standard errors say how well.
 """
 
 import math
@@ -21,22 +21,33 @@ from endoct.modalities.tube.fitting import LEAST_SIGMA, SIGMA_PER_MEDIAN, STRAY_
 from endoct.modalities.tube.target import Target
 
 ANGLE_DEG, DISTANCE, DISTORTION = 8.0, 1.2, 0.02
-"""How far a mirror's half angle lies from 45°, the logarithm of its distance over the bore's radius from that of
-``USUAL_DISTANCE``, and the distortion at the outer rim from 0: standard errors, of mirrors of any make, also of those
-that look along parallel rays."""
+"""Standard errors, for mirrors of any make, also those that look along parallel rays.
+
+They say how far the half angle lies from 45° and the distortion at the outer rim from 0. The logarithm of the distance
+over the bore's radius is compared with that of ``USUAL_DISTANCE``."""
 USUAL_DISTANCE = 2.5
 CENTRE_PX, OFFSET_MM, TILT_RAD = 3.0, 0.05, 0.02
 """How far the optical axis lies from the outer rim's centre, the bore's axis from the probe's, and their tilt."""
 CLUSTER_MM = 0.5
 SHIFT_MM, TREND_MM, BEND_MM = 0.003, 0.0035, 0.002
-"""By how much light shifts the helical groove's middle along the circumference: in a ring against elsewhere, that from
-mid annulus to a rim, and along the annulus by a parabola (preset `tube`, seeds 0, 1 and 20 to 22)."""
+"""By how much light shifts the helical groove's middle along the circumference.
+
+In a ring against elsewhere, from mid annulus to a rim, and by a parabola along the annulus. They are from the preset
+`tube`, seeds 0, 1 and 20 to 22."""
 N_PARAMETERS = 16
 ANGLE, FOCAL, DISTANT, DISTORTED, X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y = range(10)
 RADIUS, DEPTH, BRIM, SHIFT, TREND, BEND = range(10, N_PARAMETERS)
-"""Parameters: half angle, rad; logarithms of focal length and distance; distortion at the outer rim, relative; optical
-axis, px; the probe's axis off the bore's, mm, and its tilt; radius and ring's depth off the stated ones, and how far
-below the wall grooves' edges are seen, mm; and the helical groove's shifts, mm."""
+"""Parameters of the fit.
+
+ANGLE, FOCAL, DISTANT, DISTORTED: half angle, rad; logarithms of focal length and distance; distortion at the outer rim,
+relative.
+
+X, Y, OFF_X, OFF_Y, TILT_X, TILT_Y: optical axis, px; the probe's axis off the bore's, mm, and its tilt.
+
+RADIUS, DEPTH, BRIM: radius and ring's depth off the stated ones, and how far below the wall grooves' edges are seen,
+mm.
+
+SHIFT, TREND, BEND: the helical groove's shifts, mm."""
 UNDISTORTING = 6
 
 
@@ -158,9 +169,9 @@ class TubeModel:
     def fit(self, start: Coordinates) -> Fit:
         """Return the parameters that fit the helical groove best. Raises :class:`NotSeen` where none do.
 
-        The axial groove only tells how frames are rolled: its points in a frame err together as the probe wanders, and
-        outweighed the helical one's by their number (mm per pixel off by 0.60 % with them, 0.29 % without: preset
-        `tube`, seeds 1200–1211, ink's depth known).
+        The axial groove only gives how frames are rolled. Its points in a frame err together as the probe wanders, and
+        outweighed the helical one's by their number. With them, mm per pixel were off by 0.60 %, without by 0.29 %
+        (preset `tube`, seeds 1200–1211, ink's depth known).
         """
         helical = self.marks.line == HELICAL
         alone = replace(self, marks=self.marks.of(helical))

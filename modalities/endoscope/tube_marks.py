@@ -18,21 +18,21 @@ from endoct.modalities.tube.target import Target
 
 N_CIRCLES, N_ANGLES = 64, 1024
 DARKEST, BRIGHTEST = 1.2, -0.3
-"""Darkness within which marks are looked for: a deep hole is no darker mark."""
+"""Marks are looked for within this darkness: a deep hole is no darker mark."""
 EDGE_MM = 0.1
 """From a ring's edge on, a groove is seen as deep as on one side of it alone."""
 NEAREST_GROOVES_MM = 0.2
 AROUND_MM = 0.25
-"""Beyond a groove's edges, where the wall around it is looked at."""
+"""The wall around a groove is looked at so far beyond its edges."""
 LEAST_CONTRAST = 0.15
 LEVEL = 0.35
-"""Of a groove's contrast at its edges: a side that faces the camera is not as dark as the floor."""
+"""A groove has this part of its contrast at its edges: a side that faces the camera is not as dark as the floor."""
 WIDTHS = 0.75, 1.3
-"""Of a groove's width as it is stated, within which the measured one is believed."""
+"""A measured width of a groove is believed between these parts of the stated one."""
 LEAST_SAMPLES = 3
 RING_EDGE_MM = 0.04
 RING_DARKNESS, EDGE_DARKNESS = 0.2, 0.5
-"""Of rings, which no ink covers, against that of grooves."""
+"""Rings, which no ink covers, are as dark as this part of the grooves, inside and at their edges."""
 AXIAL, HELICAL = 1, 2
 
 

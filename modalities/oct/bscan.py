@@ -1,4 +1,4 @@
-"""B-scans made small: area averages along θ, and decibels where samples are linear.
+"""B-scans made small: area averages along θ, decibels where samples are linear, and which way depth runs in them.
 
 Averages over the columns of the panorama are all that survey and unrolling need. They are made as each B-scan is
 read, once.
@@ -12,17 +12,19 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.room import Room
+from endoct.base.numeric.ranks import quantiles
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.frame_cache import kept_frames
 from endoct.modalities.oct.parameters import OctParameters
 
 _ROOM = Room()
 ROWS_TOGETHER = 32
-"""Rows of a page that are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
+"""So many rows of a page are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
 LEAST_SHARE = 1e-3
 """A smaller part of an A-scan at a sector's edge does not count."""
 
@@ -114,7 +116,7 @@ def _average_rows(
 ) -> None:
     """Write means of ``turned`` (A-scan, :data:`ROWS_TOGETHER`) into ``means`` (sector, depth) from ``row`` on.
 
-    Four A-scans are added up before the sum is put away: that is what takes the time.
+    Four A-scans are added up before the sum is stored, since storing is what takes the time.
     """
     n_columns, most = weight.shape
     mean = np.empty(ROWS_TOGETHER, np.float32)
@@ -169,11 +171,6 @@ def sector_angles_rad(n_ascans: int, n_columns: int) -> Coordinates:
     """Return the rotation angle from A-scan 0 at the centre of each sector, float64 (n_columns,), rad."""
     width = n_ascans / n_columns
     return np.asarray((np.arange(n_columns) * width + (width - 1) / 2) * (2 * np.pi / n_ascans), dtype=np.float64)
-
-
-def depth_sums(image: Image) -> Coordinates:
-    """Return the sums of each A-scan of ``image`` (n, depth) before every depth, float64 (n, depth + 1)."""
-    return np.concatenate([np.zeros((image.shape[0], 1)), np.cumsum(image, axis=1, dtype=np.float64)], axis=1)
 
 
 @compiled
@@ -235,6 +232,11 @@ class ReducedBscan(Frame):
         """The samples as float32 (n_columns, depth)."""
         return np.ascontiguousarray(self.samples, dtype=np.float32)
 
+    @property
+    def angle_rad(self) -> Coordinates:
+        """The rotation angle from A-scan 0 at the centre of each sector, float64 (n_columns,), rad."""
+        return sector_angles_rad(self.n_ascans, len(self.samples))
+
 
 def reduced(frame: Frame, n_columns: int) -> ReducedBscan:
     """Return a B-scan as means over ``n_columns``; one that was reduced to as many already is returned as it is."""
@@ -260,7 +262,7 @@ def columns_of(frame: Frame, parameters: OctParameters) -> int:
 
 
 def reduced_pullback(stream: FrameStream, parameters: OctParameters) -> AbstractContextManager[FrameStream]:
-    """Give a stream of the :class:`ReducedBscan` of ``stream``; each is read from there when it is first asked for."""
+    """Return a stream of the :class:`ReducedBscan` of ``stream``; each is read from there when it is first needed."""
     return kept_frames(stream, lambda frame: reduced(frame, columns_of(frame, parameters)))
 
 
@@ -272,3 +274,28 @@ def _saturated(frame: Frame) -> bool:
         return False
     some = frame.samples[:: max(1, len(frame.samples) // JUDGED_ASCANS)]
     return 2 * int(np.count_nonzero(some == np.iinfo(some.dtype).max)) > some.size
+
+
+SECTORS = 128
+WINDOW = 0.05
+"""This part of the depth is wider than the lines of sheath and capillary, and narrower than the visible tissue."""
+UPSIDE_DOWN = 0.4
+"""Depth runs the wrong way where fewer of the sectors brighten so, in the mean of several B-scans."""
+STEADY = 0.1
+"""What nine in ten sectors reach at a depth is no tissue: the sheath fades with depth as tissue does, and noise has
+bands."""
+
+
+def share_brightening(bscan: Image) -> float:
+    """Return in which share of its sectors a B-scan (A-scan, depth) brightens with depth faster than it darkens.
+
+    Thin lines, which do both, are left out, and so is what lies at one depth all around.
+    """
+    sectors = reduce_theta(bscan, min(SECTORS, bscan.shape[0]))
+    sectors = (sectors - quantiles(sectors, STEADY)).astype(np.float32)
+    size = max(3, round(WINDOW * sectors.shape[1]))
+    window, ends = np.ones((1, size | 1), np.uint8), cv2.BORDER_REFLECT
+    opened = cv2.dilate(cv2.erode(sectors, window, borderType=ends), window, borderType=ends)
+    smooth = uniform_filter1d(opened, size, axis=1)
+    rise = smooth[:, size:] - smooth[:, :-size]
+    return float(np.mean(rise.max(axis=1) > -rise.min(axis=1)))

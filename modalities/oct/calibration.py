@@ -13,8 +13,8 @@ from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.second_look import RawLevels
-from endoct.modalities.oct.surface.wall_evidence import Background
+from endoct.modalities.oct.surface.background import Background
+from endoct.modalities.oct.surface.trust import RawLevels
 from endoct.modalities.oct.turning.rotation import Rotation
 from endoct.stitching.grid import SurfaceGrid
 
@@ -30,8 +30,8 @@ class OctCalibration:
     n_ascans, n_depth: the size of a B-scan.
     slice_z_mm: float64 (n_slices,), in recording order.
     rotation: how the catheter turned, in recording order.
-    faces: the outer face in recording order: in the frame of each slice, in which ``rotation`` gives the directions of
-        beams (A-scan 0 near angle 0). Its ripple delays the wall as well, so it is subtracted from depths and does not
+    faces: the outer face in recording order, in the frame of each slice, in which ``rotation`` gives the directions of
+        beams (A-scan 0 near angle 0). Its ripple delays the wall as well. So it is subtracted from depths and does not
         change angles.
     sines: the paper's fit of the face in every slice, in recording order, at nominal angles.
     glass: the capillary's wall; its thickness is 0 where its inner face is not seen.

@@ -19,8 +19,8 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.fixed_lines import FixedLines
-from endoct.modalities.oct.surface.wall_evidence import Background
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.stitching.panorama import Panorama
 
@@ -38,8 +38,8 @@ LEAST_TURNS = 0.25
 """Turns are judged where at least this part of the slices has a measured one."""
 MOST_BONE_BEFORE = 0.1
 """At most this part of the openings may have bone before the surface. It is 0.04 and less in 48 simulated recordings
-(`hard`, `quick`, `mastoid`, seeds 100–129) and 34 of a second generator, and 0.25 and more where wall was erased on
-purpose; the cells then scored under 0.7."""
+(`hard`, `quick`, `mastoid`, seeds 100–129) and 34 of a second generator. Where wall was erased on purpose it is 0.25
+and more; the cells then scored under 0.7."""
 MOST_DARK_WALL = 0.25
 """At most this part of the openings may be dark A-scans, where these are more than :data:`LEAST_DARK_WALL` of the
 wall."""

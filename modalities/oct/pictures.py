@@ -75,9 +75,9 @@ def _curve(x: Coordinates, y: Coordinates) -> Coordinates:
 def locate_in_bscan(index: int, places: Places, calibration: OctCalibration) -> dict[str, Coordinates]:
     """Return (nominal angle of the A-scan, depth in mm) of each place, and (θ, radius) in the undistorted B-scan.
 
-    A place of the panorama is that which the beam meets that crosses the nominal bore at its θ, see
-    :func:`~endoct.modalities.oct.unroll.unroll_bscan`; in a deep cell it lies at another θ in truth, at which the
-    undistorted B-scan has it. Places beyond the neighbouring slices, and angles that no A-scan recorded, are not seen.
+    The panorama has at each θ what the beam meets that crosses the nominal bore there
+    (:func:`~endoct.modalities.oct.unroll.unroll_bscan`). In a deep cell that place truly lies at another θ, and there
+    the undistorted B-scan has it. Places beyond the neighbouring slices, and angles that no A-scan recorded, are NaN.
     """
     nominal, recorded = beam_angles_rad(calibration, index, places.theta_rad)
     near = np.abs(places.z_mm - calibration.slice_z_mm[index]) <= calibration.grid.dz_mm

@@ -18,14 +18,13 @@ from endoct.modalities.contract import (
 from endoct.modalities.oct.bscan import reduced_pullback
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.pictures import locate_in_bscan, picture_bscan
-from endoct.modalities.oct.settle import settle_pullback
-from endoct.modalities.oct.sniffing import sniff_pullback
+from endoct.modalities.oct.pullback_stream import Pullback, sniff_pullback
 from endoct.modalities.oct.survey import survey_pullback
+from endoct.modalities.oct.tube_calibration import calibrate_pullback
 from endoct.modalities.oct.undistort import write_volume
-from endoct.modalities.oct.unroll import unroll_bscan
+from endoct.modalities.oct.unroll import settle_pullback, unroll_bscan
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target
 from endoct.stitching.panorama import Panorama
@@ -83,8 +82,6 @@ class OctModality:
 
     def calibrate(self, stream: FrameStream, parameters: OctParameters, target: Target) -> Measurement:
         """Return what a pullback through a printed tube says of the OCT."""
-        from endoct.modalities.oct.tube_calibration import calibrate_pullback  # which only a calibration needs
-
         return calibrate_pullback(stream, parameters, target)
 
 

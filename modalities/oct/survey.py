@@ -11,9 +11,8 @@ from endoct.base.compute.parallel import at_once, thread_map
 from endoct.base.compute.spool import Computed, Kept
 from endoct.base.errors import NotSeen
 from endoct.modalities.contract import FrameStream
-from endoct.modalities.oct.bscan import ascans_of, columns_of
+from endoct.modalities.oct.bscan import UPSIDE_DOWN, ascans_of, columns_of
 from endoct.modalities.oct.calibration import OctCalibration, per_slice_values
-from endoct.modalities.oct.depth_order import UPSIDE_DOWN
 from endoct.modalities.oct.doubts import notes_on_survey
 from endoct.modalities.oct.face.course import Course, measure_course
 from endoct.modalities.oct.face.faces import Faces, fit_sines, locate_faces
@@ -24,7 +23,7 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_floor, measure_levels
-from endoct.modalities.oct.surface.second_look import measure_raw_levels
+from endoct.modalities.oct.surface.trust import measure_raw_levels
 from endoct.modalities.oct.turning.uneven_turn import correct_starts, correct_uneven_turns, nominal_turns
 from endoct.stitching.grid import SurfaceGrid
 

@@ -22,11 +22,12 @@ from endoct.modalities.oct.tube_fit import (
     X,
     Y,
     Z,
+    at_surface,
     first_sample_mm,
+    late_mm,
     refined,
 )
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
-from endoct.modalities.oct.tube_surface import at_surface, late_mm
 from endoct.modalities.tube.fitting import Fit
 from endoct.modalities.tube.locating import COLUMNS, Pose
 from endoct.modalities.tube.measurement import (
@@ -42,11 +43,11 @@ from endoct.modalities.tube.target import Target
 
 N_BEAMS = 1024
 SCALES = np.arange(0.9, 1.101, 0.01)
-"""True over stated pitch."""
+"""These ratios of true over stated pitch are tried."""
 CAPILLARY_MM, GLASS_MM = 0.005, 0.0025
 """Standard errors of the capillary's diameter where none is stated, and of its glass as its inner face shows it."""
 FACE_MM = 0.001
-"""Of the line of the outer face."""
+"""Standard error of the line of the outer face."""
 CONTRADICTION_SIGMAS, CONTRADICTION_MM = 5.0, 0.02
 SURE_START_RAD = 0.05
 TURNING_RAD = 0.01

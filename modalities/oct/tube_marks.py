@@ -14,7 +14,7 @@ from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.face_circle import circle_distance_mm
-from endoct.modalities.oct.surface.wall_evidence import relative_power, spread_of_noise
+from endoct.modalities.oct.surface.background import relative_power, spread_of_noise
 from endoct.modalities.oct.unroll import BeamProfile, profile_beams
 from endoct.modalities.tube.locating import Pose
 from endoct.modalities.tube.target import Target
@@ -22,13 +22,13 @@ from endoct.modalities.tube.target import Target
 EDGE_MM = 0.06
 """From a mark's edge on, what is measured belongs to one side of it alone."""
 AROUND_MM = 0.12
-"""Before and behind the wall that was found, where its surface is looked for."""
+"""The surface is looked for so far before and behind the wall that was found."""
 SECTORS = 32
 LEAST_BEAMS = 5
 NEAREST_GROOVES_MM = 0.15
 DEPTHS, AXIAL, HELICAL = range(3)
 WIDTHS = 0.7, 1.4
-"""Of a groove's width as it is stated, within which the measured one is believed."""
+"""A measured width of a groove is believed between these parts of the stated one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class _Row:
 
 
 def find_marks(beams: Beams, pose: Pose, target: Target) -> Marks:
-    """Return the points of the tube's marks, of which the ``pose`` of the pullback tells roughly where they lie.
+    """Return the points of the tube's marks; the ``pose`` of the pullback says roughly where they lie.
 
     Slices at the edge of a ring are left out: they may lie on either side of it.
     """

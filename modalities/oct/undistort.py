@@ -1,12 +1,12 @@
 """From the depth along a beam to radius and angle about the capillary's axis, and back; B-scans on such a grid.
 
 There are two methods. "eccentric" uses the catheter's position. A sample at distance ρ along the beam at angle α
-lies at e + ρ·u(α), turned by the angle by which the capillary's glass bends the beam. "sine" is the paper's (Laves
+lies at e + ρ·u(α), turned as far as the glass bends the beam. "sine" is the paper's (Laves
 2019, Image undistortion). Every A-scan is shifted by the fitted sine and keeps its angle, which is right for the
 radius to first order only.
 
-Three angles occur: θ of the panorama; the direction of a beam in the frame of its slice; and the nominal angle of
-an A-scan, its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates them.
+Three angles occur: θ of the panorama, the direction of a beam in the frame of its slice, and the nominal angle of
+an A-scan. The last is its share of the turn. :mod:`endoct.modalities.oct.turning.rotation` relates all three.
 
 B-scans are resampled on (θ, radius) about the capillary's axis: everything from there outward, sub-surface
 included. All of them together are the dense volume, a hollow cylinder in a panorama's store.
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.parallel import thread_map
+from endoct.base.zarr.zarr_store import Named, consolidate, new_array, write_arrays
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
@@ -194,8 +195,6 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
     ``radius`` (mm, from the capillary's axis) lies along depth. Samples keep the recording's type; outside what
     was recorded they are 0 (NaN in a float recording).
     """
-    from endoct.base.zarr.zarr_store import Named, consolidate, new_array, write_arrays  # loads zarr
-
     grid, radii = calibration.grid, volume_radii_mm(calibration)
     dtype = stream[0].samples.dtype
     arrays = {

@@ -21,7 +21,7 @@ import tifffile
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.opening import Pullback
+from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.modalities.reading.recording import image_files, open_stack
 from endoct.modalities.reading.tiff import is_tiff
 from endoct.modalities.reading.video import ReadVideo

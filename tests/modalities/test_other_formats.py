@@ -11,8 +11,7 @@ import tifffile
 from endoct.base.errors import EndoctError
 from endoct.base.files.json_values import read_object
 from endoct.modalities.acquisition import read_toml
-from endoct.modalities.oct.spectra.recognising import seems_spectra
-from endoct.modalities.oct.spectra.vectors import read_vector
+from endoct.modalities.oct.spectra.vectors import read_vector, seems_spectra
 from endoct.modalities.reading.other_formats import kind_not_read
 from endoct.modalities.reading.recording import open_stack
 

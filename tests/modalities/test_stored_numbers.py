@@ -9,7 +9,7 @@ from PIL import Image, ImageOps
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import read_drawing
-from endoct.modalities.oct.opening import open_pages
+from endoct.modalities.oct.pullback_stream import open_pages
 from endoct.modalities.reading.orientation import upright
 from endoct.modalities.reading.recording import open_stack
 

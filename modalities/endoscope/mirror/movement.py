@@ -1,6 +1,6 @@
 """What moves in the image while the probe stays: the wall does, and nothing that belongs to the probe.
 
-The mirror's inner rim may be as bright as the wall around it, and a reflection, or the end of the bore, may make a
+The mirror's inner rim may be as bright as the wall around it. A reflection, or the end of the bore, may make a
 clearer edge than the rim does. But whatever the light, the image changes from frame to frame outside the rim and stays
 as it is inside.
 """
@@ -15,8 +15,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.parallel import at_once, thread_map
 from endoct.base.numeric.ranks import medians
-from endoct.modalities.endoscope.mirror.annulus import Annulus
-from endoct.modalities.endoscope.mirror.edges import edge_points
+from endoct.modalities.endoscope.mirror.annulus import Annulus, edge_points
 from endoct.modalities.endoscope.mirror.rings import Ring, find_rings, fit_circle, rays
 
 GRAIN = 1 / 320
@@ -24,7 +23,7 @@ GRAIN = 1 / 320
 LEFT_PX = 0.3
 """Frames remain displaced by about this much after their outer rims were laid on each other."""
 CLEAR_RIM = 0.8
-"""Support from which on an edge of the movement is the rim; 1.2 to 1.5 in the simulator, others stay below 0.55."""
+"""An edge of the movement with this support is the rim: it has 1.2 to 1.5 in the simulator, others below 0.55."""
 NEARLY = 0.8
 """Edges with this part of the clearest edge's support count as nearly as clear."""
 REFINED = 0.015
@@ -37,9 +36,9 @@ NOISE_SHARE = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """``light``: how much what a pixel of the probe sees changes, float32 (row, column), as parts of full scale.
+    """``light``: by how much each pixel of the probe changes, float32 (row, column), as parts of full scale.
 
-    ``noise``: what of that is there where nothing moves. ``outer``: the rim that the frames were laid on each other by.
+    ``noise``: by how much it does where nothing moves. ``outer``: the rim by which the frames were superposed.
     """
 
     light: Image
@@ -55,8 +54,8 @@ class Movement:
 def movement(images: Sequence[Image], places: Sequence[Ring], outer: Ring) -> Movement | None:
     """Return what moves in grey images whose outer rims lie at ``places``, with these laid on ``outer``.
 
-    None for a single image. Taken is the mean absolute departure from the median, with each image at the brightness of
-    the others; what a remaining displacement makes of still edges is taken off.
+    None for a single image. It is the mean absolute departure from the median, with each image at the brightness of the
+    others. What a remaining displacement makes of still edges is taken off.
     """
     if len(images) < 2:
         return None

@@ -1,10 +1,10 @@
 """From the radius in the image to z on the wall and back, for a cone mirror before a pinhole camera.
 
-With focal length f (px), distance d from the pupil to the cone's apex (which points at the camera), half angle
-a, bore radius R and ψ = atan(r/f), the ray of image radius r meets the wall at
+The cone's apex points at the camera. Let d be the distance from the pupil to the apex and a the cone's half angle.
+Let f be the focal length (px), R the bore's radius, and ψ = atan(r/f). The ray of image radius r then meets the wall at
 z(r) = −d·cos 2a + (R + d·sin 2a)·cot(2a − ψ), so the outer rim looks ahead. For a = 45° that is (R + d)·r/f.
-Without the mirror's optics that cone of 45° is assumed which shows the stated length between the rims, and then the
-cone that makes a feed even all over the annulus: z(r) is nearly linear in either.
+Without the mirror's optics, a cone of 45° is assumed that shows the stated length between the rims. Then it is replaced
+by the cone that makes a feed even all over the annulus. In either, z(r) is nearly linear.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ ASSUMED_LENGTH = 0.65
 """The annulus is assumed to show this length of the bore, in radii, until the feed says more."""
 CONE_KEYS = ("cone_half_angle_deg", "focal_px", "mirror_distance_mm")
 STEEPEST = 0.6
-"""Largest tan ψ of an assumed cone."""
+"""An assumed cone has no larger tan ψ."""
 ASSUMED_ANGLES_RAD = np.deg2rad(34.0), np.deg2rad(56.0)
 """A cone's half angle is fitted between these."""
 
@@ -132,8 +132,8 @@ def assumed_cone(
 def stretched(optics: ConeOptics, stretch: float) -> ConeOptics:
     """Return the cone with the same visible length in which a feed is even over the annulus.
 
-    In ``optics``, an assumed cone of 45°, it was larger by ``stretch`` of itself at the outer rim, and smaller by as
-    much at the inner one. Where no cone is that uneven, the nearest that is.
+    In ``optics``, an assumed cone of 45°, the feed was larger by ``stretch`` of itself at the outer rim. At the inner
+    one it was smaller by as much. Where no cone is that uneven, it is the one that comes nearest.
     """
     from scipy.optimize import brentq  # takes a while to load, and a stated mirror does without
 

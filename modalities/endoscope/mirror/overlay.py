@@ -2,10 +2,10 @@
 
 An overlay is opaque: its pixels stand still, to what a codec makes of them, while the wall goes by around them. So does
 what is saturated, and dirt that lets no light through. But their edges are soft, as light ends smoothly and dirt is out
-of focus, and the sharp edges of the probe, rims and specular rings, run around the ring. So an overlay is known by
-sharp edges next to pixels that stand still, which do not run around the ring, in what the slopes of all frames have in
-common: of the wall, that is next to nothing. From there on all belongs to it that stands still, as strokes and boxes
-do, or has corners in most of the frames, as the changing digits of a clock do.
+of focus. The sharp edges of the probe, rims and specular rings, run around the ring. So an overlay is known by sharp
+edges that do not run around the ring, next to pixels that stand still. They are looked for in what the slopes of all
+frames have in common: of the wall, that is next to nothing. Connected with them, all belongs to it that stands still,
+as strokes and boxes do. So does what has corners in most of the frames, as the changing digits of a clock do.
 """
 
 from collections.abc import Sequence
@@ -21,26 +21,30 @@ from endoct.modalities.endoscope.mirror.annulus import Annulus
 FEWEST_FRAMES = 6
 """Fewer do not show what stands still while the wall goes by."""
 SHARP = 0.1
-"""Of full scale a pixel of the reduced images: a step by a quarter of full scale has it."""
+"""An edge is sharp from this slope on, in full scales a pixel of the reduced images: a step by a quarter has it."""
 ACROSS = 0.25
-"""Sine of the angle between an edge and the circle around the ring's centre, from which on it does not run around."""
+"""An edge does not run around where the sine of its angle with the circle around the ring's centre is larger."""
 MOST_FRAMES = 0.8
 STILL, COUNT = 0.25, 1.5 / 255
-"""Of the median departure of the ring from its median, and of full scale: what a pixel departs by that stands still."""
+"""A pixel stands still that departs from its median by no more than the larger of these.
+
+They are parts of the ring's median departure, and of full scale."""
 WINDOW_PX = 9
-"""In it slopes of several directions make a corner; letters are about twice as high."""
+"""Slopes of several directions within this window make a corner; letters are about twice as high."""
 CORNER, BY_MEDIAN = 2e-4, 8.0
-"""Mean square of the slope across any direction in a window, and that over its median in the ring: corners."""
+"""A window holds a corner by the mean square of its slope, across the direction where that is least.
+
+It must be more than the first, and than its median in the ring times the second."""
 FEWEST_PX = 12
 RIM_PX, EDGE_PX = 3, 3
-"""So near to a rim nothing is looked for; so far around an overlay its blurred edge reaches, as a codec leaves it."""
+"""Nothing is looked for so near to a rim. An overlay's edge, blurred by a codec, reaches so far around it."""
 
 
 def find_overlay(images: Sequence[Image], annulus: Annulus) -> Mask | None:
     """Return what was drawn over the ring, bool (row, column); None where nothing was, or too few images show it.
 
-    ``images``: grey, float32 of full scale 1, in all of which the ring lies about where ``annulus`` has it and between
-    which the wall moves on.
+    ``images``: grey, float32 of full scale 1. In all of them the ring lies about where ``annulus`` has it, and between
+    them the wall moves on.
     """
     whole = _ring(annulus, images[0].shape, -RIM_PX)
     if len(images) < FEWEST_FRAMES or not whole.any():

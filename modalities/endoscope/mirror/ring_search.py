@@ -1,13 +1,15 @@
 """The mirror's ring in a recording: found once for all frames, then one annulus for each of them.
 
 The ring is found by its light, and by what moves, which decides where the two disagree. Full scale and the place of
-the annulus are measured on some frames, before the pass over all of them. After it, each frame gets one annulus
-from what was measured in it: the radii belong to the probe, only the place moves.
+the annulus are measured on some frames, before the pass over all of them. An outer rim that is an ellipse along the
+image's axes shows that pixels are not square. After the pass, each frame gets one annulus from what was measured in it:
+the radii belong to the probe, only the place moves.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from scipy.ndimage import median_filter
 
@@ -22,6 +24,7 @@ from endoct.modalities.endoscope.mirror.annulus import (
     FAINTEST_SUPPORT,
     Annulus,
     Followed,
+    edge_points,
     find_annulus,
     find_outer_rims,
     follow,
@@ -37,7 +40,6 @@ from endoct.modalities.endoscope.mirror.movement import (
 )
 from endoct.modalities.endoscope.mirror.overlay import find_overlay
 from endoct.modalities.endoscope.mirror.rings import Ring
-from endoct.modalities.endoscope.mirror.roundness import ROUND, Roundness, measure_roundness, squared
 
 MOST_CHANGE = 0.05
 MOST_BLUR = 0.3
@@ -81,6 +83,90 @@ def _outlying(place: Coordinates, located: Mask, tolerance_px: float) -> Mask:
     spread = robust_sigmas(away)
     outlying: Mask = (away > np.maximum(tolerance_px, 6 * spread)).any(axis=1)
     return outlying
+
+
+REACH = 0.14
+"""The rim is looked for within this part of the radius, since a circle through part of an ellipse misses the rest."""
+LEAST_SEEN = 0.7
+"""At least this part of the rim must be visible. An ellipse fitted to less is arbitrary."""
+NEAR = 0.012
+"""Points farther from the ellipse than this part of the radius do not belong to the rim."""
+NOT_ROUND = 0.01
+"""A ring is not round from this relative difference of its axes on. It is below 0.002 in both simulators."""
+
+
+@dataclass(frozen=True)
+class Roundness:
+    """``wide``: the rim's extent along columns over that along rows; ``oblique``: the same along the diagonals."""
+
+    wide: float
+    oblique: float
+
+    @property
+    def pixels(self) -> float:
+        """Height over width of a pixel that makes a circle of the rim; 1 for a round rim, or an oblique ellipse."""
+        along, across = abs(self.wide - 1), abs(self.oblique - 1)
+        return self.wide if along > NOT_ROUND and across < 0.5 * along else 1.0
+
+    @property
+    def out_of_round(self) -> float:
+        """Relative excess of the rim's longest diameter over its shortest."""
+        return float(np.hypot(self.wide - 1, self.oblique - 1))
+
+
+ROUND = Roundness(1.0, 1.0)
+
+
+def measure_roundness(images: Sequence[Image], outer: Ring) -> Roundness:
+    """Return the roundness of the outer rim: the median over the grey images that show enough of it."""
+    measured = [one for image in images if (one := _of_image(image, locate_outer_rim(image, outer)[0])) is not None]
+    if 2 * len(measured) < len(images):
+        return ROUND
+    wide, oblique = np.median(measured, axis=0)
+    return Roundness(float(wide), float(oblique))
+
+
+def squared(image: Image, pixels: float) -> Image:
+    """Return an image with pixels ``pixels`` times as high as wide as one of square pixels, with the same rows."""
+    if pixels == 1:
+        return image
+    # pixel centres are at integers in both
+    shift = np.array([[pixels, 0, 0.5 * pixels - 0.5], [0, 1, 0]])
+    size = max(1, round(image.shape[1] / pixels)), image.shape[0]
+    return np.asarray(
+        cv2.warpAffine(
+            image, shift, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
+        ),
+        np.float32,
+    )
+
+
+def _of_image(image: Image, outer: Ring) -> tuple[float, float] | None:
+    x, y = edge_points(image, outer, REACH * outer.radius_px)
+    if x.size < 8:
+        return None
+    angle = np.arctan2(y - outer.y_px, x - outer.x_px)
+    radius = np.hypot(x - outer.x_px, y - outer.y_px)
+    basis = np.stack([np.ones_like(angle), *(f(k * angle) for k in (1, 2) for f in (np.cos, np.sin))], axis=1)
+    fitted, misfit = _robust_fit(basis, radius, NEAR * outer.radius_px)
+    # rays lie at whole degrees: to the nearest one, since the degree below is decided by rounding
+    degrees = np.rint(np.degrees(angle[np.abs(misfit) < NEAR * outer.radius_px])) % 360
+    seen = np.unique(degrees).size / 360
+    if seen < LEAST_SEEN:
+        return None
+    mean, cos2, sin2 = fitted[0], fitted[3], fitted[4]
+    return float((mean + cos2) / (mean - cos2)), float((mean + sin2) / (mean - sin2))
+
+
+def _robust_fit(basis: Coordinates, values: Coordinates, scale: float) -> tuple[Coordinates, Coordinates]:
+    """Return weights of ``basis`` (n, k) for ``values`` (n,) with Cauchy's weights, ever stricter, and the misfit."""
+    weight: Coordinates = np.ones_like(values)
+    fitted: Coordinates = np.zeros(basis.shape[1])
+    for width in (8 * scale, 4 * scale, 2 * scale, *[scale] * 6):
+        normal = (basis * weight[:, None]).T @ basis + 1e-9 * np.eye(basis.shape[1])
+        fitted = np.asarray(np.linalg.solve(normal, basis.T @ (weight * values)))
+        weight = np.asarray(1 / (1 + ((values - basis @ fitted) / width) ** 2) ** 2)
+    return fitted, values - basis @ fitted
 
 
 SAME_RIM = 0.03
@@ -168,8 +254,8 @@ REFERENCE_FRAMES = 12
 class Reference:
     """How every frame is looked at: fixed before the pass, so that the order of the frames does not matter.
 
-    ``full_scale``: value of a saturated sample. The survey reduces frames by ``factor``; ``annulus``, in pixels of
-    the reduced frames, is where it is looked for first, and ``handle`` the circle that it is followed by, None for its
+    ``full_scale``: value of a saturated sample. The survey reduces frames by ``factor``. ``annulus``, in pixels of
+    the reduced frames: where it is looked for first. ``handle``: the circle that it is followed by, None for its
     own rims. ``ring``: what it was found by. ``overlay``: what was drawn over the ring, in square pixels of the reduced
     frames, bool (row, column); None where nothing was.
     """

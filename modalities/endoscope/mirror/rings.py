@@ -22,7 +22,7 @@ from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median_in_loops, quantil
 MOST_GROWTH = 3.0
 """A circle's radius may differ from its first estimate by at most this factor."""
 PICKS = 200
-"""Circles that are tried."""
+"""So many circles are tried."""
 NUMBERS = 512
 """The choices of three points are kept for up to this many points, as many as there are rays."""
 
@@ -30,8 +30,8 @@ NUMBERS = 512
 def consensus_circle(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coordinates:
     """Return (x, y, radius), float64 (3,), of the circle through three of the points that most of them agree with.
 
-    Tried are always the same ones of so many points; a radius counts that is about that of ``start``, which is the
-    answer where none does.
+    Of so many points, the same circles are tried every time. Only a radius about that of ``start`` counts; where none
+    does, ``start`` is the answer.
     """
     circles = np.empty((3, PICKS))
     n = _through_three(x_px, y_px, _picks(x_px.size), start[2], circles)
@@ -267,7 +267,7 @@ def without_thin_lines(image: Image) -> Image:
 def dark_level(image: Image) -> float:
     """Return what is added to the brightness of ``image`` before logarithms are taken, so that noise counts little.
 
-    Every fourth pixel says it well enough.
+    It is measured on every fourth pixel, which is enough.
     """
     return 0.05 * max(quantile(image[::2, ::2], 0.95), 1e-6)
 

@@ -1,9 +1,9 @@
 """What the outer face's course through the turn says of the capillary's size, whatever size was stated.
 
-From off the axis by e, a beam meets a circle of radius R at a distance whose second harmonic is κe²/4, with κ = 1/R, or
-where glass of thickness t and relative index n lies before it, κ = (1 − 1/n)/(R − t) + 1/(nR). The first harmonic gives
-e, so the second gives R. An uneven turn moves the second harmonic too, to one side as likely as to the other: what it
-has at right angles to the offset, where a circle has nothing, says by how much.
+From off the axis by e, a beam meets a circle of radius R at a distance whose second harmonic is κe²/4, with κ = 1/R.
+Where glass of thickness t and relative index n lies before it, κ = (1 − 1/n)/(R − t) + 1/(nR).
+The first harmonic gives e, so the second gives R. An uneven turn moves the second harmonic too, to either side alike.
+At right angles to the offset a circle has none: what is measured there says by how much.
 """
 
 import math
@@ -23,9 +23,9 @@ REACH_MM = 0.015, 0.009, 0.009
 """Points count up to this distance from the face, in each round of the fit."""
 LEAST_COLUMNS = 60
 UNEVEN_RAD = 0.01
-"""Usual first harmonic of the departure from even rotation that all slices share,"""
+"""All slices share a departure from even rotation, whose first harmonic usually is this large."""
 LINE_MM = 0.0003
-"""and of what bends the places of a line (`learning`, `quick`, seeds 0–5, and independent recordings)."""
+"""A line's places are bent by as much (both: `learning`, `quick`, seeds 0–5, and independent recordings)."""
 UNKNOWN_GLASS = 1.05, 0.05
 """κR where the glass is not known, and its standard error: glass of 0 to 0.3 mm."""
 LEAST_CERTAIN = 0.25

@@ -1,6 +1,6 @@
 """The capillary's outer face as a circle about its axis, seen by a catheter that lies off that axis.
 
-A beam at the angle α from a catheter that is off by e in the direction β meets a circle of radius R at the distance
+Let the catheter be off by e in the direction β. A beam at the angle α then meets a circle of radius R at the distance
 ρ(α) = −e cos(α − β) + √(R² − e² sin²(α − β)).
 """
 

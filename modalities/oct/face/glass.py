@@ -1,9 +1,9 @@
 """The capillary's glass: how it bends the beams and lengthens their path.
 
-A beam that passes the axis at the distance b keeps n·b through every face about that axis (Bouguer), so it leaves
-the glass with the b it came with, turned by δ = asin(b/Rᵢ) − asin(b/nRᵢ) − asin(b/Rₒ) + asin(b/nRₒ): up to two
-degrees for a catheter far off the axis. Radii beyond the glass do not change, only angles. The glass's thickness is
-read off the distance between the lines of its two faces, n·t.
+A beam that passes the axis at the distance b keeps n·b through every face about that axis (Bouguer). So it leaves
+the glass with the b it came with, turned by δ = asin(b/Rᵢ) − asin(b/nRᵢ) − asin(b/Rₒ) + asin(b/nRₒ).
+For a catheter far off the axis that is up to two degrees. Radii beyond the glass do not change, only angles. The
+glass's thickness is read off the distance between the lines of its two faces, n·t.
 """
 
 import math
@@ -21,10 +21,14 @@ from endoct.modalities.oct.face.slices import SliceFeatures
 GLASS_INDEX = 1.46  # fused silica and borosilicate near 1300 nm
 THICKNESS_MM = (0.04, 0.45)
 STEP_MM = 0.0025
-WIDTH_MM = 0.008  # of the inner face's line
-LEAST_OFFSET_MM = 0.05  # nearer to the axis a sheath line's own wobble looks the same, and nothing bends
-LEAST_SHARE = 0.07  # of the columns
-LEAST_PRESENCE = 0.5  # of the slices
+WIDTH_MM = 0.008
+"""Half width of the inner face's line."""
+LEAST_OFFSET_MM = 0.05
+"""Nearer to the axis, a sheath line's own wobble looks the same, and nothing bends."""
+LEAST_SHARE = 0.07
+"""At least this part of the columns must show the inner face."""
+LEAST_PRESENCE = 0.5
+"""At least this part of the slices must show it."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ def face_distance(
 
 
 def measure_glass(slices: Sequence[SliceFeatures], faces: Faces, medium_index: float) -> Glass:
-    """Return the capillary's glass; of unknown thickness where no inner face is seen with the catheter off the axis."""
+    """Return the capillary's glass; its thickness is unknown where no off-axis catheter sees its inner face."""
     capillary = faces.capillary
     return Glass(capillary.radius_mm, _thickness_mm(slices, faces, GLASS_INDEX / medium_index), medium_index)
 

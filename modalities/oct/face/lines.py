@@ -6,6 +6,7 @@ Each is taken for a circle of the capillary's radius, seen from off its axis.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -96,11 +97,10 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
     rows = _rows_of_circles(circles, cosine, sine, radius_mm, mm_per_px, n_rows)
     found = _strongest(
         circles,
-        rows,
-        scored,
+        _Crossings(scored, rows),
         strength,
         (column, np.minimum(row, n_rows - 1)),
-        (np.cos(points.angle_rad), np.sin(points.angle_rad), points.depth_mm, points.strength.copy()),
+        _beams_to(points),
         radius_mm,
         mm_per_px,
     )
@@ -108,35 +108,55 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
     return Lines(x, y, depth, support, radius_mm)
 
 
+class _Beams(NamedTuple):
+    """Points as beams that end there, each (n,): cosine and sine of their directions, depths, and strengths."""
+
+    cosine: Coordinates
+    sine: Coordinates
+    depth_mm: Coordinates
+    strength: Coordinates
+
+
+class _Crossings(NamedTuple):
+    """At which ``rows`` (n_circles, n_columns) circles cross the ``columns`` (n_columns,) of a B-scan; −1: at none."""
+
+    columns: NDArray[np.intp]
+    rows: NDArray[np.int32]
+
+
+def _beams_to(points: Points) -> _Beams:
+    """The beams to ``points``, with strengths of their own."""
+    return _Beams(np.cos(points.angle_rad), np.sin(points.angle_rad), points.depth_mm, points.strength.copy())
+
+
 @compiled
 def _strongest(
     circles: Coordinates,
-    rows: NDArray[np.int32],
-    scored: NDArray[np.intp],
+    crossings: _Crossings,
     strength: Image,
     places: tuple[NDArray[np.intp], NDArray[np.intp]],
-    points: tuple[Coordinates, Coordinates, Coordinates, Coordinates],
+    beams: _Beams,
     radius_mm: float,
     mm_per_px: float,
 ) -> Coordinates:
     """Lines, one after another the strongest that is left: x, y, depth of the axis and support, float64 (n, 4).
 
-    ``rows`` are those at which the ``scored`` columns of ``strength`` (column, row) see ``circles``. ``points`` are
-    cosine, sine, depth and strength, at ``places`` of ``strength``; what lies on a line is taken out of both.
+    ``crossings`` are those of ``circles`` in ``strength`` (column, row), where ``beams`` end at ``places``. What lies
+    on a line is taken out of both.
     """
     lines = np.empty((MOST_LINES, 4))
     count = 0
-    cosine, sine, depth_mm, left = points
+    cosine, sine, depth_mm, left = beams
     column, row = places
     for _ in range(MOST_LINES):
-        support = _support(strength, scored, rows)
+        support = _support(strength, crossings)
         best = 0
         for k in range(1, support.size):
             if support[k] > support[best]:
                 best = k
         if support[best] < LEAST_SUPPORT:
             break
-        circle = _fit(circles[best], cosine, sine, depth_mm, left, radius_mm, 3 * mm_per_px, 0.0, 0.0)
+        circle = _fit(circles[best], beams, radius_mm, 3 * mm_per_px, 0.0, 0.0)
         x, y, axis = circle[0], circle[1], circle[2]
         total, none = 0.0, True
         for i in range(depth_mm.size):
@@ -173,8 +193,9 @@ def _rows_of_circles(
 
 
 @compiled
-def _support(strength: Image, scored: NDArray[np.intp], rows: NDArray[np.int32]) -> Image:
-    """The mean of ``strength`` in the ``scored`` columns at ``rows`` (n, n_columns) or up to two from there, (n,)."""
+def _support(strength: Image, crossings: _Crossings) -> Image:
+    """The mean of ``strength`` at each circle's ``crossings``, or up to two rows from there, float32 (n_circles,)."""
+    scored, rows = crossings
     n_columns, n_rows = scored.size, strength.shape[1]
     wide = np.empty((n_columns, n_rows), np.float32)
     for column in range(n_columns):
@@ -208,26 +229,16 @@ def fit_circle(
     """
     begin = np.array([start.x_mm, start.y_mm, start.axis_depth_mm])
     expected_mm, weight = (0.0, 0.0) if axis_depth_mm is None else (axis_depth_mm, axis_weight)
-    cosine, sine = np.cos(points.angle_rad), np.sin(points.angle_rad)
-    x, y, depth = _fit(
-        begin, cosine, sine, points.depth_mm, points.strength, start.radius_mm, width_mm, expected_mm, weight
-    )
+    x, y, depth = _fit(begin, _beams_to(points), start.radius_mm, width_mm, expected_mm, weight)
     return Circle(float(x), float(y), float(depth), start.radius_mm)
 
 
 @compiled
 def _fit(
-    begin: Coordinates,
-    cosine: Coordinates,
-    sine: Coordinates,
-    depth_mm: Coordinates,
-    strength: Coordinates,
-    radius_mm: float,
-    width_mm: float,
-    expected_mm: float,
-    expected_weight: float,
+    begin: Coordinates, beams: _Beams, radius_mm: float, width_mm: float, expected_mm: float, expected_weight: float
 ) -> Coordinates:
     """The circle's x, y and axis depth after reweighted least squares; ``begin`` where they leave the radius."""
+    cosine, sine, depth_mm, strength = beams
     circle = begin.copy()
     matrix, step = np.empty((3, 3)), np.empty(3)
     for _ in range(8):

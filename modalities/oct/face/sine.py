@@ -1,7 +1,7 @@
 """The paper's sine f(x) = A sin(ωx + φ) + D for the depth of the capillary's outer face.
 
-Laves 2019, Image undistortion. With ω = 1, A = e and φ = −β − π/2 it is the first order of the circle that a catheter
-sees which lies off the axis by e in the direction β (:mod:`endoct.modalities.oct.face.face_circle`).
+Laves 2019, Image undistortion. A catheter off the axis by e in the direction β sees the face as a circle
+(:mod:`endoct.modalities.oct.face.face_circle`). With ω = 1, A = e and φ = −β − π/2, the sine is its first order.
 """
 
 import math
@@ -71,9 +71,9 @@ def ransac_sine(
 ) -> tuple[Sine, Mask]:
     """Fit a sine to the points (x, y) by random sample consensus; return it and the inliers, bool (n,).
 
-    Each trial takes the sine with ω = 1 through three points; the trial (or ``start``) with the most points
-    within ``tolerance_mm`` is then refined over its inliers, ω free, by Gauss-Newton. Raises ``ValueError``
-    for fewer than four points.
+    Each trial takes the sine with ω = 1 through three points. The trial (or ``start``) with the most points within
+    ``tolerance_mm`` is then refined over its inliers, ω free, by Gauss-Newton. Raises ``ValueError`` for fewer than
+    four points.
     """
     if x_rad.size < 4:
         raise ValueError("four parameters need four points")

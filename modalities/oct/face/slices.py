@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, reduced, sector_angles_rad
-from endoct.modalities.oct.depth_order import share_brightening
+from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, reduced, sector_angles_rad, share_brightening
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.lines import Lines, find_lines
 from endoct.modalities.oct.face.points import Points, line_points
@@ -27,7 +26,7 @@ class SliceFeatures:
     Attributes: ``points`` on bright lines; ``n_columns``, the number of sectors of the turn that were searched for
     them; ``lines`` through them; ``ascans``, some A-scans (n, depth) in the recording's logarithmic samples, at the
     rotation angles ``ascan_angle_rad``; ``saturated``, whether most of the B-scan is; ``brightening``, the share of
-    directions that brighten with depth faster than they darken, see :mod:`endoct.modalities.oct.depth_order`.
+    directions that brighten with depth faster than they darken, see :mod:`endoct.modalities.oct.bscan`.
     """
 
     points: Points
@@ -60,7 +59,7 @@ def examine_bscan(
         n_columns=n_columns,
         lines=find_lines(points, raster, acquisition.capillary_radius_mm, parameters.ransac_trials, rng),
         ascans=logarithmic(fine[kept], acquisition.intensity),
-        ascan_angle_rad=sector_angles_rad(n_ascans, n_theta)[kept],
+        ascan_angle_rad=bscan.angle_rad[kept],
         saturated=bscan.saturated,
         brightening=share_brightening(coarse),
     )

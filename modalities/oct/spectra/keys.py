@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 EVEN = "even"
 COUNTS_PER_DB = 256
 ZERO_DB = -100.0
-"""Samples of B-scans that are made of spectra: from −100 dB on 256 to a decibel. 0 dB is a cosine of amplitude 1."""
+"""B-scans made of spectra have 256 counts a decibel, from −100 dB on. 0 dB is a cosine of amplitude 1."""
 LEAST_SAMPLES, MOST_SAMPLES = 96, 65536
 LEAST_ASCANS = 64
 MOST_RAD = 1e4
@@ -92,6 +92,6 @@ class SpectraKeys(BaseModel):
 
 
 class StatedSpectra(BaseModel):
-    """Of a sidecar the table alone, which may be there before the rest is filled in."""
+    """The table of a sidecar alone, which may be there before the rest is filled in."""
 
     spectra: SpectraKeys

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from endoct.modalities.device import memory_of
-from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import Reconstruction
+from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction
 
 MOST = float(np.iinfo(np.uint16).max)
 
@@ -26,8 +25,9 @@ class OnDevice:
     def bscan(self, spectra: Counts) -> NDArray[np.uint16]:
         """Return the B-scan (A-scan, n / 2) of ``spectra`` (A-scan, n), as :meth:`Reconstruction.bscan` does.
 
-        Sums in float32 are taken in another order there, so that amplitudes differ by about 2⁻²⁴ of the largest sample:
-        levels down to 20 dB below noise of a digit or more by one count at most, those of hardly anything by many.
+        Sums in float32 are taken in another order there, so that amplitudes differ by about 2⁻²⁴ of the largest sample.
+        Levels down to 20 dB below noise of a digit or more differ by one count at most, those of hardly anything by
+        many.
         Raises ``MemoryError`` where the device's memory does not hold the slice.
         """
         with memory_of(self.device):

@@ -1,18 +1,34 @@
 """From the counts of a detector to a B-scan: less the background, at even wavenumbers, window, dispersion, Fourier."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
+from endoct.base.compute.compiled import compiled
 from endoct.base.compute.room import Room
-from endoct.modalities.oct.spectra.kernels import BLOCK, Counts, add_up, resample, write_levels
+from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, LEAST_ASCANS, ZERO_DB
 from endoct.modalities.oct.spectra.resampling import Taps
 
+Counts = NDArray[np.integer[Any]]
+BLOCK = LEAST_ASCANS
+"""So many A-scans are taken at a time, to keep what lies between two steps in a processor's cache.
+
+Every slice has as many."""
+_PER_OCTAVE = np.float32(10 * np.log10(2) * COUNTS_PER_DB)
+_AT_ONE = np.float32(0.5 - ZERO_DB * COUNTS_PER_DB)
+"""The level of power 1 in counts; the half rounds."""
+_LOG2 = tuple(
+    np.float32(a)
+    for a in np.polynomial.Chebyshev.interpolate(np.log2, 5, domain=[1, 2]).convert(kind=np.polynomial.Polynomial).coef
+)
+"""This polynomial is log₂ of 1 … 2, off by 1e-5 at most, a hundredth of a count."""
 LINE = 16
-"""float32 in a line of a processor's cache, by which rows lie apart: what lies 4 KiB apart shares its places there."""
+"""A line of a processor's cache holds so many float32. Rows lie apart by one: what lies 4 KiB apart shares its places
+there."""
 _ROOM = Room()
 
 
@@ -20,10 +36,11 @@ _ROOM = Room()
 class Reconstruction:
     """How spectra of n samples become A-scans of n / 2; picklable.
 
-    Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, taps), with window, electrons and the scale in them
-    that gives a cosine of amplitude 1 the level 0 dB, whatever n and the window are; ``gain`` float32 (n / 2,),
-    by which powers are multiplied to make up for the roll-off of the interpolation; ``background`` float64 (n,),
-    counts, None: the mean over the A-scans of a slice; ``cos_sin`` float32 (2, n) of the dispersion's phase, if any.
+    Attributes: ``first`` uint32 (n,) and ``weights`` float32 (n, taps), with window and electrons in them;
+    ``gain`` float32 (n / 2,), by which powers are multiplied to make up for the roll-off of the interpolation;
+    ``background`` float64 (n,), counts, None: the mean over the A-scans of a slice; ``cos_sin`` float32 (2, n) of the
+    dispersion's phase, if any. The weights are scaled so that a cosine of amplitude 1 has the level 0 dB, whatever n
+    and the window are.
     """
 
     first: NDArray[np.uint32]
@@ -92,10 +109,10 @@ def reconstruction(
 
 
 def _gain(taps: Taps, window: Coordinates) -> Image:
-    """Return by what power falls with depth as samples are interpolated, its inverse, float32 (n / 2,).
+    """Return what makes up for the fall of power with depth as samples are interpolated, float32 (n / 2,).
 
-    The measure is white noise of the detector, whose level is to be one over all depths: what interpolation takes from
-    it, it takes from fringes.
+    The measure is white noise of the detector, whose level is to be one over all depths. What interpolation takes from
+    it, it takes from fringes too.
     """
     n, n_taps = taps.weights.shape
     power, even = np.zeros(n // 2 + 1), np.arange(n)
@@ -114,3 +131,69 @@ def mean_spectrum(spectra: Counts) -> Coordinates:
     sums = np.zeros(spectra.shape[1], np.int64)
     add_up(spectra, sums)
     return sums / len(spectra)
+
+
+@compiled
+def add_up(spectra: Counts, sums: NDArray[np.int64]) -> None:
+    """Add ``spectra`` (A-scan, n) to ``sums`` (n,)."""
+    together = spectra.shape[0] // 4 * 4
+    for i in range(0, together, 4):
+        one, two, three, four = spectra[i], spectra[i + 1], spectra[i + 2], spectra[i + 3]
+        for p in range(spectra.shape[1]):
+            sums[p] += np.int32(one[p]) + np.int32(two[p]) + np.int32(three[p]) + np.int32(four[p])
+    for i in range(together, spectra.shape[0]):
+        for p in range(spectra.shape[1]):
+            sums[p] += spectra[i, p]
+
+
+@compiled
+def resample(spectra: Counts, first: NDArray[np.uint32], weights: Image, background: Image, fringes: Image) -> None:
+    """Write ``spectra`` (n, :data:`BLOCK`) at even wavenumbers, less ``background`` (n,), to ``fringes`` float32.
+
+    ``first`` (n,) and ``weights`` float32 (n, taps) are taps, four or a multiple of it. A-scans lie side by side, in
+    ``fringes`` too. So a wavenumber of all of them is made of rows, each of which lies in one piece.
+    """
+    for k in range(first.size):
+        less, fringe = background[k], fringes[k]
+        for t in range(0, weights.shape[1], 4):
+            a, b, c, d = weights[k, t], weights[k, t + 1], weights[k, t + 2], weights[k, t + 3]
+            near = np.intp(first[k]) + t
+            one, two, three, four = spectra[near], spectra[near + 1], spectra[near + 2], spectra[near + 3]
+            for i in range(BLOCK):
+                value = (
+                    a * np.float32(one[i]) + b * np.float32(two[i]) + c * np.float32(three[i]) + d * np.float32(four[i])
+                )
+                fringe[i] = value - less if t == 0 else fringe[i] + value
+
+
+@compiled
+def write_levels(parts: Image, gain: Image, power: Image, counts: NDArray[np.uint16]) -> None:
+    """Write the levels of half-spectra as ``counts`` (A-scan, depth), :data:`COUNTS_PER_DB` from :data:`ZERO_DB` on.
+
+    A row of ``parts``, float32 (A-scan, n), holds the real part of depth 0, then real and imaginary parts of depths 1,
+    2, …. Of complex fringes there are twice as many rows: first those of their real parts, then those of their
+    imaginary parts with the opposite sign. Powers are multiplied by ``gain``, float32 (n / 2,); ``power``, of the same
+    shape, is room for one A-scan.
+    """
+    n_ascans, n_depth = counts.shape
+    bits = power.view(np.int32)
+    for i in range(n_ascans):
+        row = parts[i]
+        if parts.shape[0] == n_ascans:
+            power[0] = row[0] * row[0] * gain[0]
+            for k in range(1, n_depth):
+                real, imaginary = row[2 * k - 1], row[2 * k]
+                power[k] = (real * real + imaginary * imaginary) * gain[k]
+        else:
+            other = parts[n_ascans + i]
+            power[0] = (row[0] * row[0] + other[0] * other[0]) * gain[0]
+            for k in range(1, n_depth):
+                real, imaginary = row[2 * k - 1] + other[2 * k], row[2 * k] - other[2 * k - 1]
+                power[k] = (real * real + imaginary * imaginary) * gain[k]
+        for k in range(n_depth):
+            octave = np.float32((bits[k] >> 23) - 127)
+            bits[k] = (bits[k] & 0x7FFFFF) | 0x3F800000  # its mantissa, from 1 to 2
+            x = power[k]
+            log2 = _LOG2[0] + x * (_LOG2[1] + x * (_LOG2[2] + x * (_LOG2[3] + x * (_LOG2[4] + x * _LOG2[5]))))
+            level = _PER_OCTAVE * (octave + log2) + _AT_ONE
+            counts[i, k] = np.uint16(min(max(level, np.float32(0)), np.float32(65535)))

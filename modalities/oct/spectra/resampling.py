@@ -12,9 +12,9 @@ from endoct.base.arrays import Coordinates
 Interpolation = Literal["sinc", "cubic", "linear"]
 N_TAPS = {"sinc": 8, "cubic": 4, "linear": 4}
 KAISER_BETA = 5.0
-"""Of the window over a sinc of 8 samples: it ends where the waves of 0.7 of the depth range are still whole."""
+"""The window over a sinc of 8 samples has this β. It ends where waves of 0.7 of the depth range are still whole."""
 COSINES = {"hann": (0.5, 0.5), "hamming": (0.54, 0.46), "blackman": (0.42, 0.5, 0.08), "flat": (1.0,)}
-"""Windows as a₀ − a₁·cos 2πu + a₂·cos 4πu, u from 0 to 1 (Harris 1978)."""
+"""A window is a₀ − a₁·cos 2πu + a₂·cos 4πu, u from 0 to 1 (Harris 1978)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,8 @@ from endoct.base.compute.room import Room
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, inside, open_regular
-from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, SpectraKeys
-from endoct.modalities.oct.spectra.reconstruction import Reconstruction, mean_spectrum
+from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction, mean_spectrum
 from endoct.modalities.oct.spectra.turns import Levels, find_turns, usual_turn
 from endoct.modalities.reading.folders import entries, is_folder
 from endoct.modalities.reading.frame_names import read_names
@@ -22,11 +21,11 @@ from endoct.modalities.reading.remarks import NONE, Remarks
 
 _ROOM = Room()
 MANY = "*"
-"""In the name of a file: there is one a stop, and this stands for what differs."""
+"""In the name of a file, this stands for what differs from stop to stop; there is a file for each."""
 FOR_MEAN = 4096
-"""A-scans, of all over a file, whose mean is taken for the background where turns are looked for."""
+"""Where turns are looked for, the mean of so many A-scans, from all over a file, is the background."""
 UNLIKE = 0.25
-"""Correlation of the stream with itself a turn later under which the turn is doubted."""
+"""A turn is doubted where the stream correlates by less with itself a turn later."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class Slices:
 
 
 def read_ascans(file: Path, parts: Iterable[tuple[int, Counts]], where_short: str) -> None:
-    """Fill arrays (A-scan, sample) with what ``file`` holds from the A-scan on that stands before each.
+    """Fill arrays (A-scan, sample) with what ``file`` holds from an A-scan on, whose number stands before each.
 
     Raises :class:`EndoctError` where it ends before, with ``where_short`` as what was found.
     """
@@ -189,7 +188,7 @@ def _remarks(length: Coordinates, alike: Coordinates, rest: int) -> Remarks:
 
 
 def _levels(file: Path, n_ascans: int, keys: SpectraKeys, chain: Reconstruction) -> Levels:
-    """Return what reads A-scans of ``file`` by their indices, as levels in dB (A-scan, depth)."""
+    """Return a function that reads A-scans of ``file`` by their indices, as levels in dB (A-scan, depth)."""
 
     def read(indices: NDArray[np.intp]) -> Counts:
         counts: Counts = np.empty((indices.size, keys.samples), keys.dtype)

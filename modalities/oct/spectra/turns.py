@@ -1,7 +1,7 @@
 """Turns in a stream of A-scans: after how many of them the beam points the same way again.
 
 A probe does not turn evenly: one rig took 14 600 to 14 800 A-scans a turn within a series. Nothing in a file of raw
-spectra says where turns end, but A-scans repeat after a turn, as capillary, sheath and most of the wall do. So every
+spectra says where turns end. But A-scans repeat after a turn, as capillary, sheath and most of the wall do. So every
 part of the stream is compared with what follows about a turn later. The lag at which they agree best is followed along
 the stream, on every few A-scans at first. Where turns meet it is then measured on all A-scans.
 """
@@ -20,39 +20,39 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS
 
 Levels = Callable[[NDArray[np.intp]], Image]
-"""Returns A-scans of the stream by their ascending indices, :data:`LEAST_ASCANS` or more, as levels (A-scan, depth)."""
+"""It returns A-scans of the stream as levels (A-scan, depth), by their ascending indices, at least LEAST_ASCANS."""
 
 A_TURN = 800
-"""A-scans of a turn that are compared first."""
+"""So many A-scans of a turn are compared first."""
 MOST_COMPARED = 100_000
-"""A-scans in which the usual turn is looked for."""
+"""The usual turn is looked for in so many A-scans."""
 SHORTEST, LONGEST = 256, 200_000
-"""A-scans of a turn."""
+"""A turn has no fewer A-scans, and no more."""
 OVERLAP = 0.12
-"""Of a turn: a stream must be longer than one turn by this, so that it repeats."""
+"""A stream must be longer than one turn by this part of it, so that it repeats."""
 SMOOTH = 8.0
-"""Standard deviation over which noise is averaged first where the usual turn is looked for, of what is compared."""
+"""Where the usual turn is looked for, noise is averaged first over this standard deviation, in A-scans compared."""
 APART = 0.3
-"""Correlation under which A-scans are another part of the turn."""
+"""With a smaller correlation, A-scans are another part of the turn."""
 ALIKE = 0.35
-"""Correlation a turn later from which on turns are seen."""
+"""Turns are seen where the correlation a turn later is at least this."""
 FIRST = 0.8
-"""Of the best correlation: the shortest lag that reaches it is one turn, and not several."""
+"""The shortest lag with this part of the best correlation is one turn, and not several."""
 SPREAD = 0.1
-"""By which turns differ from the usual one, as a share of it."""
+"""Turns differ from the usual one by at most this part of it."""
 AROUND = 1 / 30
-"""Standard deviation of the window in which parts of the stream are compared, turns."""
+"""Parts of the stream are compared in a window of this standard deviation, in turns."""
 STEPS_A_TURN = 48
-"""Places a turn at which the lag is followed."""
+"""The lag is followed at so many places a turn."""
 JUMP_COST, MOST_COST = 0.02, 0.2
-"""Correlation that a change of the lag by one step costs, from place to place; and that any change does at most: blocks
-of A-scans get lost."""
+"""A change of the lag by one step, from place to place, costs this correlation. Any change costs at most the second:
+blocks of A-scans get lost."""
 NEAR = 1 / 80
-"""Half of what is compared where turns meet, turns."""
+"""Where turns meet, so much is compared on either side, in turns."""
 ROWS = 64
-"""Depths compared of an A-scan."""
+"""An A-scan is compared at so many depths."""
 TOGETHER = 4096
-"""A-scans read at once, as much as a small slice has."""
+"""So many A-scans are read at once, as many as a small slice has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Turns:
 def find_turns(levels: Levels, n_ascans: int, usual: float, most: int | None = None) -> Turns:
     """Return the turns of about ``usual`` A-scans in a stream of ``n_ascans``, the first beginning with it.
 
-    At ``most`` so many are looked for. Raises :class:`EndoctError` where nothing repeats.
+    Not more than ``most`` are looked for. Raises :class:`EndoctError` where nothing repeats.
     """
     step = max(1, int(usual / A_TURN))
     coarse = _compared(levels, np.arange(0, n_ascans, step, dtype=np.intp))
@@ -183,7 +183,7 @@ def _best_path(alike: Coordinates) -> NDArray[np.intp]:
 
 
 def _between(alike: Coordinates, path: NDArray[np.intp]) -> Coordinates:
-    """Return how far beside the columns of ``path`` parabolas through ``alike`` (place, lag) peak, (place,)."""
+    """Return how far off the columns of ``path`` parabolas through ``alike`` (place, lag) peak, (place,)."""
     rows, inner = np.arange(len(path)), np.clip(path, 1, alike.shape[1] - 2)
     before, at, after = (alike[rows, inner + k] for k in (-1, 0, 1))
     bend = before - 2 * at + after
@@ -194,7 +194,7 @@ def _between(alike: Coordinates, path: NDArray[np.intp]) -> Coordinates:
 def _refined(levels: Levels, n_ascans: int, begin: float, end: float, step: int, usual: float) -> float:
     """Return where the turn that begins at ``begin`` and ends about ``end`` ends, by all A-scans there.
 
-    Where the stream ends too soon for that, or nothing there agrees best, that is ``end``.
+    It is ``end`` where the stream ends too soon for that, or nothing there agrees best.
     """
     half, search = max(LEAST_ASCANS // 2, round(NEAR * usual)), 2 * step + 2
     first, lag = max(0, round(begin) - half), round(end) - round(begin)

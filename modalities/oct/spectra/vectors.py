@@ -1,19 +1,29 @@
-"""Vectors with one value a sample, as a rig's programs write them next to its spectra."""
+"""Vectors with one value a sample, as a rig's programs write them next to its spectra.
+
+A file of samples next to a chirp looks like raw spectra before a sidecar says so.
+"""
 
 import re
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import inside, read_small, text_of
+from endoct.base.files.files import inside, read_small, read_start, text_of
+from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, LEAST_SAMPLES, MOST_SAMPLES
+from endoct.modalities.reading.folders import entries, is_folder
 
 TEXT_SUFFIXES = (".txt", ".csv")
 _TEXT = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?[0-9eEnNaAiIfF+\-.,;\s\0]*")
 """Bytes of numbers as text, also in UTF-16; binary numbers hardly consist of these alone."""
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?")
 _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_MOST_BYTES = 24 * MOST_SAMPLES
+"""A chirp has no more: 8 a sample, more as text."""
+ENDS = 0.05
+"""A chirp begins and ends at most this part of the samples away from the first and the last of them."""
 
 
 def read_vector(folder: Path, name: str, key: str, n: int) -> Coordinates:
@@ -28,8 +38,8 @@ def read_vector(folder: Path, name: str, key: str, n: int) -> Coordinates:
 def vector_of(data: bytes, path: Path, key: str, n: int) -> Coordinates:
     """Return the ``n`` values that the bytes of the file ``path`` hold, float64 (n,).
 
-    They are text with a number a line, which the bytes tell, or little-endian float64 or float32, which their number
-    tells apart. Raises :class:`EndoctError` where there are more or fewer values, or one is not finite.
+    They are text with a number a line, as the bytes show, or little-endian float64 or float32, which their number
+    distinguishes. Raises :class:`EndoctError` where there are more or fewer values, or one is not finite.
     """
     if path.suffix.lower() in TEXT_SUFFIXES or is_text(data):
         values = numbers_of(data, path)
@@ -67,7 +77,7 @@ def is_text(data: bytes) -> bool:
 
 
 def numbers_of(data: bytes, path: Path) -> Coordinates:
-    """Return the numbers of a text, float64. Raises :class:`EndoctError` where it holds others than numbers."""
+    """Return the numbers of a text, float64. Raises :class:`EndoctError` where it holds anything else."""
     try:
         words = text_of(data).split()
         if words and all(map(_DECIMAL_COMMA.fullmatch, words)):
@@ -78,3 +88,47 @@ def numbers_of(data: bytes, path: Path) -> Coordinates:
         return np.array([float(part) for part in listed], dtype=np.float64)
     except ValueError as error:
         raise EndoctError(f"{path} holds no numbers", found=str(error), expected="one number a line") from error
+
+
+def seems_spectra(path: Path) -> str | None:
+    """Return why a folder, or a file in one, seems to hold raw spectra; None where it does not."""
+    folder = path if is_folder(path) else path.parent
+    with suppress(EndoctError, OSError):
+        files = [file for file in entries(folder) if file.is_file()]
+        for chirp in files:
+            if not (n := _chirp_length(chirp)):
+                continue
+            sizes = {file: file.stat().st_size for file in (files if is_folder(path) else [path])}
+            spectra = [file for file, size in sizes.items() if size >= 2 * n * LEAST_ASCANS and size % (2 * n) == 0]
+            if len(spectra) == 1:
+                return f"{chirp.name} looks like a chirp, and {spectra[0].name} could hold raw spectra of {n} samples"
+    return None
+
+
+def _chirp_length(file: Path) -> int:
+    """Return for how many samples the file is a chirp, 0 where it is none."""
+    data = read_start(file, _MOST_BYTES)
+    if is_text(data):
+        return _text_length(data, file)
+    for itemsize, kind in ((8, "<f8"), (4, "<f4")):
+        n = len(data) // itemsize
+        if len(data) % itemsize == 0 and LEAST_SAMPLES <= n <= MOST_SAMPLES and _rises(np.frombuffer(data, kind)):
+            return n
+    return 0
+
+
+def _text_length(data: bytes, file: Path) -> int:
+    """Return for how many samples a text with a number a line is a chirp, 0 where it is none."""
+    if len(data) == _MOST_BYTES:
+        return 0
+    try:
+        values = numbers_of(data, file)
+    except EndoctError:
+        return 0
+    return values.size if LEAST_SAMPLES <= values.size <= MOST_SAMPLES and _rises(values) else 0
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def _rises(values: Coordinates) -> bool:
+    ends = abs(values[0]), abs(values[-1] - (values.size - 1))
+    return bool((np.diff(values) > 0).all() and max(ends) <= ENDS * values.size)

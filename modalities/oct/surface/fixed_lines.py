@@ -1,53 +1,50 @@
 """Lines at one depth in every A-scan, which come from the detector and not from the specimen.
 
-A catheter that lies steadily off the axis keeps glass and wall at steady depths too: a depth that is bright in many
-A-scans is no proof of a line. So a line is claimed only where neither can stand, by the geometry of the slice, and only
-if it is there in all parts of the turn and of the pullback. Or, where the capillary is nearer in some directions, if it
-is there before the capillary in all others: the sheath, which keeps its depth all round, lies within the capillary. The
+A catheter that lies steadily off the axis keeps glass and wall at steady depths too. So a depth that is bright in many
+A-scans is no proof of a line. A line is claimed only where neither can stand, by the geometry of the slice. And all
+parts of the turn and of the pullback must show it. Where the capillary is nearer in some directions, the line may be
+there before the capillary in all others. The sheath, which keeps its depth all round, lies within the capillary. The
 glass's inner face, which keeps its depth for a third of the turn, counts for no line where geometry predicts it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, maximum_filter1d, percentile_filter, uniform_filter1d
+from scipy.ndimage import label, percentile_filter, uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric import ranks
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, medians, pooled
-from endoct.modalities.oct.surface.line_removal import without_lines
-from endoct.modalities.oct.surface.wall_evidence import Background
+from endoct.modalities.oct.surface.background import DARK_SHARE, LINE_SIGMAS, lines_with_skirts
+from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, filled_medians, pooled
 
-LINE_SIGMAS = 1.0
-SKIRT_SIGMAS = 0.12
-LINE_WIDTH_MM = 0.15
 LINE_BACKGROUND_MM = 0.35
-LINE_BEYOND_MM = (0.07, 0.13)  # behind a line and its echo, but before the signal of bone there ends
-DARK_SHARE = 0.2
-LINE_AROUND_MM = (0.05, 0.12)
-AROUND_LINE_MM = (0.03, 0.07)  # the same within the gap, which may be narrow
-JUDGED_ASCANS = 512
-FACE_MM = 0.06  # behind the outer face, which is still in view there
-WALL_MM = (0.06, 0.25)  # before and behind where the wall is expected
-WALL_SHIFT = 0.3  # of the gap between glass and wall: no farther off than that is the wall looked for
-FEWEST_SECTORS = 3  # a quarter of the turn: hardly a cell, and no side of glass or wall at one depth, reaches so far
-MOST_MISSED = 0.2  # of sectors and parts that must show a line, all but so many do
-HALF = 0.5  # of a line's typical contrast: less does not show it; and of its rows: fewer do not judge it
-NEAREST_SHARE, CROSSING_MM = (
-    0.02,
-    0.03,
-)  # so many A-scans see the face nearest; so much deeper, a line is behind it there
-TURNING_MM = 0.04  # from a face's nearest and farthest depth
-INNER_FACE_MM = 0.04  # before and behind where the glass's inner face is expected: half its line
+LINE_BEYOND_MM = (0.07, 0.13)
+"""Darkness is judged so far behind a line: behind its echo, but before the signal of bone there ends."""
+AROUND_LINE_MM = (0.03, 0.07)
+"""A line is compared with what lies so far before and behind it, within the gap, which may be narrow."""
+FACE_MM = 0.06
+"""So far behind the outer face it is still in view."""
+WALL_MM = (0.06, 0.25)
+"""The wall may lie so far before and behind where it is expected."""
+WALL_SHIFT = 0.3
+"""The wall is looked for no farther off than this part of the gap between glass and wall."""
+FEWEST_SECTORS = 3
+"""Hardly a cell, and no side of glass or wall at one depth, reaches through so many sectors, a quarter of the turn."""
+MOST_MISSED = 0.2
+"""All but this part of the sectors and parts must show a line."""
+HALF = 0.5
+"""Less of a line's typical contrast does not show it, and fewer of its rows do not judge it."""
+NEAREST_SHARE, CROSSING_MM = 0.02, 0.03
+"""So many A-scans see the face nearest. A line that lies so much deeper is behind it there."""
+INNER_FACE_MM = 0.04
+"""The glass's inner face reaches so far before and behind where it is expected, half its line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +70,7 @@ def find_fixed_lines(
     """Return the detector's fixed lines, with their skirts, by A-scans of all ``slices``, which show ``faces``.
 
     A depth is judged behind the outer face, away from where the wall is expected, in A-scans that are dark a little
-    deeper: bone interferes with a line and so can make it fainter as well as brighter.
+    deeper. Bone interferes with a line, and so can make it fainter as well as brighter.
     """
     pool = pooled(slices, faces, acquisition)
     mm_per_px = acquisition.mm_per_px
@@ -89,7 +86,7 @@ def find_fixed_lines(
     judged = can_stand & _dark_beyond(pool.ascans, can_stand, mm_per_px)
     excess = _excess(np.where(judged, pool.ascans, np.nan), mm_per_px)
     sigma = max(robust_sigma(pool.ascans - ranks.medians(pool.ascans)), 1e-6)
-    lines = _lines_with_skirts(excess, sigma, mm_per_px)
+    lines = lines_with_skirts(excess, sigma, mm_per_px)
     undecided = np.zeros(n_depth, np.bool_)
     runs, count = label(lines > 0)
     for k in range(1, count + 1):
@@ -114,7 +111,7 @@ def _wall_shift_mm(pool: Pool, mm_per_px: float) -> float:
     rows = np.round(pool.wall_mm / mm_per_px).astype(np.intp)[:, None] + reach
     inside = (rows >= 0) & (rows < pool.ascans.shape[1])
     near = np.where(inside, np.take_along_axis(pool.ascans, rows.clip(0, pool.ascans.shape[1] - 1), axis=1), np.nan)
-    level = uniform_filter1d(medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
+    level = uniform_filter1d(filled_medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
     return float(reach[int(np.argmax(level))]) * mm_per_px
 
 
@@ -154,12 +151,12 @@ def _contrast(ascans: Image, can_stand: Mask, line: slice, mm_per_px: float) -> 
 def _crossing_lines(pool: Pool, behind_face: Image, clear: tuple[Mask, Mask], sigma: float, mm_per_px: float) -> Image:
     """Return the excess of lines that are there all round before the face, but too deep to be before it everywhere.
 
-    ``clear``: where before the face the glass's inner face cannot be, which keeps its depth for a third of the turn
-    where it is farthest; and where behind it neither face nor wall can be. A line is there as well.
+    ``clear``: where, before the face, the glass's inner face cannot be, and where, behind it, neither face nor wall can
+    be. A line is there as well. Where the inner face is farthest, it keeps its depth for a third of the turn.
     """
     before = behind_face < -FACE_MM
     excess = _excess(np.where(before & clear[0], pool.ascans, np.nan), mm_per_px)
-    lines = _lines_with_skirts(excess, sigma, mm_per_px)
+    lines = lines_with_skirts(excess, sigma, mm_per_px)
     crossing = float(np.quantile(pool.face_mm, NEAREST_SHARE)) + CROSSING_MM
     runs, count = label(lines > 0)
     for k in range(1, count + 1):
@@ -177,7 +174,7 @@ def _crossing_lines(pool: Pool, behind_face: Image, clear: tuple[Mask, Mask], si
 
 def _excess(samples: Image, mm_per_px: float) -> Image:
     """Return how far the median of every depth of ``samples``, NaN where not judged, stands out of those around."""
-    level = medians(samples)
+    level = filled_medians(samples)
     around = percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
     return np.asarray(level - around, dtype=np.float32)
 
@@ -191,46 +188,3 @@ def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) 
         return None if typical > HALF * sigma else False
     there = [np.median(contrast[known & (part == k)]) > HALF * typical for k in enough]
     return bool(typical > HALF * sigma and np.mean(there) >= 1 - MOST_MISSED)
-
-
-def with_lines_of(
-    samples: NDArray[Any], background: Background, face: Circle, glass_path_mm: float, mm_per_px: float
-) -> Background:
-    """Return ``background`` with the lines added that only this one B-scan, logarithmic (θ, depth), holds.
-
-    A spectrometer's mean over a turn is subtracted from every A-scan. The faces of the capillary, the outer ``face``
-    and the inner one ``glass_path_mm`` before it (0 where that is not seen), hardly change their depth where they are
-    nearest and farthest, are part of that mean there, and so appear, faintly, in every A-scan of the turn. Such a line
-    shows in the darkest A-scans too, and is brighter than what lies before and behind it.
-    """
-    some = without_lines(samples[:: max(1, len(samples) // JUDGED_ASCANS)], background)
-    near, far = (round(reach / mm_per_px) for reach in LINE_AROUND_MM)
-    turning = _turning_points(face, glass_path_mm, samples.shape[1], mm_per_px)
-    rows = np.flatnonzero(maximum_filter1d(turning, 4 * far + 1))  # these, and what they are compared with
-    dark = np.zeros(turning.size, np.float32)
-    dark[rows] = ranks.quantiles(some[:, rows], DARK_SHARE)
-    padded = np.pad(uniform_filter1d(dark, far - near, mode="nearest"), far, mode="edge")
-    middle = (near + far) // 2
-    around = np.maximum(padded[far - middle :][: dark.size], padded[far + middle :][: dark.size])
-    excess = np.where(turning, dark - around, 0)
-    excess = _lines_with_skirts(excess, max(background.noise_sigma, 1e-6), mm_per_px)
-    return replace(background, line_excess=np.maximum(background.line_excess, excess)) if excess.any() else background
-
-
-def _turning_points(face: Circle, glass_path_mm: float, n_depth: int, mm_per_px: float) -> Mask:
-    """Which depths lie near the nearest or the farthest one of either face, bool (n_depth,)."""
-    depth_mm = np.arange(n_depth) * mm_per_px
-    outer = face.axis_depth_mm + face.radius_mm + face.offset_mm * np.array([-1, 1])
-    ends = np.concatenate([outer, outer - glass_path_mm])
-    return np.asarray(np.abs(depth_mm[:, None] - ends).min(axis=1) < TURNING_MM)
-
-
-def _lines_with_skirts(excess: Image, sigma: float, mm_per_px: float) -> Image:
-    core = excess > LINE_SIGMAS * sigma
-    line = core.copy()
-    skirts, count = label(excess > SKIRT_SIGMAS * sigma)
-    for k in range(1, count + 1):
-        rows = skirts == k
-        if core[rows].any() and np.count_nonzero(rows) <= LINE_WIDTH_MM / mm_per_px:
-            line |= rows
-    return np.where(line, np.maximum(excess, 0), 0).astype(np.float32)

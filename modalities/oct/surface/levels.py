@@ -19,8 +19,7 @@ from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median, ranked, robust_s
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.surface.line_removal import bridge_rows
-from endoct.modalities.oct.surface.wall_evidence import Background, relative_power
+from endoct.modalities.oct.surface.background import Background, bridge_rows, relative_power
 
 MOST_NOISE_POWER = 10.0  # over its median: noise hardly ever has more
 CLEARANCE_MM = 0.03  # from the outer face to the first sample that shows no more of it
@@ -37,7 +36,7 @@ def measure_levels(
 
     ``slices`` in the order of ``faces``; ``line_excess``, float32 (n_depth,), of the detector's fixed lines;
     ``floor``, float32 (n_depth,), of the noise. Rows under lines do not count as noise, unless all dark space is under
-    them: what :func:`bridge_rows` puts there is a mean of two samples, repeated, which is fainter in the median.
+    them. What :func:`bridge_rows` puts there is a mean of two samples, repeated, which is fainter in the median.
     """
     mm_per_px, gap_mm, lines = acquisition.mm_per_px, acquisition.gap_mm, line_excess > 0
     first, last = round(CLEARANCE_MM / mm_per_px), round((CLEARANCE_MM + max(0.3 * gap_mm, 0.08)) / mm_per_px)
@@ -75,7 +74,7 @@ def _foremost(samples: Image, count: int) -> Image:
 def _darkest(band: Image) -> list[Image]:
     """Samples of the darkest A-scans of a dark band, float32 (n_ascans, n_px), NaN where a sample does not count.
 
-    Which A-scans are dark is judged by one half of the band, the samples are taken from the other: the noise that
+    Which A-scans are dark is judged by one half of the band, and the samples are taken from the other. The noise that
     happens to be darkest is darker than noise is.
     """
     half = band.shape[1] // 2
@@ -120,7 +119,7 @@ class Pool:
 
 
 def pooled(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition) -> Pool:
-    """Return every n-th of all the A-scans of slices that show the face, ``POOLED_SLICES`` slices' worth."""
+    """Return every n-th of the A-scans of all slices that show the face, as many as ``POOLED_SLICES`` slices have."""
     step = max(1, len(slices) // POOLED_SLICES)
     ascans, face_mm, wall_mm, part, first = [], [], [], [], 0
     for i, features in enumerate(slices):
@@ -136,7 +135,7 @@ def pooled(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquis
     return Pool(np.concatenate(ascans), np.concatenate(face_mm), np.concatenate(wall_mm), np.concatenate(part))
 
 
-def medians(samples: Image) -> Image:
+def filled_medians(samples: Image) -> Image:
     """Return the median of every column without NaN, float32 (n_columns,); columns of too few are interpolated."""
     finite = np.isfinite(samples)
     count = np.count_nonzero(finite, axis=0)
@@ -147,12 +146,18 @@ def medians(samples: Image) -> Image:
     return np.asarray(np.interp(np.arange(count.size), known, middle[known]), dtype=np.float32)
 
 
-FACE_MM = 0.06  # behind the outer face, which is still in view there
-WALL_MM = 0.08  # before the nominal wall: nearer to it, a wall that is not quite there may lie
-AROUND_MM = 0.2  # before and behind a sample, by which is judged whether it lies in the dark
-OWN_MM = 0.015  # of that, as good as the sample itself: the noise that happens to be darkest is darker than noise is
-DARK_SHARE = 0.1  # of the A-scans at one depth: in openings of cells, where there are enough of them
-SLACK_SIGMAS = 0.25  # of the noise: farther beyond what the gap shows, bands do not reach, and it is bone
+FACE_MM = 0.06
+"""So far behind the outer face it is still in view."""
+WALL_MM = 0.08
+"""Nearer to the nominal wall, one that is not quite there may lie."""
+AROUND_MM = 0.2
+"""What lies so far before and behind a sample says whether it lies in the dark."""
+OWN_MM = 0.015
+"""What lies nearer to it does not count: the noise that happens to be darkest is darker than noise is."""
+DARK_SHARE = 0.1
+"""So many of the A-scans at one depth lie in openings of cells, where there are enough of them."""
+SLACK_SIGMAS = 0.25
+"""Bands reach no farther than this σ of the noise beyond what the gap shows; what does is bone."""
 FLOOR_SMOOTH_MM = 0.03
 
 
@@ -161,8 +166,8 @@ def measure_floor(slices: Sequence[SliceFeatures], faces: Faces, lines: Mask, ac
 
     ``slices`` in the order of ``faces``; ``lines``, bool (n_depth,), the detector's fixed lines. Only in the gap
     between glass and wall can there be nothing but noise; a catheter off the axis sees that gap at many depths. At each
-    of them the floor is the median of the A-scans that are darkest around it, no more of them than see the gap there.
-    Deeper than any gap, the darkest tenth of the A-scans are openings of cells, or else bone: they count where they are
+    of them the floor is the median of the A-scans that are darkest around it, of no more than see the gap there.
+    Deeper than any gap, the darkest tenth of the A-scans are openings of cells, or else bone. They count where they are
     as dark as the gap is somewhere. All other depths are as those next to them.
     """
     pool = pooled(slices, faces, acquisition)

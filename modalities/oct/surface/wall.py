@@ -1,42 +1,209 @@
-"""Where the bore wall lies in one B-scan, and which A-scans show it.
+"""Where the bore wall lies in one B-scan.
+
+The evidence for a surface at a depth is the power behind it, over that of the noise. It is summed with weights that
+fall off as bone returns less and less. To first order, that is the log-likelihood ratio of faint bone against noise.
+Summing over many samples brings out a wall that no single sample shows and that speckle hides in every single A-scan.
 
 A surface is likelier where the bore's own wall runs than elsewhere. A drilled wall is round: the gap between it and
 the capillary's outer face is an offset and two harmonics of the angle. A fit of these gives the wall's place where
-it is too faint to be seen as well. A cell is then either a deeper surface, or darkness where bone should be. An A-scan
-may also show something opaque before the wall, its shadow, or noise: that is not trusted.
-
-A strip keeps of each A-scan its maximum beyond the capillary. The largest of many values is taken by vectors: a
-loop that keeps one maximum waits for every comparison.
+it is too faint to be seen as well. A cell is then either a deeper surface, or darkness where bone should be.
 """
 
-import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.circle import largest_divisor
 from endoct.base.numeric.harmonics import harmonics
-from endoct.modalities.oct.bscan import Spacing, mean_between, varying
+from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.line_removal import Bridges, bridge_ascan, bridges_over
-from endoct.modalities.oct.surface.wall_evidence import Background, relative_power, spread_of_noise, surface_evidence
+from endoct.modalities.oct.surface.background import (
+    LN_POWER_PER_SIGMA,
+    Background,
+    relative_power,
+    spread_of_noise,
+)
+
+Rows = NDArray[np.intp]
+
+MOST_POWER = 6.0
+"""Times the power from which samples count as bone: a glint counts for no more."""
+HAZE_SHARE = 0.2
+"""Haze is as bright as this share of the wall's contrast."""
+LOOK_MM2 = 6.4e-5
+"""The area of wall that one independent sample of noise and speckle covers, about three samples."""
+PATCH_MM = (0.05, 0.05)
+"""Averaged over so much of θ and depth, noise is no longer as bright as bone."""
+NEVER = np.float32(-1e6)
+COLUMNS_AT_ONCE = 8
+
+
+class _Columns(NamedTuple):
+    """Where evidence is gathered: from which column of the circle on, in which ``visible`` rows, behind which of them.
+
+    ``first_row`` (n_columns,) counts visible rows only.
+    """
+
+    start: int
+    visible: Rows
+    first_row: Rows
+
+
+class _Weights(NamedTuple):
+    """Power times ``per_bone`` is 1 where it counts as bone. ``of_sample``: its weight; ``decay``: that of the next."""
+
+    per_bone: np.float32
+    of_sample: np.float32
+    decay: np.float32
+
+
+def surface_evidence(
+    level: Image,
+    start: int,
+    first_row: Rows,
+    background: Background,
+    spacing: Spacing,
+    parameters: OctParameters,
+) -> Image:
+    """Return evidence for the surface at each row, and in the last column for none; float32 (n_columns, n_depth + 1).
+
+    ``level``, float32 (n_theta, n_depth), is a logarithmic B-scan. From column ``start`` on, so many of the circle's
+    columns are taken together that n_columns are left; ``spacing`` is that of single ones. A surface lies at
+    ``first_row`` (n_columns,) or behind it. Rows that ``background`` calls hidden give no evidence: a surface under
+    them is as likely as one right behind them.
+    """
+    sigma = spread_of_noise(background)
+    # the power from which on a sample counts as bone: above noise and, where bone is bright, above faint haze as well
+    haze = float(np.exp(LN_POWER_PER_SIGMA * HAZE_SHARE * background.contrast / sigma))
+    bone = max((1 + parameters.least_signal) * background.noise_power, haze)
+    together = len(level) // first_row.size
+    visible = np.flatnonzero(~background.hidden)
+    if not visible.size:
+        visible = np.arange(background.hidden.size)
+    weights = _Weights(
+        per_bone=np.float32(1 / bone),
+        of_sample=np.float32(spacing.depth_mm * spacing.column_mm / LOOK_MM2),
+        decay=np.float32(np.exp(-spacing.depth_mm / parameters.wall_decay_mm)),
+    )
+    patch = (
+        max(1, round(PATCH_MM[0] / (spacing.column_mm * together))) | 1,
+        max(1, round(PATCH_MM[1] / spacing.depth_mm)),
+    )
+    columns = _Columns(start, visible, np.searchsorted(visible, first_row))
+    evidence = _evidence(relative_power(level, background.noise, sigma), columns, weights, patch)
+    if visible.size == background.hidden.size:
+        return evidence
+    # the last column of what is visible stands for none
+    return np.take(evidence, np.searchsorted(visible, np.arange(background.hidden.size + 1)), axis=1)
+
+
+@compiled
+def _evidence(power: Image, columns: _Columns, weights: _Weights, patch: tuple[int, int]) -> Image:
+    """The evidence in ``columns`` of ``power`` (n_theta, n_depth), float32 (n_columns, n_visible + 1).
+
+    What lies behind a row counts for it. A bright ``patch`` (columns, rows) before it counts against it.
+    ``COLUMNS_AT_ONCE`` columns are summed up along depth together, so that no sum has to wait for the one before.
+    """
+    start, visible, first_row = columns
+    per_bone, weight, decay = weights
+    patch_columns, patch_rows = patch
+    n_columns, n_rows = first_row.size, visible.size
+    signal = np.empty((n_rows, COLUMNS_AT_ONCE), np.float32)
+    behind, sums = np.empty((n_rows, COLUMNS_AT_ONCE), np.float32), np.empty((n_rows, COLUMNS_AT_ONCE))
+    evidence = np.empty((n_columns, n_rows + 1), np.float32)
+    above = np.empty((n_columns, n_rows))
+    for group in range(0, n_columns, COLUMNS_AT_ONCE):
+        for k in range(COLUMNS_AT_ONCE):
+            column = (group + k) % n_columns
+            signal[: first_row[column], k] = 0
+            ascan = _signal(power, start, column, n_columns, per_bone)
+            for row in range(first_row[column], n_rows):
+                signal[row, k] = ascan[visible[row]] * weight
+        _sum_behind(signal, decay, behind)
+        _sum_above(signal, patch_rows, sums)
+        for k in range(COLUMNS_AT_ONCE):
+            column = (group + k) % n_columns
+            evidence[column, : first_row[column]] = NEVER
+            evidence[column, n_rows] = 0
+            for row in range(first_row[column], n_rows):
+                evidence[column, row] = behind[row, k]
+            for row in range(n_rows):
+                above[column, row] = sums[row, k]
+    _take_patches(evidence, above, patch_columns, 1 / (patch_columns * patch_rows))
+    return evidence
+
+
+@compiled
+def _signal(power: Image, start: int, column: int, n_columns: int, per_bone: np.float32) -> Image:
+    """By how much each row outshines the least of bone, summed over the columns of the circle that are ``column``."""
+    n_theta, n_depth = power.shape
+    together = n_theta // n_columns
+    most, one = np.float32(MOST_POWER), np.float32(1)
+    signal = np.zeros(n_depth, np.float32)
+    for k in range(together):
+        ascan = power[(start + column * together + k) % n_theta]
+        for row in range(n_depth):
+            signal[row] += min(ascan[row] * per_bone, most) - one
+    return signal
+
+
+@compiled
+def _sum_behind(signal: Image, decay: np.float32, behind: Image) -> None:
+    """Write what lies at each row and behind it, weights falling off by ``decay``, both (row, column)."""
+    total = np.zeros(COLUMNS_AT_ONCE, np.float32)
+    for row in range(len(signal) - 1, -1, -1):
+        for k in range(COLUMNS_AT_ONCE):
+            total[k] = signal[row, k] + decay * total[k]
+            behind[row, k] = total[k]
+
+
+@compiled
+def _sum_above(signal: Image, n_rows: int, sums: Coordinates) -> None:
+    """Write sums over so many rows that end at each row, both (row, column); the first row is repeated."""
+    total = np.empty(COLUMNS_AT_ONCE)
+    for k in range(COLUMNS_AT_ONCE):
+        total[k] = np.float64(signal[0, k]) * n_rows
+    for row in range(len(signal)):
+        old = max(row - n_rows, 0)
+        for k in range(COLUMNS_AT_ONCE):
+            total[k] += np.float64(signal[row, k]) - np.float64(signal[old, k])
+            sums[row, k] = total[k]
+
+
+@compiled
+def _take_patches(evidence: Image, above: Coordinates, n_columns: int, share: float) -> None:
+    """Take from ``evidence`` what patches before each row hold: ``share`` of so many columns of ``above`` around it."""
+    around, n_rows = above.shape
+    reach = n_columns // 2
+    patch = np.zeros(n_rows)
+    for column in range(-reach, reach + 1):
+        for row in range(n_rows):
+            patch[row] += above[column % around, row]
+    for column in range(around):
+        before = np.float32(0)
+        for row in range(n_rows):
+            before += max(np.float32(patch[row] * share), np.float32(0))
+            evidence[column, row + 1] -= before
+        after, gone = above[(column + reach + 1) % around], above[(column - reach) % around]
+        for row in range(n_rows):
+            patch[row] = patch[row] + after[row] - gone[row]
+
 
 BLOCK_MM = 0.03
 SEARCH_MM = 0.06
 REACHES_MM = ((0.2, 1), (0.12, 1), (0.08, 2), (0.05, 2), (0.05, 2))
 """Each round of the fit: the distance up to which surfaces count, and its number of harmonics."""
-STRONGEST = 2.0  # times the median evidence: a bright side does not outvote the rest
+STRONGEST = 2.0  # times the median evidence: a bright side must not outvote the rest
 LEAST_SEEN = 0.05
 BAND_MM = 0.02
 BONUS_PER_MM = 100.0  # of wall: evidence gained where the bore's wall runs
 FRONT_PER_MM = 750.0  # of wall: evidence lost before the bore's wall, where there can only be dirt
 
 
-def gap_rows(rows: NDArray[np.intp], first_row: NDArray[np.intp], evidence: Image, mm_per_px: float) -> Coordinates:
+def gap_rows(rows: Rows, first_row: Rows, evidence: Image, mm_per_px: float) -> Coordinates:
     """Return how many rows the bore's wall lies behind ``first_row``, float64 (n,), from surfaces at ``rows`` (n,).
 
     ``evidence`` is that for the rows, (n, n_depth + 1). All NaN where there is hardly any surface, or no evidence.
@@ -121,19 +288,8 @@ def _first_largest(values: Image) -> int:
     return at
 
 
-Rows = NDArray[np.intp]
-
 COLUMN_MM = 0.008  # a third of the beam's width: finer columns are taken together
 STIFFER = 5.0
-
-
-def brightest(image: Image, first_row: Rows) -> Rows:
-    """Return the index of the maximum from ``first_row`` (n,) on of every A-scan of ``image`` (n, depth).
-
-    Laves 2019, Extracting mastoid pattern, implemented literally.
-    """
-    beyond = np.arange(image.shape[1]) >= first_row[:, None]
-    return np.asarray(np.argmax(np.where(beyond, image, -np.inf), axis=1))
 
 
 def first_edge(
@@ -141,11 +297,10 @@ def first_edge(
 ) -> Rows:
     """Return the row of the wall's surface in every A-scan of ``image`` (θ, depth); n_depth where there is none.
 
-    A surface has darkness before it, from ``first_row`` (n_theta,) on, and bone behind it
-    (:mod:`endoct.modalities.oct.surface.wall_evidence`). Dynamic programming finds the closed path through θ with most
-    evidence; a change of depth costs evidence in proportion, but no more than ``jump_cost``, so that the rim of a cell
-    can be a jump. A stiff path over blocks of columns comes first: it gives the bore's own wall, where a surface then
-    is likelier (:mod:`endoct.modalities.oct.surface.wall`).
+    A surface has darkness before it, from ``first_row`` (n_theta,) on, and bone behind it. Dynamic programming finds
+    the closed path through θ with most evidence. A change of depth costs evidence in proportion, but no more than
+    ``jump_cost``, so that the rim of a cell can be a jump. A stiff path over blocks of columns comes first: it gives
+    the bore's own wall, where a surface then is likelier.
     """
     nearest = int(first_row.min())
     # columns are taken together from a place of the specimen's on, so that it does not matter where the turn starts
@@ -229,108 +384,3 @@ def _followed(evidence: Image, ramp: Image, cost: Image, jump_cost: np.float32) 
         state = nearest if reached >= most - jump_cost else _first_largest(gathered[step])
         path[step] = state
     return path[lead : lead + n_theta]
-
-
-def maximum_intensity(samples: NDArray[Any], first_row: Rows, lines: Mask) -> Image:
-    """Return the maximum of each A-scan of ``samples`` (n, depth) cropped from ``first_row`` (n,) on, float32 (n,).
-
-    The rows ``lines``, bool (depth,), are interpolated from their neighbours. Laves 2019, Extracting mastoid pattern:
-    crop, then maximum intensity projection along depth.
-    """
-    return _maxima(samples, first_row, bridges_over(lines))
-
-
-@compiled
-def _maxima(samples: NDArray[Any], first_row: Rows, bridges: Bridges) -> Image:
-    n_ascans, n_depth = samples.shape
-    maxima = np.empty(n_ascans, np.float32)
-    ascan = np.empty(n_depth, np.float32)
-    for i in range(n_ascans):
-        for row in range(n_depth):
-            ascan[row] = np.float32(samples[i, row])
-        bridge_ascan(ascan, bridges)
-        maxima[i] = largest(ascan[first_row[i] :])
-    return maxima
-
-
-SURFACE_MM = 0.1
-TAIL_MM = (0.3, 0.6)
-NEAR_MM = 0.1
-SHADOW_EDGE_MM = 0.3
-OPAQUE_SHARE = 0.25
-BRIGHT_SHARE = 0.5
-TAIL_SIGMAS = 1.5
-PATCH_MM = 0.1
-MOST_POWER = 30.0  # times the noise's: a glint counts for no more
-POWER_OF_A_PATH = 1.5  # times the noise's: a path through noise alone follows what is brightest
-
-
-def trusted(level: Image, row: Rows, background: Background, spacing: Spacing) -> Mask:
-    """Return for every A-scan of a logarithmic B-scan (θ, depth) whether its surface at ``row`` is the wall's.
-
-    It is not where a bright surface has nothing behind it while the wall elsewhere in the slice has: something opaque,
-    such as a guide wire or a clot, lies before the wall. Nor is it next to that, where the shadow shows no surface
-    (``row`` = n_depth). Elsewhere no surface means a cell whose floor is out of range, which is trusted.
-    """
-    n_theta, n_depth = level.shape
-    surface = row < n_depth
-    if not surface.any() or not varying(level).any():
-        return np.zeros(n_theta, bool)
-    mm_per_px, mm_per_column = spacing.depth_mm, spacing.column_mm
-    near = max(1, round(NEAR_MM / mm_per_column))
-    bright = _mean(level, row, row + round(SURFACE_MM / mm_per_px)) - background.noise
-    tail = _mean(level, row + round(TAIL_MM[0] / mm_per_px), row + round(TAIL_MM[1] / mm_per_px)) - background.noise
-    opaque = np.zeros(n_theta, bool)
-    measured = surface & np.isfinite(tail)
-    usual = float(np.median(tail[measured])) if measured.any() else 0.0
-    if usual > TAIL_SIGMAS * background.noise_sigma:
-        dark = measured & (tail < OPAQUE_SHARE * usual) & (bright > BRIGHT_SHARE * background.contrast)
-        # a narrow one would be a gap in the speckle
-        share = uniform_filter1d(dark.astype(np.float32), 2 * near + 1, mode="wrap")
-        opaque = dark & (maximum_filter1d(share, 2 * near + 1, mode="wrap") > 0.8)
-    good = ~opaque
-    reach = max(1, round(SHADOW_EDGE_MM / mm_per_column))
-    for first, length in _runs(~surface):
-        around = np.arange(first - reach, first + length + reach) % n_theta
-        if opaque[around].any():
-            good[np.arange(first, first + length) % n_theta] = False
-    return good
-
-
-def wall_sigmas(level: Image, row: Rows, trusted: Mask, background: Background, spacing: Spacing) -> float:
-    """Return by how many standard errors the wall stands out of the noise, over 0.1 × 0.1 mm of it.
-
-    That is the power just behind the surface at ``row``, in excess of what a path through noise alone would show, the
-    median over all such patches where ``trusted`` A-scans show a surface; 0 where there are none, or where the power is
-    less than that of noise.
-    """
-    n_depth = level.shape[1]
-    depth, width = max(1, round(PATCH_MM / spacing.depth_mm)), max(1, round(PATCH_MM / spacing.column_mm))
-    behind = row[:, None] + np.arange(depth)
-    seen = trusted[:, None] & (behind < n_depth)
-    levels = np.take_along_axis(level, np.minimum(behind, n_depth - 1), axis=1)
-    power = relative_power(levels, background.noise, spread_of_noise(background)) / background.noise_power
-    power = np.where(seen, np.minimum(power, MOST_POWER), 0).sum(axis=1, dtype=np.float64)
-    looks, total = (uniform_filter1d(each, width, mode="wrap") for each in (seen.sum(axis=1, dtype=np.float64), power))
-    full = looks > depth / 2
-    if not full.any():
-        return 0.0
-    excess = float(np.median(total[full] / looks[full])) - POWER_OF_A_PATH
-    return max(0.0, excess * math.sqrt(depth * width))
-
-
-def _mean(level: Image, first: Rows, last: Rows) -> Coordinates:
-    """Mean over rows ``first`` to ``last`` of every A-scan, NaN where these leave the depth range."""
-    inside = (last <= level.shape[1]) & (last > first)
-    return np.where(inside, mean_between(level, first, last), np.nan)
-
-
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """First index and length of every run of True in a cyclic mask."""
-    if mask.all():
-        return [(0, mask.size)]
-    starts = np.flatnonzero(mask & ~np.roll(mask, 1))
-    ends = np.flatnonzero(mask & ~np.roll(mask, -1))
-    if ends.size and starts.size and ends[0] < starts[0]:
-        ends = np.roll(ends, -1)
-    return [(int(start), int((end - start) % mask.size) + 1) for start, end in zip(starts, ends, strict=True)]

@@ -36,7 +36,7 @@ class Rotation:
     lost_at_rad, lost_rad: float64 (n,), nominal angle at which A-scans are missing (NaN where none are) and how many.
     shape_known, start_known: bool (n,), whether they could be measured; where not, the correction is 0.
     shape_sigma_rad: float64 (n,), standard deviation of α(a), root mean square over the turn; NaN where not known.
-    start_sigma_rad: float64 (n,), standard deviation of the start relative to the other slices; it grows along z where
+    start_sigma_rad: float64 (n,), standard deviation of the start relative to the other slices. It grows along z where
         only neighbours can be compared. NaN where not known.
     """
 
@@ -65,9 +65,9 @@ class Rotation:
     def nominal_rad(self, index: int, beam_rad: Coordinates, n_ascans: int) -> tuple[Coordinates, Mask]:
         """Return the nominal angle in [−π/n, 2π − π/n) at which beams α were recorded, and whether they were.
 
-        A direction that was recorded twice, at the start of a long turn and at its end, is taken from where it lies
-        farther from the turn's ends. One never recorded, in the gap of a short turn or of a lost block, gets the
-        nearest angle and ``False``; gaps narrower than one A-scan do not count.
+        A long turn records a direction twice, at its start and at its end. It is taken from where it lies farther from
+        the turn's ends. One never recorded, in the gap of a short turn or of a lost block, gets the nearest angle and
+        ``False``. Gaps narrower than one A-scan do not count.
         """
         if self._even(index):
             return np.mod(beam_rad, 2 * np.pi), np.ones(beam_rad.shape, bool)

@@ -25,15 +25,16 @@ from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import wrap_rad
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.oct.face.face_circle import Circle
-from endoct.modalities.oct.face.faces import LEAST_OFFSET_MM, Faces
+from endoct.modalities.oct.face.faces import LEAST_OFFSET_MM, SAME_LINE_MM, Faces, line_depths_mm
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass
 from endoct.modalities.oct.face.lines import Lines
-from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, line_depths_mm
 from endoct.modalities.oct.face.slices import SliceFeatures
 
 N_ANGLES, BIN_MM = 256, 0.003
-STRAY_RATE = 0.02  # points in a column and bin, of any pattern
-SECTORS = 16  # taken by turns for one half and for the other, each of which says where the turn starts
+STRAY_RATE = 0.02
+"""Whatever the pattern, so many points stray into a column and bin."""
+SECTORS = 16
+"""They are taken by turns for one half and for the other, each of which says where the turn starts."""
 Field = NDArray[np.float64]
 Spectra = NDArray[np.complex128]
 _WAVES = np.arange(N_ANGLES // 2 + 1)

@@ -1,7 +1,7 @@
 """Where every turn starts, from what does not turn with the optics.
 
-The sheath is a landmark (:mod:`endoct.modalities.oct.turning.sheath_pattern`). It may creep from slice to slice,
-which nothing in the recording can distinguish from starts that creep: that share of the twist stays unknown and is
+The sheath is a landmark (:mod:`endoct.modalities.oct.turning.sheath_pattern`). It may creep from slice to slice.
+Nothing in the recording can distinguish that from starts that creep: that share of the twist stays unknown and is
 stated. Starts and the landmark's own directions are solved for together by least squares. The landmark is seen at its
 direction less the start. Starts lie about 0; the direction changes little from slice to slice and is 0 on average.
 Outliers of either count less and less.

@@ -1,9 +1,9 @@
 """The fit of one slice: circle, uneven rotation and the face's own departures from the circle, in one.
 
-A beam that is turned by ε meets a face seen from off its axis by e at another depth, by ε·e·sin(α − β): some
+A beam that is turned by ε meets a face seen from off its axis by e at another depth, by ε·e·sin(α − β). That is some
 micrometres a degree, and the face stands out so that its place is known to a fraction of one. A constant ε turns the
-direction β of the offset with it, so this says nothing of where a turn starts; nor does it say anything where the
-catheter is on the axis: the prior then leaves the turn even. The face's own departures from a circle have a prior too.
+direction β of the offset with it, so this says nothing of where a turn starts. Nor does it say anything where the
+catheter is on the axis; the prior then leaves the turn even. The face's own departures from a circle have a prior too.
 """
 
 import math
@@ -165,7 +165,7 @@ def _iterate(
     """Improve a ``fit``, the arrays of a :class:`TurnFit`, in place, once for every width; say whether that went well.
 
     ``bases``: of the rotation, with the columns of its unknowns, and of the face's ripple. ``expected``: means and
-    precisions of the prior. Rows of the jacobian where the weight is 0 are not made; points where no beam could see the
+    precisions of the prior. Rows of the jacobian where the weight is 0 are not made. Points where no beam could see the
     face as near as ``widths_mm`` are infinitely far.
     """
     angle, depth, strength = points

@@ -236,7 +236,7 @@ def correct_uneven_turns(
 ) -> Turns:
     """Return nominal ``turns`` with what ``parameters`` ask to correct within turns; faces are fitted again.
 
-    Points in ``fixed_rows``, bool (n_depth,), do not count: where the face crosses a fixed line of the detector, the
+    Points in ``fixed_rows``, bool (n_depth,), do not count. Where the face crosses a fixed line of the detector, the
     line's points look like those of a face seen in a very uneven turn.
     """
     if not (parameters.correct_rotation or parameters.correct_turn_length or parameters.correct_lost_ascans):

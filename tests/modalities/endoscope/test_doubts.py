@@ -13,7 +13,7 @@ import pytest
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.doubts import RingEvidence, doubts_of_ring
 from endoct.modalities.endoscope.frames import brightness_of_rows
-from endoct.modalities.endoscope.mirror.roundness import ROUND, Roundness
+from endoct.modalities.endoscope.mirror.ring_search import ROUND, Roundness
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
 from endoct.modalities.registry import open_recording

@@ -11,7 +11,7 @@ from tolerances import AGREEING_RTOL
 from endoct.base.errors import NotSeen
 from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_surface, longest_gaps, plain_wall
-from endoct.modalities.oct.surface.wall_evidence import Background
+from endoct.modalities.oct.surface.background import Background
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import BORE_MM, CAPILLARY_MM, PIXEL_MM, Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom

@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from printed_tube import TUBE
+from scipy import ndimage
 from tolerances import TUBE_SCALE_REL
 
-from endoct.modalities.oct.tube_fit import PITCH, SCALE, THETA, TubeModel, Z
+from endoct.base.arrays import Image
+from endoct.modalities.oct.tube_fit import PITCH, SCALE, THETA, TubeModel, Z, half_rise_px
 from endoct.modalities.oct.tube_marks import HELICAL, Beams, find_marks
 from endoct.modalities.tube.locating import Pose
 
@@ -74,3 +77,35 @@ def test_noise_alone_does_not_shrink_the_scale() -> None:
         )
         shrunk.append(noisy - scale)
     assert np.mean(shrunk) == pytest.approx(0, abs=TUBE_SCALE_REL)
+
+
+STEP_MM, HALF, N_POWERS = 0.005, 24, 2000
+COHERENCE_PX = 1.1
+
+
+def powers(signal_db: float, skin: float, off_px: NDArray[np.float64], rng: np.random.Generator) -> Image:
+    """Power of A-scans whose middle sample lies ``off_px`` behind a wall, ``skin`` brighter at its surface."""
+    place = off_px[:, None] + np.arange(-HALF - 8, HALF + 9)
+    behind_mm = np.maximum(place, 0) * STEP_MM
+    power = (place > 0) * (1 + skin * np.exp(-((behind_mm / 0.012) ** 2))) * np.exp(-6 * behind_mm)
+    taps = np.exp(-0.5 * (np.arange(-4, 5) / COHERENCE_PX) ** 2)
+    parts = np.sqrt(power) * rng.standard_normal((2, *power.shape))
+    field = ndimage.convolve1d(parts, taps / np.sqrt((taps**2).sum()), axis=2)
+    field = 10 ** (signal_db / 20) * field + rng.standard_normal(field.shape)
+    return np.asarray((field**2).sum(axis=0)[:, 8:-8] / 2, np.float32)
+
+
+@pytest.mark.parametrize("signal_db", [6.0, 25.0])
+@pytest.mark.parametrize("skin", [0.0, 2.5])
+def test_surface_lies_at_half_of_the_rise(signal_db: float, skin: float) -> None:
+    rng = np.random.default_rng(3)
+    off_px = rng.uniform(-2, 2, N_POWERS)
+    power = powers(signal_db, skin, off_px, rng)
+    power[::200] *= 1000  # glints
+    assert half_rise_px(power, off_px, STEP_MM) == pytest.approx(0, abs=0.35)
+
+
+def test_no_surface_where_there_is_only_noise() -> None:
+    rng = np.random.default_rng(4)
+    off_px = rng.uniform(-2, 2, N_POWERS)
+    assert np.isnan(half_rise_px(powers(-30, 0, off_px, rng), off_px, STEP_MM))

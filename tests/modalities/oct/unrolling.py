@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from endoct.modalities.assembly import assemble
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.manifest import MANIFEST, OctAcquisition
-from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.plugin import OCT
+from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import Phantom
 

@@ -14,7 +14,7 @@ from tolerances import COORDINATE_ATOL
 from benchmarks.fuzz.dicom_writer import IVOCT_PRESENTATION, item, ivoct, pixels, write
 from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.opening import Pullback
+from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
 from endoct.modalities.registry import manifest_for, open_recording
 

@@ -20,7 +20,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.mirror.band import Circles
-from endoct.modalities.oct.spectra.kernels import Counts
+from endoct.modalities.oct.spectra.reconstruction import Counts
 from endoct.modalities.oct.spectra.resampling import sample_places
 from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.registry import open_recording

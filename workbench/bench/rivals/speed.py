@@ -18,7 +18,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.spectra.kernels import Counts
+from endoct.modalities.oct.spectra.reconstruction import Counts
 from endoct.modalities.registry import open_recording
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama

@@ -20,9 +20,8 @@ from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
-from endoct.modalities.oct.spectra.kernels import Counts
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import mean_spectrum, reconstruction
+from endoct.modalities.oct.spectra.reconstruction import Counts, mean_spectrum, reconstruction
 from endoct.modalities.oct.spectra.resampling import taps, window
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama

@@ -10,8 +10,8 @@ from tolerances import A_SCAN
 from endoct.base.errors import EndoctError
 from endoct.modalities.acquisition import validate
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.opening import Pullback
 from endoct.modalities.oct.plugin import OCT
+from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.modalities.registry import manifest_for, open_recording
 from tests.modalities.oct.spectra.fringes import levels_db, mirror, quadratic_chirp
 

@@ -37,7 +37,9 @@ def subject(specimen: Path) -> Subject:
 
 # how the stream behaves; what is made of it is the same for all
 @pytest.mark.parametrize(
-    "check", [check for check in CHECKS if check.__module__.endswith(".recordings")], ids=lambda check: check.__name__
+    "check",
+    [check for check in CHECKS if check.__module__.endswith(".recording_checks")],
+    ids=lambda check: check.__name__,
 )
 def test_raw_spectra_conform(check: Check, subject: Subject) -> None:
     check(subject)

@@ -4,7 +4,7 @@ import numpy as np
 
 from endoct.base.arrays import Image
 from endoct.modalities.oct.bscan import Spacing
-from endoct.modalities.oct.surface.wall_evidence import Background
+from endoct.modalities.oct.surface.background import Background
 
 N_THETA, N_DEPTH, PIXEL_MM, COLUMN_MM = 600, 200, 0.005, 0.013
 SPACING = Spacing(PIXEL_MM, COLUMN_MM)

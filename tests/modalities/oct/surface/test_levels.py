@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.levels import measure_floor, measure_levels
-from endoct.modalities.oct.surface.wall_evidence import Background
 from tests.modalities.oct.turning.drawn_slices import (
     ACQUISITION,
     AXIS_MM,

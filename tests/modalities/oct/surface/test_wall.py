@@ -1,26 +1,29 @@
 """The wall in one B-scan."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from endoct.base.arrays import Image
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.modalities.oct.surface.background import LN_POWER_PER_SIGMA, Background, spread_of_noise
 from endoct.modalities.oct.surface.wall import (
     AT_ONCE,
     BAND_MM,
     BONUS_PER_MM,
     FRONT_PER_MM,
+    LOOK_MM2,
+    MOST_POWER,
+    PATCH_MM,
     _best_path,
-    brightest,
     favour_bore,
     first_edge,
     gap_rows,
     largest,
-    maximum_intensity,
-    trusted,
-    wall_sigmas,
+    surface_evidence,
 )
-from endoct.modalities.oct.surface.wall_evidence import Background
 from tests.modalities.oct.surface.drawn_bscans import (
     BACKGROUND,
     COLUMN_MM,
@@ -156,71 +159,57 @@ def test_the_largest_is_found_at_every_place(n: int) -> None:
     assert largest(np.full(n, -np.inf, np.float32)) == -np.inf
 
 
-def test_the_maximum_is_taken_literally() -> None:
-    image = np.zeros((3, 10), np.float32)
-    image[:, 2], image[0, 5], image[1, 7], image[2, 9] = 9, 3, 4, 5
-    np.testing.assert_array_equal(brightest(image, np.array([3, 3, 3])), [5, 7, 9])
-    np.testing.assert_array_equal(maximum_intensity(image, np.array([3, 3, 3]), np.zeros(10, bool)), [3, 4, 5])
+PARAMETERS, TOGETHER = OctParameters(), 2
 
 
-def test_something_opaque_and_its_shadow_are_not_trusted() -> None:
-    wall = np.full(N_THETA, 60)
-    rng = np.random.default_rng(1)
-    image = (np.where(np.arange(N_DEPTH) >= wall[:, None], 105, 50) + rng.normal(0, 5, (N_THETA, N_DEPTH))).astype(
-        np.float32
-    )
-    image[100:140] = rng.normal(50, 5, (40, N_DEPTH))
-    image[105:135, 40:60] = 200
-    row = wall.copy()
-    row[100:140], row[105:135] = N_DEPTH, 40
-    good = trusted(image, row, BACKGROUND, SPACING)
-    assert not good[102:138].any()
-    assert good[:90].all()
-    assert good[150:].all()
+def written_out(level: Image, start: int, first_row: np.ndarray, background: Background) -> np.ndarray:
+    power = np.exp(LN_POWER_PER_SIGMA * (level - background.noise) / background.noise_sigma)
+    bone = (1 + PARAMETERS.least_signal) * background.noise_power
+    of_haze = np.exp(LN_POWER_PER_SIGMA * 0.2 * background.contrast / background.noise_sigma)
+    each = np.minimum(power / max(bone, of_haze), MOST_POWER) - 1
+    signal = np.roll(each, -start, axis=0).reshape(-1, TOGETHER, level.shape[1]).sum(axis=1)
+    signal *= SPACING.depth_mm * SPACING.column_mm / LOOK_MM2
+    n, n_rows = signal.shape
+    signal[np.arange(n_rows) < first_row[:, None]] = 0
+    tall = round(PATCH_MM[1] / SPACING.depth_mm)
+    wide = round(PATCH_MM[0] / (SPACING.column_mm * TOGETHER)) | 1
+    evidence = np.zeros((n, n_rows + 1))
+    repeated = np.pad(signal, ((0, 0), (tall, 0)), mode="edge")
+    above = np.stack([repeated[:, row + 1 : row + 1 + tall].sum(axis=1) for row in range(n_rows)], axis=1)
+    around = np.stack([np.roll(above, k, axis=0) for k in range(-(wide // 2), wide // 2 + 1)]).sum(axis=0)
+    before = np.cumsum(np.maximum(around / (wide * tall), 0), axis=1)
+    for row in range(n_rows):
+        decayed = np.exp(-SPACING.depth_mm / PARAMETERS.wall_decay_mm) ** np.arange(n_rows - row)
+        evidence[:, row] = signal[:, row:] @ decayed
+    evidence[:, 1:] -= before
+    return evidence
 
 
-@pytest.mark.parametrize(("tail_sigmas", "untrusted"), [(1.0, False), (2.0, True), (6.0, True)])
-@pytest.mark.parametrize("turn", [0, 300])
-def test_darkness_behind_something_bright_says_something_where_walls_are_not_as_dark(
-    tail_sigmas: float, untrusted: bool, turn: int
-) -> None:
-    """By the median of what is left 0.3 to 0.6 mm behind a wall, over the spread of the noise; also over the seam."""
-    rng = np.random.default_rng(3)
-    row = np.full(N_THETA, 50)
-    depth = np.arange(N_DEPTH) - row[:, None]
-    mean = np.where(depth >= 25, 50 + 15 * tail_sigmas, np.where(depth >= 0, 110.0, 50.0))
-    mean[:40, 75:] = 50
-    image = (mean + rng.normal(0, 5, mean.shape)).astype(np.float32)
-    good = trusted(np.roll(image, turn - 20, axis=0), row, BACKGROUND, SPACING)
-    opaque = np.roll(np.arange(N_THETA) < 40, turn - 20)
-    assert (~good[opaque]).mean() == pytest.approx(float(untrusted), abs=0.1)
-    assert good[~opaque].all()
+@pytest.mark.parametrize("start", [0, 517])
+def test_evidence_is_the_power_behind_a_surface_less_bright_patches_before_it(start: int) -> None:
+    rng = np.random.default_rng(0)
+    wall = (60 + 20 * np.sin(2 * np.pi * np.arange(N_THETA) / N_THETA)).astype(int)
+    level = speckled(rng.uniform(0.5, 6, N_THETA), wall)
+    first_row = rng.integers(5, 30, N_THETA // TOGETHER)
+    background = replace(SPECKLE, wall=SPECKLE.noise + 14.0)
+    assert spread_of_noise(background) == background.noise_sigma
+    found = surface_evidence(level, start, first_row, background, SPACING, PARAMETERS)
+    expected = written_out(level, start, first_row, background)
+    counted = np.arange(level.shape[1] + 1) >= first_row[:, None]
+    np.testing.assert_allclose(found[counted], expected[counted], atol=0.02, rtol=1e-4)
+    assert (found[~counted] < -1e5).all()
 
 
-ALL_AROUND = np.full(N_THETA, 100)
-
-
-EVERYWHERE = np.ones(N_THETA, np.bool_)
-
-
-@pytest.mark.parametrize("power", [1.0, 3.0, 9.0])
-def test_a_wall_stands_out_by_its_power_in_standard_errors(power: float) -> None:
-    image = speckled(np.full(N_THETA, power), ALL_AROUND)
-    sigmas = wall_sigmas(image, ALL_AROUND, EVERYWHERE, SPECKLE, SPACING)
-    samples = 8 * 20  # 0.1 mm around and 0.1 mm deep
-    assert sigmas == pytest.approx((1 + power - 1.5) * np.sqrt(samples), rel=0.1)
-    turned = wall_sigmas(np.roll(image, 77, axis=0), ALL_AROUND, EVERYWHERE, SPECKLE, SPACING)
-    assert turned == pytest.approx(sigmas, rel=1e-9)
-
-
-def test_a_wall_stands_out_of_darkness_that_was_cut_off() -> None:
-    image = np.where(np.arange(N_DEPTH) < 100, np.zeros((N_THETA, 1)), 60).astype(np.float32)
-    background = Background(noise=0.0, noise_sigma=0.0, wall=60.0, line_excess=NO_LINE, floor=NO_LINE)
-    assert wall_sigmas(image, ALL_AROUND, EVERYWHERE, background, SPACING) > 100
-
-
-def test_noise_does_not_stand_out_whatever_flecks_it_has() -> None:
-    image = speckled(np.zeros(N_THETA), ALL_AROUND)
-    image[:150, 100:110] += 25
-    assert wall_sigmas(image, ALL_AROUND, EVERYWHERE, SPECKLE, SPACING) == 0
-    assert wall_sigmas(image, np.full(N_THETA, N_DEPTH), EVERYWHERE, SPECKLE, SPACING) == 0
+def test_what_is_hidden_under_a_line_is_as_likely_as_what_lies_behind_it() -> None:
+    level = speckled(np.full(N_THETA, 4.0), np.full(N_THETA, 80))
+    excess = NO_LINE.copy()
+    excess[60:64] = 30
+    lined = replace(SPECKLE, line_excess=excess)
+    assert np.flatnonzero(lined.hidden).tolist() == [60, 61, 62, 63]
+    first_row = np.full(N_THETA // TOGETHER, 20)
+    found = surface_evidence(level, 3, first_row, lined, SPACING, PARAMETERS)
+    without = np.delete(level, slice(60, 64), axis=1)
+    plain = surface_evidence(without, 3, first_row, replace(SPECKLE, line_excess=NO_LINE[4:]), SPACING, PARAMETERS)
+    np.testing.assert_array_equal(np.delete(found, slice(60, 64), axis=1), plain)
+    for row in range(60, 64):
+        np.testing.assert_array_equal(found[:, row], found[:, 64])

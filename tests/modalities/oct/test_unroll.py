@@ -7,6 +7,7 @@ import pytest
 
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.oct.turning.rotation import even_rotation
+from endoct.modalities.oct.unroll import brightest, maximum_intensity
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 
@@ -46,3 +47,10 @@ def test_a_helical_scan_of_turns_that_start_anywhere(unrolled: UnrollPhantom, tr
     expected_mm = np.broadcast_to(panorama.z_mm[1:-1, None], inner.shape)
     np.testing.assert_allclose(helix.intensity[1:-1][inner], expected_mm[inner], atol=1e-6)
     assert np.flatnonzero(~inner.all(axis=0)).tolist() == [100]
+
+
+def test_the_maximum_is_taken_literally() -> None:
+    image = np.zeros((3, 10), np.float32)
+    image[:, 2], image[0, 5], image[1, 7], image[2, 9] = 9, 3, 4, 5
+    np.testing.assert_array_equal(brightest(image, np.array([3, 3, 3])), [5, 7, 9])
+    np.testing.assert_array_equal(maximum_intensity(image, np.array([3, 3, 3]), np.zeros(10, bool)), [3, 4, 5])

@@ -1,21 +1,37 @@
-"""Recordings of an endoscope on disk: the stream of their frames."""
+"""Recordings of an endoscope on disk: what looks like one, and the stream of its frames.
+
+Images that show the annulus of a mirror look like one.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, readonly
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, NotSeen
 from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, inward_positions_mm
+from endoct.modalities.contract import Frame, Preview, Sniff, inward_positions_mm
+from endoct.modalities.endoscope.light import full_scale, reduced_light
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
+from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, find_annulus, follow
+from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.numbering import positions_along
-from endoct.modalities.reading.recording import ImageStack, open_stack
+from endoct.modalities.reading.recording import (
+    IMAGE_SUFFIXES,
+    ImageStack,
+    gives_frames,
+    open_stack,
+    some_frames,
+)
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.stated import on_stated
 
 LEAST_SIDE_PX = 32
+SIDE_PX = 240
+"""Images are reduced to about this shorter side; an annulus is as clear then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,3 +91,47 @@ def open_frames(path: Path, acquisition: Acquisition) -> EndoscopeRecording:
         positions_mm=acquisition.positions_mm,
     )
     return EndoscopeRecording(stack, acquisition, readonly(z_mm, np.float64), on_places)
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of samples near the largest float
+def sniff_frames(path: Path) -> Sniff:
+    """Claim images that show a bright ring, dark inside and outside: a mirror's annulus."""
+    if not exists(path):
+        return Sniff(False, "it does not exist")
+    try:
+        if not gives_frames(path):
+            return Sniff(False, f"it holds no images ({', '.join(IMAGE_SUFFIXES)}) and no video")
+        stack = open_stack(path)
+        if min(stack.frame_shape[:2]) < LEAST_SIDE_PX:
+            return Sniff(False, f"its images of {_pixels(stack)} are too small")
+        frames = some_frames(stack)
+    except EndoctError as error:
+        return Sniff(False, str(error))
+    preview = Preview(len(stack), _pixels(stack), str(stack.dtype), tuple(frames), stack.remarks)
+    kind = "colour" if len(stack.frame_shape) == 3 else "grey"
+    steady = _frames_with_annulus(frames)
+    if steady is None:
+        return Sniff(False, f"its {kind} images show no annulus", preview=preview)
+    what = f"{kind} images that show a ring, dark inside and outside, as a mirror's annulus"
+    if len(frames) == 1:
+        return Sniff(True, f"{what}; it is a single image, so whether the ring stays cannot be seen", "unsure", preview)
+    if steady < len(frames):
+        return Sniff(True, f"{what}, but not in every image", "unsure", preview)
+    return Sniff(True, f"{what}, which stays where it is", "likely", preview)
+
+
+def _frames_with_annulus(frames: list[NDArray[Any]]) -> int | None:
+    """Return in how many frames the annulus of their mean is clear; None where that has none."""
+    scale = max(full_scale(samples) for samples in frames)
+    factor = max(1, min(frames[0].shape[:2]) // SIDE_PX)
+    images = [reduced_light(samples, scale, factor)[0] for samples in frames]
+    try:
+        annulus = find_annulus(np.mean(images, axis=0, dtype=np.float32))
+    except NotSeen:
+        return None
+    return sum(follow(image, annulus).support >= LEAST_SUPPORT for image in images)
+
+
+def _pixels(stack: ImageStack) -> str:
+    rows, columns = stack.frame_shape[:2]
+    return f"{columns} × {rows} pixels" + (" in colour" if len(stack.frame_shape) == 3 else "")
