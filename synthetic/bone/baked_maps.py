@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Image, Mask
 from endoct.base.compute.parallel import thread_map
 from endoct.synthetic.bone.cavities import Indices, Near, air_mm, cavities, covers, near
-from endoct.synthetic.bone.cut_wall import fan, patch, radial
 from endoct.synthetic.bone.field import EDGE_MM, STEEPEST, Field, joined_with_bore
-from endoct.synthetic.bone.rays import BLOCK, first_fluid, first_solid
+from endoct.synthetic.bone.rays import BLOCK, fan, first_fluid, first_solid, patch, radial
 from endoct.synthetic.bone.relief import WallGrid
 from endoct.synthetic.bone.scene import Scene, build_scene
 from endoct.synthetic.elementary import Numbers
@@ -109,7 +108,7 @@ TracedElsewhere = Sequence[Callable[[], list[Traced]]]
 
 @dataclass(frozen=True, eq=False)
 class Baked:
-    """Maps (n_z, n_θ), as :class:`endoct.synthetic.bone.maps.WallMaps` says."""
+    """Maps (n_z, n_θ), as :class:`endoct.synthetic.bone.wall.WallMaps` says."""
 
     relief_mm: Image
     cell: Mask

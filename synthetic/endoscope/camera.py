@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
-from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.endoscope.cone import band_centre_mm
 from endoct.synthetic.endoscope.lighting import Lighting, light, lit_frame, obscured
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
-from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.endoscope.sight import lookup
 
 FACET_MM = 0.07

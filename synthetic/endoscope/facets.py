@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
-from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.endoscope.cone import band_centre_mm
 from endoct.synthetic.endoscope.direct_light import Places, direct
 from endoct.synthetic.endoscope.facet_grid import (

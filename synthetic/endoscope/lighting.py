@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from endoct.base.arrays import Image, Mask
-from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.elementary import exp
 from endoct.synthetic.endoscope.direct_light import Places, direct
 from endoct.synthetic.endoscope.facets import EVERY_COLUMN, Bounced, Facets, bounced, facets_of, shade_of

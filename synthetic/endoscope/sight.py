@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
-from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.endoscope.cone import Rays, band_centre_mm, rays_of
 from endoct.synthetic.sample.parameters import Endoscope
 

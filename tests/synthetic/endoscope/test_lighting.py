@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from endoct.base.arrays import Image
-from endoct.synthetic.bone.maps import WallMaps
-from endoct.synthetic.bone.wall import build_wall
+from endoct.synthetic.bone.wall import WallMaps, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import noise_free
 from endoct.synthetic.endoscope.facet_grid import RAYS

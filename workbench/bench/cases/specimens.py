@@ -20,8 +20,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bor
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
-from endoct.synthetic.bone.cut_wall import CutWall
-from endoct.synthetic.bone.drawn_cells import draw_holes
+from endoct.synthetic.bone.drawn_cells import CutWall, draw_holes
 from endoct.synthetic.sample.parameters import Bore, Cell
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import PARTS, choices, default_ranges
