@@ -16,7 +16,7 @@ from endoct.synthetic.labels.frame_store import create
 from endoct.synthetic.labels.pullback import Pullback
 from endoct.synthetic.model import Model
 from endoct.synthetic.oct.bscan import artificial, noise_free
-from endoct.synthetic.oct.reflectors import N_FACES, N_GHOSTS
+from endoct.synthetic.oct.scattered_field import N_FACES, N_GHOSTS
 from endoct.synthetic.oct.spectrometer import spectrometer
 from endoct.synthetic.sample.presets import PRESETS
 
