@@ -15,8 +15,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.parallel import Advance, thread_map
 from endoct.base.zarr.zarr_store import consolidate
 from endoct.synthetic.endoscope.camera import PixelMaps, noise_free, pixel_maps, write_png
-from endoct.synthetic.labels.frame_store import create
-from endoct.synthetic.labels.pullback import Pullback
+from endoct.synthetic.labels.pullback_labels import Pullback, create
 from endoct.synthetic.model import Model
 
 SAME_PLACE_MM = 0.05
